@@ -1,0 +1,94 @@
+"""Declare a parameter once, as a field of a frozen dataclass; value it once, in YAML; check it on the way.
+
+    @dataclass(frozen=True)
+    class StepConfig(Checked):
+        max_move: float = within(0.001, 0.2)       # metres a control step
+
+    config = read(StepConfig, cfg.control, "control")
+
+`read` refuses unknown, missing and mistyped keys, numbers that are not finite or out of range, and unknown
+choices, each with one sentence that names the full key, the value and what would be right.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+
+class ConfigError(ValueError):
+    """A value that a person gave and can mend. The text is the whole message: no traceback is needed."""
+
+
+def within(low: float, high: float = math.inf) -> Any:
+    """A number (or each number of a list) in [low, high]."""
+    return dataclasses.field(metadata={"within": (low, high)})
+
+
+def one_of(*choices: str) -> Any:
+    """One (or a list) of these words."""
+    return dataclasses.field(metadata={"one_of": choices})
+
+
+def did_you_mean(word: str, choices: Iterable[str]) -> str:
+    """`; did you mean 'x'?` or `; choose from a, b`, to end a message with."""
+    choices = [str(choice) for choice in choices]
+    near = get_close_matches(str(word), choices, n=1)
+    return f"; did you mean {near[0]!r}?" if near else f"; choose from {', '.join(choices)}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Checked:
+    """A dataclass whose fields obey their metadata. Raises ConfigError on construction otherwise."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]:
+                _check(field.name, item, field.metadata)
+
+
+def _check(name: str, value: Any, rule: Any) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{name}={value} is not a finite number")
+    if value is not None and "within" in rule:
+        low, high = rule["within"]
+        if not low <= value <= high:
+            wanted = f"in [{low:g}, {high:g}]" if math.isfinite(high) else f"at least {low:g}"
+            raise ConfigError(f"{name}={value} is out of range: it must be {wanted}")
+    if value is not None and "one_of" in rule and value not in rule["one_of"]:
+        raise ConfigError(f"{name}={value} is not known" + did_you_mean(value, rule["one_of"]))
+
+
+def read(cls: type[T], node: Any, key: str) -> T:
+    """The config node (DictConfig or dict) as an instance of the dataclass `cls`.
+
+    key: the node's own place in the config ("algo"), put before the field's name in every message.
+    Raises ConfigError.
+    """
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    fields = [field.name for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
+    prefix = f"{key}." if key else ""
+    container = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
+    if not isinstance(container, dict):
+        raise ConfigError(f"{key}={container} must be a group of keys: {', '.join(fields)}")
+    for name in container:
+        if name not in fields:
+            raise ConfigError(f"{prefix}{name} is not a known key" + did_you_mean(name, fields))
+    for field in fields:
+        if container.get(field, "???") == "???":
+            raise ConfigError(f"{prefix}{field} has no value; give {prefix}{field}=...")
+    try:
+        return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(cls), container))  # type: ignore[return-value]
+    except ConfigError as error:
+        raise ConfigError(prefix + str(error)) from None
+    except OmegaConfBaseException as error:
+        first = str(error.msg or error).splitlines()[0]
+        raise ConfigError(f"{prefix}{error.full_key}={container.get(str(error.key))}: {first}") from None
