@@ -1,0 +1,116 @@
+"""Things that words can name, and the scene they stand in.
+
+Positions are in metres in the workspace frame: origin at the robot's base on the table top, x away from the
+robot, y to the robot's left, z up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from language.colors import COLORS
+from language.errors import LanguageError, check_known
+
+# Each noun with its synonyms.
+NOUNS: dict[str, tuple[str, ...]] = {
+    "cube": ("block", "box"),
+    "sphere": ("ball",),
+    "cylinder": (),
+}
+ANY_NOUN = ("object", "one", "thing")  # what may be said for any noun; the first is what we say
+ROLES = ("real", "target")  # a target only marks a place
+
+
+@dataclass(frozen=True)
+class Object:
+    """One thing. position: x, y, z of its centre and size: its width, in metres. Raises LanguageError."""
+
+    noun: str
+    color: str
+    position: tuple[float, float, float]
+    size: float = 0.05
+    role: str = "real"
+
+    def __post_init__(self) -> None:
+        check_known("noun", self.noun, NOUNS)
+        check_known("color", self.color, COLORS)
+        check_known("role", self.role, ROLES)
+        if len(self.position) != 3 or not all(math.isfinite(x) for x in self.position):
+            raise LanguageError(f"position={self.position} must be three finite numbers")
+        if not 0 < self.size < math.inf:
+            raise LanguageError(f"size={self.size} must be a positive number of metres")
+
+
+class Scene:
+    """K objects that stay as they are: a sequence of `Object`, and the same as read-only arrays.
+
+    nouns, colors: (K,) int64, indices into the tables `NOUNS` and `COLORS`
+    positions: (K, 3) float64, metres
+    sizes: (K,) float64, metres
+    targets: (K,) bool, True where the role is "target"
+    """
+
+    __slots__ = ("colors", "nouns", "positions", "sizes", "targets")
+
+    def __init__(self, objects: Iterable[Object]) -> None:
+        things = list(objects)
+        nouns, colors = list(NOUNS), list(COLORS)
+        self._fill(
+            [nouns.index(thing.noun) for thing in things],
+            [colors.index(thing.color) for thing in things],
+            [thing.position for thing in things],
+            [thing.size for thing in things],
+            [thing.role == "target" for thing in things],
+        )
+
+    @classmethod
+    def from_arrays(cls, nouns, colors, positions, size=0.05, targets=False) -> Scene:
+        """A scene from (K,) noun and colour indices and (K, 3) positions; the arrays are copied.
+
+        size, targets: one value for all, or (K,). Raises LanguageError where shapes or indices are wrong.
+        """
+        scene = cls.__new__(cls)
+        scene._fill(nouns, colors, positions, size, targets)
+        return scene
+
+    def _fill(self, nouns, colors, positions, sizes, targets) -> None:
+        self.nouns = _indices(nouns, len(NOUNS), "noun")
+        self.colors = _indices(colors, len(COLORS), "color")
+        self.positions = np.array(positions, dtype=np.float64).reshape(-1, 3)
+        count = len(self.nouns)
+        if len(self.colors) != count or len(self.positions) != count:
+            raise LanguageError(f"{count} nouns, {len(self.colors)} colors, {len(self.positions)} positions")
+        self.sizes = np.empty(count)
+        self.targets = np.empty(count, dtype=bool)
+        self.sizes[:] = sizes
+        self.targets[:] = targets
+        for array in (self.nouns, self.colors, self.positions, self.sizes, self.targets):
+            array.flags.writeable = False
+
+    def __len__(self) -> int:
+        return len(self.nouns)
+
+    def __getitem__(self, index: int) -> Object:
+        x, y, z = self.positions[index].tolist()
+        return Object(
+            noun=list(NOUNS)[self.nouns[index]],
+            color=list(COLORS)[self.colors[index]],
+            position=(x, y, z),
+            size=float(self.sizes[index]),
+            role=ROLES[int(self.targets[index])],
+        )
+
+    def __iter__(self) -> Iterator[Object]:
+        return (self[index] for index in range(len(self)))
+
+
+def _indices(values, count: int, what: str) -> np.ndarray:
+    array = np.array(values, dtype=np.int64).reshape(-1)
+    for index in array.tolist():
+        if not 0 <= index < count:
+            raise LanguageError(f"{what} index {index} is out of range: it must be in [0, {count - 1}]")
+    return array
