@@ -1,0 +1,94 @@
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from language_cases import instructions, random_scenes
+
+from language import COLORS, Describer, LanguageError, Tokenizer, say
+
+TOKENIZER = Tokenizer.default()
+
+
+def test_the_vocabulary_is_the_same_each_time_and_holds_each_word_once():
+    assert Tokenizer.default() == TOKENIZER
+    assert TOKENIZER.vocabulary[:2] == ("<pad>", "<unk>")
+    assert len(set(TOKENIZER.vocabulary)) == len(TOKENIZER.vocabulary)
+
+
+@given(instructions)
+def test_every_word_that_is_said_is_known(instruction):
+    words = say(instruction)
+    assert TOKENIZER.unknown_words(words) == ()
+    assert Tokenizer.default(length=100).decode(Tokenizer.default(length=100).encode(words)) == words
+
+
+def test_generated_sentences_fit_the_default_length():
+    rng = np.random.default_rng(0)
+    for each in random_scenes(100):
+        for referent in np.flatnonzero(Describer().nameable(each)):
+            TOKENIZER.encode(say(Describer().describe(each, referent, rng)))
+
+
+def test_a_row_is_padded_with_zeros():
+    tokens = TOKENIZER.encode("reach the cube")
+    assert tokens.dtype == np.int64
+    assert tokens.shape == (16,)
+    assert (tokens[:3] > 1).all()
+    assert (tokens[3:] == 0).all()
+
+
+def test_a_remembered_row_cannot_be_spoilt():
+    with pytest.raises(ValueError, match="read-only"):
+        TOKENIZER.encode("reach the cube")[0] = 5
+
+
+def test_unknown_words_are_marked_and_reported():
+    assert TOKENIZER.unknown_words("Reach the mauve cube, quickly!") == ("mauve", "quickly")
+    assert TOKENIZER.decode(TOKENIZER.encode("reach the mauve cube")) == "reach the <unk> cube"
+
+
+def test_capitals_and_marks_make_no_difference():
+    assert (TOKENIZER.encode("Reach  the CUBE!") == TOKENIZER.encode("reach the cube")).all()
+
+
+def test_too_long_a_sentence_is_an_error():
+    with pytest.raises(LanguageError, match="17 words; at most 16"):
+        TOKENIZER.encode("red " * 17)
+
+
+@pytest.mark.parametrize("token", [-1, 10_000])
+def test_a_number_without_a_word_is_an_error(token):
+    with pytest.raises(LanguageError, match=f"token {token} is out of range"):
+        TOKENIZER.decode([token])
+
+
+def test_a_stored_vocabulary_is_recognised():
+    TOKENIZER.check_same(list(TOKENIZER.vocabulary))
+    assert pickle.loads(pickle.dumps(TOKENIZER)) == TOKENIZER
+
+
+def test_another_vocabulary_is_told_apart_by_its_words():
+    other = ["crimson" if word == "red" else word for word in TOKENIZER.vocabulary]
+    with pytest.raises(LanguageError, match="only this one has 'red'; only the other has 'crimson'"):
+        TOKENIZER.check_same(other)
+
+
+def test_another_order_is_told_apart_by_its_first_difference():
+    other = list(TOKENIZER.vocabulary)
+    place = other.index("red")
+    other[place], other[place + 1] = other[place + 1], other[place]
+    with pytest.raises(LanguageError, match=f"word {place} is 'red' in this one and 'green' in the other"):
+        TOKENIZER.check_same(other)
+
+
+def test_a_new_colour_changes_the_vocabulary(monkeypatch):
+    monkeypatch.setitem(COLORS, "grey", (0.5, 0.5, 0.5, 1.0))
+    with pytest.raises(LanguageError, match="grey"):
+        TOKENIZER.check_same(Tokenizer.default().vocabulary)
+
+
+@pytest.mark.parametrize("vocabulary", [("the",), ("<pad>", "<unk>", "a", "a")])
+def test_a_broken_vocabulary_is_refused(vocabulary):
+    with pytest.raises(LanguageError, match="<pad>"):
+        Tokenizer(vocabulary)
