@@ -173,6 +173,22 @@ def test_a_relation_is_not_understood_before_it_is_registered_nor_after_it_is_fo
     assert isinstance(parse_or_error(sentence), NotUnderstood)
 
 
+@pytest.fixture
+def near():
+    relation("near")(lambda subject, anchor: 0.2 - np.linalg.norm(subject - anchor, axis=-1))
+    yield "near"
+    unregister("near")
+
+
+def test_nothing_is_beside_itself_even_where_a_relation_holds_both_ways(near):
+    table = scene(("red cube", 0.0), ("blue cube", 0.1), ("green cube", 0.5))
+    assert ground(parse("reach the cube near the red cube"), table) == 1
+    describer, rng = Describer(["relation"]), np.random.default_rng(0)
+    said = {say(describer.describe(table, 1, rng)) for _ in range(100)}
+    assert "reach the cube near the red cube" in said
+    assert not any("near the blue" in words for words in said)
+
+
 def test_words_that_mean_a_relation_cannot_mean_another():
     with pytest.raises(LanguageError, match="already"):
         relation("port of", "left to")(lambda subject, anchor: subject[..., 1])
