@@ -16,7 +16,7 @@ import dataclasses
 import math
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_type_hints
 
 T = TypeVar("T")
 
@@ -85,10 +85,30 @@ def read(cls: type[T], node: Any, key: str) -> T:
     for field in fields:
         if container.get(field, "???") == "???":
             raise ConfigError(f"{prefix}{field} has no value; give {prefix}{field}=...")
+    nested = {
+        name: _nested(kind, container.pop(name), prefix + name)
+        for name, kind in get_type_hints(cls).items()
+        if name in fields and _dataclass_of(kind)
+    }
     try:
-        return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(cls), container))  # type: ignore[return-value]
+        typed = OmegaConf.merge(OmegaConf.structured(cls), container)
+        return cls(**nested, **{name: OmegaConf.to_container(typed)[name] for name in container})
     except ConfigError as error:
         raise ConfigError(prefix + str(error)) from None
     except OmegaConfBaseException as error:
         first = str(error.msg or error).splitlines()[0]
         raise ConfigError(f"{prefix}{error.full_key}={container.get(str(error.key))}: {first}") from None
+
+
+def _dataclass_of(kind: Any) -> Any:
+    """The dataclass that a field is, or maps names to; None for plain values."""
+    inner = get_args(kind)[-1] if get_args(kind) else kind
+    return inner if dataclasses.is_dataclass(inner) else None
+
+
+def _nested(kind: Any, node: Any, key: str) -> Any:
+    if dataclasses.is_dataclass(kind):
+        return read(kind, node, key)  # type: ignore[arg-type]
+    if not isinstance(node, dict):
+        raise ConfigError(f"{key}={node} must be a group of named entries")
+    return {name: read(_dataclass_of(kind), entry, f"{key}.{name}") for name, entry in node.items()}

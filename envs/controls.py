@@ -1,0 +1,100 @@
+"""What an action means: three ways to turn actions in [-1, 1] into joint targets, for all worlds at once.
+
+A control is given the joint angles last commanded, not those measured, so that the motion is smooth and nothing
+sags; where a joint is held back (the gripper presses on something), the command stays within LEASH of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from conf.schema import Checked, one_of, within
+from envs.kinematics import Array, Kinematics
+
+LEASH = 0.15  # radians that a command may run ahead of its joint
+
+
+@dataclass(frozen=True)
+class ControlConfig(Checked):
+    """mode: a key of CONTROLS. max_move: metres the gripper moves at most in one control step."""
+
+    mode: str = one_of("joints", "absolute", "step")
+    max_move: float = within(0.001, 0.2)
+
+
+class Control:
+    """speed: (J,) radians a control step. box: (2, 3), lowest and highest corner of the gripper box, metres."""
+
+    def __init__(self, config: ControlConfig, chain: Kinematics, speed: Array, box: Array) -> None:
+        self._max_move, self._chain, self._speed, self._box = config.max_move, chain, speed, box
+        self._rotation = chain.forward(chain.rest[None]).rotation[0]
+
+    @property
+    def size(self) -> int:
+        """Numbers in one action."""
+        return 3
+
+    def targets(self, action: Array, commanded: Array, measured: Array) -> Array:
+        """action (N, size), joints last commanded and measured (N, J) to the joints to command now (N, J)."""
+        start = np.clip(commanded, measured - LEASH, measured + LEASH)
+        delta = self._delta(action, start)
+        # Slower as a whole, not joint by joint, so that the gripper keeps its direction.
+        delta /= np.maximum(1.0, np.abs(delta / self._speed).max(1, keepdims=True))
+        return np.clip(start + delta, self._chain.low, self._chain.high)
+
+    def towards(self, position: Array, commanded: Array) -> Array:
+        """The action (N, size) that brings the gripper nearer to position (N, 3): what an expert would do."""
+        raise NotImplementedError
+
+    def _delta(self, action: Array, start: Array) -> Array:
+        raise NotImplementedError
+
+    def _reach(self, position: Array, start: Array) -> Array:
+        return self._chain.step(start, position, self._rotation, self._max_move)
+
+
+class Step(Control):
+    """Each action moves the gripper, pointing down, by up to max_move along each axis of the workspace frame."""
+
+    def _delta(self, action: Array, start: Array) -> Array:
+        goal = self._chain.forward(start).position + action * self._max_move
+        return self._reach(np.clip(goal, *self._box), start)
+
+    def towards(self, position: Array, commanded: Array) -> Array:
+        move = (position - self._chain.forward(commanded).position) / self._max_move
+        return move / np.maximum(1.0, np.abs(move).max(1, keepdims=True))
+
+
+class Absolute(Control):
+    """Each action is a place in the gripper box, approached by up to max_move a control step, pointing down."""
+
+    def _delta(self, action: Array, start: Array) -> Array:
+        low, high = self._box
+        return self._reach(low + (action + 1) / 2 * (high - low), start)
+
+    def towards(self, position: Array, commanded: Array) -> Array:
+        low, high = self._box
+        return np.clip(2 * (position - low) / (high - low) - 1, -1.0, 1.0)
+
+
+class Joints(Control):
+    """Each action is an angle for every joint, scaled to its limits, approached at the joints' speeds."""
+
+    @property
+    def size(self) -> int:
+        return len(self._speed)
+
+    def _delta(self, action: Array, start: Array) -> Array:
+        low, high = self._chain.low, self._chain.high
+        return np.clip(low + (action + 1) / 2 * (high - low) - start, -self._speed, self._speed)
+
+    def towards(self, position: Array, commanded: Array) -> Array:
+        low, high = self._chain.low, self._chain.high
+        joints = self._chain.solve(commanded, np.clip(position, *self._box), self._rotation)
+        return 2 * (joints - low) / (high - low) - 1
+
+
+CONTROLS: dict[str, type[Control]] = {"joints": Joints, "absolute": Absolute, "step": Step}

@@ -1,0 +1,170 @@
+"""A robot: what its YAML declares, and the loaded arm in one PyBullet client."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pybullet as bullet
+
+from conf.schema import Checked, ConfigError, did_you_mean, one_of, within
+from envs.kinematics import Array, Kinematics
+
+
+@dataclass(frozen=True)
+class RobotConfig(Checked):
+    """One arm. Names are the URDF's own; lengths in metres, angles in radians."""
+
+    name: str
+    package: str = one_of("pybullet_data", "example_robot_data", "file")  # where `urdf` is looked for
+    urdf: str
+    base: list[float] = within(-1, 1)  # where the URDF's origin stands in the workspace frame
+    joints: list[str]  # the arm's revolute joints, from the base on
+    max_speed: list[float] = within(0.01, 20)  # rad/s of each joint
+    rest: list[float]  # joint angles at reset: the gripper points down and keeps this orientation
+    tip: str  # the link that carries the gripper
+    tip_offset: list[float]  # gripper centre in that link's frame
+    gripper: str = one_of("magnet", "fingers")
+    fingers: list[str]  # prismatic finger joints; empty for a magnet
+    finger_opening: float = within(0, 0.2)  # of each finger, fully open
+
+
+def urdf_path(config: RobotConfig) -> Path:
+    """The URDF's place on disk. Raises ConfigError when there is none."""
+    if config.package == "pybullet_data":
+        import pybullet_data
+
+        folder = Path(pybullet_data.getDataPath())
+    elif config.package == "example_robot_data":
+        folder = _example_robot_data()
+    else:
+        folder = Path()
+    path = folder / config.urdf
+    if not path.is_file():
+        raise ConfigError(f"robot.urdf={config.urdf} is not a file in {folder.resolve()}")
+    return path
+
+
+def _example_robot_data() -> Path:
+    for entry in sys.path:
+        share = Path(entry) / "cmeel.prefix" / "share"
+        if (share / "example-robot-data").is_dir():
+            return share
+    raise ConfigError("robot.package=example_robot_data is not installed; pip install example-robot-data")
+
+
+class Robot:
+    """The arm in one client. `chain` is shared by every world of the same robot: read it from one."""
+
+    def __init__(self, config: RobotConfig, client: int, visuals: bool) -> None:
+        self.config, self._client = config, client
+        self.body = self._load(visuals)
+        info = [bullet.getJointInfo(self.body, j, client) for j in range(bullet.getNumJoints(self.body, client))]
+        names, links = [i[1].decode() for i in info], [i[12].decode() for i in info]
+        self.arm = [_index(names, name, "robot.joints") for name in config.joints]
+        self.fingers = [_index(names, name, "robot.fingers") for name in config.fingers]
+        self.tip = _index(links, config.tip, "robot.tip")
+        self._check(info)
+        self._bind([info[j][10] for j in self.arm + self.fingers])
+
+    def _load(self, visuals: bool) -> int:
+        flags = bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES if visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
+        path = urdf_path(self.config)
+        if self.config.package == "example_robot_data":
+            bullet.setAdditionalSearchPath(str(_example_robot_data()), self._client)
+        try:
+            return bullet.loadURDF(
+                str(path),
+                self.config.base,
+                useFixedBase=True,
+                flags=flags,
+                physicsClientId=self._client,
+            )
+        except bullet.error as error:
+            raise ConfigError(f"robot.urdf={self.config.urdf} does not load: {error}") from None
+
+    def _check(self, info: list[tuple]) -> None:
+        """PyBullet loads masses and limits that are no numbers without a word."""
+        config = self.config
+        for j in range(len(info)):
+            mass = bullet.getDynamicsInfo(self.body, j, self._client)[0]
+            if not (math.isfinite(mass) and mass >= 0):
+                raise ConfigError(f"robot.urdf={config.urdf}: link {info[j][12].decode()} has mass {mass}")
+        for j in self.arm:
+            if info[j][2] != bullet.JOINT_REVOLUTE or not -20 < info[j][8] < info[j][9] < 20:
+                raise ConfigError(
+                    f"robot.urdf={config.urdf}: joint {info[j][1].decode()} must be revolute with limits low < high, "
+                    f"not [{info[j][8]}, {info[j][9]}]"
+                )
+        for key in ("rest", "max_speed"):
+            if len(getattr(config, key)) != len(self.arm):
+                raise ConfigError(f"robot.{key} must have {len(self.arm)} numbers, one for each of robot.joints")
+        for key in ("base", "tip_offset"):
+            if len(getattr(config, key)) != 3:
+                raise ConfigError(f"robot.{key}={getattr(config, key)} must be three numbers, in metres")
+
+    def _bind(self, forces: Sequence[float]) -> None:
+        motors = self.arm + self.fingers
+        self._motors = partial(
+            bullet.setJointMotorControlArray,
+            self.body,
+            motors,
+            bullet.POSITION_CONTROL,
+            forces=list(forces),
+            positionGains=[0.3] * len(motors),  # closes 99 % of the error within a 12-step control step
+            physicsClientId=self._client,
+        )
+        self._states = partial(bullet.getJointStates, self.body, motors, physicsClientId=self._client)
+
+    def drive(self, targets: Sequence[float]) -> None:
+        """Set the motors' position targets: arm joints in radians, then fingers in metres."""
+        self._motors(targetPositions=targets)
+
+    def states(self) -> Sequence[tuple]:
+        """(position, velocity, ...) of each arm joint, then each finger."""
+        return self._states()
+
+    def place(self, joints: Sequence[float], opening: float) -> None:
+        """Put the arm at rest at these joint angles, without physics."""
+        for index, angle in zip(self.arm, joints, strict=True):
+            bullet.resetJointState(self.body, index, angle, 0.0, self._client)
+        for index in self.fingers:
+            bullet.resetJointState(self.body, index, opening, 0.0, self._client)
+
+    def fixed_links(self) -> list[int]:
+        """The base and the links before the first arm joint, which can touch furniture but never move."""
+        return list(range(-1, self.arm[0]))
+
+    def chain(self) -> Kinematics:
+        """The arm's kinematics, read from the loaded body at zero angles (which it is left at)."""
+        self.place([0.0] * len(self.arm), 0.0)
+        frames = [_link_frame(self.body, j, self._client) for j in [*self.arm, self.tip]]
+        frames[-1] = frames[-1] @ _transform(self.config.tip_offset, [0, 0, 0, 1])
+        steps = [frames[0], *(np.linalg.inv(a) @ b for a, b in zip(frames, frames[1:], strict=False))]
+        info = [bullet.getJointInfo(self.body, j, self._client) for j in self.arm]
+        low, high = np.array([i[8] for i in info]), np.array([i[9] for i in info])
+        axes = np.array([i[13] for i in info])
+        return Kinematics(np.array(steps), axes, low, high, np.array(self.config.rest))
+
+
+def _index(names: list[str], name: str, key: str) -> int:
+    if name not in names:
+        raise ConfigError(f"{key}: {name!r} is not in the URDF" + did_you_mean(name, names))
+    return names.index(name)
+
+
+def _transform(position: Sequence[float], quaternion: Sequence[float]) -> Array:
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.reshape(bullet.getMatrixFromQuaternion(quaternion), (3, 3))
+    matrix[:3, 3] = position
+    return matrix
+
+
+def _link_frame(body: int, link: int, client: int) -> Array:
+    state = bullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=client)
+    return _transform(state[4], state[5])

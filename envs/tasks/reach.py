@@ -1,0 +1,80 @@
+"""Reach: bring the gripper to an object, and hold it there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from conf.schema import ConfigError, did_you_mean
+from envs.tasks.base import Array, Episode, Outcome, State, TaskConfig
+from envs.tasks.layout import scatter
+from language import COLORS, NOUNS, Scene
+
+
+class Reach:
+    """One object, no words.
+
+    Success: the referent is the object nearest to the gripper, within `radius`, for `hold_steps` steps running.
+    As long at another object is a failure, so trying them all in turn never pays.
+    Terms: progress (metres nearer to the referent than a step ago), success, wrong_object and time (1 each step).
+    """
+
+    terms = ("progress", "success", "wrong_object", "time")
+    kind_names: tuple[str, ...] = ("none",)
+
+    def __init__(self, config: TaskConfig, object_area: Sequence[float], num_worlds: int) -> None:
+        for name in config.reward:
+            if name not in self.terms:
+                raise ConfigError(f"task.reward.{name} is not a known term" + did_you_mean(name, self.terms))
+        self.config, self._area = config, object_area
+        self._distance = np.zeros(num_worlds)
+        self._held = np.zeros(num_worlds, np.int64)
+        self._held_other = np.zeros(num_worlds, np.int64)
+        self._rows = np.arange(num_worlds)
+
+    def draw(self, rng: Generator) -> Episode:
+        """A fresh episode for one world. All chance comes from rng."""
+        return Episode(self._scene(rng), referent=0, kind=0, sentence="")
+
+    def _scene(self, rng: Generator) -> Scene:
+        config = self.config
+        count = config.num_objects
+        if config.min_objects < count:
+            count = int(rng.integers(config.min_objects, count + 1))
+        places = scatter(rng, count, self._area, config.spacing, config.object_size / 2)
+        nouns, colors = rng.integers(len(NOUNS), size=count), rng.integers(len(COLORS), size=count)
+        return Scene.from_arrays(nouns, colors, places, size=config.object_size)
+
+    def reset(self, worlds: NDArray[np.int64], state: State) -> None:
+        """Start these worlds' episodes anew."""
+        self._distance[worlds] = self._distances(state)[worlds, state.referent[worlds]]
+        self._held[worlds] = 0
+        self._held_other[worlds] = 0
+
+    def step(self, state: State) -> Outcome:
+        """Judge one control step of all worlds."""
+        distances = self._distances(state)
+        nearest = distances.argmin(1)
+        near = distances[self._rows, nearest] <= self.config.radius
+        at_goal = near & (nearest == state.referent)
+        self._held = np.where(at_goal, self._held + 1, 0)
+        self._held_other = np.where(near & ~at_goal, self._held_other + 1, 0)
+        success = self._held >= self.config.hold_steps
+        wrong_object = self._held_other >= self.config.hold_steps
+        distance = distances[self._rows, state.referent]
+        progress, self._distance = self._distance - distance, distance
+        terms = {
+            "progress": progress,
+            "success": success.astype(np.float64),
+            "wrong_object": wrong_object.astype(np.float64),
+            "time": np.ones_like(progress),
+        }
+        return Outcome(terms, success, wrong_object, at_goal)
+
+    def _distances(self, state: State) -> Array:
+        """(N, K) metres from the gripper; infinite where no object is shown."""
+        offset = state.objects - state.gripper[:, None]
+        return np.where(state.shown, np.sqrt((offset * offset).sum(-1)), np.inf)

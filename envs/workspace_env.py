@@ -1,0 +1,327 @@
+"""WorkspaceEnv: N PyBullet worlds behind one TorchRL environment with batch_size [N].
+
+The observation, each with a leading N:
+
+| key | shape | what it holds |
+|---|---|---|
+| robot | (R,) float32 | joint angles (rad) and speeds (rad/s), gripper centre (m), the first two columns of its
+|   | | rotation matrix (Zhou et al. 2019: continuous, where quaternions jump), gripper state (0 closed or idle, 1) |
+| objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA, shape one-hot, size (m), role (1: target) |
+| objects_mask | (K,) bool | which slots show an object |
+| instruction | (L,) int64 | the sentence's tokens, 0 = pad |
+| privileged | | for losses and tests alone: referent (slot), goal (m), kind (of sentence), sentence (UTF-8 bytes) |
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
+from torchrl.envs import EnvBase
+
+from envs.config import EnvConfig
+from envs.controls import CONTROLS
+from envs.tasks import TASKS, Episode, State
+from envs.world import PARKED, World
+from language import COLORS, NOUNS, Tokenizer, color_table
+
+SENTENCE_BYTES = 160
+OBJECT_WIDTH = 3 + 4 + 4 + len(NOUNS) + 1 + 1
+_ATTRIBUTES = slice(7, OBJECT_WIDTH)  # what an object keeps all along: colour, shape, size, role
+
+
+class WorkspaceEnv(EnvBase):
+    """N worlds that step together and reset each by itself.
+
+    World i draws all chance from its own generator, seeded with (seed, i): its rollouts are the same, bit for bit,
+    whatever N. Raises ConfigError for what cannot be built.
+
+    config: what to build. num_worlds: N. seed: of the generators. render: load visuals, for `render`.
+    """
+
+    batch_locked = True
+
+    def __init__(self, config: EnvConfig, num_worlds: int = 1, seed: int = 0, render: bool = False) -> None:
+        super().__init__(batch_size=[num_worlds])
+        self.config, self.tokenizer = config, Tokenizer.default()
+        task = config.task
+        self.task = TASKS[task.name](task, config.workspace.object_area, num_worlds)
+        self._worlds = [
+            World(config.robot, config.workspace, config.physics, tuple(NOUNS), task.num_objects, task.object_size, render)
+            for _ in range(num_worlds)
+        ]
+        self.chain = self._worlds[0].robot.chain()
+        period = config.physics.time_step * config.physics.substeps
+        box = np.reshape(config.workspace.gripper_box, (3, 2)).T
+        self.control = CONTROLS[config.control.mode](
+            config.control, self.chain, np.array(config.robot.max_speed) * period, box
+        )
+        self._weights = {name: task.reward.get(name, 0.0) for name in self.task.terms}
+        self._allocate(num_worlds, len(config.robot.joints), task.num_objects)
+        self._make_specs()
+        self._set_seed(seed)
+
+    @property
+    def kind_names(self) -> tuple[str, ...]:
+        """What the numbers of privileged/kind mean."""
+        return self.task.kind_names
+
+    def _allocate(self, worlds: int, joints: int, slots: int) -> None:
+        fingers = len(self.config.robot.fingers)
+        self._joints = np.zeros((worlds, joints + fingers, 2))  # angle and speed, fingers last
+        self._commanded = np.zeros((worlds, joints))
+        self._fingers = np.full((worlds, fingers), 0.0)  # closed: reaching needs no grip
+        self._rows = np.zeros((worlds, slots, OBJECT_WIDTH))
+        self._rows[..., :3] = PARKED
+        self._state = State(
+            np.zeros((worlds, 3)),
+            self._rows[..., :3],
+            np.zeros((worlds, slots), bool),
+            np.zeros(worlds, np.int64),
+        )
+        self._index = np.arange(worlds)
+        self._instruction = np.zeros((worlds, self.tokenizer.length), np.int64)
+        self._kind = np.zeros(worlds, np.int64)
+        self._sentence = np.zeros((worlds, SENTENCE_BYTES), np.uint8)
+        self._steps = np.zeros(worlds, np.int64)
+
+    # ---- specs -------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _robot_bounds(self) -> NDArray[np.float32]:
+        speed = 2 * np.array(self.config.robot.max_speed)
+        low, high = np.reshape(self.config.workspace.bounds, (3, 2)).T
+        ones = np.ones(6)
+        lows = (self.chain.low - 0.1, -speed, low, -ones, [0.0])
+        highs = (self.chain.high + 0.1, speed, high, ones, [1.0])
+        return np.stack((np.concatenate(lows), np.concatenate(highs))).astype(np.float32)
+
+    @cached_property
+    def _object_bounds(self) -> NDArray[np.float32]:
+        low, high = np.reshape(self.config.workspace.bounds, (3, 2)).T
+        rest = OBJECT_WIDTH - 7 - 2
+        lows = (low, -np.ones(4), np.zeros(rest), [0.0, 0.0])
+        highs = (high, np.ones(4), np.ones(rest), [0.2, 1.0])
+        return np.stack((np.concatenate(lows), np.concatenate(highs))).astype(np.float32)
+
+    def _make_specs(self) -> None:
+        (n,), slots = self.batch_size, self.config.task.num_objects
+        words = len(self.tokenizer.vocabulary)
+        bounds = np.float32(np.reshape(self.config.workspace.bounds, (3, 2)).T)
+        flag = Binary(1, shape=(n, 1), dtype=torch.bool)
+        self.observation_spec = Composite(
+            robot=_bounded(*self._robot_bounds, n),
+            objects=_bounded(*self._object_bounds, n, slots),
+            objects_mask=Binary(slots, shape=(n, slots), dtype=torch.bool),
+            instruction=Categorical(words, shape=(n, self.tokenizer.length), dtype=torch.int64),
+            privileged=Composite(
+                referent=Categorical(slots, shape=(n,), dtype=torch.int64),
+                goal=_bounded(*bounds, n),
+                kind=Categorical(len(self.kind_names), shape=(n,), dtype=torch.int64),
+                sentence=Bounded(0, 255, shape=(n, SENTENCE_BYTES), dtype=torch.uint8),
+                shape=(n,),
+            ),
+            success=flag.clone(),
+            wrong_object=flag.clone(),
+            at_goal=flag.clone(),
+            step_count=Bounded(0, self.config.task.max_steps, shape=(n, 1), dtype=torch.int64),
+            reward_terms=Composite(
+                {name: Unbounded(shape=(n, 1), dtype=torch.float32) for name in self.task.terms}, shape=(n,)
+            ),
+            shape=(n,),
+        )
+        self.action_spec = Bounded(-1, 1, shape=(n, self.control.size), dtype=torch.float32)
+        self.reward_spec = Unbounded(shape=(n, 1), dtype=torch.float32)
+        self.full_done_spec = Composite(
+            done=flag.clone(), terminated=flag.clone(), truncated=flag.clone(), shape=(n,)
+        )
+
+    # ---- stepping ----------------------------------------------------------------------------------------------
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        action = tensordict["action"].detach().numpy().astype(np.float64)
+        if not np.isfinite(action).all():
+            raise ValueError("an action is not a finite number")
+        joints = self._commanded.shape[1]
+        np.clip(action, -1.0, 1.0, out=action)
+        self._commanded = self.control.targets(action, self._commanded, self._joints[:, :joints, 0])
+        targets = np.concatenate((self._commanded, self._fingers), axis=1).tolist()
+        for world, target in zip(self._worlds, targets, strict=True):
+            world.advance(target)
+        self._read(self._index)
+        self._steps += 1
+        return self._judge(self._observation())
+
+    def _judge(self, out: TensorDict) -> TensorDict:
+        """Add what the step came to: reward terms, reward, and the ends of episodes."""
+        outcome = self.task.step(self._state)
+        reward = np.zeros(len(self._steps))
+        for name, weight in self._weights.items():
+            term = weight * outcome.terms[name]
+            reward += term
+            out["reward_terms", name] = _column(term, np.float32)
+        terminated = outcome.success | outcome.wrong_object
+        truncated = (self._steps >= self.config.task.max_steps) & ~terminated
+        out["reward"] = _column(reward, np.float32)
+        out["success"] = _column(outcome.success, bool)
+        out["wrong_object"] = _column(outcome.wrong_object, bool)
+        out["at_goal"] = _column(outcome.at_goal, bool)
+        out["terminated"] = _column(terminated, bool)
+        out["truncated"] = _column(truncated, bool)
+        out["done"] = _column(terminated | truncated, bool)
+        return out
+
+    def _reset(self, tensordict: TensorDictBase | None, **_: Any) -> TensorDictBase:
+        worlds = self._index
+        if tensordict is not None and "_reset" in tensordict.keys():
+            worlds = np.flatnonzero(tensordict["_reset"].numpy().reshape(len(self._index), -1).any(1))
+        for i in worlds.tolist():
+            self._begin(i, self.task.draw(self._generators[i]))
+        if len(worlds):
+            self._read(worlds)
+            self.task.reset(worlds, self._state)
+        return self._reset_values(self._observation())
+
+    def _begin(self, i: int, episode: Episode) -> None:
+        """Lay out one episode in world i, its objects in slots drawn anew."""
+        generator, scene, slots = self._generators[i], episode.scene, self._rows.shape[1]
+        order = generator.permutation(slots)[: len(scene)]  # object -> slot
+        by_slot = np.argsort(order, kind="stable")
+        noise = self.config.task.reset_noise
+        joints = self.chain.rest + generator.uniform(-noise, noise, len(self.chain.rest))
+        self._commanded[i] = joints
+        self._rows[i] = 0.0
+        self._rows[i, :, :3] = PARKED
+        self._rows[i, order, _ATTRIBUTES] = _attributes(scene)
+        self._state.shown[i] = False
+        self._state.shown[i, order] = True
+        self._state.referent[i] = order[episode.referent]
+        self._instruction[i] = self.tokenizer.encode(episode.sentence)
+        self._kind[i], self._steps[i] = episode.kind, 0
+        text = episode.sentence.encode()[:SENTENCE_BYTES]
+        self._sentence[i] = 0
+        self._sentence[i, : len(text)] = np.frombuffer(text, np.uint8)
+        colors = self._rows[i, np.sort(order), 7:11]
+        self._worlds[i].reset(
+            joints.tolist(), 0.0, scene.nouns[by_slot].tolist(), scene.positions[by_slot].tolist(), colors
+        )
+
+    def _reset_values(self, out: TensorDict) -> TensorDict:
+        zero = torch.zeros(*self.batch_size, 1)
+        for name in self.task.terms:
+            out["reward_terms", name] = zero.clone()
+        for name in ("success", "wrong_object", "at_goal", "terminated", "truncated", "done"):
+            out[name] = zero.bool()
+        return out
+
+    # ---- reading -----------------------------------------------------------------------------------------------
+
+    def _read(self, worlds: NDArray[np.int64]) -> None:
+        """Take the measured state of these worlds from PyBullet into the arrays."""
+        joints: list[list[tuple]] = []
+        poses: list[float] = []
+        for i in worlds.tolist():
+            world = self._worlds[i]
+            joints.append([state[:2] for state in world.robot.states()])
+            for position, quaternion in world.objects():
+                poses += position
+                poses += quaternion
+        self._joints[worlds] = joints
+        shown = np.zeros_like(self._state.shown)
+        shown[worlds] = self._state.shown[worlds]
+        self._rows[shown, :7] = np.reshape(poses, (-1, 7))
+
+    def _observation(self) -> TensorDict:
+        """Fresh tensors, never views of what the next step overwrites."""
+        count = self._commanded.shape[1]
+        angles = np.ascontiguousarray(self._joints[:, :count, 0])
+        pose = self.chain.forward(angles)
+        self._state.gripper = pose.position
+        robot = np.concatenate(
+            (
+                angles,
+                self._joints[:, :count, 1],
+                pose.position,
+                pose.rotation[:, :, 0],
+                pose.rotation[:, :, 1],
+                self._gripper_state(),
+            ),
+            axis=1,
+        )
+        rows = np.where(self._state.shown[..., None], self._rows, 0.0)
+        goal = self._rows[self._index, self._state.referent, :3]
+        low, high = np.reshape(self.config.workspace.bounds, (3, 2)).T
+        privileged = {
+            "referent": torch.from_numpy(self._state.referent.copy()),
+            "goal": torch.from_numpy(np.clip(goal, low, high).astype(np.float32)),
+            "kind": torch.from_numpy(self._kind.copy()),
+            "sentence": torch.from_numpy(self._sentence.copy()),
+        }
+        return TensorDict(
+            {
+                "robot": _clipped(robot, self._robot_bounds),
+                "objects": _clipped(rows, self._object_bounds),
+                "objects_mask": torch.from_numpy(self._state.shown.copy()),
+                "instruction": torch.from_numpy(self._instruction.copy()),
+                "privileged": TensorDict(privileged, self.batch_size),
+                "step_count": _column(self._steps, np.int64),
+            },
+            self.batch_size,
+        )
+
+    def _gripper_state(self) -> NDArray[np.float64]:
+        """(N, 1) in [0, 1]: how far the fingers are open; 0 for a magnet that holds nothing."""
+        opening = self.config.robot.finger_opening
+        if opening == 0:
+            return np.zeros((len(self._index), 1))
+        return self._joints[:, -len(self.config.robot.fingers) :, 0].mean(1, keepdims=True) / opening
+
+    # ---- the rest ----------------------------------------------------------------------------------------------
+
+    def _set_seed(self, seed: int | None) -> None:
+        seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(len(self._worlds))]
+        self._generators = [np.random.default_rng(sequence) for sequence in seeds]
+
+    def sentence(self, world: int = 0) -> str:
+        """The instruction that world `world` is under."""
+        return bytes(self._sentence[world]).rstrip(b"\0").decode()
+
+    def towards(self, position: NDArray[np.float64]) -> Tensor:
+        """The action (N, A) that brings each gripper nearer to position (N, 3): for scripted experts."""
+        return torch.from_numpy(self.control.towards(position, self._commanded).astype(np.float32))
+
+    def render(self) -> NDArray[np.uint8]:
+        """World 0 from the workspace's camera, (height, width, 3). The env must have been made with render=True."""
+        return self._worlds[0].render()
+
+    def close(self, *, raise_if_closed: bool = True) -> None:
+        for world in self._worlds:
+            world.close()
+        self.is_closed = True
+
+
+def _attributes(scene: Any) -> NDArray[np.float64]:
+    """(K, D - 7) the lasting part of each object's row."""
+    shape = np.eye(len(NOUNS))[scene.nouns]
+    colors = color_table()[scene.colors]
+    return np.concatenate((colors, shape, scene.sizes[:, None], scene.targets[:, None]), axis=1)
+
+
+def _bounded(low: NDArray[np.float32], high: NDArray[np.float32], *batch: int) -> Bounded:
+    shape = (*batch, len(low))
+    return Bounded(torch.tensor(low).expand(shape), torch.tensor(high).expand(shape), shape, dtype=torch.float32)
+
+
+def _clipped(values: NDArray[np.float64], bounds: NDArray[np.float32]) -> Tensor:
+    """float32 within the spec's bounds; what is not a number stays so, to be seen."""
+    return torch.from_numpy(np.clip(values.astype(np.float32), bounds[0], bounds[1]))
+
+
+def _column(values: NDArray[Any], dtype: Any) -> Tensor:
+    return torch.from_numpy(values.astype(dtype)[:, None])

@@ -1,0 +1,180 @@
+"""One world: a PyBullet client with a robot, the furniture and a pool of objects, all made once and only moved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pybullet as bullet
+import pybullet_data
+from numpy.typing import NDArray
+
+from conf.schema import Checked, within
+from envs.robot import Robot, RobotConfig
+from envs.workspace import Box, Camera, WorkspaceConfig
+
+PARKED = (0.0, 0.0, -5.0)  # where objects wait that this episode does not show, asleep
+OBJECT_MASS = 0.1  # kg
+
+
+@dataclass(frozen=True)
+class PhysicsConfig(Checked):
+    """time_step in seconds; a control step is `substeps` of them."""
+
+    time_step: float = within(1e-4, 0.05)
+    substeps: int = within(1, 1000)
+    solver_iterations: int = within(1, 500)
+    sleeping: bool
+
+
+class World:
+    """joint angles in radians, fingers and positions in metres, workspace frame.
+
+    nouns: the shapes of the object pool ("cube", "sphere", "cylinder"), `slots` bodies of each.
+    visuals: load what is drawn, for `render`; a world without them takes half the memory.
+    """
+
+    def __init__(
+        self,
+        robot: RobotConfig,
+        workspace: WorkspaceConfig,
+        physics: PhysicsConfig,
+        nouns: Sequence[str],
+        slots: int,
+        object_size: float,
+        visuals: bool = False,
+    ) -> None:
+        self._client = bullet.connect(bullet.DIRECT)
+        self._physics, self._workspace, self._visuals = physics, workspace, visuals
+        self._set_up_physics()
+        self.robot = Robot(robot, self._client, visuals)
+        furniture = [self._furnish(box) for box in workspace.furniture.values() if visuals or box.contact]
+        for body in furniture:
+            for link in self.robot.fixed_links():
+                bullet.setCollisionFilterPair(self.robot.body, body, link, -1, 0, self._client)
+        self._pool = [[self._object(noun, object_size, i) for i in range(slots)] for noun in nouns]
+        self._shown: list[int] = []
+        self._step = partial(bullet.stepSimulation, physicsClientId=self._client)
+        self._pose = partial(bullet.getBasePositionAndOrientation, physicsClientId=self._client)
+
+    def _set_up_physics(self) -> None:
+        bullet.setAdditionalSearchPath(pybullet_data.getDataPath(), self._client)
+        bullet.setGravity(0, 0, -9.81, self._client)
+        bullet.setPhysicsEngineParameter(
+            fixedTimeStep=self._physics.time_step,
+            numSolverIterations=self._physics.solver_iterations,
+            deterministicOverlappingPairs=1,  # same seed, same bits
+            physicsClientId=self._client,
+        )
+
+    def _furnish(self, box: Box) -> int:
+        half = [side / 2 for side in box.size]
+        shape = visual = -1
+        if box.contact:
+            shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client)
+        if self._visuals:
+            visual = bullet.createVisualShape(
+                bullet.GEOM_BOX, halfExtents=half, rgbaColor=[*box.color, 1], physicsClientId=self._client
+            )
+        return bullet.createMultiBody(0, shape, visual, box.position, physicsClientId=self._client)
+
+    def _object(self, noun: str, size: float, index: int) -> int:
+        kind, sides = _shape(noun, size)
+        shape = bullet.createCollisionShape(kind, **sides, physicsClientId=self._client)
+        visual = -1
+        if self._visuals:
+            if "height" in sides:
+                sides = {"radius": sides["radius"], "length": sides["height"]}
+            visual = bullet.createVisualShape(kind, **sides, physicsClientId=self._client)
+        parked = (PARKED[0] + index, PARKED[1] + len(noun), PARKED[2])
+        body = bullet.createMultiBody(OBJECT_MASS, shape, visual, parked, physicsClientId=self._client)
+        bullet.changeDynamics(
+            body,
+            -1,
+            lateralFriction=0.8,
+            rollingFriction=0.002,
+            spinningFriction=0.002,
+            linearDamping=0.1,
+            angularDamping=0.3,
+            physicsClientId=self._client,
+        )
+        self._rest(body)
+        return body
+
+    def _rest(self, body: int) -> None:
+        state = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
+        if not self._physics.sleeping:
+            state = bullet.ACTIVATION_STATE_DISABLE_SLEEPING
+        bullet.changeDynamics(body, -1, activationState=state, physicsClientId=self._client)
+
+    def _move(self, body: int, position: Sequence[float]) -> None:
+        bullet.resetBasePositionAndOrientation(body, position, (0, 0, 0, 1), self._client)
+        bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
+        self._rest(body)
+
+    def reset(
+        self,
+        joints: Sequence[float],
+        opening: float,
+        nouns: Sequence[int],
+        positions: Sequence[Sequence[float]],
+        colors: NDArray[np.float64],
+    ) -> None:
+        """Put the arm at `joints` and show one object a slot: nouns index the pool, colors (slots, 4) RGBA."""
+        self.robot.place(joints, opening)
+        unused = [list(reversed(bodies)) for bodies in self._pool]
+        shown = [unused[noun].pop() for noun in nouns]
+        for body in set(self._shown) - set(shown):
+            self._move(body, (PARKED[0] + body, PARKED[1], PARKED[2]))
+        for body, position in zip(shown, positions, strict=True):
+            self._move(body, position)
+        self._shown = shown
+        if self._visuals:
+            for body, color in zip(shown, colors, strict=True):
+                bullet.changeVisualShape(body, -1, rgbaColor=color.tolist(), physicsClientId=self._client)
+
+    def advance(self, targets: Sequence[float]) -> None:
+        """One control step towards these motor targets (arm joints, then fingers)."""
+        self.robot.drive(targets)
+        for _ in range(self._physics.substeps):
+            self._step()
+
+    def objects(self) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
+        """(position, quaternion) of the object in each slot."""
+        return [self._pose(body) for body in self._shown]
+
+    def render(self, camera: Camera | None = None) -> NDArray[np.uint8]:
+        """What the camera sees, (height, width, 3). The world must have been made with visuals."""
+        camera = camera or self._workspace.camera
+        view = bullet.computeViewMatrixFromYawPitchRoll(
+            camera.target, camera.distance, camera.yaw, camera.pitch, 0, 2
+        )
+        lens = bullet.computeProjectionMatrixFOV(45, camera.width / camera.height, 0.05, 10)
+        pixels = bullet.getCameraImage(
+            camera.width,
+            camera.height,
+            view,
+            lens,
+            lightDirection=[0.5, -0.6, 1.5],
+            renderer=bullet.ER_TINY_RENDERER,
+            physicsClientId=self._client,
+        )[2]
+        return np.reshape(np.asarray(pixels, np.uint8), (camera.height, camera.width, 4))[..., :3].copy()
+
+    def close(self) -> None:
+        """Free the client. Twice is once."""
+        if self._client >= 0:
+            bullet.disconnect(self._client)
+            self._client = -1
+
+
+def _shape(noun: str, size: float) -> tuple[int, dict]:
+    """An object of this noun, `size` metres across and high."""
+    shapes = {
+        "cube": (bullet.GEOM_BOX, {"halfExtents": [size / 2] * 3}),
+        "sphere": (bullet.GEOM_SPHERE, {"radius": size / 2}),
+        "cylinder": (bullet.GEOM_CYLINDER, {"radius": size / 2, "height": size}),
+    }
+    return shapes[noun]
