@@ -9,6 +9,9 @@ The observation, each with a leading N:
 | objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA, shape one-hot, size (m), role (1: target) |
 | objects_mask | (K,) bool | which slots show an object |
 | instruction | (L,) int64 | the sentence's tokens, 0 = pad |
+| success, wrong_object | (1,) bool | whether the episode ended so at this step |
+| at_goal | (1,) bool | whether the gripper is at the referent |
+| reward_terms | (T,) float32 | weighted terms by `reward_names`; their sum is the reward |
 | privileged | | for losses and tests alone: referent (slot), goal (m), kind (of sentence), sentence (UTF-8 bytes) |
 """
 
@@ -32,6 +35,7 @@ from envs.world import PARKED, World
 from language import COLORS, NOUNS, Tokenizer, color_table
 
 SENTENCE_BYTES = 160
+FLAGS = ("success", "wrong_object", "at_goal", "terminated", "truncated", "done")  # (N, 1) bool each
 OBJECT_WIDTH = 3 + 4 + 4 + len(NOUNS) + 1 + 1
 _ATTRIBUTES = slice(7, OBJECT_WIDTH)  # what an object keeps all along: colour, shape, size, role
 
@@ -62,7 +66,7 @@ class WorkspaceEnv(EnvBase):
         self.control = CONTROLS[config.control.mode](
             config.control, self.chain, np.array(config.robot.max_speed) * period, box
         )
-        self._weights = {name: task.reward.get(name, 0.0) for name in self.task.terms}
+        self._weights = np.array([task.reward.get(name, 0.0) for name in self.reward_names])
         self._allocate(num_worlds, len(config.robot.joints), task.num_objects)
         self._make_specs()
         self._set_seed(seed)
@@ -71,6 +75,11 @@ class WorkspaceEnv(EnvBase):
     def kind_names(self) -> tuple[str, ...]:
         """What the numbers of privileged/kind mean."""
         return self.task.kind_names
+
+    @property
+    def reward_names(self) -> tuple[str, ...]:
+        """What the columns of reward_terms are."""
+        return self.task.terms
 
     def _allocate(self, worlds: int, joints: int, slots: int) -> None:
         fingers = len(self.config.robot.fingers)
@@ -130,10 +139,7 @@ class WorkspaceEnv(EnvBase):
             success=flag.clone(),
             wrong_object=flag.clone(),
             at_goal=flag.clone(),
-            step_count=Bounded(0, self.config.task.max_steps, shape=(n, 1), dtype=torch.int64),
-            reward_terms=Composite(
-                {name: Unbounded(shape=(n, 1), dtype=torch.float32) for name in self.task.terms}, shape=(n,)
-            ),
+            reward_terms=Unbounded(shape=(n, len(self.reward_names)), dtype=torch.float32),
             shape=(n,),
         )
         self.action_spec = Bounded(-1, 1, shape=(n, self.control.size), dtype=torch.float32)
@@ -156,26 +162,20 @@ class WorkspaceEnv(EnvBase):
             world.advance(target)
         self._read(self._index)
         self._steps += 1
-        return self._judge(self._observation())
+        return TensorDict(self._observation() | self._judge(), self.batch_size)
 
-    def _judge(self, out: TensorDict) -> TensorDict:
-        """Add what the step came to: reward terms, reward, and the ends of episodes."""
+    def _judge(self) -> dict[str, Tensor]:
+        """What the step came to: weighted reward terms, their sum, and the ends of episodes."""
         outcome = self.task.step(self._state)
-        reward = np.zeros(len(self._steps))
-        for name, weight in self._weights.items():
-            term = weight * outcome.terms[name]
-            reward += term
-            out["reward_terms", name] = _column(term, np.float32)
+        terms = np.stack([outcome.terms[name] for name in self.reward_names], axis=1) * self._weights
         terminated = outcome.success | outcome.wrong_object
         truncated = (self._steps >= self.config.task.max_steps) & ~terminated
-        out["reward"] = _column(reward, np.float32)
-        out["success"] = _column(outcome.success, bool)
-        out["wrong_object"] = _column(outcome.wrong_object, bool)
-        out["at_goal"] = _column(outcome.at_goal, bool)
-        out["terminated"] = _column(terminated, bool)
-        out["truncated"] = _column(truncated, bool)
-        out["done"] = _column(terminated | truncated, bool)
-        return out
+        flags = (outcome.success, outcome.wrong_object, outcome.at_goal, terminated, truncated, terminated | truncated)
+        return {
+            "reward_terms": torch.from_numpy(terms.astype(np.float32)),
+            "reward": torch.from_numpy(terms.sum(1, keepdims=True).astype(np.float32)),
+            **{name: torch.from_numpy(flag[:, None]) for name, flag in zip(FLAGS, flags, strict=True)},
+        }
 
     def _reset(self, tensordict: TensorDictBase | None, **_: Any) -> TensorDictBase:
         worlds = self._index
@@ -186,7 +186,10 @@ class WorkspaceEnv(EnvBase):
         if len(worlds):
             self._read(worlds)
             self.task.reset(worlds, self._state)
-        return self._reset_values(self._observation())
+        values = self._observation()
+        values["reward_terms"] = torch.zeros(*self.batch_size, len(self.reward_names))
+        values |= {name: torch.zeros(*self.batch_size, 1, dtype=torch.bool) for name in FLAGS}
+        return TensorDict(values, self.batch_size)
 
     def _begin(self, i: int, episode: Episode) -> None:
         """Lay out one episode in world i, its objects in slots drawn anew."""
@@ -212,14 +215,6 @@ class WorkspaceEnv(EnvBase):
             joints.tolist(), 0.0, scene.nouns[by_slot].tolist(), scene.positions[by_slot].tolist(), colors
         )
 
-    def _reset_values(self, out: TensorDict) -> TensorDict:
-        zero = torch.zeros(*self.batch_size, 1)
-        for name in self.task.terms:
-            out["reward_terms", name] = zero.clone()
-        for name in ("success", "wrong_object", "at_goal", "terminated", "truncated", "done"):
-            out[name] = zero.bool()
-        return out
-
     # ---- reading -----------------------------------------------------------------------------------------------
 
     def _read(self, worlds: NDArray[np.int64]) -> None:
@@ -237,7 +232,7 @@ class WorkspaceEnv(EnvBase):
         shown[worlds] = self._state.shown[worlds]
         self._rows[shown, :7] = np.reshape(poses, (-1, 7))
 
-    def _observation(self) -> TensorDict:
+    def _observation(self) -> dict[str, Any]:
         """Fresh tensors, never views of what the next step overwrites."""
         count = self._commanded.shape[1]
         angles = np.ascontiguousarray(self._joints[:, :count, 0])
@@ -263,17 +258,13 @@ class WorkspaceEnv(EnvBase):
             "kind": torch.from_numpy(self._kind.copy()),
             "sentence": torch.from_numpy(self._sentence.copy()),
         }
-        return TensorDict(
-            {
-                "robot": _clipped(robot, self._robot_bounds),
-                "objects": _clipped(rows, self._object_bounds),
-                "objects_mask": torch.from_numpy(self._state.shown.copy()),
-                "instruction": torch.from_numpy(self._instruction.copy()),
-                "privileged": TensorDict(privileged, self.batch_size),
-                "step_count": _column(self._steps, np.int64),
-            },
-            self.batch_size,
-        )
+        return {
+            "robot": _clipped(robot, self._robot_bounds),
+            "objects": _clipped(rows, self._object_bounds),
+            "objects_mask": torch.from_numpy(self._state.shown.copy()),
+            "instruction": torch.from_numpy(self._instruction.copy()),
+            "privileged": TensorDict(privileged, self.batch_size),
+        }
 
     def _gripper_state(self) -> NDArray[np.float64]:
         """(N, 1) in [0, 1]: how far the fingers are open; 0 for a magnet that holds nothing."""
@@ -321,7 +312,3 @@ def _bounded(low: NDArray[np.float32], high: NDArray[np.float32], *batch: int) -
 def _clipped(values: NDArray[np.float64], bounds: NDArray[np.float32]) -> Tensor:
     """float32 within the spec's bounds; what is not a number stays so, to be seen."""
     return torch.from_numpy(np.clip(values.astype(np.float32), bounds[0], bounds[1]))
-
-
-def _column(values: NDArray[Any], dtype: Any) -> Tensor:
-    return torch.from_numpy(values.astype(dtype)[:, None])
