@@ -1,0 +1,147 @@
+"""A point in a box that is told a colour: the contract of the real environments, without any physics."""
+
+from __future__ import annotations
+
+import time
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
+from torchrl.envs import EnvBase
+
+SLOTS, ROW, LENGTH = 3, 13, 6
+COLOURS = torch.tensor([[1.0, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]])
+WORDS = ["<pad>", "touch", "the", "red", "green", "blue"]
+SENTENCES = ["touch the red", "touch the green", "touch the blue"]
+NEAR, MOVE, MAX_STEPS = 0.25, 0.2, 20
+
+
+class FakeEnv(EnvBase):
+    """poison: the reward becomes NaN after so many steps. nap: seconds each step takes."""
+
+    kind_names = ("odd", "even")
+
+    def __init__(self, worlds: int, seed: int, poison: int = 0, nap: float = 0.0) -> None:
+        super().__init__(batch_size=[worlds])
+        self.poison, self.nap, self.steps = poison, nap, 0
+        self.observation_spec = _observations(worlds)
+        self.action_spec = Bounded(-torch.ones(worlds, 3), torch.ones(worlds, 3))
+        self.reward_spec = Unbounded((worlds, 1))
+        flag = Categorical(2, (worlds, 1), dtype=torch.bool)
+        self.done_spec = Composite(done=flag, terminated=flag.clone(), truncated=flag.clone(), shape=[worlds])
+        self.set_seed(seed)
+        self.world = self._fresh()
+
+    def _set_seed(self, seed: int | None) -> None:
+        self.generator = torch.Generator().manual_seed(seed or 0)
+
+    def _fresh(self) -> dict[str, torch.Tensor]:
+        n, g = self.batch_size[0], self.generator
+        return {
+            "hand": torch.rand(n, 3, generator=g) * 0.4 - 0.2,
+            "places": torch.rand(n, SLOTS, 3, generator=g) * 1.6 - 0.8,
+            "order": torch.stack([torch.randperm(SLOTS, generator=g) for _ in range(n)]),
+            "referent": torch.randint(SLOTS, (n,), generator=g),
+            "step": torch.zeros(n, dtype=torch.int64),
+        }
+
+    def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: object) -> TensorDictBase:
+        fresh = self._fresh()
+        mask = torch.ones(self.batch_size, dtype=torch.bool)
+        if tensordict is not None and "_reset" in tensordict.keys():
+            mask = tensordict["_reset"].squeeze(-1)
+        for name, value in fresh.items():
+            choose = mask.reshape(-1, *[1] * (value.ndim - 1))
+            self.world[name] = torch.where(choose, value, self.world[name])
+        none = torch.zeros(*self.batch_size, 1, dtype=torch.bool)
+        out = self._observe(none, none, none, none.float())
+        return out.update({name: none.clone() for name in ("done", "terminated", "truncated")})
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        if self.nap:
+            time.sleep(self.nap)
+        self.steps += 1
+        world, rows = self.world, torch.arange(self.batch_size[0])
+        action = tensordict["action"]
+        assert action.abs().max() <= 1
+        world["hand"] = (world["hand"] + MOVE * action).clamp(-1, 1)
+        world["step"] = world["step"] + 1
+        distance = (world["places"] - world["hand"].unsqueeze(1)).norm(dim=-1)
+        wanted = distance[rows, world["referent"]].unsqueeze(-1)
+        success, nearest = wanted < NEAR, distance.argmin(-1)
+        wrong = (distance.min(-1).values < NEAR / 2).unsqueeze(-1) & (nearest != world["referent"]).unsqueeze(-1)
+        wrong &= ~success
+        truncated = (world["step"] >= MAX_STEPS).unsqueeze(-1) & ~success & ~wrong
+        reward = success.float() - 0.1 * wanted
+        if self.poison and self.steps >= self.poison:
+            reward = reward * float("nan")
+        out = self._observe(success, wrong, success, reward)
+        ends = {"terminated": success | wrong, "truncated": truncated, "done": success | wrong | truncated}
+        return out.update(ends).set("reward", reward)
+
+    def _observe(
+        self, success: torch.Tensor, wrong: torch.Tensor, at_goal: torch.Tensor, reward: torch.Tensor
+    ) -> TensorDictBase:
+        world, n = self.world, self.batch_size[0]
+        rows = torch.arange(n)
+        extra = torch.zeros(n, SLOTS, ROW - 7)
+        colour = world["order"][rows, world["referent"]]
+        words = torch.zeros(n, LENGTH, dtype=torch.int64)
+        words[:, 0], words[:, 1], words[:, 2] = 1, 2, 3 + colour
+        sentence = torch.zeros(n, 24, dtype=torch.uint8)
+        for i, c in enumerate(colour.tolist()):
+            text = SENTENCES[c].encode()
+            sentence[i, : len(text)] = torch.tensor(list(text), dtype=torch.uint8)
+        return TensorDict(
+            {
+                "robot": torch.cat([world["hand"], torch.zeros(n, 1)], -1),
+                "objects": torch.cat([world["places"], COLOURS[world["order"]], extra], -1),
+                "objects_mask": torch.ones(n, SLOTS, dtype=torch.bool),
+                "instruction": words,
+                "privileged": {
+                    "referent": world["referent"].clone(),
+                    "goal": world["places"][rows, world["referent"]].clone(),
+                    "kind": colour % 2,
+                    "sentence": sentence,
+                },
+                "success": success.clone(),
+                "wrong_object": wrong.clone(),
+                "at_goal": at_goal.clone(),
+                "reward_terms": {"all": reward.clone()},
+                "step_count": world["step"].unsqueeze(-1).clone(),
+            },
+            self.batch_size,
+        )
+
+    def render(self) -> torch.Tensor:
+        import numpy as np
+
+        return np.full((96, 128, 3), 200, np.uint8)  # type: ignore[return-value]
+
+
+def _observations(n: int) -> Composite:
+    flag = Categorical(2, (n, 1), dtype=torch.bool)
+    box = Bounded(-torch.ones(n, 3), torch.ones(n, 3))
+    return Composite(
+        robot=Bounded(-torch.ones(n, 4), torch.ones(n, 4)),
+        objects=Bounded(-torch.ones(n, SLOTS, ROW), torch.ones(n, SLOTS, ROW)),
+        objects_mask=Binary(SLOTS, (n, SLOTS), dtype=torch.bool),
+        instruction=Categorical(len(WORDS), (n, LENGTH)),
+        privileged=Composite(
+            referent=Categorical(SLOTS, (n,)),
+            goal=box,
+            kind=Categorical(2, (n,)),
+            sentence=Bounded(0, 255, (n, 24), dtype=torch.uint8),
+            shape=[n],
+        ),
+        success=flag,
+        wrong_object=flag.clone(),
+        at_goal=flag.clone(),
+        reward_terms=Composite(all=Unbounded((n, 1)), shape=[n]),
+        step_count=Unbounded((n, 1), dtype=torch.int64),
+        shape=[n],
+    )
+
+
+def make_env(worlds: int, seed: int) -> EnvBase:
+    return FakeEnv(worlds, seed)

@@ -1,0 +1,17 @@
+"""Networks, PPO, SAC, collection, evaluation, checkpoints and reports. Sees specs, never environments' classes.
+
+    config       what a run may set (imports no torch)
+    policy       networks from specs          grounding   which object do the words mean
+    ppo, sac     one algorithm each
+    collection   worlds ─► batches            evaluation  how often does it do what it was told
+    checkpoint   files that survive a kill    report      metrics.csv, curves, loggers
+    fit          collect ─► update ─► evaluate ─► report
+
+This file stays free of torch so that the command line answers at once.
+"""
+
+import os
+
+# TorchRL reads this when it is first imported: seconds that a worker and its parent wait for one another before
+# they give up. Its own default is for ever, which turns a stuck worker into a hang.
+os.environ.setdefault("MAX_IDLE_COUNT", "600")

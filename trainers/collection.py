@@ -1,0 +1,129 @@
+"""Worlds to batches: TorchRL's collectors, in this process or in several, and what the episodes came to."""
+
+from __future__ import annotations
+
+import copy
+import signal
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import torch
+from tensordict import TensorDictBase
+from torchrl.collectors import Collector, MultiSyncCollector
+from torchrl.envs import EnvBase
+
+from trainers.config import CollectorConfig, workers
+from trainers.policy import Policy, copy_
+
+MakeEnv = Callable[[int, int], EnvBase]  # worlds, seed
+
+
+class CollectionError(RuntimeError):
+    """A worker process is gone or stuck. The run cannot go on."""
+
+
+def derive_seed(seed: int, index: int, evaluation: bool = False) -> int:
+    """A seed of 31 bits for worker or evaluation `index` of a run.
+
+    Bit 30 tells training from evaluation, so that no evaluation ever sees a seed that was trained on.
+    """
+    word = int(np.random.SeedSequence([seed, index, int(evaluation)]).generate_state(1)[0])
+    return (word & 0x3FFFFFFF) | (int(evaluation) << 30)
+
+
+class Rollouts:
+    """Batches (worlds of all workers, horizon) of the latest policy given to `sync`. Close it in a `finally`.
+
+    The policy acts on the CPU, where the worlds are, whatever device it learns on.
+    """
+
+    def __init__(self, make_env: MakeEnv, policy: Policy, config: CollectorConfig, horizon: int, seed: int) -> None:
+        self.acting = copy.deepcopy(policy).cpu()
+        count = workers(config)
+        common: dict[str, Any] = {
+            "frames_per_batch": count * config.worlds * horizon,
+            "total_frames": -1,
+            "auto_register_policy_transforms": False,
+        }
+        act = self.acting.act
+        if count == 1:
+            make = partial(make_env, config.worlds, derive_seed(seed, 0))
+            self.collector = Collector(make, act, use_buffers=False, **common)
+        else:
+            makes = [partial(_in_worker, make_env, config.worlds, derive_seed(seed, i)) for i in range(count)]
+            self.collector = MultiSyncCollector(
+                makes, act, cat_results=0, use_buffers=True, num_threads=1, **common
+            )
+        self.processes = list(getattr(self.collector, "procs", []))
+        self.batches = iter(self.collector)
+
+    def sync(self, policy: Policy) -> None:
+        """Collect with these weights from now on."""
+        copy_(self.acting, policy)
+        if self.processes:
+            self.collector.update_policy_weights_()
+
+    def next(self) -> TensorDictBase:
+        """The next batch. Its memory is reused by the one after. Raises CollectionError."""
+        torch.set_num_threads(1)  # networks of one batch of worlds are too small to share among cores
+        try:
+            return next(self.batches)
+        except RuntimeError as error:
+            gone = [f"{p.pid} (exit code {p.exitcode})" for p in self.processes if not p.is_alive()]
+            if not self.processes:
+                raise
+            raise CollectionError(f"a worker process failed: {', '.join(gone) or error}") from error
+
+    def close(self) -> None:
+        """End every worker process. Never raises for one that is gone already."""
+        if self.processes:
+            self.collector.shutdown(raise_on_error=False)
+        else:
+            self.collector.shutdown()
+
+
+def _in_worker(make_env: MakeEnv, worlds: int, seed: int) -> EnvBase:
+    """An environment in a worker process: one thread, a noise of its own, deaf to the Ctrl-C meant for its parent."""
+    torch.set_num_threads(1)
+    torch.manual_seed(seed)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return make_env(worlds, seed)
+
+
+class Episodes:
+    """What the episodes that ended in a batch came to; those still running are carried over to the next."""
+
+    def __init__(self) -> None:
+        self.running: np.ndarray | None = None
+
+    def measure(self, batch: TensorDictBase) -> dict[str, float]:
+        """Means over the episodes ended in a batch (worlds, steps), and over its steps for the named rewards.
+
+        NaN where no episode ended.
+        """
+        after = batch["next"]
+        done = after["done"].squeeze(-1).numpy()
+        ended = {name: after[name].squeeze(-1).numpy()[done] for name in ("success", "wrong_object", "step_count")}
+        returns = self._returns(after["reward"].squeeze(-1).numpy(), done)
+        means = {
+            "train/success": ended["success"],
+            "train/wrong_object": ended["wrong_object"],
+            "train/length": ended["step_count"],
+            "train/return": returns,
+        }
+        out = {name: float(values.mean()) if len(values) else float("nan") for name, values in means.items()}
+        out["train/episodes"] = float(done.sum())
+        terms = {f"reward/{name}": float(value.mean()) for name, value in after["reward_terms"].items()}
+        return out | terms
+
+    def _returns(self, reward: np.ndarray, done: np.ndarray) -> np.ndarray:
+        total = np.zeros(len(reward)) if self.running is None else self.running
+        ended = []
+        for r, d in zip(reward.T, done.T, strict=True):
+            total = total + r
+            ended.append(total[d])
+            total = np.where(d, 0.0, total)
+        self.running = total
+        return np.concatenate(ended)

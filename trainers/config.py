@@ -1,0 +1,162 @@
+"""What a run may set. Every parameter is declared here once and valued once, in YAML. Imports no torch."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
+
+
+@dataclass(frozen=True)
+class NetworkConfig(Checked):
+    """What every policy has: an actor, a critic and an exploration width."""
+
+    hidden: list[int] = within(1, 4096)  # widths of the actor's hidden layers
+    critic_hidden: list[int] = within(1, 4096)
+    activation: str = one_of("tanh", "relu", "elu")
+    privileged_critic: bool  # the critic is shown the goal itself; only losses ever ask it
+    initial_std: float = within(0.01, 2.0)  # of the exploration noise, in units of the action in [-1, 1]
+    state_dependent_std: bool
+
+
+@dataclass(frozen=True)
+class GroundedConfig(NetworkConfig):
+    """Words choose an object by attention; the arm is told where that one is."""
+
+    name: str = one_of("grounded")
+    embedding: int = within(4, 1024)  # width of a token
+    width: int = within(4, 1024)  # features of an object slot
+
+
+@dataclass(frozen=True)
+class MLPConfig(NetworkConfig):
+    """Everything flattened into one network: the baseline, and the network of the benchmarks."""
+
+    name: str = one_of("mlp")
+    embedding: int = within(1, 1024)
+
+
+@dataclass(frozen=True)
+class PPOConfig(Checked):
+    """Proximal policy optimisation, Schulman et al. 2017 (arXiv:1707.06347)."""
+
+    name: str = one_of("ppo")
+    horizon: int = within(2, 4096)  # steps of each world between updates
+    epochs: int = within(1, 100)
+    minibatch: int = within(2)
+    lr: float = within(1e-7, 1.0)
+    anneal_lr: bool  # linearly to zero over the run
+    gamma: float = within(0.0, 1.0)
+    lmbda: float = within(0.0, 1.0)
+    clip: float = within(1e-3, 1.0)
+    entropy: float = within(0.0, 1.0)  # weight of the entropy bonus
+    critic_weight: float = within(0.0, 100.0)
+    max_grad_norm: float = within(1e-3)
+    target_kl: float = within(0.0)  # an update ends early beyond 1.5 times this; 0 = never
+    grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
+
+
+@dataclass(frozen=True)
+class SACConfig(Checked):
+    """Soft actor-critic with automatic temperature, Haarnoja et al. 2018 (arXiv:1812.05905)."""
+
+    name: str = one_of("sac")
+    horizon: int = within(1, 4096)
+    batch: int = within(2)
+    lr: float = within(1e-7, 1.0)
+    gamma: float = within(0.0, 1.0)
+    tau: float = within(1e-5, 1.0)  # how far the target critics move towards the critics a step
+    updates_per_frame: float = within(0.0, 100.0)  # gradient steps a collected frame
+    buffer: int = within(100)  # frames remembered
+    learning_starts: int = within(0)  # frames collected before the first gradient step
+    initial_alpha: float = within(1e-4, 10.0)  # temperature
+    target_entropy: float = within(-10.0, 10.0)  # nats for each dimension of the action
+    max_grad_norm: float = within(1e-3)
+    grounding_weight: float = within(0.0, 100.0)
+
+
+@dataclass(frozen=True)
+class CollectorConfig(Checked):
+    workers: int = within(0, 256)  # processes; 0 = one per core, 1 = none beside the main one
+    worlds: int = within(1, 4096)  # in each worker
+
+
+@dataclass(frozen=True)
+class EvalConfig(Checked):
+    episodes: int = within(1)  # of the evaluation at the end
+    interval: int = within(1)  # frames between evaluations during training
+    interval_episodes: int = within(1)  # of each of those
+    worlds: int = within(1, 4096)
+    video_episodes: int = within(0, 100)  # 0 = no video
+
+
+@dataclass(frozen=True)
+class RunConfig(Checked):
+    total_frames: int = within(1)  # control steps over all worlds
+    seed: int = within(0, 2**31 - 1)
+    device: str  # of the updates: cpu, cuda, cuda:1; worlds stay on the CPU
+    update_threads: int = within(0, 1024)  # CPU threads of an update; 0 = one per core
+    logger: list[str] = one_of("tensorboard", "wandb")  # beside metrics.csv
+
+
+PolicyConfig = GroundedConfig | MLPConfig
+AlgoConfig = PPOConfig | SACConfig
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that `fit` is told by a person."""
+
+    run: RunConfig
+    collector: CollectorConfig
+    eval: EvalConfig
+    policy: PolicyConfig
+    algo: AlgoConfig
+
+
+def read_plan(config: Any) -> Plan:
+    """The keys run, collector, eval, policy and algo of a composed config. Raises ConfigError."""
+    plan = Plan(
+        run=read(RunConfig, {name: config[name] for name in RunConfig.__dataclass_fields__}, ""),
+        collector=read(CollectorConfig, config["collector"], "collector"),
+        eval=read(EvalConfig, config["eval"], "eval"),
+        policy=_by_name(config["policy"], "policy", {"grounded": GroundedConfig, "mlp": MLPConfig}),
+        algo=_by_name(config["algo"], "algo", {"ppo": PPOConfig, "sac": SACConfig}),
+    )
+    _check_together(plan)
+    return plan
+
+
+def workers(config: CollectorConfig) -> int:
+    """How many processes collect."""
+    return config.workers or cores()
+
+
+def cores() -> int:
+    """CPU cores this process may use, at least 1."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def frames_per_batch(plan: Plan) -> int:
+    """Control steps over all worlds between two updates."""
+    return workers(plan.collector) * plan.collector.worlds * plan.algo.horizon
+
+
+def _by_name(node: Any, key: str, classes: dict[str, Any]) -> Any:
+    name = node.get("name") if hasattr(node, "get") else node
+    if name not in classes:
+        raise ConfigError(f"{key}.name={name} is not known" + did_you_mean(str(name), classes))
+    return read(classes[name], node, key)
+
+
+def _check_together(plan: Plan) -> None:
+    batch = frames_per_batch(plan)
+    if isinstance(plan.algo, PPOConfig) and plan.algo.minibatch > batch:
+        raise ConfigError(
+            f"algo.minibatch={plan.algo.minibatch} is more than the {batch} frames of a batch: lower it, or raise "
+            "algo.horizon or collector.worlds"
+        )
+    if isinstance(plan.algo, SACConfig) and plan.algo.buffer < max(batch, plan.algo.batch):
+        raise ConfigError(f"algo.buffer={plan.algo.buffer} must hold a batch of {max(batch, plan.algo.batch)} frames")

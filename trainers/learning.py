@@ -1,0 +1,55 @@
+"""What the algorithms share: refusing numbers that are not numbers, and averages of what they measured."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+
+METRICS = ("loss/grounding", "grounding/accuracy")
+
+
+class DivergedError(RuntimeError):
+    """A loss, reward or observation is not finite. `batch` is what it was found in."""
+
+    def __init__(self, message: str, batch: TensorDictBase) -> None:
+        super().__init__(message)
+        self.batch = batch
+
+
+class Algorithm(Protocol):
+    """A learner: fed each batch that the workers collect."""
+
+    metrics: tuple[str, ...]  # the names that `update` may return
+
+    def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
+        """Learn from a batch (worlds, steps). progress: the part of the run that is over, in [0, 1]."""
+
+    def state_dict(self) -> dict:
+        """Networks and optimizers."""
+
+    def load_state_dict(self, state: dict) -> None:
+        """Go on from `state_dict`."""
+
+
+def check_batch(batch: TensorDictBase) -> None:
+    """Raise DivergedError, with its name, for an observation, reward or action that is not finite."""
+    for key in ("robot", "objects", "action", ("next", "robot"), ("next", "objects"), ("next", "reward")):
+        if not torch.isfinite(batch[key].sum()) and not batch[key].isfinite().all():
+            name = key if isinstance(key, str) else "/".join(key)
+            raise DivergedError(f"{name} is not finite in a collected batch", batch)
+
+
+def check_loss(loss: Tensor, batch: TensorDictBase) -> None:
+    """Raise DivergedError before a loss that is not finite reaches the parameters."""
+    if not torch.isfinite(loss):
+        raise DivergedError(f"the loss became {loss.item()}", batch)
+
+
+def averages(rows: list[dict[str, Tensor]]) -> dict[str, float]:
+    """The mean of each measured name over the steps of an update."""
+    if not rows:
+        return {}
+    return {name: torch.stack([row[name] for row in rows]).mean().item() for name in rows[0]}

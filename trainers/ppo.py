@@ -1,0 +1,138 @@
+"""PPO, Schulman et al. 2017 (arXiv:1707.06347), with the clipped surrogate of TorchRL.
+
+The words are grounded once a minibatch, with gradients, before the loss: the surrogate then sees a small actor on
+(robot, referent), and the cross-entropy of the attention is added to it.
+"""
+
+from __future__ import annotations
+
+import torch
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModule
+from torch import Tensor, nn
+from torchrl.objectives import ClipPPOLoss
+from torchrl.objectives.value.functional import generalized_advantage_estimate
+
+from trainers import learning
+from trainers.config import PPOConfig
+from trainers.grounding import grounding
+from trainers.policy import SEEN, Policy, parameters
+
+LOSSES = ("loss_objective", "loss_critic", "loss_entropy")
+MEASURES = {"entropy": "entropy", "kl_approx": "kl", "clip_fraction": "clip_fraction"}
+
+
+class PPO:
+    """critic: writes state_value; it may read privileged/goal."""
+
+    metrics = (
+        "loss/actor", "loss/critic", "loss/entropy", "entropy", "kl", "clip_fraction", "std", "lr",
+        "explained_variance", *learning.METRICS,
+    )  # fmt: skip
+
+    def __init__(self, config: PPOConfig, policy: Policy, critic: TensorDictModule) -> None:
+        self.config, self.policy, self.critic = config, policy, critic
+        self.loss = ClipPPOLoss(
+            policy.actor,
+            critic,
+            clip_epsilon=config.clip,
+            entropy_coeff=config.entropy,
+            critic_coeff=config.critic_weight,
+            loss_critic_type="l2",
+            functional=False,  # networks of its own need no swapping in of parameters
+            log_explained_variance=False,
+        )
+        self.parameters = parameters(policy, critic)
+        self.optimizer = torch.optim.Adam(self.parameters, lr=config.lr, fused=True)
+        self.device = self.parameters[0].device
+        self.kept = dict.fromkeys([*SEEN, "robot", "sample", "sample_log_prob", *critic.in_keys, *learned_from(config)])
+        self.kept.pop(policy.context, None)
+
+    def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
+        """batch: (worlds, steps) frames of the present policy. progress in [0, 1] anneals the learning rate."""
+        learning.check_batch(batch)
+        rate = self.config.lr * (1 - progress if self.config.anneal_lr else 1.0)
+        self.optimizer.param_groups[0]["lr"] = rate
+        frames, explained = self.judge(batch.to(self.device))
+        rows: list[dict[str, Tensor]] = []
+        for _ in range(self.config.epochs):
+            for choice in torch.randperm(len(frames)).split(self.config.minibatch):
+                rows.append(self.step(frames[choice.to(self.device)]))
+            if self.config.target_kl and float(rows[-1]["kl"]) > 1.5 * self.config.target_kl:
+                break
+        return learning.averages(rows) | {"explained_variance": explained, "lr": rate}
+
+    @torch.no_grad()
+    def judge(self, batch: TensorDictBase) -> tuple[TensorDictBase, float]:
+        """Frames (worlds x steps) with their advantage and value_target, and the variance that the critic explains."""
+        value, next_value = self.value(batch), self.value(batch["next"])
+        advantage, target = advantages(batch["next"], value, next_value, self.config.gamma, self.config.lmbda)
+        explained = 1 - (target - value).var() / target.var().clamp_min(1e-8)
+        advantage = (advantage - advantage.mean()) / advantage.std().clamp_min(1e-6)
+        frames = batch.select(*self.kept).set("advantage", advantage).set("value_target", target)
+        return frames.reshape(-1), float(explained)
+
+    def value(self, batch: TensorDictBase) -> Tensor:
+        """State values (worlds, steps, 1), in one pass over all frames."""
+        reads_words = self.policy.context in self.critic.in_keys
+        keys = [key for key in self.critic.in_keys if key != self.policy.context]
+        flat = batch.select(*keys, *(SEEN if reads_words else ())).reshape(-1)
+        if reads_words:
+            flat = self.policy.encoder(flat)
+        return self.critic(flat)["state_value"].reshape(*batch.shape, 1)
+
+    def step(self, frames: TensorDictBase) -> dict[str, Tensor]:
+        """One step of the optimizer on a minibatch (B,)."""
+        frames = self.policy.encoder(frames)
+        out = self.loss(frames)
+        loss = sum(out[name] for name in LOSSES)
+        measured = {
+            "loss/actor": out["loss_objective"],
+            "loss/critic": out["loss_critic"],
+            "loss/entropy": out["loss_entropy"],
+            "std": frames_std(self.policy),
+            **{name: out[key] for key, name in MEASURES.items()},
+        }
+        taught = grounding(frames) if self.config.grounding_weight else None
+        if taught is not None:
+            loss = loss + self.config.grounding_weight * taught[0]
+            measured |= dict(zip(learning.METRICS, taught, strict=True))
+        learning.check_loss(loss, frames)
+        self.optimizer.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(self.parameters, self.config.max_grad_norm)
+        self.optimizer.step()
+        return {name: value.detach() for name, value in measured.items()}
+
+    def state_dict(self) -> dict:
+        """Everything that learning goes on from."""
+        parts = {"policy": self.policy, "critic": self.critic, "optimizer": self.optimizer}
+        return {name: part.state_dict() for name, part in parts.items()}
+
+    def load_state_dict(self, state: dict) -> None:
+        self.policy.load_state_dict(state["policy"])
+        self.critic.load_state_dict(state["critic"])
+        self.optimizer.load_state_dict(state["optimizer"])
+
+
+def advantages(
+    after: TensorDictBase, value: Tensor, next_value: Tensor, gamma: float, lmbda: float
+) -> tuple[Tensor, Tensor]:
+    """Generalised advantages and value targets, (worlds, steps, 1), Schulman et al. 2016 (arXiv:1506.02438).
+
+    after: the "next" of a batch (worlds, steps). An episode that ran out of time is worth what its last observation
+    promises (`next_value`); one that terminated is worth nothing more. TorchRL's loop over steps takes 2 ms for
+    64 x 64 frames here, its vectorised form, which splits and pads trajectories, several times that.
+    """
+    done, terminated = after["done"], after["terminated"]
+    return generalized_advantage_estimate(gamma, lmbda, value, next_value, after["reward"], done, terminated)
+
+
+def learned_from(config: PPOConfig) -> list[tuple[str, str]]:
+    """The privileged keys that the grounding loss reads."""
+    return [("privileged", "referent")] if config.grounding_weight else []
+
+
+def frames_std(policy: Policy) -> Tensor:
+    """The mean width of the exploration noise, before any offset by state."""
+    return policy.gaussian.log_std.exp().mean()

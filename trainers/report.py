@@ -1,0 +1,102 @@
+"""What a run leaves behind: metrics.csv, events for TensorBoard and W&B, the learning curve, eval.json."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+EVALUATED = ("success_at_end", "success_once", "wrong_object", "mean_return", "mean_length")
+
+
+class Metrics:
+    """metrics.csv, one row an iteration, with a header that never changes, and the loggers beside it.
+
+    Columns named time/... are timings: two runs of one seed agree in all others. A cell is empty where there was
+    nothing to measure. after: on resuming, rows of more frames than this are dropped, since they come again.
+    """
+
+    def __init__(self, folder: Path, columns: Sequence[str], loggers: Iterable[str] = (), after: int | None = None) -> None:
+        self.path, self.columns = folder / "metrics.csv", list(columns)
+        kept = [] if after is None else [row for row in read_metrics(self.path) if row["frames"] <= after]
+        self.file = open(self.path, "w", newline="")  # noqa: SIM115
+        self.writer = csv.DictWriter(self.file, self.columns)
+        self.writer.writeheader()
+        for row in kept:
+            self.writer.writerow({name: _cell(row.get(name, math.nan)) for name in self.columns})
+        self.loggers = [_logger(name, folder) for name in loggers]
+
+    def write(self, row: Mapping[str, float]) -> None:
+        """One iteration. Raises ValueError for a column that was not announced."""
+        self.writer.writerow({name: _cell(value) for name, value in row.items()})
+        self.file.flush()
+        for name, value in row.items():
+            for logger in self.loggers if math.isfinite(value) and name != "frames" else ():
+                logger.log_scalar(name, value, step=int(row["frames"]))
+
+    def close(self) -> None:
+        self.file.close()
+        for logger in self.loggers:
+            close = getattr(logger.experiment, "close", None) or getattr(logger.experiment, "finish", None)
+            if close is not None:
+                close()
+
+
+def read_metrics(path: Path) -> list[dict[str, float]]:
+    """The rows of a metrics.csv; an empty cell is NaN. No rows where there is no file."""
+    if not path.is_file():
+        return []
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    # A kill may have cut the last line short.
+    return [{k: float(v or "nan") for k, v in row.items()} for row in rows if None not in row.values()]
+
+
+def write_json(path: Path, values: Mapping[str, Any]) -> None:
+    """Plain values, written whole or not at all."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    beside.write_text(json.dumps(values, indent=2) + "\n")
+    os.replace(beside, path)
+
+
+def learning_curve(metrics: Path, target: Path) -> None:
+    """A picture of success over frames: in training, with its noise, and of the deterministic policy."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    rows = read_metrics(metrics)
+    figure = Figure(figsize=(7, 4))
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    for name, label, style in (
+        ("train/success", "success in training", "-"),
+        ("eval/success_at_end", "success of the deterministic policy", "o-"),
+        ("eval/wrong_object", "at the wrong object", "x--"),
+        ("grounding/accuracy", "grounding accuracy", ":"),
+    ):
+        points = [(row["frames"], row[name]) for row in rows if math.isfinite(row.get(name, math.nan))]
+        if points:
+            axes.plot(*zip(*points, strict=True), style, label=label)
+    axes.set(xlabel="frames", ylim=(-0.02, 1.02))
+    axes.grid(alpha=0.3)
+    if axes.lines:
+        axes.legend(loc="lower right")
+    figure.savefig(target, dpi=120, bbox_inches="tight")
+
+
+def _cell(value: float) -> str:
+    return repr(float(value)) if math.isfinite(value) else ""
+
+
+def _logger(name: str, folder: Path) -> Any:
+    if name == "tensorboard":
+        from torchrl.record.loggers.tensorboard import TensorboardLogger
+
+        return TensorboardLogger(exp_name="tensorboard", log_dir=str(folder))
+    from torchrl.record.loggers.wandb import WandbLogger
+
+    return WandbLogger(exp_name=folder.name, project="deixis", save_dir=str(folder))
