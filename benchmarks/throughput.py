@@ -1,0 +1,252 @@
+"""Our speed beside the raw loop's and the peers', side by side in one run.
+
+    pip install -e ".[bench]"
+    python benchmarks/throughput.py --write docs/throughput.md
+
+Every workload runs in a fresh process that prints one JSON line. Rounds are interleaved: each runs every
+workload once, and every second round runs them backwards, so that a busy neighbour favours nobody. A ratio is
+taken within each round; the table shows its median over the rounds, with the least and the greatest.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+QUICK_SHARE = 10  # `--quick` runs one part in so many of each workload's steps
+TIME_LIMIT = 900  # seconds a workload may take
+OURS, PEERS = "benchmarks.ours", "benchmarks.peers"
+PACKAGES = ("torch", "torchrl", "pybullet", "gymnasium", "numpy", "panda-gym", "stable-baselines3")
+
+Round = dict[str, dict[str, Any]]  # workload name -> the JSON object it printed, or {"error": ...}
+
+
+@dataclass(frozen=True)
+class Workload:
+    """One measured command: `python -m module name --steps steps`, pinned to `cores` cores."""
+
+    name: str
+    module: str
+    steps: int
+    cores: int = 1
+
+    def command(self, quick: bool) -> list[str]:
+        steps = max(self.steps // QUICK_SHARE, 1) if quick else self.steps
+        return [sys.executable, "-m", self.module, self.name, "--steps", str(steps)]
+
+
+@dataclass(frozen=True)
+class Promise:
+    """`over` / `under` round by round, or `over` alone, and the bound that the median is to keep."""
+
+    label: str
+    over: str
+    under: str
+    bound: float
+    at_most: bool = False
+
+    def values(self, rounds: Sequence[Round]) -> list[float]:
+        """One value for each round that measured both sides."""
+        names = [name for name in (self.over, self.under) if name]
+        whole = [entry for entry in rounds if all("rate" in entry.get(name, {}) for name in names)]
+        divisors = [entry[self.under]["rate"] if self.under else 1.0 for entry in whole]
+        return [entry[self.over]["rate"] / divisor for entry, divisor in zip(whole, divisors, strict=True)]
+
+    def row(self, rounds: Sequence[Round]) -> list[str]:
+        """Label, median, spread, bound, and whether it holds."""
+        values = self.values(rounds)
+        bound = f"{'<=' if self.at_most else '>='} {self.bound:g}"
+        if not values:
+            return [self.label, *spread(values), bound, "not measured"]
+        median = statistics.median(values)
+        holds = median <= self.bound if self.at_most else median >= self.bound
+        return [self.label, *spread(values), bound, "yes" if holds else "no"]
+
+
+# Neighbours in this list are measured one after the other, so the two sides of a ratio stand together.
+WORKLOADS = (
+    Workload("raw_kuka", OURS, 20_000),
+    Workload("env_kuka", OURS, 20_000),
+    Workload("collector_1", OURS, 20_000),
+    Workload("collector_2", OURS, 40_000, cores=2),
+    Workload("env_panda_matched", OURS, 10_000),
+    Workload("panda_gym_reach", PEERS, 5_000),
+    Workload("panda_gym_reach_lean", PEERS, 5_000),
+    Workload("env_panda_nl_matched", OURS, 10_000),
+    Workload("lanro_nl_reach", PEERS, 2_000),
+    Workload("ppo_frames", OURS, 40_960, cores=2),
+    Workload("sb3_ppo", PEERS, 8_192, cores=2),
+    Workload("sac_gradient_steps", OURS, 1_000, cores=2),
+    Workload("sb3_sac", PEERS, 500, cores=2),
+    Workload("sac_frames", OURS, 1_000, cores=2),
+    Workload("sb3_sac_frames", PEERS, 500, cores=2),
+    Workload("memory_per_world", OURS, 16),
+    Workload("reset_memory", OURS, 10_000),
+)
+PROMISES = (
+    Promise("env bare / raw loop (kuka, 1 core)", "env_kuka", "raw_kuka", 0.75),
+    Promise("collector with policy / env bare (1 core)", "collector_1", "env_kuka", 0.7),
+    Promise("collector, 2 workers / 1 worker", "collector_2", "collector_1", 1.5),
+    Promise("our panda reach / panda-gym", "env_panda_matched", "panda_gym_reach", 1.7),
+    Promise(
+        "the same, panda-gym with our few solver iterations", "env_panda_matched", "panda_gym_reach_lean", 1.0
+    ),
+    Promise("our panda nl_reach / lanro-gym", "env_panda_nl_matched", "lanro_nl_reach", 1.0),
+    Promise("PPO frames/s / stable-baselines3", "ppo_frames", "sb3_ppo", 4.0),
+    Promise("SAC gradient steps/s / stable-baselines3", "sac_gradient_steps", "sb3_sac", 1.5),
+    Promise("memory of a world while training, MiB", "memory_per_world", "", 45.0, at_most=True),
+    Promise("memory after 10 000 resets / before", "reset_memory", "", 1.05, at_most=True),
+)
+
+
+def _pin(cores: int) -> Callable[[], None]:
+    chosen = sorted(os.sched_getaffinity(0))[:cores]
+    return lambda: os.sched_setaffinity(0, chosen)
+
+
+def _last_result(output: str) -> dict[str, Any] | None:
+    """The last JSON object with a rate: PyBullet prints lines of its own beside it."""
+    for line in reversed(output.splitlines()):
+        if line.startswith("{") and '"rate"' in line:
+            return dict(json.loads(line))
+    return None
+
+
+def measure(workload: Workload, quick: bool) -> dict[str, Any]:
+    """Run a workload in a fresh process; what went wrong comes back under `error`."""
+    environment = {**os.environ, "OMP_NUM_THREADS": str(workload.cores), "PYTHONWARNINGS": "ignore"}
+    try:
+        done = subprocess.run(
+            workload.command(quick),
+            cwd=ROOT,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=TIME_LIMIT,
+            preexec_fn=_pin(workload.cores),
+        )
+    except subprocess.TimeoutExpired:
+        return {"error": f"took longer than {TIME_LIMIT} s"}
+    result = _last_result(done.stdout)
+    if done.returncode == 0 and result is not None:
+        return result
+    last_words = done.stderr.strip().splitlines() or ["printed no rate"]
+    return {"error": last_words[-1], "exit_code": done.returncode}
+
+
+def run_rounds(workloads: Sequence[Workload], repeats: int, quick: bool) -> list[Round]:
+    """Measure every workload once a round, every second round in reverse order."""
+    rounds: list[Round] = []
+    for index in range(repeats):
+        rounds.append({})
+        for workload in workloads if index % 2 == 0 else reversed(workloads):
+            result = measure(workload, quick)
+            rounds[-1][workload.name] = result
+            outcome = result.get("error") or f"{result['rate']:,.4g} {result['unit']}"
+            print(f"round {index + 1}/{repeats}  {workload.name:22} {outcome}", file=sys.stderr, flush=True)
+    return rounds
+
+
+def spread(values: Sequence[float]) -> tuple[str, str]:
+    """Median, and least to greatest, as text; dashes where nothing was measured."""
+    if not values:
+        return "-", "-"
+    return f"{statistics.median(values):,.4g}", f"{min(values):,.4g} - {max(values):,.4g}"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    lines = [head, ["---"] * len(head), *rows]
+    return ["| " + " | ".join(line) + " |" for line in lines]
+
+
+def rate_table(rounds: Sequence[Round]) -> list[str]:
+    """One row a workload: median, least to greatest, unit, number of rounds."""
+    rows = []
+    for name in [w.name for w in WORKLOADS if any(w.name in entry for entry in rounds)]:
+        found = [entry[name] for entry in rounds if "rate" in entry.get(name, {})]
+        unit = found[0]["unit"] if found else "failed"
+        rows.append([name, *spread([one["rate"] for one in found]), unit, str(len(found))])
+    return _table(["workload", "median", "least - greatest", "unit", "rounds"], rows)
+
+
+def promise_table(rounds: Sequence[Round]) -> list[str]:
+    """One row a promise that this run touched: what was measured, the bound, whether it holds."""
+    ran = set().union(*rounds)
+    touched = [promise for promise in PROMISES if ran & {promise.over, promise.under}]
+    head = ["what", "median", "least - greatest", "promised", "holds"]
+    return _table(head, [promise.row(rounds) for promise in touched])
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "absent"
+
+
+def machine() -> dict[str, Any]:
+    """What the figures were measured on."""
+    return {
+        "python": platform.python_version(),
+        "processor": platform.machine(),
+        "cores": len(os.sched_getaffinity(0)),
+        "load_before": os.getloadavg()[0],
+        "packages": {package: _version(package) for package in PACKAGES},
+    }
+
+
+def write(path: Path, about: dict[str, Any], rounds: Sequence[Round], tables: Sequence[str]) -> None:
+    """Write the tables to `path` (markdown) and everything measured to the JSON file beside it."""
+    command = " ".join(["python benchmarks/throughput.py", *sys.argv[1:]])
+    versions = ", ".join(f"{package} {version}" for package, version in about["packages"].items())
+    head = f"{about['cores']} cores, {about['processor']}, Python {about['python']}; {versions}."
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join(["# Throughput", "", f"`{command}`", "", head, "", *tables, ""]))
+    measured = {"command": command, "machine": about, "rounds": rounds}
+    path.with_suffix(".json").write_text(json.dumps(measured, indent=1) + "\n")
+
+
+def _chosen(names: str | None) -> list[Workload]:
+    if names is None:
+        return list(WORKLOADS)
+    known = {workload.name: workload for workload in WORKLOADS}
+    wanted = names.split(",")
+    unknown = [name for name in wanted if name not in known]
+    if unknown:
+        sys.exit(f"no workload {', '.join(unknown)}; there are {', '.join(known)}")
+    return [known[name] for name in known if name in wanted]
+
+
+def main() -> None:
+    """Measure, print both tables, and exit with 1 if a workload failed."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--repeats", type=int, default=5, help="rounds, 5 by default")
+    parser.add_argument("--only", metavar="NAME,NAME", help="these workloads alone")
+    parser.add_argument("--quick", action="store_true", help="a tenth of the steps, to see it run")
+    parser.add_argument("--write", type=Path, metavar="FILE.md", help="write markdown here, JSON beside it")
+    args = parser.parse_args()
+    if args.repeats < 1:
+        parser.error(f"--repeats={args.repeats}: at least one round is needed")
+    about = machine()
+    rounds = run_rounds(_chosen(args.only), args.repeats, args.quick)
+    tables = [*promise_table(rounds), "", *rate_table(rounds)]
+    print("\n".join(tables))
+    if args.write:
+        write(args.write, about, rounds, tables)
+    sys.exit(any("error" in result for entry in rounds for result in entry.values()))
+
+
+if __name__ == "__main__":
+    main()
