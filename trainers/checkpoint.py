@@ -29,7 +29,9 @@ def save(path: Path, payload: dict[str, Any]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     needed, free = 2 * _bytes(payload) + SPARE, shutil.disk_usage(path.parent).free
     if free < needed:
-        raise CheckpointError(f"{path}: {needed / 2**20:.0f} MiB are needed for a checkpoint, {free / 2**20:.0f} are free")
+        raise CheckpointError(
+            f"{path}: {needed / 2**20:.0f} MiB are needed for a checkpoint, {free / 2**20:.0f} are free"
+        )
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with open(beside, "wb") as file:
@@ -47,14 +49,18 @@ def load(path: Path) -> dict[str, Any]:
         raise CheckpointError(f"checkpoint {path} does not exist")
     try:
         with zipfile.ZipFile(path) as archive:
-            broken = archive.testzip()  # torch does not look at checksums: a flipped bit would load as a weight
+            broken = (
+                archive.testzip()
+            )  # torch does not look at checksums: a flipped bit would load as a weight
         if broken is not None:
             raise CheckpointError(f"checkpoint {path} is damaged (in {broken})")
         payload = torch.load(path, map_location="cpu", weights_only=True)
     except CheckpointError:
         raise
     except Exception as error:  # torch and zipfile name a bad file in a dozen ways
-        raise CheckpointError(f"checkpoint {path} is damaged, or is no checkpoint of ours: {_first(error)}") from None
+        raise CheckpointError(
+            f"checkpoint {path} is damaged, or is no checkpoint of ours: {_first(error)}"
+        ) from None
     return _known(path, payload)
 
 
@@ -78,7 +84,9 @@ def find(path: Path, name: str = "last") -> Path:
 def widths(observation_spec: Any, action_spec: Any) -> dict[str, list[int]]:
     """The shapes of one world that a network is built for."""
     names = ("robot", "objects", "instruction")
-    return {name: list(observation_spec[name].shape[1:]) for name in names} | {"action": list(action_spec.shape[1:])}
+    return {name: list(observation_spec[name].shape[1:]) for name in names} | {
+        "action": list(action_spec.shape[1:])
+    }
 
 
 def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str, list[int]]) -> None:
@@ -89,7 +97,11 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
     theirs = payload["vocabulary"]
     if list(theirs) != list(vocabulary):
         extra, missing = sorted(set(theirs) - set(vocabulary)), sorted(set(vocabulary) - set(theirs))
-        what = f"it has {extra or 'no others'} and lacks {missing or 'none'}" if extra or missing else "in another order"
+        what = (
+            f"it has {extra or 'no others'} and lacks {missing or 'none'}"
+            if extra or missing
+            else "in another order"
+        )
         raise CheckpointError(f"the checkpoint was trained with another vocabulary: {what}")
     for name, shape in shapes.items():
         if payload["widths"].get(name) != shape:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -15,7 +15,7 @@ from torchrl.collectors import Collector, MultiSyncCollector
 from torchrl.envs import EnvBase
 
 from trainers.config import CollectorConfig, workers
-from trainers.policy import Policy, copy_
+from trainers.policy import Policy
 
 MakeEnv = Callable[[int, int], EnvBase]  # worlds, seed
 
@@ -39,7 +39,9 @@ class Rollouts:
     The policy acts on the CPU, where the worlds are, whatever device it learns on.
     """
 
-    def __init__(self, make_env: MakeEnv, policy: Policy, config: CollectorConfig, horizon: int, seed: int) -> None:
+    def __init__(
+        self, make_env: MakeEnv, policy: Policy, config: CollectorConfig, horizon: int, seed: int
+    ) -> None:
         self.acting = copy.deepcopy(policy).cpu()
         count = workers(config)
         common: dict[str, Any] = {
@@ -61,7 +63,7 @@ class Rollouts:
 
     def sync(self, policy: Policy) -> None:
         """Collect with these weights from now on."""
-        copy_(self.acting, policy)
+        self.acting.load_state_dict(policy.state_dict())
         if self.processes:
             self.collector.update_policy_weights_()
 
@@ -93,10 +95,20 @@ def _in_worker(make_env: MakeEnv, worlds: int, seed: int) -> EnvBase:
 
 
 class Episodes:
-    """What the episodes that ended in a batch came to; those still running are carried over to the next."""
+    """What the episodes that ended in a batch came to; those still running are carried over to the next.
 
-    def __init__(self) -> None:
+    reward_names: what the columns of reward_terms are.
+    """
+
+    def __init__(self, reward_names: Sequence[str] = ()) -> None:
+        self.reward_names = reward_names
         self.running: np.ndarray | None = None
+
+    @property
+    def metrics(self) -> tuple[str, ...]:
+        """The names that `measure` returns."""
+        names = ("success", "wrong_object", "return", "length", "episodes")
+        return (*(f"train/{name}" for name in names), *(f"reward/{name}" for name in self.reward_names))
 
     def measure(self, batch: TensorDictBase) -> dict[str, float]:
         """Means over the episodes ended in a batch (worlds, steps), and over its steps for the named rewards.
@@ -105,25 +117,19 @@ class Episodes:
         """
         after = batch["next"]
         done = after["done"].squeeze(-1).numpy()
-        ended = {name: after[name].squeeze(-1).numpy()[done] for name in ("success", "wrong_object", "step_count")}
-        returns = self._returns(after["reward"].squeeze(-1).numpy(), done)
-        means = {
-            "train/success": ended["success"],
-            "train/wrong_object": ended["wrong_object"],
-            "train/length": ended["step_count"],
-            "train/return": returns,
-        }
-        out = {name: float(values.mean()) if len(values) else float("nan") for name, values in means.items()}
-        out["train/episodes"] = float(done.sum())
-        terms = {f"reward/{name}": float(value.mean()) for name, value in after["reward_terms"].items()}
-        return out | terms
+        total, length = self._accumulate(after["reward"].squeeze(-1).numpy(), done)
+        flags = (after[name].squeeze(-1).numpy()[done] for name in ("success", "wrong_object"))
+        means = [float(x.mean()) if len(x) else float("nan") for x in (*flags, total, length)]
+        terms = after["reward_terms"].flatten(0, 1).mean(0).tolist() if self.reward_names else []
+        return dict(zip(self.metrics, [*means, float(done.sum()), *terms], strict=True))
 
-    def _returns(self, reward: np.ndarray, done: np.ndarray) -> np.ndarray:
-        total = np.zeros(len(reward)) if self.running is None else self.running
+    def _accumulate(self, reward: np.ndarray, done: np.ndarray) -> np.ndarray:
+        """Returns and lengths (2, ended) of the episodes that ended, step by step over (worlds, steps)."""
+        running = np.zeros((2, len(reward))) if self.running is None else self.running
         ended = []
         for r, d in zip(reward.T, done.T, strict=True):
-            total = total + r
-            ended.append(total[d])
-            total = np.where(d, 0.0, total)
-        self.running = total
-        return np.concatenate(ended)
+            running = running + np.stack([r, np.ones_like(r)])
+            ended.append(running[:, d])
+            running = np.where(d, 0.0, running)
+        self.running = running
+        return np.concatenate(ended, axis=1)

@@ -13,12 +13,12 @@ from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 class NetworkConfig(Checked):
     """What every policy has: an actor, a critic and an exploration width."""
 
-    hidden: list[int] = within(1, 4096)  # widths of the actor's hidden layers
-    critic_hidden: list[int] = within(1, 4096)
-    activation: str = one_of("tanh", "relu", "elu")
     privileged_critic: bool  # the critic is shown the goal itself; only losses ever ask it
-    initial_std: float = within(0.01, 2.0)  # of the exploration noise, in units of the action in [-1, 1]
     state_dependent_std: bool
+    hidden: list[int] = within(1, 4096)  # noqa: RUF009  widths of the actor's hidden layers
+    critic_hidden: list[int] = within(1, 4096)  # noqa: RUF009
+    activation: str = one_of("tanh", "relu", "elu")
+    initial_std: float = within(0.01, 2.0)  # of the exploration noise, in units of the action in [-1, 1]
 
 
 @dataclass(frozen=True)
@@ -42,12 +42,12 @@ class MLPConfig(NetworkConfig):
 class PPOConfig(Checked):
     """Proximal policy optimisation, Schulman et al. 2017 (arXiv:1707.06347)."""
 
+    anneal_lr: bool  # linearly to zero over the run
     name: str = one_of("ppo")
     horizon: int = within(2, 4096)  # steps of each world between updates
     epochs: int = within(1, 100)
     minibatch: int = within(2)
     lr: float = within(1e-7, 1.0)
-    anneal_lr: bool  # linearly to zero over the run
     gamma: float = within(0.0, 1.0)
     lmbda: float = within(0.0, 1.0)
     clip: float = within(1e-3, 1.0)
@@ -94,11 +94,11 @@ class EvalConfig(Checked):
 
 @dataclass(frozen=True)
 class RunConfig(Checked):
+    device: str  # of the updates: cpu, cuda, cuda:1; worlds stay on the CPU
     total_frames: int = within(1)  # control steps over all worlds
     seed: int = within(0, 2**31 - 1)
-    device: str  # of the updates: cpu, cuda, cuda:1; worlds stay on the CPU
     update_threads: int = within(0, 1024)  # CPU threads of an update; 0 = one per core
-    logger: list[str] = one_of("tensorboard", "wandb")  # beside metrics.csv
+    logger: list[str] = one_of("tensorboard", "wandb")  # noqa: RUF009  beside metrics.csv
 
 
 PolicyConfig = GroundedConfig | MLPConfig
@@ -155,8 +155,10 @@ def _check_together(plan: Plan) -> None:
     batch = frames_per_batch(plan)
     if isinstance(plan.algo, PPOConfig) and plan.algo.minibatch > batch:
         raise ConfigError(
-            f"algo.minibatch={plan.algo.minibatch} is more than the {batch} frames of a batch: lower it, or raise "
-            "algo.horizon or collector.worlds"
+            f"algo.minibatch={plan.algo.minibatch} is more than the {batch} frames of a batch: "
+            "lower it, or raise algo.horizon or collector.worlds"
         )
     if isinstance(plan.algo, SACConfig) and plan.algo.buffer < max(batch, plan.algo.batch):
-        raise ConfigError(f"algo.buffer={plan.algo.buffer} must hold a batch of {max(batch, plan.algo.batch)} frames")
+        raise ConfigError(
+            f"algo.buffer={plan.algo.buffer} must hold a batch of {max(batch, plan.algo.batch)} frames"
+        )

@@ -96,9 +96,15 @@ def evaluate(
 
 
 @torch.no_grad()
-def _play(env: EnvBase, policy: TensorDictModuleBase, left: list[int], stop: Callable[[], bool]) -> list[Episode]:
+def _play(
+    env: EnvBase, policy: TensorDictModuleBase, left: list[int], stop: Callable[[], bool]
+) -> list[Episode]:
     worlds = len(left)
-    total, once, length = torch.zeros(worlds), torch.zeros(worlds, dtype=torch.bool), torch.zeros(worlds, dtype=torch.int64)
+    total, once, length = (
+        torch.zeros(worlds),
+        torch.zeros(worlds, dtype=torch.bool),
+        torch.zeros(worlds, dtype=torch.int64),
+    )
     ended: list[Episode] = []
     state = env.reset()
     with set_exploration_type(ExplorationType.DETERMINISTIC):

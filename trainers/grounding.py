@@ -19,20 +19,26 @@ FAR = -1e9  # the logit of what is not there: finite, so that an empty sentence 
 class Asker(nn.Module):
     """An instruction (N, L) int64, 0 = pad, to three queries (N, 3, E): the referent, its anchor, the relation."""
 
+    hash: Tensor
+
     def __init__(self, vocabulary: int, length: int, width: int) -> None:
         super().__init__()
         self.embed = nn.Embedding(vocabulary, width, padding_idx=0)
         self.place = nn.Parameter(0.1 * torch.randn(length, width))
         self.near = nn.ModuleList(nn.Conv1d(width, width, 3, padding=1) for _ in range(2))
         self.roles = nn.Linear(width, 3)
-        self.register_buffer("hash", torch.randint(2**62, (length,), generator=torch.Generator().manual_seed(1)))
+        self.register_buffer(
+            "hash", torch.randint(2**62, (length,), generator=torch.Generator().manual_seed(1))
+        )
 
     def forward(self, tokens: Tensor) -> Tensor:
         # One episode says the same words at every step, so a training batch holds few sentences many times over.
         if len(tokens) <= 64:
             return self.encode(tokens)
         _, copy = torch.unique((tokens * self.hash).sum(-1), return_inverse=True)
-        first = copy.new_empty(int(copy.max()) + 1).scatter_(0, copy, torch.arange(len(copy), device=copy.device))
+        first = copy.new_empty(int(copy.max()) + 1).scatter_(
+            0, copy, torch.arange(len(copy), device=copy.device)
+        )
         return self.encode(tokens[first])[copy]
 
     def encode(self, tokens: Tensor) -> Tensor:
@@ -57,7 +63,9 @@ class Grounder(nn.Module):
         self.objects, self.outputs = objects, row
         self.ask = Asker(vocabulary, length, embedding)
         self.slot = mlp(row, [width], width)
-        self.linear = nn.Linear(row, width)  # positions pass unbent, so that "left of" is one subtraction away
+        self.linear = nn.Linear(
+            row, width
+        )  # positions pass unbent, so that "left of" is one subtraction away
         self.match = nn.Linear(embedding, width)
         self.relate = mlp(3 * width + embedding, [width], 1)
         self.scale = width**-0.5

@@ -22,7 +22,9 @@ class DivergedError(RuntimeError):
 class Algorithm(Protocol):
     """A learner: fed each batch that the workers collect."""
 
-    metrics: tuple[str, ...]  # the names that `update` may return
+    @property
+    def metrics(self) -> tuple[str, ...]:
+        """The names that `update` may return."""
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
         """Learn from a batch (worlds, steps). progress: the part of the run that is over, in [0, 1]."""

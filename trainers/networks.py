@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
@@ -16,7 +17,7 @@ def mlp(inputs: int, hidden: Sequence[int], outputs: int, activation: str = "rel
     """Linear layers with the activation between them; the last one is bare."""
     widths = [inputs, *hidden]
     layers: list[nn.Module] = []
-    for a, b in zip(widths, widths[1:], strict=False):
+    for a, b in pairwise(widths):
         layers += [nn.Linear(a, b), ACTIVATIONS[activation]()]
     return nn.Sequential(*layers, nn.Linear(widths[-1], outputs))
 
@@ -26,6 +27,9 @@ class Normalise(nn.Module):
 
     spec: a bounded leaf of shape (N, ...), the same bounds for every world.
     """
+
+    centre: Tensor
+    gain: Tensor
 
     def __init__(self, spec: TensorSpec) -> None:
         super().__init__()
@@ -38,7 +42,7 @@ class Normalise(nn.Module):
         self.register_buffer("gain", torch.where(half > 0, 1 / half, torch.zeros_like(half)))
 
     def forward(self, x: Tensor) -> Tensor:
-        return (x - self.centre) * self.gain  # type: ignore[operator]
+        return (x - self.centre) * self.gain
 
 
 class Gaussian(nn.Module):
@@ -48,7 +52,14 @@ class Gaussian(nn.Module):
     """
 
     def __init__(
-        self, robot: Normalise, context: int, hidden: Sequence[int], actions: int, activation: str, std: float, by_state: bool
+        self,
+        robot: Normalise,
+        context: int,
+        hidden: Sequence[int],
+        actions: int,
+        activation: str,
+        std: float,
+        by_state: bool,
     ) -> None:
         super().__init__()
         self.robot, self.by_state = robot, by_state
@@ -74,7 +85,13 @@ class Critic(nn.Module):
     """
 
     def __init__(
-        self, robot: Normalise, aim: Normalise | int, actions: int, hidden: Sequence[int], activation: str, heads: int
+        self,
+        robot: Normalise,
+        aim: Normalise | int,
+        actions: int,
+        hidden: Sequence[int],
+        activation: str,
+        heads: int,
     ) -> None:
         super().__init__()
         self.robot = robot

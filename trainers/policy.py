@@ -10,7 +10,6 @@ it is thrown away after training.
 
 from __future__ import annotations
 
-import torch
 from tensordict.nn import InteractionType, TensorDictModule, TensorDictSequential
 from torch import Tensor, nn
 from torchrl.data import Composite, TensorSpec
@@ -55,7 +54,9 @@ class Policy(nn.Module):
         return self.actor[0].module
 
 
-def build(config: PolicyConfig, observation_spec: Composite, action_spec: TensorSpec, squash: bool = False) -> Policy:
+def build(
+    config: PolicyConfig, observation_spec: Composite, action_spec: TensorSpec, squash: bool = False
+) -> Policy:
     """A policy for these specs.
 
     squash: actions are the tanh of a normal (SAC) instead of a clamped normal (PPO).
@@ -86,18 +87,20 @@ def build_value(config: PolicyConfig, policy: Policy, observation_spec: Composit
     """A state value: writes state_value (N, 1)."""
     robot, aim = _judged(config, policy, observation_spec)
     value = Value(robot, aim, 0, config.critic_hidden, config.activation, heads=1)
-    return TensorDictModule(value, in_keys=aim_keys(config, policy), out_keys=["state_value"])
+    return TensorDictModule(value, in_keys=["robot", aim_key(config, policy)], out_keys=["state_value"])
 
 
-def build_q(config: PolicyConfig, policy: Policy, observation_spec: Composite, action_spec: TensorSpec) -> Critic:
+def build_q(
+    config: PolicyConfig, policy: Policy, observation_spec: Composite, action_spec: TensorSpec
+) -> Critic:
     """Two action values on (robot, aim, action): (2, N, 1)."""
     robot, aim = _judged(config, policy, observation_spec)
     return Critic(robot, aim, action_spec.shape[-1], config.critic_hidden, config.activation, heads=2)
 
 
-def aim_keys(config: PolicyConfig, policy: Policy) -> list[str | tuple[str, str]]:
-    """What a critic reads beside the action."""
-    return ["robot", GOAL if config.privileged_critic else policy.context]
+def aim_key(config: PolicyConfig, policy: Policy) -> str | tuple[str, str]:
+    """What a critic judges the robot by: the goal itself, or what the policy makes of the words."""
+    return GOAL if config.privileged_critic else policy.context
 
 
 def _judged(config: PolicyConfig, policy: Policy, spec: Composite) -> tuple[Normalise, Normalise | int]:
@@ -114,12 +117,6 @@ def _encoder(config: PolicyConfig, spec: Composite) -> TensorDictModule:
     return TensorDictModule(flat, in_keys=SEEN, out_keys=["scene"])
 
 
-def parameters(*modules: nn.Module) -> list[nn.Parameter]:
+def parameters(*modules: nn.Module) -> list[Tensor]:
     """The distinct trainable parameters of the modules."""
     return list(dict.fromkeys(p for module in modules for p in module.parameters() if p.requires_grad))
-
-
-@torch.no_grad()
-def copy_(target: nn.Module, source: nn.Module) -> None:
-    """Overwrite the parameters and buffers of `target`, on any device, with those of `source`."""
-    target.load_state_dict(source.state_dict())

@@ -45,7 +45,9 @@ class PPO:
         self.parameters = parameters(policy, critic)
         self.optimizer = torch.optim.Adam(self.parameters, lr=config.lr, fused=True)
         self.device = self.parameters[0].device
-        self.kept = dict.fromkeys([*SEEN, "robot", "sample", "sample_log_prob", *critic.in_keys, *learned_from(config)])
+        self.kept = dict.fromkeys(
+            [*SEEN, "robot", "sample", "sample_log_prob", *critic.in_keys, *learned_from(config)]
+        )
         self.kept.pop(policy.context, None)
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
@@ -106,13 +108,11 @@ class PPO:
 
     def state_dict(self) -> dict:
         """Everything that learning goes on from."""
-        parts = {"policy": self.policy, "critic": self.critic, "optimizer": self.optimizer}
-        return {name: part.state_dict() for name, part in parts.items()}
+        return {name: getattr(self, name).state_dict() for name in ("policy", "critic", "optimizer")}
 
     def load_state_dict(self, state: dict) -> None:
-        self.policy.load_state_dict(state["policy"])
-        self.critic.load_state_dict(state["critic"])
-        self.optimizer.load_state_dict(state["optimizer"])
+        for name in ("policy", "critic", "optimizer"):
+            getattr(self, name).load_state_dict(state[name])
 
 
 def advantages(

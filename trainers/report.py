@@ -20,7 +20,9 @@ class Metrics:
     nothing to measure. after: on resuming, rows of more frames than this are dropped, since they come again.
     """
 
-    def __init__(self, folder: Path, columns: Sequence[str], loggers: Iterable[str] = (), after: int | None = None) -> None:
+    def __init__(
+        self, folder: Path, columns: Sequence[str], loggers: Iterable[str] = (), after: int | None = None
+    ) -> None:
         self.path, self.columns = folder / "metrics.csv", list(columns)
         kept = [] if after is None else [row for row in read_metrics(self.path) if row["frames"] <= after]
         self.file = open(self.path, "w", newline="")  # noqa: SIM115

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 import torch
 import torch.nn.functional as F
@@ -26,18 +28,30 @@ from trainers.policy import SEEN, Policy, parameters
 class SAC:
     """critic: two action values on (robot, aim, action). aim: the key of what it judges by."""
 
-    metrics = ("loss/actor", "loss/critic", "loss/alpha", "entropy", "alpha", "q", "updates", *learning.METRICS)
+    metrics = (
+        "loss/actor",
+        "loss/critic",
+        "loss/alpha",
+        "entropy",
+        "alpha",
+        "q",
+        "updates",
+        *learning.METRICS,
+    )
 
     def __init__(self, config: SACConfig, policy: Policy, critic: Critic, aim: str | tuple[str, str]) -> None:
         self.config, self.policy, self.critic, self.aim = config, policy, critic, aim
         self.target = copy.deepcopy(critic).requires_grad_(False)
         self.actor_parameters, self.critic_parameters = parameters(policy), parameters(critic)
+        self.target_parameters: list[Tensor] = list(self.target.parameters())
         self.device = self.actor_parameters[0].device
         self.log_alpha = torch.tensor(math.log(config.initial_alpha), device=self.device, requires_grad=True)
         learned = [*self.actor_parameters, *self.critic_parameters, self.log_alpha]
         self.optimizer = torch.optim.Adam(learned, lr=config.lr, fused=True)
         self.wanted_entropy = config.target_entropy * policy.gaussian.log_std.numel()
-        self.memory = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer, device=self.device), batch_size=config.batch)
+        self.memory = TensorDictReplayBuffer(
+            storage=LazyTensorStorage(config.buffer, device=self.device)
+        )
         self.owed = 0.0  # gradient steps earned by frames and not yet taken
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
@@ -60,7 +74,9 @@ class SAC:
         aim = [] if self.aim == self.policy.context else [self.aim]
         taught = [("privileged", "referent")] if self.config.grounding_weight else []
         seen = [*SEEN, "robot", *aim]
-        after = [("next", *(key if isinstance(key, tuple) else (key,))) for key in [*seen, "reward", "terminated"]]
+        after = [
+            ("next", *(key if isinstance(key, tuple) else (key,))) for key in [*seen, "reward", "terminated"]
+        ]
         self.memory.extend(batch.select(*seen, "action", *taught, *after).reshape(-1))
 
     def step(self, frames: TensorDictBase) -> dict[str, Tensor]:
@@ -75,7 +91,7 @@ class SAC:
         nn.utils.clip_grad_norm_(self.actor_parameters, self.config.max_grad_norm)
         self.optimizer.step()
         with torch.no_grad():
-            torch._foreach_lerp_(list(self.target.parameters()), self.critic_parameters, self.config.tau)
+            torch._foreach_lerp_(self.target_parameters, self.critic_parameters, self.config.tau)
         return {name: value.detach() for name, value in measured.items()}
 
     def losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
@@ -110,8 +126,15 @@ class SAC:
 
     def state_dict(self) -> dict:
         """Everything that learning goes on from, without the memory."""
-        parts = {"policy": self.policy, "critic": self.critic, "target": self.target, "optimizer": self.optimizer}
-        return {name: part.state_dict() for name, part in parts.items()} | {"log_alpha": self.log_alpha.detach()}
+        parts = {
+            "policy": self.policy,
+            "critic": self.critic,
+            "target": self.target,
+            "optimizer": self.optimizer,
+        }
+        return {name: part.state_dict() for name, part in parts.items()} | {
+            "log_alpha": self.log_alpha.detach()
+        }
 
     def load_state_dict(self, state: dict) -> None:
         for name in ("policy", "critic", "target", "optimizer"):
@@ -120,18 +143,15 @@ class SAC:
             self.log_alpha.copy_(state["log_alpha"])
 
 
-class frozen:  # noqa: N801
+@contextmanager
+def frozen(parameters: Iterable[Tensor]) -> Iterator[None]:
     """Within this block the parameters take no gradients, while what flows through them does."""
-
-    def __init__(self, parameters: list[nn.Parameter]) -> None:
-        self.parameters = parameters
-
-    def __enter__(self) -> None:
-        for parameter in self.parameters:
-            parameter.requires_grad_(False)
-
-    def __exit__(self, *error: object) -> None:
-        for parameter in self.parameters:
+    for parameter in parameters:
+        parameter.requires_grad_(False)
+    try:
+        yield
+    finally:
+        for parameter in parameters:
             parameter.requires_grad_(True)
 
 

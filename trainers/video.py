@@ -21,12 +21,12 @@ def record(env: EnvBase, policy: TensorDictModuleBase, path: Path, episodes: int
 
     env: built for rendering. fps: control steps a second, for a film in real time.
     """
-    import imageio
+    from imageio.v2 import get_writer
 
     outcomes: list[str] = []
     state = env.reset()
     with (
-        imageio.get_writer(path, fps=fps, macro_block_size=2) as film,
+        get_writer(path, fps=fps, macro_block_size=2) as film,
         set_exploration_type(ExplorationType.DETERMINISTIC),
     ):
         while len(outcomes) < episodes:
@@ -53,7 +53,9 @@ def outcome(after: TensorDictBase) -> str:
     """How the episode of world 0 that ended in this step went."""
     if after["success"][0]:
         return "success"
-    return "wrong object" if after["wrong_object"][0] else "out of time" if after["truncated"][0] else "failed"
+    return (
+        "wrong object" if after["wrong_object"][0] else "out of time" if after["truncated"][0] else "failed"
+    )
 
 
 def caption(frame: np.ndarray, sentence: str, ending: str = "") -> np.ndarray:

@@ -20,6 +20,7 @@ class FakeEnv(EnvBase):
     """poison: the reward becomes NaN after so many steps. nap: seconds each step takes."""
 
     kind_names = ("odd", "even")
+    reward_names = ("there", "near")
 
     def __init__(self, worlds: int, seed: int, poison: int = 0, nap: float = 0.0) -> None:
         super().__init__(batch_size=[worlds])
@@ -48,7 +49,7 @@ class FakeEnv(EnvBase):
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: object) -> TensorDictBase:
         fresh = self._fresh()
         mask = torch.ones(self.batch_size, dtype=torch.bool)
-        if tensordict is not None and "_reset" in tensordict.keys():
+        if tensordict is not None and "_reset" in tensordict.keys():  # noqa: SIM118
             mask = tensordict["_reset"].squeeze(-1)
         for name, value in fresh.items():
             choose = mask.reshape(-1, *[1] * (value.ndim - 1))
@@ -69,7 +70,9 @@ class FakeEnv(EnvBase):
         distance = (world["places"] - world["hand"].unsqueeze(1)).norm(dim=-1)
         wanted = distance[rows, world["referent"]].unsqueeze(-1)
         success, nearest = wanted < NEAR, distance.argmin(-1)
-        wrong = (distance.min(-1).values < NEAR / 2).unsqueeze(-1) & (nearest != world["referent"]).unsqueeze(-1)
+        wrong = (distance.min(-1).values < NEAR / 2).unsqueeze(-1) & (nearest != world["referent"]).unsqueeze(
+            -1
+        )
         wrong &= ~success
         truncated = (world["step"] >= MAX_STEPS).unsqueeze(-1) & ~success & ~wrong
         reward = success.float() - 0.1 * wanted
@@ -107,8 +110,7 @@ class FakeEnv(EnvBase):
                 "success": success.clone(),
                 "wrong_object": wrong.clone(),
                 "at_goal": at_goal.clone(),
-                "reward_terms": {"all": reward.clone()},
-                "step_count": world["step"].unsqueeze(-1).clone(),
+                "reward_terms": torch.cat([success.float(), reward - success.float()], -1),
             },
             self.batch_size,
         )
@@ -137,8 +139,7 @@ def _observations(n: int) -> Composite:
         success=flag,
         wrong_object=flag.clone(),
         at_goal=flag.clone(),
-        reward_terms=Composite(all=Unbounded((n, 1)), shape=[n]),
-        step_count=Unbounded((n, 1), dtype=torch.int64),
+        reward_terms=Unbounded((n, 2)),
         shape=[n],
     )
 

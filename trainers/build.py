@@ -1,0 +1,48 @@
+"""A plan and the specs to a policy and the algorithm that teaches it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torchrl.data import Composite, TensorSpec
+
+from conf.schema import ConfigError
+from trainers.config import Plan, PPOConfig
+from trainers.learning import Algorithm
+from trainers.policy import Policy, aim_key, build, build_q, build_value
+from trainers.ppo import PPO
+from trainers.sac import SAC
+
+
+def build_algorithm(
+    plan: Plan, observation_spec: Composite, action_spec: TensorSpec
+) -> tuple[Policy, Algorithm]:
+    """Networks on run.device, with the learner around them."""
+    config, device = plan.policy, find_device(plan.run.device)
+    if isinstance(plan.algo, PPOConfig):
+        policy = build(config, observation_spec, action_spec).to(device)
+        value = build_value(config, policy, observation_spec).to(device)
+        return policy, PPO(plan.algo, policy, value)
+    policy = build(config, observation_spec, action_spec, squash=True).to(device)
+    critic = build_q(config, policy, observation_spec, action_spec).to(device)
+    return policy, SAC(plan.algo, policy, critic, aim_key(config, policy))
+
+
+def restore_policy(
+    plan: Plan, observation_spec: Composite, action_spec: TensorSpec, payload: dict[str, Any]
+) -> Policy:
+    """The policy of a checkpoint (`checkpoint.load`, then `check_fits`), to act on the CPU."""
+    policy = build(plan.policy, observation_spec, action_spec, squash=not isinstance(plan.algo, PPOConfig))
+    policy.load_state_dict(payload["algorithm"]["policy"])
+    return policy
+
+
+def find_device(name: str) -> torch.device:
+    """The torch device of run.device. Raises ConfigError for one that is not here."""
+    try:
+        device = torch.device(name)
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise ConfigError(f"device={name} cannot be used: {str(error).splitlines()[0]}") from None
+    return device

@@ -1,0 +1,261 @@
+"""collect ─► update ─► evaluate ─► report, until the frames are spent or somebody asks to stop."""
+
+from __future__ import annotations
+
+import copy
+import math
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+from tensordict.nn import TensorDictModuleBase
+from torchrl.envs import EnvBase
+from tqdm import tqdm
+
+from trainers import checkpoint
+from trainers.build import build_algorithm
+from trainers.collection import Episodes, MakeEnv, Rollouts, derive_seed
+from trainers.config import Plan, cores, frames_per_batch
+from trainers.evaluation import EvalResult, Interrupted, evaluate
+from trainers.learning import DivergedError
+from trainers.policy import Policy
+from trainers.report import EVALUATED, Metrics, learning_curve, write_json
+from trainers.video import record
+
+TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/total", "time/frames_per_s")
+
+
+class Stop:
+    """Turns SIGINT and SIGTERM into a question that the loop asks where it can answer. A context manager."""
+
+    def __init__(self) -> None:
+        self.signal = 0
+
+    def __enter__(self) -> Stop:
+        self.former = {
+            number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)
+        }
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for number, handler in self.former.items():
+            signal.signal(number, handler)
+
+    def __call__(self) -> bool:
+        return bool(self.signal)
+
+    def _note(self, number: int, _frame: object) -> None:
+        self.signal = number
+
+
+class Run:
+    """One training run. `fit` is the way in; this holds what its steps share.
+
+    counters: plain numbers that a resumed run goes on from.
+    """
+
+    def __init__(
+        self, plan: Plan, make_env: MakeEnv, folder: Path, config: dict[str, Any], vocabulary: list[str]
+    ) -> None:
+        self.plan, self.make_env, self.folder = plan, make_env, folder
+        self.config, self.vocabulary = config, vocabulary
+        self.counters: dict[str, Any] = {
+            "frames": 0,
+            "iteration": 0,
+            "evaluations": 0,
+            "best": -1.0,
+            "seconds": 0.0,
+        }
+        torch.manual_seed(plan.run.seed)
+        self.judge = make_env(plan.eval.worlds, derive_seed(plan.run.seed, 0, evaluation=True))
+        self.policy, self.algorithm = build_algorithm(
+            plan, self.judge.observation_spec, self.judge.action_spec
+        )
+        self.widths = checkpoint.widths(self.judge.observation_spec, self.judge.action_spec)
+        self.episodes = Episodes(self.judge.reward_names)
+
+    def resume(self, path: Path) -> None:
+        """Go on from the checkpoint. The worlds begin new episodes. Raises CheckpointError."""
+        state = checkpoint.load(path)
+        checkpoint.check_fits(state, self.vocabulary, self.widths)
+        try:
+            self.algorithm.load_state_dict(state["algorithm"])
+        except (KeyError, RuntimeError, ValueError) as error:
+            text = str(error).splitlines()[-1].strip()
+            raise checkpoint.CheckpointError(
+                f"{path} was trained with another algo or policy: {text}"
+            ) from None
+        self.counters |= state["counters"]
+        torch.set_rng_state(state["rng"])
+
+    def save(self, name: str) -> Path:
+        """Write checkpoints/<name>.pt."""
+        path = self.folder / "checkpoints" / f"{name}.pt"
+        payload = {
+            "config": self.config,
+            "vocabulary": list(self.vocabulary),
+            "widths": self.widths,
+            "algorithm": self.algorithm.state_dict(),
+            "counters": dict(self.counters),
+            "rng": torch.get_rng_state(),
+        }
+        checkpoint.save(path, payload)
+        return path
+
+    def train(self, metrics: Metrics, stop: Stop, bar: tqdm) -> None:
+        """Until total_frames. Raises Interrupted between two updates, DivergedError, CollectionError."""
+        seed = derive_seed(self.plan.run.seed, self.counters["iteration"])
+        rollouts = Rollouts(self.make_env, self.policy, self.plan.collector, self.plan.algo.horizon, seed)
+        try:
+            while self.counters["frames"] < self.plan.run.total_frames:
+                row = self.iterate(rollouts, stop)
+                metrics.write(row)
+                show(bar, row)
+                if stop():
+                    raise Interrupted
+        finally:
+            rollouts.close()
+
+    def iterate(self, rollouts: Rollouts, stop: Stop) -> dict[str, float]:
+        """One batch, one update, and an evaluation where one is due. What was measured."""
+        began = time.perf_counter()
+        rollouts.sync(self.policy)
+        batch = rollouts.next()
+        collected = time.perf_counter()
+        torch.set_num_threads(self.plan.run.update_threads or cores())  # the workers are idle now
+        progress = self.counters["frames"] / self.plan.run.total_frames
+        learned = self.algorithm.update(batch, min(progress, 1.0))
+        updated = time.perf_counter()
+        torch.set_num_threads(1)
+        self.counters["frames"] += batch.numel()
+        self.counters["iteration"] += 1
+        row = {"frames": self.counters["frames"], **self.episodes.measure(batch), **learned}
+        row |= self.evaluate_if_due(stop)
+        ended = time.perf_counter()
+        self.counters["seconds"] += ended - began
+        times = (collected - began, updated - collected, ended - updated, self.counters["seconds"])
+        return row | dict(zip(TIMINGS, (*times, batch.numel() / (updated - began)), strict=True))
+
+    def evaluate_if_due(self, stop: Stop) -> dict[str, float]:
+        """Judge the deterministic policy once an interval, and keep it as "best" if it is; save "last" either way."""
+        frames, interval = self.counters["frames"], self.plan.eval.interval
+        if (
+            frames // interval == (frames - frames_per_batch(self.plan)) // interval
+            and frames < self.plan.run.total_frames
+        ):
+            return {}
+        self.counters["evaluations"] += 1
+        result = self.evaluate(self.plan.eval.interval_episodes, self.counters["evaluations"], stop)
+        if result.success_at_end >= self.counters["best"]:  # of equals the later one
+            self.counters["best"] = result.success_at_end
+            self.save("best")
+        self.save("last")
+        return {f"eval/{name}": getattr(result, name) for name in EVALUATED}
+
+    def evaluate(self, episodes: int, index: int, stop: Stop) -> EvalResult:
+        """Episodes of evaluation `index`: none of them is ever trained on, or seen by another evaluation."""
+        seed = derive_seed(self.plan.run.seed, index, evaluation=True)
+        return evaluate(self.judge, _on_cpu(self.policy), episodes, seed, stop)
+
+    def finish(self, stop: Stop, make_video_env: Callable[[], EnvBase] | None) -> dict[str, Any]:
+        """Judge the best policy over eval.episodes fresh episodes and leave eval.json, the curve and the film."""
+        best = checkpoint.load(checkpoint.find(self.folder, "best"))
+        self.policy.load_state_dict(best["algorithm"]["policy"])
+        result = self.evaluate(self.plan.eval.episodes, 0, stop).as_dict()
+        frames, seconds = self.counters["frames"], self.counters["seconds"]
+        result |= {"frames": frames, "wall_s": seconds, "frames_per_s": frames / max(seconds, 1e-9)}
+        result |= {"best_frames": best["counters"]["frames"], "seed": self.plan.run.seed}
+        write_json(self.folder / "eval.json", result)
+        learning_curve(self.folder / "metrics.csv", self.folder / "learning_curve.png")
+        if make_video_env is not None and self.plan.eval.video_episodes:
+            film(
+                make_video_env,
+                _on_cpu(self.policy),
+                self.folder / "evaluation.mp4",
+                self.plan.eval.video_episodes,
+            )
+        return result
+
+
+def fit(
+    plan: Plan,
+    make_env: MakeEnv,
+    folder: Path,
+    config: dict[str, Any],
+    vocabulary: list[str],
+    resume: Path | None = None,
+    make_video_env: Callable[[], EnvBase] | None = None,
+    progress: bool = True,
+) -> dict[str, Any]:
+    """Train by `plan`, leave the report in `folder`, return what eval.json holds.
+
+    make_env(worlds, seed): picklable, called in worker processes too. config: the composed config as plain values,
+    kept in checkpoints. vocabulary: the tokenizer's words. resume: a checkpoint file to go on from. make_video_env:
+    builds an environment that renders.
+
+    Raises SystemExit (128 + signal) after SIGINT and SIGTERM, once `last` is saved and the workers are gone;
+    DivergedError once the offending batch is saved; CollectionError for a worker lost; CheckpointError.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    run = Run(plan, make_env, folder, config, vocabulary)
+    try:
+        if resume is not None:
+            run.resume(resume)
+        columns = (
+            "frames",
+            *run.episodes.metrics,
+            *run.algorithm.metrics,
+            *(f"eval/{n}" for n in EVALUATED),
+            *TIMINGS,
+        )
+        metrics = Metrics(folder, columns, plan.run.logger, run.counters["frames"] if resume else None)
+        bar = tqdm(
+            total=plan.run.total_frames, initial=run.counters["frames"], unit="frames", disable=not progress
+        )
+        with Stop() as stop, bar:
+            try:
+                run.train(metrics, stop, bar)
+                return run.finish(stop, make_video_env)
+            except Exception as error:
+                _leave(run, error, stop)
+                raise
+            finally:
+                metrics.close()
+    finally:
+        run.judge.close()
+
+
+def _leave(run: Run, error: Exception, stop: Stop) -> None:
+    """Save what can be saved of a run that ends early, and name where it is."""
+    if isinstance(error, DivergedError):
+        path = run.folder / "diverged.pt"
+        torch.save(error.batch.detach().clone().to_dict(), path)
+        raise DivergedError(f"{error}; the batch is saved in {path}", error.batch) from error
+    if stop():  # a worker killed by the same signal ends here too
+        run.save("last")
+        raise SystemExit(128 + stop.signal) from None
+
+
+def film(make_video_env: Callable[[], EnvBase], policy: Any, path: Path, episodes: int) -> None:
+    """Record episodes in an environment of their own."""
+    env = make_video_env()
+    try:
+        record(env, policy, path, episodes)
+    finally:
+        env.close()
+
+
+def show(bar: tqdm, row: dict[str, float]) -> None:
+    """Success in training and grounding accuracy beside the bar's own frames and frames/s."""
+    shown = {"success": row["train/success"], "grounding": row.get("grounding/accuracy", math.nan)}
+    bar.set_postfix(
+        {name: f"{value:.2f}" for name, value in shown.items() if math.isfinite(value)}, refresh=False
+    )
+    bar.update(int(row["frames"]) - bar.n)
+
+
+def _on_cpu(policy: Policy) -> TensorDictModuleBase:
+    return policy.act if next(policy.parameters()).device.type == "cpu" else copy.deepcopy(policy).cpu().act
