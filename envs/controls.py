@@ -14,6 +14,7 @@ import numpy as np
 from conf.schema import Checked, one_of, within
 from envs.kinematics import Array, Kinematics
 
+WAYPOINT = 0.08  # metres
 LEASH = 0.15  # radians that a command may run ahead of its joint
 
 
@@ -93,7 +94,12 @@ class Joints(Control):
 
     def towards(self, position: Array, commanded: Array) -> Array:
         low, high = self._chain.low, self._chain.high
-        joints = self._chain.solve(commanded, np.clip(position, *self._box), self._rotation)
+        start = self._chain.forward(commanded).position
+        move = np.clip(position, *self._box) - start
+        length = np.sqrt((move * move).sum(1, keepdims=True))
+        # A near waypoint: far ones are reached on an arc through joint space that can sweep over the table.
+        near = start + move * np.minimum(1.0, WAYPOINT / np.maximum(length, 1e-9))
+        joints = self._chain.solve(commanded, near, self._rotation)
         return 2 * (joints - low) / (high - low) - 1
 
 

@@ -64,7 +64,9 @@ class Robot:
     def __init__(self, config: RobotConfig, client: int, visuals: bool) -> None:
         self.config, self._client = config, client
         self.body = self._load(visuals)
-        info = [bullet.getJointInfo(self.body, j, client) for j in range(bullet.getNumJoints(self.body, client))]
+        info = [
+            bullet.getJointInfo(self.body, j, client) for j in range(bullet.getNumJoints(self.body, client))
+        ]
         names, links = [i[1].decode() for i in info], [i[12].decode() for i in info]
         self.arm = [_index(names, name, "robot.joints") for name in config.joints]
         self.fingers = [_index(names, name, "robot.fingers") for name in config.fingers]
@@ -103,7 +105,9 @@ class Robot:
                 )
         for key in ("rest", "max_speed"):
             if len(getattr(config, key)) != len(self.arm):
-                raise ConfigError(f"robot.{key} must have {len(self.arm)} numbers, one for each of robot.joints")
+                raise ConfigError(
+                    f"robot.{key} must have {len(self.arm)} numbers, one for each of robot.joints"
+                )
         for key in ("base", "tip_offset"):
             if len(getattr(config, key)) != 3:
                 raise ConfigError(f"robot.{key}={getattr(config, key)} must be three numbers, in metres")

@@ -57,7 +57,15 @@ class WorkspaceEnv(EnvBase):
         task = config.task
         self.task = TASKS[task.name](task, config.workspace.object_area, num_worlds)
         self._worlds = [
-            World(config.robot, config.workspace, config.physics, tuple(NOUNS), task.num_objects, task.object_size, render)
+            World(
+                config.robot,
+                config.workspace,
+                config.physics,
+                tuple(NOUNS),
+                task.num_objects,
+                task.object_size,
+                render,
+            )
             for _ in range(num_worlds)
         ]
         self.chain = self._worlds[0].robot.chain()
@@ -154,9 +162,8 @@ class WorkspaceEnv(EnvBase):
         action = tensordict["action"].detach().numpy().astype(np.float64)
         if not np.isfinite(action).all():
             raise ValueError("an action is not a finite number")
-        joints = self._commanded.shape[1]
         np.clip(action, -1.0, 1.0, out=action)
-        self._commanded = self.control.targets(action, self._commanded, self._joints[:, :joints, 0])
+        self._commanded = self.control.targets(action, self._commanded, self._angles)
         targets = np.concatenate((self._commanded, self._fingers), axis=1).tolist()
         for world, target in zip(self._worlds, targets, strict=True):
             world.advance(target)
@@ -170,7 +177,14 @@ class WorkspaceEnv(EnvBase):
         terms = np.stack([outcome.terms[name] for name in self.reward_names], axis=1) * self._weights
         terminated = outcome.success | outcome.wrong_object
         truncated = (self._steps >= self.config.task.max_steps) & ~terminated
-        flags = (outcome.success, outcome.wrong_object, outcome.at_goal, terminated, truncated, terminated | truncated)
+        flags = (
+            outcome.success,
+            outcome.wrong_object,
+            outcome.at_goal,
+            terminated,
+            truncated,
+            terminated | truncated,
+        )
         return {
             "reward_terms": torch.from_numpy(terms.astype(np.float32)),
             "reward": torch.from_numpy(terms.sum(1, keepdims=True).astype(np.float32)),
@@ -231,20 +245,20 @@ class WorkspaceEnv(EnvBase):
         shown = np.zeros_like(self._state.shown)
         shown[worlds] = self._state.shown[worlds]
         self._rows[shown, :7] = np.reshape(poses, (-1, 7))
+        self._angles = np.ascontiguousarray(self._joints[:, : self._commanded.shape[1], 0])
+        self._pose = self.chain.forward(self._angles)
+        self._state.gripper = self._pose.position
 
     def _observation(self) -> dict[str, Any]:
         """Fresh tensors, never views of what the next step overwrites."""
         count = self._commanded.shape[1]
-        angles = np.ascontiguousarray(self._joints[:, :count, 0])
-        pose = self.chain.forward(angles)
-        self._state.gripper = pose.position
         robot = np.concatenate(
             (
-                angles,
+                self._angles,
                 self._joints[:, :count, 1],
-                pose.position,
-                pose.rotation[:, :, 0],
-                pose.rotation[:, :, 1],
+                self._pose.position,
+                self._pose.rotation[:, :, 0],
+                self._pose.rotation[:, :, 1],
                 self._gripper_state(),
             ),
             axis=1,
@@ -283,6 +297,11 @@ class WorkspaceEnv(EnvBase):
         """The instruction that world `world` is under."""
         return bytes(self._sentence[world]).rstrip(b"\0").decode()
 
+    @property
+    def gripper(self) -> NDArray[np.float64]:
+        """(N, 3) gripper centres, metres."""
+        return self._state.gripper.copy()
+
     def towards(self, position: NDArray[np.float64]) -> Tensor:
         """The action (N, A) that brings each gripper nearer to position (N, 3): for scripted experts."""
         return torch.from_numpy(self.control.towards(position, self._commanded).astype(np.float32))
@@ -306,7 +325,9 @@ def _attributes(scene: Any) -> NDArray[np.float64]:
 
 def _bounded(low: NDArray[np.float32], high: NDArray[np.float32], *batch: int) -> Bounded:
     shape = (*batch, len(low))
-    return Bounded(torch.tensor(low).expand(shape), torch.tensor(high).expand(shape), shape, dtype=torch.float32)
+    return Bounded(
+        torch.tensor(low).expand(shape), torch.tensor(high).expand(shape), shape, dtype=torch.float32
+    )
 
 
 def _clipped(values: NDArray[np.float64], bounds: NDArray[np.float32]) -> Tensor:

@@ -16,6 +16,7 @@ from envs.robot import Robot, RobotConfig
 from envs.workspace import Box, Camera, WorkspaceConfig
 
 PARKED = (0.0, 0.0, -5.0)  # where objects wait that this episode does not show, asleep
+SLEEP_STEPS = 3  # physics steps until a body told to sleep is asleep
 OBJECT_MASS = 0.1  # kg
 
 
@@ -54,9 +55,9 @@ class World:
         for body in furniture:
             for link in self.robot.fixed_links():
                 bullet.setCollisionFilterPair(self.robot.body, body, link, -1, 0, self._client)
-        self._pool = [[self._object(noun, object_size, i) for i in range(slots)] for noun in nouns]
-        self._shown: list[int] = []
         self._step = partial(bullet.stepSimulation, physicsClientId=self._client)
+        self._pool = [[self._object(noun, object_size) for _ in range(slots)] for noun in nouns]
+        self._shown = [body for bodies in self._pool for body in bodies]
         self._pose = partial(bullet.getBasePositionAndOrientation, physicsClientId=self._client)
 
     def _set_up_physics(self) -> None:
@@ -73,14 +74,16 @@ class World:
         half = [side / 2 for side in box.size]
         shape = visual = -1
         if box.contact:
-            shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client)
+            shape = bullet.createCollisionShape(
+                bullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client
+            )
         if self._visuals:
             visual = bullet.createVisualShape(
                 bullet.GEOM_BOX, halfExtents=half, rgbaColor=[*box.color, 1], physicsClientId=self._client
             )
         return bullet.createMultiBody(0, shape, visual, box.position, physicsClientId=self._client)
 
-    def _object(self, noun: str, size: float, index: int) -> int:
+    def _object(self, noun: str, size: float) -> int:
         kind, sides = _shape(noun, size)
         shape = bullet.createCollisionShape(kind, **sides, physicsClientId=self._client)
         visual = -1
@@ -88,8 +91,7 @@ class World:
             if "height" in sides:
                 sides = {"radius": sides["radius"], "length": sides["height"]}
             visual = bullet.createVisualShape(kind, **sides, physicsClientId=self._client)
-        parked = (PARKED[0] + index, PARKED[1] + len(noun), PARKED[2])
-        body = bullet.createMultiBody(OBJECT_MASS, shape, visual, parked, physicsClientId=self._client)
+        body = bullet.createMultiBody(OBJECT_MASS, shape, visual, PARKED, physicsClientId=self._client)
         bullet.changeDynamics(
             body,
             -1,
@@ -100,7 +102,6 @@ class World:
             angularDamping=0.3,
             physicsClientId=self._client,
         )
-        self._rest(body)
         return body
 
     def _rest(self, body: int) -> None:
@@ -114,6 +115,17 @@ class World:
         bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
         self._rest(body)
 
+    def _put_to_sleep(self) -> None:
+        """Park what is shown and step until Bullet has it asleep.
+
+        A body that the last episode touched would otherwise be simulated for some steps more, and the same
+        seed would give other bits than on a fresh world.
+        """
+        for body in self._shown:
+            self._move(body, (PARKED[0] + body, PARKED[1], PARKED[2]))
+        for _ in range(SLEEP_STEPS):
+            self._step()
+
     def reset(
         self,
         joints: Sequence[float],
@@ -123,16 +135,14 @@ class World:
         colors: NDArray[np.float64],
     ) -> None:
         """Put the arm at `joints` and show one object a slot: nouns index the pool, colors (slots, 4) RGBA."""
+        self._put_to_sleep()
         self.robot.place(joints, opening)
         unused = [list(reversed(bodies)) for bodies in self._pool]
-        shown = [unused[noun].pop() for noun in nouns]
-        for body in set(self._shown) - set(shown):
-            self._move(body, (PARKED[0] + body, PARKED[1], PARKED[2]))
-        for body, position in zip(shown, positions, strict=True):
+        self._shown = [unused[noun].pop() for noun in nouns]
+        for body, position in zip(self._shown, positions, strict=True):
             self._move(body, position)
-        self._shown = shown
         if self._visuals:
-            for body, color in zip(shown, colors, strict=True):
+            for body, color in zip(self._shown, colors, strict=True):
                 bullet.changeVisualShape(body, -1, rgbaColor=color.tolist(), physicsClientId=self._client)
 
     def advance(self, targets: Sequence[float]) -> None:
