@@ -184,9 +184,8 @@ def rate_table(rounds: Sequence[Round]) -> list[str]:
 def promise_table(rounds: Sequence[Round]) -> list[str]:
     """One row a promise that this run touched: what was measured, the bound, whether it holds."""
     ran = set().union(*rounds)
-    touched = [promise for promise in PROMISES if ran & {promise.over, promise.under}]
-    head = ["what", "median", "least - greatest", "promised", "holds"]
-    return _table(head, [promise.row(rounds) for promise in touched])
+    rows = [promise.row(rounds) for promise in PROMISES if ran & {promise.over, promise.under}]
+    return _table(["what", "median", "least - greatest", "promised", "holds"], rows)
 
 
 def _version(package: str) -> str:
@@ -197,7 +196,7 @@ def _version(package: str) -> str:
 
 
 def machine() -> dict[str, Any]:
-    """What the figures were measured on."""
+    """What the figures were measured on; the load is that of the last minute before."""
     return {
         "python": platform.python_version(),
         "processor": platform.machine(),
@@ -214,8 +213,8 @@ def write(path: Path, about: dict[str, Any], rounds: Sequence[Round], tables: Se
     head = f"{about['cores']} cores, {about['processor']}, Python {about['python']}; {versions}."
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(["# Throughput", "", f"`{command}`", "", head, "", *tables, ""]))
-    measured = {"command": command, "machine": about, "rounds": rounds}
-    path.with_suffix(".json").write_text(json.dumps(measured, indent=1) + "\n")
+    measured = json.dumps({"command": command, "machine": about, "rounds": rounds}, indent=1)
+    path.with_suffix(".json").write_text(measured + "\n")
 
 
 def _chosen(names: str | None) -> list[Workload]:
@@ -223,8 +222,7 @@ def _chosen(names: str | None) -> list[Workload]:
         return list(WORKLOADS)
     known = {workload.name: workload for workload in WORKLOADS}
     wanted = names.split(",")
-    unknown = [name for name in wanted if name not in known]
-    if unknown:
+    if unknown := [name for name in wanted if name not in known]:
         sys.exit(f"no workload {', '.join(unknown)}; there are {', '.join(known)}")
     return [known[name] for name in known if name in wanted]
 
