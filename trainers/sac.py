@@ -126,15 +126,8 @@ class SAC:
 
     def state_dict(self) -> dict:
         """Everything that learning goes on from, without the memory."""
-        parts = {
-            "policy": self.policy,
-            "critic": self.critic,
-            "target": self.target,
-            "optimizer": self.optimizer,
-        }
-        return {name: part.state_dict() for name, part in parts.items()} | {
-            "log_alpha": self.log_alpha.detach()
-        }
+        parts = {name: getattr(self, name).state_dict() for name in ("policy", "critic", "target", "optimizer")}
+        return parts | {"log_alpha": self.log_alpha.detach()}
 
     def load_state_dict(self, state: dict) -> None:
         for name in ("policy", "critic", "target", "optimizer"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -21,12 +22,10 @@ def record(env: EnvBase, policy: TensorDictModuleBase, path: Path, episodes: int
 
     env: built for rendering. fps: control steps a second, for a film in real time.
     """
-    from imageio.v2 import get_writer
-
     outcomes: list[str] = []
     state = env.reset()
     with (
-        get_writer(path, fps=fps, macro_block_size=2) as film,
+        writer(path, fps) as film,
         set_exploration_type(ExplorationType.DETERMINISTIC),
     ):
         while len(outcomes) < episodes:
@@ -68,3 +67,10 @@ def caption(frame: np.ndarray, sentence: str, ending: str = "") -> np.ndarray:
     colour = "lightgreen" if ending == "success" else "orange"
     draw.text((MARGIN, height + BAR + 2), ending, fill=colour, font=font)
     return np.asarray(image)
+
+
+def writer(path: Path, fps: int) -> Any:
+    """An open mp4 to append frames to."""
+    from imageio.v2 import get_writer
+
+    return get_writer(path, fps=fps, macro_block_size=2)

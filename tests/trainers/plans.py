@@ -1,0 +1,34 @@
+"""Plans small enough for a test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from trainers.config import Plan, read_plan
+
+CONF = Path(__file__).parents[2] / "conf"
+
+
+def config(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The composed config of a short run on the fake environment, as plain values."""
+    base = {
+        "total_frames": 512,
+        "seed": 0,
+        "device": "cpu",
+        "update_threads": 1,
+        "logger": [],
+        "collector": {"workers": 1, "worlds": 8},
+        "eval": {"episodes": 20, "interval": 256, "interval_episodes": 8, "worlds": 8, "video_episodes": 0},
+        "algo": OmegaConf.load(CONF / "algo" / f"{algo}.yaml"),
+        "policy": OmegaConf.load(CONF / "policy" / f"{policy}.yaml"),
+    }
+    small = {"ppo": ["algo.horizon=16", "algo.minibatch=64"], "sac": ["algo.learning_starts=64", "algo.batch=32"]}
+    merged = OmegaConf.merge(OmegaConf.create(base), OmegaConf.from_dotlist([*small[algo], *overrides]))
+    return OmegaConf.to_container(merged)  # type: ignore[return-value]
+
+
+def plan(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ...] = ()) -> Plan:
+    return read_plan(config(algo, policy, overrides))

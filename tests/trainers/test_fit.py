@@ -1,0 +1,177 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+import torch
+
+from tests.trainers.fake_env import WORDS, FakeEnv, make_env
+from tests.trainers.plans import config, plan
+from trainers import checkpoint
+from trainers.collection import CollectionError, Episodes, Rollouts, derive_seed
+from trainers.fit import fit
+from trainers.learning import DivergedError
+from trainers.report import Metrics, read_metrics
+
+ROOT = Path(__file__).parents[2]
+
+
+def run(folder, algo="ppo", policy="grounded", make=make_env, overrides=(), **options):
+    small = plan(algo, policy, tuple(overrides))
+    return fit(small, make, folder, config(algo, policy, tuple(overrides)), WORDS, progress=False, **options)
+
+
+def untimed(folder):
+    rows = read_metrics(folder / "metrics.csv")
+    return [{k: repr(v) for k, v in row.items() if not k.startswith("time/")} for row in rows]
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_the_same_seed_the_same_run(tmp_path, algo):
+    results = [run(tmp_path / name, algo) for name in "ab"]
+    assert untimed(tmp_path / "a") == untimed(tmp_path / "b")
+    assert len(untimed(tmp_path / "a")) > 2
+    assert results[0]["mean_return"] == results[1]["mean_return"]
+
+
+def test_it_learns_what_the_words_mean_and_leaves_a_report(tmp_path):
+    overrides = ["total_frames=12000", "collector.worlds=16", "algo.horizon=32", "algo.minibatch=256"]
+    overrides += ["eval.video_episodes=1", "eval.interval=6000", "eval.episodes=60", "logger=[tensorboard]"]
+    result = run(tmp_path, overrides=overrides, make_video_env=partial(make_env, 1, 9))
+    assert result["success_at_end"] > 0.8
+    assert result["episodes"] == 60
+    assert json.loads((tmp_path / "eval.json").read_text()) == result
+    assert {"success_once", "wrong_object", "ci95", "frames", "wall_s", "frames_per_s", "by_kind"} <= set(result)
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {"checkpoints", "metrics.csv", "eval.json", "learning_curve.png", "evaluation.mp4", "tensorboard"}
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+@pytest.mark.parametrize("policy", ["grounded", "mlp"])
+def test_nothing_is_taught_about_the_words_and_it_still_runs(tmp_path, algo, policy):
+    overrides = ["algo.grounding_weight=0.0", "total_frames=256", "policy.privileged_critic=false"]
+    assert run(tmp_path, algo, policy, overrides=overrides)["episodes"] == 20
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_a_resumed_run_goes_on(tmp_path, algo):
+    run(tmp_path, algo)
+    rows = untimed(tmp_path)
+    resumed = run(tmp_path, algo, overrides=["total_frames=1024"], resume=checkpoint.find(tmp_path))
+    assert resumed["frames"] == 1024
+    assert untimed(tmp_path)[: len(rows)] == rows
+    assert [float(row["frames"]) for row in untimed(tmp_path)] == sorted({float(r["frames"]) for r in untimed(tmp_path)})
+
+
+def test_a_checkpoint_of_another_algorithm_is_refused(tmp_path):
+    run(tmp_path, overrides=["total_frames=128"])
+    before = (tmp_path / "metrics.csv").read_bytes()
+    with pytest.raises(checkpoint.CheckpointError, match="another algo or policy"):
+        run(tmp_path, policy="mlp", resume=checkpoint.find(tmp_path))
+    assert (tmp_path / "metrics.csv").read_bytes() == before
+
+
+def poisoned(worlds, seed):
+    return FakeEnv(worlds, seed, poison=20)
+
+
+def test_not_a_number_stops_the_run_and_leaves_the_batch(tmp_path):
+    with pytest.raises(DivergedError, match=r"next/reward is not finite.*diverged\.pt"):
+        run(tmp_path, make=poisoned)
+    batch = torch.load(tmp_path / "diverged.pt", weights_only=True)
+    assert batch["next"]["reward"].isnan().any()
+
+
+def test_seeds_of_training_and_evaluation_never_meet():
+    trained = {derive_seed(s, i) for s in range(50) for i in range(50)}
+    judged = {derive_seed(s, i, evaluation=True) for s in range(50) for i in range(50)}
+    assert len(trained) == len(judged) == 2500
+    assert max(trained) < min(judged) < 2**31
+
+
+def test_episodes_are_carried_over_from_batch_to_batch():
+    env = make_env(4, 0)
+    batch = env.rollout(60, break_when_any_done=False)
+    whole, parts = Episodes(env.reward_names), Episodes(env.reward_names)
+    expected = whole.measure(batch)
+    pieces = [parts.measure(batch[:, i : i + 7]) for i in range(0, 60, 7)]
+    count = sum(p["train/episodes"] for p in pieces)
+    mean = sum(p["train/return"] * p["train/episodes"] for p in pieces if p["train/episodes"]) / count
+    assert count == expected["train/episodes"]
+    assert mean == pytest.approx(expected["train/return"], rel=1e-6)
+    assert expected["reward/there"] + expected["reward/near"] == pytest.approx(float(batch["next", "reward"].mean()))
+
+
+def test_metrics_keep_one_header_and_forget_what_comes_again(tmp_path):
+    metrics = Metrics(tmp_path, ["frames", "a"])
+    for frames in (1, 2, 3):
+        metrics.write({"frames": frames, "a": frames / 3} if frames != 2 else {"frames": 2})
+    with pytest.raises(ValueError, match="b"):
+        metrics.write({"frames": 4, "b": 0})
+    metrics.close()
+    Metrics(tmp_path, ["frames", "a"], after=2).close()
+    assert [row["frames"] for row in read_metrics(tmp_path / "metrics.csv")] == [1, 2]
+    assert read_metrics(tmp_path / "metrics.csv")[0]["a"] == 1 / 3
+
+
+def test_two_workers_get_the_weights_and_one_killed_ends_the_run():
+    from tests.trainers.test_policy import make
+
+    policy = make(make_env(4, 0))
+    rollouts = Rollouts(make_env, policy, plan(overrides=("collector.workers=2",)).collector, 4, 0)
+    try:
+        batch = rollouts.next().clone()
+        assert batch.shape == (16, 4)
+        assert not torch.equal(batch["robot"][:8], batch["robot"][8:])
+        with torch.no_grad():
+            policy.gaussian.log_std.fill_(-4.0)
+            policy.gaussian.net[-1].bias.fill_(0.5)
+        rollouts.sync(policy)
+        rollouts.next()
+        assert rollouts.next()["action"].mean() == pytest.approx(0.5, abs=0.05)
+        os.kill(rollouts.processes[1].pid, signal.SIGKILL)
+        with pytest.raises(CollectionError, match="exit code -9"):
+            for _ in range(3):
+                rollouts.next()
+    finally:
+        rollouts.close()
+    assert not any(p.is_alive() for p in rollouts.processes)
+
+
+SCRIPT = """
+from pathlib import Path
+from functools import partial
+from tests.trainers.fake_env import WORDS, FakeEnv
+from tests.trainers.plans import config, plan
+from trainers.fit import fit
+def make(worlds, seed):
+    return FakeEnv(worlds, seed, nap=0.002)
+if __name__ == "__main__":
+    o = ("total_frames=1000000", "collector.workers=2")
+    fit(plan(overrides=o), make, Path("out"), config(overrides=o), WORDS, progress=False)
+"""
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_saves_and_ends_cleanly(tmp_path, number, code):
+    (tmp_path / "script.py").write_text(textwrap.dedent(SCRIPT))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen([sys.executable, "script.py"], cwd=tmp_path, env=environment, start_new_session=True)
+    metrics = tmp_path / "out" / "metrics.csv"
+    try:
+        deadline = time.monotonic() + 60
+        while len(read_metrics(metrics)) < 2 and time.monotonic() < deadline:
+            time.sleep(0.1)
+        os.killpg(process.pid, number)  # as a terminal and a job scheduler do: the workers hear it too
+        assert process.wait(30) == code
+    finally:
+        process.kill()
+    assert checkpoint.load(tmp_path / "out" / "checkpoints" / "last.pt")["counters"]["frames"] >= 256
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)

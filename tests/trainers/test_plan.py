@@ -1,0 +1,53 @@
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from conf.schema import ConfigError
+from tests.trainers.plans import config, plan
+from trainers.config import frames_per_batch, read_plan
+
+ROOM = Path(__file__).parents[2] / "trainers"
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+@pytest.mark.parametrize("policy", ["grounded", "mlp"])
+def test_every_yaml_is_a_plan(algo, policy):
+    assert plan(algo, policy).algo.name == algo
+
+
+def test_values_are_checked_before_torch_is_loaded():
+    code = "import sys, trainers.config; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOM.parent).returncode == 0
+
+
+@pytest.mark.parametrize("path", sorted(ROOM.glob("*.py")), ids=lambda path: path.stem)
+def test_trainers_know_no_other_room(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+        names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        assert not {name.split(".")[0] for name in names} & {"language", "human", "envs"}
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("algo.lr=-1", "algo.lr=-1"),
+        ("algo.name=pp", "did you mean 'ppo'"),
+        ("algo.epoch=3", "did you mean 'epochs'"),
+        ("algo.minibatch=100000", "algo.minibatch=100000 is more than the 128 frames"),
+        ("policy.activation=rule", "did you mean 'relu'"),
+        ("total_frames=0", "total_frames=0"),
+        ("logger=[tensorbord]", "did you mean 'tensorboard'"),
+        ("collector.worlds=many", "collector.worlds=many"),
+    ],
+)
+def test_a_bad_value_is_named(override, message):
+    with pytest.raises(ConfigError, match=message.replace("[", r"\[")):
+        read_plan(config(overrides=(override,)))
+
+
+def test_frames_of_a_batch():
+    assert frames_per_batch(plan()) == 8 * 16

@@ -1,0 +1,99 @@
+import pytest
+import torch
+from torchrl.envs.utils import ExplorationType, check_env_specs, set_exploration_type
+
+from tests.trainers.fake_env import make_env
+from tests.trainers.plans import plan
+from trainers.build import build_algorithm
+from trainers.grounding import grounding
+from trainers.policy import SEEN, build
+
+
+@pytest.fixture(scope="module")
+def env():
+    return make_env(8, 0)
+
+
+def make(env, policy="grounded", squash=False):
+    torch.manual_seed(0)
+    return build(plan(policy=policy).policy, env.observation_spec, env.action_spec, squash)
+
+
+def test_the_fake_environment_keeps_the_contract(env):
+    check_env_specs(env)
+
+
+@pytest.mark.parametrize("policy", ["grounded", "mlp"])
+@pytest.mark.parametrize("squash", [False, True])
+def test_it_acts_on_what_anyone_may_see(env, policy, squash):
+    state = env.reset().select(*SEEN, "robot")
+    for mode in (ExplorationType.RANDOM, ExplorationType.DETERMINISTIC):
+        with set_exploration_type(mode), torch.no_grad():
+            action = make(env, policy, squash).act(state.clone())["action"]
+        assert action.shape == (8, 3)
+        assert action.abs().max() <= 1
+
+
+@pytest.mark.parametrize("policy", ["grounded", "mlp"])
+def test_no_words_and_no_objects_are_still_numbers(env, policy):
+    state = env.reset()
+    state["instruction"].zero_()
+    state["objects_mask"].zero_()
+    out = make(env, policy).act(state)
+    assert out["action"].isfinite().all()
+    out["loc"].sum().backward()
+
+
+@pytest.mark.parametrize("policy", ["grounded", "mlp"])
+def test_what_is_masked_does_not_matter(env, policy):
+    encoder, state = make(env, policy).encoder, env.reset()
+    state["objects_mask"][:, 1] = False
+    other = state.clone()
+    other["objects"][:, 1] = 0.3
+    key = encoder.out_keys[-1]
+    torch.testing.assert_close(encoder(state)[key], encoder(other)[key])
+
+
+def test_the_order_of_slots_does_not_matter(env):
+    encoder, state = make(env).encoder, env.reset()
+    turned = state.clone()
+    turned["objects"] = state["objects"].roll(1, 1)
+    torch.testing.assert_close(encoder(state)["referent"], encoder(turned)["referent"])
+    torch.testing.assert_close(state["attention_logits"].roll(1, 1), turned["attention_logits"])
+
+
+def test_the_order_of_words_does_matter(env):
+    ask = make(env).encoder.module.ask
+    one, other = torch.tensor([[1, 2, 3, 4, 0, 0]]), torch.tensor([[1, 2, 4, 3, 0, 0]])
+    assert (ask(one) - ask(other)).abs().max() > 1e-3
+
+
+def test_repeated_sentences_are_encoded_once_and_alike(env):
+    ask = make(env).encoder.module.ask
+    tokens = torch.randint(0, 6, (20, 6)).repeat(5, 1)
+    torch.testing.assert_close(ask(tokens), ask.encode(tokens))
+
+
+@pytest.mark.parametrize(("policy", "attends"), [("grounded", True), ("mlp", False)])
+def test_grounding_is_measured_where_there_is_attention(env, policy, attends):
+    state = env.reset()
+    measured = grounding(make(env, policy).encoder(state))
+    assert (measured is not None) == attends
+    if measured is not None:
+        state["attention_logits"] = 50.0 * torch.nn.functional.one_hot(state["privileged", "referent"], 3)
+        loss, accuracy = grounding(state)
+        assert loss < 1e-6
+        assert accuracy == 1
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+@pytest.mark.parametrize("policy", ["grounded", "mlp"])
+def test_a_critic_without_privileges_reads_none_and_teaches_no_words(env, algo, policy):
+    small = plan(algo, policy, ("policy.privileged_critic=false",))
+    made, learner = build_algorithm(small, env.observation_spec, env.action_spec)
+    state = made.encoder(env.reset().exclude("privileged"))
+    aim = state[made.context]
+    action = [torch.zeros(8, 3)] if algo == "sac" else []
+    critic = learner.critic if algo == "sac" else learner.critic.module
+    critic(state["robot"], aim, *action).sum().backward()
+    assert all(p.grad is None for p in made.encoder.parameters())

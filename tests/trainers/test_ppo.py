@@ -1,0 +1,77 @@
+import pytest
+import torch
+from tensordict import TensorDict
+
+from tests.trainers.fake_env import make_env
+from tests.trainers.plans import plan
+from trainers.build import build_algorithm
+from trainers.collection import Rollouts
+from trainers.learning import DivergedError
+from trainers.ppo import advantages
+
+GAMMA, LMBDA = 0.9, 0.8
+
+
+def after(reward, terminated, truncated):
+    flags = {"terminated": torch.tensor(terminated), "truncated": torch.tensor(truncated)}
+    flags["done"] = flags["terminated"] | flags["truncated"]
+    flags["reward"] = torch.tensor(reward)
+    return TensorDict({k: v.reshape(1, 3, 1) for k, v in flags.items()}, [1, 3])
+
+
+@pytest.mark.parametrize("truncated", [True, False])
+def test_advantages_by_hand(truncated):
+    """Three steps, the second of which ends an episode. Values 1, 2, 3; next values 2, 10 (the end), 4."""
+    value, next_value = torch.tensor([1.0, 2, 3]).reshape(1, 3, 1), torch.tensor([2.0, 10, 4]).reshape(1, 3, 1)
+    ends, none = [False, True, False], [False] * 3
+    step = after([0.5, 1.0, 0.0], none if truncated else ends, ends if truncated else none)
+    advantage, target = advantages(step, value, next_value, GAMMA, LMBDA)
+    last = 0.0 + GAMMA * 4 - 3
+    ended = 1.0 + (GAMMA * 10 if truncated else 0.0) - 2  # time running out is not the end of the world
+    first = 0.5 + GAMMA * 2 - 1 + GAMMA * LMBDA * ended
+    torch.testing.assert_close(advantage.flatten(), torch.tensor([first, ended, last]))
+    torch.testing.assert_close(target, advantage + value)
+
+
+def learner(*overrides):
+    env = make_env(8, 0)
+    torch.manual_seed(0)
+    return build_algorithm(plan(overrides=overrides), env.observation_spec, env.action_spec)
+
+
+def batch_of(policy):
+    rollouts = Rollouts(make_env, policy, plan().collector, 16, 0)
+    try:
+        return rollouts.next().clone()
+    finally:
+        rollouts.close()
+
+
+@pytest.mark.parametrize("weight", [0.0, 1.0])
+def test_grounding_is_taught_only_when_asked(weight):
+    policy, ppo = learner(f"algo.grounding_weight={weight}", "algo.epochs=30", "algo.anneal_lr=false")
+    measured = ppo.update(batch_of(policy), 0.0)
+    assert ("grounding/accuracy" in measured) == bool(weight)
+    assert set(measured) <= set(ppo.metrics)
+
+
+def test_without_the_grounding_loss_reward_still_reaches_the_words():
+    policy, ppo = learner("algo.grounding_weight=0.0")
+    before = policy.encoder.module.ask.embed.weight.clone()
+    ppo.update(batch_of(policy), 0.0)
+    assert not torch.equal(before, policy.encoder.module.ask.embed.weight)
+
+
+def test_the_rate_is_annealed():
+    policy, ppo = learner()
+    assert ppo.update(batch_of(policy), 0.75)["lr"] == pytest.approx(0.25 * ppo.config.lr)
+
+
+@pytest.mark.parametrize("key", [("next", "reward"), "robot", ("next", "objects")])
+def test_a_number_that_is_none_stops_before_the_parameters_are_touched(key):
+    policy, ppo = learner()
+    batch, before = batch_of(policy), [p.clone() for p in ppo.parameters]
+    batch[key].view(-1)[5] = float("inf")
+    with pytest.raises(DivergedError, match="not finite"):
+        ppo.update(batch, 0.0)
+    assert all(torch.equal(a, b) for a, b in zip(before, ppo.parameters, strict=True))

@@ -1,0 +1,87 @@
+import pytest
+import torch
+from torchrl.modules import TanhNormal
+
+from tests.trainers.fake_env import make_env
+from tests.trainers.plans import plan
+from trainers.build import build_algorithm
+from trainers.collection import Rollouts
+from trainers.sac import frozen, squashed
+
+
+@pytest.fixture
+def learned():
+    env, small = make_env(8, 0), plan("sac")
+    torch.manual_seed(0)
+    policy, sac = build_algorithm(small, env.observation_spec, env.action_spec)
+    rollouts = Rollouts(make_env, policy, small.collector, 16, 0)
+    try:
+        return policy, sac, rollouts.next().clone()
+    finally:
+        rollouts.close()
+
+
+def test_the_likelihood_is_that_of_torchrl():
+    loc, scale = torch.randn(64, 3), torch.rand(64, 3) + 0.1
+    action, log_prob = squashed(loc, scale)
+    torch.testing.assert_close(log_prob.squeeze(-1), TanhNormal(loc, scale).log_prob(action), atol=1e-2, rtol=1e-3)
+
+
+def test_frozen_parameters_pass_gradients_on():
+    weight, x = torch.ones(2, requires_grad=True), torch.ones(2, requires_grad=True)
+    with frozen([weight]):
+        y = (weight * x).sum()
+    y.backward()
+    assert weight.grad is None
+    assert x.grad is not None
+    assert weight.requires_grad
+
+
+def test_it_waits_learns_and_owes_no_step(learned):
+    _, sac, batch = learned
+    assert sac.update(batch[:, :4], 0.0) == {"updates": 0.0}  # 32 frames, 64 are wanted first
+    taken = sum(sac.update(batch[:1, i : i + 3], 0.0).get("updates", 0) for i in range(0, 12, 3))
+    assert taken == 0
+    measured = sac.update(batch, 0.0)
+    assert measured["updates"] == 128 * 0.25
+    assert set(measured) <= set(sac.metrics)
+
+
+def test_each_loss_moves_its_own_parameters(learned):
+    policy, sac, batch = learned
+    sac.remember(batch)
+    losses = sac.losses(sac.memory.sample(32))
+    losses["loss/critic"].backward(retain_graph=True)
+    assert all(p.grad is None for p in policy.parameters())
+    sac.optimizer.zero_grad()
+    losses["loss/actor"].backward()
+    assert all(p.grad is None for p in sac.critic_parameters)
+    assert policy.encoder.module.ask.embed.weight.grad is not None
+    assert sac.log_alpha.grad is None
+
+
+def test_the_end_by_time_is_worth_what_follows(learned):
+    _, sac, batch = learned
+    sac.remember(batch)
+    frames = sac.memory.sample(64)
+    with torch.no_grad():
+        for p in sac.target.parameters():
+            p.zero_()
+        sac.target.heads[0][-1].bias.fill_(100.0)
+        sac.target.heads[1][-1].bias.fill_(100.0)
+        sac.critic.load_state_dict(sac.target.state_dict())
+        for head in sac.critic.heads:
+            head[-1].bias.zero_()
+    frames["next", "reward"].zero_()
+    frames["next", "terminated"].fill_(True)
+    assert sac.losses(frames)["loss/critic"] < 1.0
+    frames["next", "terminated"].fill_(False)
+    assert sac.losses(frames)["loss/critic"] > 1000.0
+
+
+def test_state_goes_round(learned):
+    _, sac, batch = learned
+    sac.update(batch, 0.0)
+    state = {k: v.copy() if isinstance(v, dict) else v.clone() for k, v in sac.state_dict().items()}
+    sac.load_state_dict(state)
+    torch.testing.assert_close(sac.log_alpha.detach(), state["log_alpha"])
