@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import multiprocessing
 import signal
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -70,20 +71,24 @@ class Rollouts:
     def next(self) -> TensorDictBase:
         """The next batch. Its memory is reused by the one after. Raises CollectionError."""
         torch.set_num_threads(1)  # networks of one batch of worlds are too small to share among cores
+        if not self.processes:
+            return next(self.batches)
         try:
             return next(self.batches)
-        except RuntimeError as error:
-            gone = [f"{p.pid} (exit code {p.exitcode})" for p in self.processes if not p.is_alive()]
-            if not self.processes:
-                raise
-            raise CollectionError(f"a worker process failed: {', '.join(gone) or error}") from error
+        except (RuntimeError, OSError, EOFError, ValueError) as error:  # ValueError: from its own cleaning up
+            raise CollectionError(f"collecting in worker processes failed: {error}") from error
 
     def close(self) -> None:
-        """End every worker process. Never raises for one that is gone already."""
-        if self.processes:
+        """End every worker process, with force where it must be."""
+        if not self.processes:
+            return self.collector.shutdown()
+        try:
             self.collector.shutdown(raise_on_error=False)
-        else:
-            self.collector.shutdown()
+        finally:
+            for child in multiprocessing.active_children():
+                if child in self.processes:
+                    child.kill()
+                    child.join()
 
 
 def _in_worker(make_env: MakeEnv, worlds: int, seed: int) -> EnvBase:

@@ -38,7 +38,7 @@ def test_trainers_know_no_other_room(path):
         ("algo.name=pp", "did you mean 'ppo'"),
         ("algo.epoch=3", "did you mean 'epochs'"),
         ("algo.minibatch=100000", "algo.minibatch=100000 is more than the 128 frames"),
-        ("policy.activation=rule", "did you mean 'relu'"),
+        ("policy.activation=relo", "did you mean 'relu'"),
         ("total_frames=0", "total_frames=0"),
         ("logger=[tensorbord]", "did you mean 'tensorboard'"),
         ("collector.worlds=many", "collector.worlds=many"),
