@@ -49,9 +49,7 @@ class Checked:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            for item in (
-                value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]
-            ):
+            for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]:
                 _check(field.name, item, field.metadata)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from conf.overrides import check, compose
 from conf.schema import ConfigError, did_you_mean, read
 from envs.controls import ControlConfig
 from envs.robot import RobotConfig, urdf_path
@@ -44,32 +45,12 @@ def read_env(config: Any) -> EnvConfig:
     )
 
 
-def compose(overrides: Sequence[str] = ()) -> Any:
-    """The project's config with Hydra overrides: compose(["robot=panda", "task.num_objects=6"]).
-
-    Raises ConfigError for an unknown group, option or key.
-    """
-    from hydra import compose as hydra_compose
-    from hydra import initialize_config_module
-    from hydra.core.global_hydra import GlobalHydra
-    from hydra.errors import HydraException
-
-    if GlobalHydra.instance().is_initialized():
-        GlobalHydra.instance().clear()
-    try:
-        with initialize_config_module("conf", version_base="1.3"):
-            return hydra_compose("config", list(overrides))
-    except HydraException as error:
-        raise ConfigError(str(error)) from None
-
-
-def make_env(
-    overrides: Sequence[str] = (), num_worlds: int = 1, seed: int = 0, render: bool = False
-) -> WorkspaceEnv:
+def make_env(overrides: Sequence[str] = (), num_worlds: int = 1, seed: int = 0, render: bool = False) -> WorkspaceEnv:
     """The TorchRL environment of `overrides`, as N = num_worlds worlds: make_env(["robot=panda"], 16).
 
     Raises ConfigError.
     """
     from envs.workspace_env import WorkspaceEnv
 
+    check(overrides)
     return WorkspaceEnv(read_env(compose(overrides)), num_worlds, seed, render)

@@ -7,7 +7,6 @@ sags; where a joint is held back (the gripper presses on something), the command
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 

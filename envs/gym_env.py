@@ -62,9 +62,7 @@ class GymEnv(gym.Env):
         values = self._env.reset()
         return self._observation(values), self._info(values)
 
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[dict[str, NDArray], float, bool, bool, dict[str, Any]]:
+    def step(self, action: NDArray[np.float32]) -> tuple[dict[str, NDArray], float, bool, bool, dict[str, Any]]:
         values = self._env.step(_as_tensordict(action))["next"]
         return (
             self._observation(values),
@@ -92,9 +90,7 @@ class GymEnv(gym.Env):
             "wrong_object": values["wrong_object"].item(),
             "at_goal": values["at_goal"].item(),
             "sentence": self._env.sentence(),
-            "reward_terms": dict(
-                zip(self._env.reward_names, values["reward_terms"][0].tolist(), strict=True)
-            ),
+            "reward_terms": dict(zip(self._env.reward_names, values["reward_terms"][0].tolist(), strict=True)),
         }
 
 

@@ -76,9 +76,7 @@ class Kinematics:
         jacobian = np.concatenate((linear, axes), axis=2).transpose(0, 2, 1)
         return Pose(gripper[:, :3, 3], gripper[:, :3, :3]), jacobian
 
-    def step(
-        self, joints: Array, position: Array, rotation: Array, max_move: float, damping: float = 0.02
-    ) -> Array:
+    def step(self, joints: Array, position: Array, rotation: Array, max_move: float, damping: float = 0.02) -> Array:
         """One damped least-squares step (N, J) from joints (N, J) towards position (N, 3) and rotation (3, 3).
 
         The gripper moves at most max_move metres; what the task leaves free is drawn to the rest pose.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 from collections.abc import Sequence
@@ -64,9 +65,7 @@ class Robot:
     def __init__(self, config: RobotConfig, client: int, visuals: bool) -> None:
         self.config, self._client = config, client
         self.body = self._load(visuals)
-        info = [
-            bullet.getJointInfo(self.body, j, client) for j in range(bullet.getNumJoints(self.body, client))
-        ]
+        info = [bullet.getJointInfo(self.body, j, client) for j in range(bullet.getNumJoints(self.body, client))]
         names, links = [i[1].decode() for i in info], [i[12].decode() for i in info]
         self.arm = [_index(names, name, "robot.joints") for name in config.joints]
         self.fingers = [_index(names, name, "robot.fingers") for name in config.fingers]
@@ -105,9 +104,7 @@ class Robot:
                 )
         for key in ("rest", "max_speed"):
             if len(getattr(config, key)) != len(self.arm):
-                raise ConfigError(
-                    f"robot.{key} must have {len(self.arm)} numbers, one for each of robot.joints"
-                )
+                raise ConfigError(f"robot.{key} must have {len(self.arm)} numbers, one for each of robot.joints")
         for key in ("base", "tip_offset"):
             if len(getattr(config, key)) != 3:
                 raise ConfigError(f"robot.{key}={getattr(config, key)} must be three numbers, in metres")
@@ -149,7 +146,7 @@ class Robot:
         self.place([0.0] * len(self.arm), 0.0)
         frames = [_link_frame(self.body, j, self._client) for j in [*self.arm, self.tip]]
         frames[-1] = frames[-1] @ _transform(self.config.tip_offset, [0, 0, 0, 1])
-        steps = [frames[0], *(np.linalg.inv(a) @ b for a, b in zip(frames, frames[1:], strict=False))]
+        steps = [frames[0], *(np.linalg.inv(a) @ b for a, b in itertools.pairwise(frames))]
         info = [bullet.getJointInfo(self.body, j, self._client) for j in self.arm]
         low, high = np.array([i[8] for i in info]), np.array([i[9] for i in info])
         axes = np.array([i[13] for i in info])

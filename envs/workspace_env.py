@@ -32,7 +32,7 @@ from envs.config import EnvConfig
 from envs.controls import CONTROLS
 from envs.tasks import TASKS, Episode, State
 from envs.world import PARKED, World
-from language import COLORS, NOUNS, Tokenizer, color_table
+from language import NOUNS, Tokenizer, color_table
 
 SENTENCE_BYTES = 160
 FLAGS = ("success", "wrong_object", "at_goal", "terminated", "truncated", "done")  # (N, 1) bool each
@@ -152,9 +152,7 @@ class WorkspaceEnv(EnvBase):
         )
         self.action_spec = Bounded(-1, 1, shape=(n, self.control.size), dtype=torch.float32)
         self.reward_spec = Unbounded(shape=(n, 1), dtype=torch.float32)
-        self.full_done_spec = Composite(
-            done=flag.clone(), terminated=flag.clone(), truncated=flag.clone(), shape=(n,)
-        )
+        self.full_done_spec = Composite(done=flag.clone(), terminated=flag.clone(), truncated=flag.clone(), shape=(n,))
 
     # ---- stepping ----------------------------------------------------------------------------------------------
 
@@ -325,9 +323,7 @@ def _attributes(scene: Any) -> NDArray[np.float64]:
 
 def _bounded(low: NDArray[np.float32], high: NDArray[np.float32], *batch: int) -> Bounded:
     shape = (*batch, len(low))
-    return Bounded(
-        torch.tensor(low).expand(shape), torch.tensor(high).expand(shape), shape, dtype=torch.float32
-    )
+    return Bounded(torch.tensor(low).expand(shape), torch.tensor(high).expand(shape), shape, dtype=torch.float32)
 
 
 def _clipped(values: NDArray[np.float64], bounds: NDArray[np.float32]) -> Tensor:

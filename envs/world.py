@@ -74,9 +74,7 @@ class World:
         half = [side / 2 for side in box.size]
         shape = visual = -1
         if box.contact:
-            shape = bullet.createCollisionShape(
-                bullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client
-            )
+            shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client)
         if self._visuals:
             visual = bullet.createVisualShape(
                 bullet.GEOM_BOX, halfExtents=half, rgbaColor=[*box.color, 1], physicsClientId=self._client
@@ -158,9 +156,7 @@ class World:
     def render(self, camera: Camera | None = None) -> NDArray[np.uint8]:
         """What the camera sees, (height, width, 3). The world must have been made with visuals."""
         camera = camera or self._workspace.camera
-        view = bullet.computeViewMatrixFromYawPitchRoll(
-            camera.target, camera.distance, camera.yaw, camera.pitch, 0, 2
-        )
+        view = bullet.computeViewMatrixFromYawPitchRoll(camera.target, camera.distance, camera.yaw, camera.pitch, 0, 2)
         lens = bullet.computeProjectionMatrixFOV(45, camera.width / camera.height, 0.05, 10)
         pixels = bullet.getCameraImage(
             camera.width,

@@ -32,9 +32,7 @@ class TaskConfig(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.min_objects > self.num_objects:
-            raise ConfigError(
-                f"min_objects={self.min_objects} must be at most num_objects={self.num_objects}"
-            )
+            raise ConfigError(f"min_objects={self.min_objects} must be at most num_objects={self.num_objects}")
         if self.spacing < 2 * self.radius and self.num_objects > 1:
             raise ConfigError(
                 f"spacing={self.spacing} must be at least {2 * self.radius:g}, twice the radius, "

@@ -1,0 +1,95 @@
+"""Overrides as a person types them: checked, with "did you mean", before Hydra composes anything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from conf.schema import ConfigError, did_you_mean
+
+ROOT = Path(__file__).parent
+
+
+def groups() -> dict[str, list[str]]:
+    """Each config group with its options."""
+    return {f.name: sorted(y.stem for y in f.glob("*.yaml")) for f in sorted(ROOT.iterdir()) if any(f.glob("*.yaml"))}
+
+
+def check(arguments: Sequence[str]) -> None:
+    """Raise ConfigError for an override of an unknown group, option or key. Flags (--help) are passed over."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException
+
+    words = [word for word in arguments if not word.startswith("-")]
+    try:
+        overrides = OverridesParser.create().parse_overrides(words)
+    except HydraException as error:
+        raise ConfigError(f"{str(error).splitlines()[0]}; overrides are written key=value") from None
+    chosen = [_check_choice(o) for o in overrides if o.key_or_group in groups()]
+    plain = [o for o in overrides if o.key_or_group not in groups() and not o.is_add() and not o.is_delete()]
+    keys = None
+    for override in plain:
+        if override.key_or_group.startswith("hydra"):
+            continue
+        keys = keys or set(_keys(compose([word for word in chosen if word])))
+        if override.key_or_group not in keys:
+            known = [*keys, *groups()]
+            raise ConfigError(
+                f"{override.input_line}: {override.key_or_group} is not a known key"
+                + did_you_mean(override.key_or_group, known)
+            )
+
+
+def compose(overrides: Iterable[str] = ()) -> Any:
+    """The project's config with Hydra overrides. Raises ConfigError for what Hydra refuses."""
+    from hydra import compose as hydra_compose
+    from hydra import initialize_config_module
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.errors import HydraException
+
+    GlobalHydra.instance().clear()
+    try:
+        with initialize_config_module("conf", version_base="1.3"):
+            return hydra_compose("config", list(overrides))
+    except HydraException as error:
+        raise ConfigError(str(error)) from None
+
+
+def apply(config: Any, overrides: Sequence[str]) -> Any:
+    """A composed config (a plain dict, as kept in a checkpoint) with overrides on top. Raises ConfigError.
+
+    A group's option replaces the whole group; a key must exist.
+    """
+    from omegaconf import OmegaConf
+
+    check(overrides)
+    fresh = compose([word for word in overrides if word.split("=")[0] in groups()])
+    changed = OmegaConf.create(config)
+    for word in overrides:
+        key, _, value = word.partition("=")
+        if key in groups():
+            OmegaConf.update(changed, key, fresh[key], merge=False)
+        elif OmegaConf.select(changed, key, default=ROOT) is ROOT:
+            raise ConfigError(f"{word}: {key} is not a key of this run's config" + did_you_mean(key, _keys(changed)))
+        else:
+            OmegaConf.update(changed, key, OmegaConf.from_dotlist([f"v={value}"]).v)
+    return changed
+
+
+def _check_choice(override: Any) -> str:
+    group, value = override.key_or_group, override.value()
+    options = groups()[group]
+    choices = list(override.sweep_iterator()) if override.is_sweep_override() else [value]
+    for choice in choices:
+        if str(choice).strip("'\"") not in options:
+            raise ConfigError(f"{group}={choice} is not known" + did_you_mean(str(choice), options))
+    return f"{group}={choices[0]}" if choices else ""
+
+
+def _keys(config: Any, prefix: str = "") -> Iterable[str]:
+    for key in config:
+        yield f"{prefix}{key}"
+        value = config._get_node(key) if hasattr(config, "_get_node") else config[key]
+        if hasattr(value, "keys") and not getattr(value, "_is_none", lambda: False)():
+            yield from _keys(value, f"{prefix}{key}.")
