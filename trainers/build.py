@@ -15,9 +15,7 @@ from trainers.ppo import PPO
 from trainers.sac import SAC
 
 
-def build_algorithm(
-    plan: Plan, observation_spec: Composite, action_spec: TensorSpec
-) -> tuple[Policy, Algorithm]:
+def build_algorithm(plan: Plan, observation_spec: Composite, action_spec: TensorSpec) -> tuple[Policy, Algorithm]:
     """Networks on run.device, with the learner around them."""
     config, device = plan.policy, find_device(plan.run.device)
     if isinstance(plan.algo, PPOConfig):
@@ -29,9 +27,7 @@ def build_algorithm(
     return policy, SAC(plan.algo, policy, critic, aim_key(config, policy))
 
 
-def restore_policy(
-    plan: Plan, observation_spec: Composite, action_spec: TensorSpec, payload: dict[str, Any]
-) -> Policy:
+def restore_policy(plan: Plan, observation_spec: Composite, action_spec: TensorSpec, payload: dict[str, Any]) -> Policy:
     """The policy of a checkpoint (`checkpoint.load`, then `check_fits`), to act on the CPU."""
     policy = build(plan.policy, observation_spec, action_spec, squash=not isinstance(plan.algo, PPOConfig))
     policy.load_state_dict(payload["algorithm"]["policy"])

@@ -49,18 +49,14 @@ def load(path: Path) -> dict[str, Any]:
         raise CheckpointError(f"checkpoint {path} does not exist")
     try:
         with zipfile.ZipFile(path) as archive:
-            broken = (
-                archive.testzip()
-            )  # torch does not look at checksums: a flipped bit would load as a weight
+            broken = archive.testzip()  # torch does not look at checksums: a flipped bit would load as a weight
         if broken is not None:
             raise CheckpointError(f"checkpoint {path} is damaged (in {broken})")
         payload = torch.load(path, map_location="cpu", weights_only=True)
     except CheckpointError:
         raise
     except Exception as error:  # torch and zipfile name a bad file in a dozen ways
-        raise CheckpointError(
-            f"checkpoint {path} is damaged, or is no checkpoint of ours: {_first(error)}"
-        ) from None
+        raise CheckpointError(f"checkpoint {path} is damaged, or is no checkpoint of ours: {_first(error)}") from None
     return _known(path, payload)
 
 
@@ -84,9 +80,7 @@ def find(path: Path, name: str = "last") -> Path:
 def widths(observation_spec: Any, action_spec: Any) -> dict[str, list[int]]:
     """The shapes of one world that a network is built for."""
     names = ("robot", "objects", "instruction")
-    return {name: list(observation_spec[name].shape[1:]) for name in names} | {
-        "action": list(action_spec.shape[1:])
-    }
+    return {name: list(observation_spec[name].shape[1:]) for name in names} | {"action": list(action_spec.shape[1:])}
 
 
 def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str, list[int]]) -> None:
@@ -98,9 +92,7 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
     if list(theirs) != list(vocabulary):
         extra, missing = sorted(set(theirs) - set(vocabulary)), sorted(set(vocabulary) - set(theirs))
         what = (
-            f"it has {extra or 'no others'} and lacks {missing or 'none'}"
-            if extra or missing
-            else "in another order"
+            f"it has {extra or 'no others'} and lacks {missing or 'none'}" if extra or missing else "in another order"
         )
         raise CheckpointError(f"the checkpoint was trained with another vocabulary: {what}")
     for name, shape in shapes.items():

@@ -40,9 +40,7 @@ class Rollouts:
     The policy acts on the CPU, where the worlds are, whatever device it learns on.
     """
 
-    def __init__(
-        self, make_env: MakeEnv, policy: Policy, config: CollectorConfig, horizon: int, seed: int
-    ) -> None:
+    def __init__(self, make_env: MakeEnv, policy: Policy, config: CollectorConfig, horizon: int, seed: int) -> None:
         self.acting = copy.deepcopy(policy).cpu()
         count = workers(config)
         common: dict[str, Any] = {
@@ -56,9 +54,7 @@ class Rollouts:
             self.collector = Collector(make, act, use_buffers=False, **common)
         else:
             makes = [partial(_in_worker, make_env, config.worlds, derive_seed(seed, i)) for i in range(count)]
-            self.collector = MultiSyncCollector(
-                makes, act, cat_results=0, use_buffers=True, num_threads=1, **common
-            )
+            self.collector = MultiSyncCollector(makes, act, cat_results=0, use_buffers=True, num_threads=1, **common)
         self.processes = list(getattr(self.collector, "procs", []))
         self.batches = iter(self.collector)
 

@@ -15,8 +15,8 @@ class NetworkConfig(Checked):
 
     privileged_critic: bool  # the critic is shown the goal itself; only losses ever ask it
     state_dependent_std: bool
-    hidden: list[int] = within(1, 4096)  # noqa: RUF009  widths of the actor's hidden layers
-    critic_hidden: list[int] = within(1, 4096)  # noqa: RUF009
+    hidden: list[int] = within(1, 4096)
+    critic_hidden: list[int] = within(1, 4096)
     activation: str = one_of("tanh", "relu", "elu")
     initial_std: float = within(0.01, 2.0)  # of the exploration noise, in units of the action in [-1, 1]
 
@@ -98,7 +98,7 @@ class RunConfig(Checked):
     total_frames: int = within(1)  # control steps over all worlds
     seed: int = within(0, 2**31 - 1)
     update_threads: int = within(0, 1024)  # CPU threads of an update; 0 = one per core
-    logger: list[str] = one_of("tensorboard", "wandb")  # noqa: RUF009  beside metrics.csv
+    logger: list[str] = one_of("tensorboard", "wandb")
 
 
 PolicyConfig = GroundedConfig | MLPConfig
@@ -159,6 +159,4 @@ def _check_together(plan: Plan) -> None:
             "lower it, or raise algo.horizon or collector.worlds"
         )
     if isinstance(plan.algo, SACConfig) and plan.algo.buffer < max(batch, plan.algo.batch):
-        raise ConfigError(
-            f"algo.buffer={plan.algo.buffer} must hold a batch of {max(batch, plan.algo.batch)} frames"
-        )
+        raise ConfigError(f"algo.buffer={plan.algo.buffer} must hold a batch of {max(batch, plan.algo.batch)} frames")

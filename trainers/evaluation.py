@@ -96,9 +96,7 @@ def evaluate(
 
 
 @torch.no_grad()
-def _play(
-    env: EnvBase, policy: TensorDictModuleBase, left: list[int], stop: Callable[[], bool]
-) -> list[Episode]:
+def _play(env: EnvBase, policy: TensorDictModuleBase, left: list[int], stop: Callable[[], bool]) -> list[Episode]:
     worlds = len(left)
     total, once, length = (
         torch.zeros(worlds),

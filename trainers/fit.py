@@ -35,9 +35,7 @@ class Stop:
         self.signal = 0
 
     def __enter__(self) -> Stop:
-        self.former = {
-            number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)
-        }
+        self.former = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -71,9 +69,7 @@ class Run:
         }
         torch.manual_seed(plan.run.seed)
         self.judge = make_env(plan.eval.worlds, derive_seed(plan.run.seed, 0, evaluation=True))
-        self.policy, self.algorithm = build_algorithm(
-            plan, self.judge.observation_spec, self.judge.action_spec
-        )
+        self.policy, self.algorithm = build_algorithm(plan, self.judge.observation_spec, self.judge.action_spec)
         self.widths = checkpoint.widths(self.judge.observation_spec, self.judge.action_spec)
         self.episodes = Episodes(self.judge.reward_names)
 
@@ -85,9 +81,7 @@ class Run:
             self.algorithm.load_state_dict(state["algorithm"])
         except (KeyError, RuntimeError, ValueError) as error:
             text = str(error).splitlines()[-1].strip()
-            raise checkpoint.CheckpointError(
-                f"{path} was trained with another algo or policy: {text}"
-            ) from None
+            raise checkpoint.CheckpointError(f"{path} was trained with another algo or policy: {text}") from None
         self.counters |= state["counters"]
         torch.set_rng_state(state["rng"])
 
@@ -212,9 +206,7 @@ def fit(
             *TIMINGS,
         )
         metrics = Metrics(folder, columns, plan.run.logger, run.counters["frames"] if resume else None)
-        bar = tqdm(
-            total=plan.run.total_frames, initial=run.counters["frames"], unit="frames", disable=not progress
-        )
+        bar = tqdm(total=plan.run.total_frames, initial=run.counters["frames"], unit="frames", disable=not progress)
         with Stop() as stop, bar:
             try:
                 run.train(metrics, stop, bar)
@@ -251,9 +243,7 @@ def film(make_video_env: Callable[[], EnvBase], policy: Any, path: Path, episode
 def show(bar: tqdm, row: dict[str, float]) -> None:
     """Success in training and grounding accuracy beside the bar's own frames and frames/s."""
     shown = {"success": row["train/success"], "grounding": row.get("grounding/accuracy", math.nan)}
-    bar.set_postfix(
-        {name: f"{value:.2f}" for name, value in shown.items() if math.isfinite(value)}, refresh=False
-    )
+    bar.set_postfix({name: f"{value:.2f}" for name, value in shown.items() if math.isfinite(value)}, refresh=False)
     bar.update(int(row["frames"]) - bar.n)
 
 

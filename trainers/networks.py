@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -43,6 +44,11 @@ class Normalise(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         return (x - self.centre) * self.gain
+
+
+def normal_log_prob(noise: Tensor, scale: Tensor) -> Tensor:
+    """The log-density of loc + scale * noise under Normal(loc, scale), element by element."""
+    return -0.5 * noise.square() - scale.log() - 0.5 * math.log(2 * math.pi)
 
 
 class Gaussian(nn.Module):

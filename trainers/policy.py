@@ -1,8 +1,8 @@
 """Policies and critics, built from specs.
 
-    objects, mask, instruction ─► encoder ─► attention_logits, context ┐
-                                                             robot ────┴─► actor ─► action
-                                             robot, privileged/goal ─────► critic (losses only)
+    objects, mask, instruction ─► words ─► attention_logits, context ┐
+                                                            robot ───┴─► gaussian ─► action
+                                           robot, privileged/goal ─────► critic (losses only)
 
 The critic may be shown what the policy must find out (asymmetric actor-critic, Pinto et al. 2018, arXiv:1710.06542):
 it is thrown away after training.
@@ -10,77 +10,98 @@ it is thrown away after training.
 
 from __future__ import annotations
 
-from tensordict.nn import InteractionType, TensorDictModule, TensorDictSequential
+import torch
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModule, TensorDictModuleBase
 from torch import Tensor, nn
 from torchrl.data import Composite, TensorSpec
-from torchrl.modules import IndependentNormal, ProbabilisticActor, TanhNormal
+from torchrl.envs.utils import ExplorationType, exploration_type
 
 from trainers.config import GroundedConfig, PolicyConfig
 from trainers.grounding import Flattener, Grounder
-from trainers.networks import Critic, Gaussian, Normalise, Value
+from trainers.networks import Critic, Gaussian, Normalise, Value, normal_log_prob
 
 SEEN = ["objects", "objects_mask", "instruction"]
 GOAL = ("privileged", "goal")
 
 
-class Clamp(nn.Module):
-    """A sample of an unbounded distribution to an action in [-1, 1]."""
-
-    def forward(self, sample: Tensor) -> Tensor:
-        return sample.clamp(-1.0, 1.0)
-
-
 class Policy(nn.Module):
-    """encoder: reads `SEEN`, writes `context` and, where it points at something, attention_logits.
+    """Words choose what the arm is told; the arm's network never sees a word.
 
-    actor: reads robot and `context`, writes loc, scale, the sample, its log-probability. Unsquashed, it writes
-    "sample", and `act` clamps that to "action": the losses need the likelihood of what was drawn.
+    words: reads `SEEN`; its last output is the context. gaussian: robot and context to the action's loc and scale.
+    squash: an action is the tanh of a normal (SAC) instead of a clamped normal (PPO), whose unclamped "sample" is kept
+    too: the surrogate needs the likelihood of what was drawn.
     """
 
-    def __init__(self, encoder: TensorDictModule, actor: ProbabilisticActor, squash: bool) -> None:
+    def __init__(self, words: Grounder | Flattener, gaussian: Gaussian, squash: bool) -> None:
         super().__init__()
-        self.encoder, self.actor, self.squash = encoder, actor, squash
-        self.context: str = encoder.out_keys[-1]
+        self.words, self.gaussian, self.squash = words, gaussian, squash
+        self.context: str = words.writes[-1]
 
     @property
-    def act(self) -> TensorDictSequential:
+    def act(self) -> Act:
         """The whole way from an observation to "action"; shares the parameters. Reads nothing privileged."""
-        clamp = [] if self.squash else [TensorDictModule(Clamp(), in_keys=["sample"], out_keys=["action"])]
-        return TensorDictSequential(self.encoder, self.actor, *clamp)
+        return Act(self)
 
-    @property
-    def gaussian(self) -> Gaussian:
-        """The network under the actor's distribution."""
-        return self.actor[0].module
+    def encode(self, frames: TensorDictBase) -> TensorDictBase:
+        """Write what the words mean (N, ...) to frames (N,), and return them."""
+        return self._write(frames, self.words(*(frames[key] for key in SEEN)))
+
+    def encode_step(self, before: TensorDictBase, after: TensorDictBase) -> None:
+        """`encode` a step's two ends, the later one without gradients.
+
+        The words are the same at both, so they are read once: half the cost of two calls.
+        """
+        asked = self.words.ask(before["instruction"])
+        self._write(before, self.words.point(before["objects"], before["objects_mask"], asked))
+        with torch.no_grad():
+            self._write(after, self.words.point(after["objects"], after["objects_mask"], asked))
+
+    def _write(self, frames: TensorDictBase, values: tuple[Tensor, ...]) -> TensorDictBase:
+        for key, value in zip(self.words.writes, values, strict=True):
+            frames.set(key, value)
+        return frames
 
 
-def build(
-    config: PolicyConfig, observation_spec: Composite, action_spec: TensorSpec, squash: bool = False
-) -> Policy:
-    """A policy for these specs.
+class Act(TensorDictModuleBase):
+    """Observations (N,) to "action" (N, A) in [-1, 1], as a collector wants it; the mean one when exploration is off.
 
-    squash: actions are the tanh of a normal (SAC) instead of a clamped normal (PPO).
+    A sequence of TensorDictModules with a ProbabilisticActor computes the same in twice the time, at every step of
+    the worlds.
     """
-    encoder = _encoder(config, observation_spec)
+
+    def __init__(self, policy: Policy) -> None:
+        super().__init__()
+        self.policy = policy
+        self.in_keys = [*SEEN, "robot"]
+        self.out_keys = [*policy.words.writes, *([] if policy.squash else ["sample", "sample_log_prob"]), "action"]
+
+    def forward(self, frames: TensorDictBase) -> TensorDictBase:
+        self.policy.encode(frames)
+        loc, scale = self.policy.gaussian(frames["robot"], frames[self.policy.context])
+        explores = exploration_type() not in (ExplorationType.DETERMINISTIC, ExplorationType.MODE, ExplorationType.MEAN)
+        noise = torch.randn_like(loc) if explores else torch.zeros_like(loc)
+        sample = loc + scale * noise
+        if self.policy.squash:
+            return frames.set("action", sample.tanh())
+        frames.set("sample", sample)
+        frames.set("sample_log_prob", normal_log_prob(noise, scale).sum(-1))
+        return frames.set("action", sample.clamp(-1.0, 1.0))
+
+
+def build(config: PolicyConfig, observation_spec: Composite, action_spec: TensorSpec, squash: bool = False) -> Policy:
+    """A policy for these specs, squashed for SAC."""
+    words = _words(config, observation_spec)
     gaussian = Gaussian(
         robot=Normalise(observation_spec["robot"]),
-        context=encoder.module.outputs,
+        context=words.outputs,
         hidden=config.hidden,
         actions=action_spec.shape[-1],
         activation=config.activation,
         std=config.initial_std,
         by_state=config.state_dependent_std,
     )
-    head = TensorDictModule(gaussian, in_keys=["robot", encoder.out_keys[-1]], out_keys=["loc", "scale"])
-    actor = ProbabilisticActor(
-        head,
-        in_keys=["loc", "scale"],
-        out_keys=["action" if squash else "sample"],
-        distribution_class=TanhNormal if squash else IndependentNormal,
-        return_log_prob=not squash,
-        default_interaction_type=InteractionType.RANDOM,
-    )
-    return Policy(encoder, actor, squash)
+    return Policy(words, gaussian, squash)
 
 
 def build_value(config: PolicyConfig, policy: Policy, observation_spec: Composite) -> TensorDictModule:
@@ -90,9 +111,7 @@ def build_value(config: PolicyConfig, policy: Policy, observation_spec: Composit
     return TensorDictModule(value, in_keys=["robot", aim_key(config, policy)], out_keys=["state_value"])
 
 
-def build_q(
-    config: PolicyConfig, policy: Policy, observation_spec: Composite, action_spec: TensorSpec
-) -> Critic:
+def build_q(config: PolicyConfig, policy: Policy, observation_spec: Composite, action_spec: TensorSpec) -> Critic:
     """Two action values on (robot, aim, action): (2, N, 1)."""
     robot, aim = _judged(config, policy, observation_spec)
     return Critic(robot, aim, action_spec.shape[-1], config.critic_hidden, config.activation, heads=2)
@@ -104,17 +123,15 @@ def aim_key(config: PolicyConfig, policy: Policy) -> str | tuple[str, str]:
 
 
 def _judged(config: PolicyConfig, policy: Policy, spec: Composite) -> tuple[Normalise, Normalise | int]:
-    aim = Normalise(spec[GOAL]) if config.privileged_critic else policy.encoder.module.outputs
+    aim = Normalise(spec[GOAL]) if config.privileged_critic else policy.words.outputs
     return Normalise(spec["robot"]), aim
 
 
-def _encoder(config: PolicyConfig, spec: Composite) -> TensorDictModule:
-    objects, words = Normalise(spec["objects"]), spec["instruction"]
+def _words(config: PolicyConfig, spec: Composite) -> Grounder | Flattener:
+    objects, said = Normalise(spec["objects"]), spec["instruction"]
     if isinstance(config, GroundedConfig):
-        grounder = Grounder(objects, words.space.n, words.shape[-1], config.embedding, config.width)
-        return TensorDictModule(grounder, in_keys=SEEN, out_keys=["attention_logits", "referent"])
-    flat = Flattener(objects, words.space.n, config.embedding)
-    return TensorDictModule(flat, in_keys=SEEN, out_keys=["scene"])
+        return Grounder(objects, said.space.n, said.shape[-1], config.embedding, config.width)
+    return Flattener(objects, said.space.n, config.embedding)
 
 
 def parameters(*modules: nn.Module) -> list[Tensor]:

@@ -10,6 +10,7 @@ import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModule
 from torch import Tensor, nn
+from torchrl.modules import IndependentNormal, ProbabilisticActor
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
@@ -33,7 +34,7 @@ class PPO:
     def __init__(self, config: PPOConfig, policy: Policy, critic: TensorDictModule) -> None:
         self.config, self.policy, self.critic = config, policy, critic
         self.loss = ClipPPOLoss(
-            policy.actor,
+            surrogate_actor(policy),
             critic,
             clip_epsilon=config.clip,
             entropy_coeff=config.entropy,
@@ -45,9 +46,8 @@ class PPO:
         self.parameters = parameters(policy, critic)
         self.optimizer = torch.optim.Adam(self.parameters, lr=config.lr, fused=True)
         self.device = self.parameters[0].device
-        self.kept = dict.fromkeys(
-            [*SEEN, "robot", "sample", "sample_log_prob", *critic.in_keys, *learned_from(config)]
-        )
+        taught = [("privileged", "referent")] if config.grounding_weight else []
+        self.kept = dict.fromkeys([*SEEN, "robot", "sample", "sample_log_prob", *critic.in_keys, *taught])
         self.kept.pop(policy.context, None)
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
@@ -80,19 +80,19 @@ class PPO:
         keys = [key for key in self.critic.in_keys if key != self.policy.context]
         flat = batch.select(*keys, *(SEEN if reads_words else ())).reshape(-1)
         if reads_words:
-            flat = self.policy.encoder(flat)
+            flat = self.policy.encode(flat)
         return self.critic(flat)["state_value"].reshape(*batch.shape, 1)
 
     def step(self, frames: TensorDictBase) -> dict[str, Tensor]:
         """One step of the optimizer on a minibatch (B,)."""
-        frames = self.policy.encoder(frames)
+        frames = self.policy.encode(frames)
         out = self.loss(frames)
         loss = sum(out[name] for name in LOSSES)
         measured = {
             "loss/actor": out["loss_objective"],
             "loss/critic": out["loss_critic"],
             "loss/entropy": out["loss_entropy"],
-            "std": frames_std(self.policy),
+            "std": self.policy.gaussian.log_std.exp().mean(),
             **{name: out[key] for key, name in MEASURES.items()},
         }
         taught = grounding(frames) if self.config.grounding_weight else None
@@ -121,18 +121,20 @@ def advantages(
     """Generalised advantages and value targets, (worlds, steps, 1), Schulman et al. 2016 (arXiv:1506.02438).
 
     after: the "next" of a batch (worlds, steps). An episode that ran out of time is worth what its last observation
-    promises (`next_value`); one that terminated is worth nothing more. TorchRL's loop over steps takes 2 ms for
-    64 x 64 frames here, its vectorised form, which splits and pads trajectories, several times that.
+    promises (`next_value`); one that terminated is worth nothing more.
+    TorchRL's loop over the steps takes half a millisecond for 64 x 64 frames: only its GAE module, which calls the
+    value network through vmap, is slow.
     """
     done, terminated = after["done"], after["terminated"]
     return generalized_advantage_estimate(gamma, lmbda, value, next_value, after["reward"], done, terminated)
 
 
-def learned_from(config: PPOConfig) -> list[tuple[str, str]]:
-    """The privileged keys that the grounding loss reads."""
-    return [("privileged", "referent")] if config.grounding_weight else []
-
-
-def frames_std(policy: Policy) -> Tensor:
-    """The mean width of the exploration noise, before any offset by state."""
-    return policy.gaussian.log_std.exp().mean()
+def surrogate_actor(policy: Policy) -> ProbabilisticActor:
+    """The policy's second half, (robot, context) to the distribution of "sample", as TorchRL's losses take it."""
+    return ProbabilisticActor(
+        TensorDictModule(policy.gaussian, in_keys=["robot", policy.context], out_keys=["loc", "scale"]),
+        in_keys=["loc", "scale"],
+        out_keys=["sample"],
+        distribution_class=IndependentNormal,
+        return_log_prob=True,
+    )

@@ -21,8 +21,8 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from trainers import learning
 from trainers.config import SACConfig
 from trainers.grounding import grounding
-from trainers.networks import Critic
-from trainers.policy import SEEN, Policy, parameters
+from trainers.networks import Critic, normal_log_prob
+from trainers.policy import Policy, parameters
 
 
 class SAC:
@@ -49,9 +49,7 @@ class SAC:
         learned = [*self.actor_parameters, *self.critic_parameters, self.log_alpha]
         self.optimizer = torch.optim.Adam(learned, lr=config.lr, fused=True)
         self.wanted_entropy = config.target_entropy * policy.gaussian.log_std.numel()
-        self.memory = TensorDictReplayBuffer(
-            storage=LazyTensorStorage(config.buffer, device=self.device)
-        )
+        self.memory = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer, device=self.device))
         self.owed = 0.0  # gradient steps earned by frames and not yet taken
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
@@ -73,11 +71,9 @@ class SAC:
         """Add frames (worlds, steps), with only the keys that learning reads."""
         aim = [] if self.aim == self.policy.context else [self.aim]
         taught = [("privileged", "referent")] if self.config.grounding_weight else []
-        seen = [*SEEN, "robot", *aim]
-        after = [
-            ("next", *(key if isinstance(key, tuple) else (key,))) for key in [*seen, "reward", "terminated"]
-        ]
-        self.memory.extend(batch.select(*seen, "action", *taught, *after).reshape(-1))
+        seen = ["objects", "objects_mask", "robot", *aim]
+        after = [("next", *(key if isinstance(key, tuple) else (key,))) for key in [*seen, "reward", "terminated"]]
+        self.memory.extend(batch.select(*seen, "instruction", "action", *taught, *after).reshape(-1))
 
     def step(self, frames: TensorDictBase) -> dict[str, Tensor]:
         """One gradient step on frames (B,) for the critics, the actor with the grounding, and the temperature."""
@@ -98,13 +94,12 @@ class SAC:
         """The three losses; no gradient of one reaches the parameters of another."""
         alpha = self.log_alpha.detach().exp()
         after = frames["next"]
+        self.policy.encode_step(frames, after)
         with torch.no_grad():
             # terminated, not done: a frame that ended by time is worth what follows it.
-            self.policy.encoder(after)
             action, log_prob = self.act(after)
             promise = self.target(after["robot"], after[self.aim], action).amin(0) - alpha * log_prob
             wanted = after["reward"] + self.config.gamma * promise * ~after["terminated"]
-        self.policy.encoder(frames)
         q = self.critic(frames["robot"], frames[self.aim], frames["action"])
         action, log_prob = self.act(frames)
         with frozen(self.critic_parameters):  # and so no time is spent on their gradients
@@ -149,9 +144,8 @@ def frozen(parameters: Iterable[Tensor]) -> Iterator[None]:
 
 
 def squashed(loc: Tensor, scale: Tensor) -> tuple[Tensor, Tensor]:
-    """A sample of tanh(Normal(loc, scale)), (B, A), and its log-probability (B, 1), by the stable form of log(1 - tanh^2)."""
+    """A sample of tanh(Normal(loc, scale)), (B, A), and its log-probability, (B, 1)."""
     noise = torch.randn_like(loc)
     x = loc + scale * noise
-    normal = -0.5 * noise.square() - scale.log() - 0.5 * math.log(2 * math.pi)
-    log_prob = normal - 2 * (math.log(2) - x - F.softplus(-2 * x))
-    return x.tanh(), log_prob.sum(-1, keepdim=True)
+    slope = 2 * (math.log(2) - x - F.softplus(-2 * x))  # log(1 - tanh(x)^2) without cancellation
+    return x.tanh(), (normal_log_prob(noise, scale) - slope).sum(-1, keepdim=True)

@@ -52,9 +52,7 @@ def outcome(after: TensorDictBase) -> str:
     """How the episode of world 0 that ended in this step went."""
     if after["success"][0]:
         return "success"
-    return (
-        "wrong object" if after["wrong_object"][0] else "out of time" if after["truncated"][0] else "failed"
-    )
+    return "wrong object" if after["wrong_object"][0] else "out of time" if after["truncated"][0] else "failed"
 
 
 def caption(frame: np.ndarray, sentence: str, ending: str = "") -> np.ndarray:

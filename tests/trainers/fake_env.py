@@ -49,7 +49,7 @@ class FakeEnv(EnvBase):
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: object) -> TensorDictBase:
         fresh = self._fresh()
         mask = torch.ones(self.batch_size, dtype=torch.bool)
-        if tensordict is not None and "_reset" in tensordict.keys():  # noqa: SIM118
+        if tensordict is not None and "_reset" in tensordict.keys():
             mask = tensordict["_reset"].squeeze(-1)
         for name, value in fresh.items():
             choose = mask.reshape(-1, *[1] * (value.ndim - 1))
@@ -70,9 +70,7 @@ class FakeEnv(EnvBase):
         distance = (world["places"] - world["hand"].unsqueeze(1)).norm(dim=-1)
         wanted = distance[rows, world["referent"]].unsqueeze(-1)
         success, nearest = wanted < NEAR, distance.argmin(-1)
-        wrong = (distance.min(-1).values < NEAR / 2).unsqueeze(-1) & (nearest != world["referent"]).unsqueeze(
-            -1
-        )
+        wrong = (distance.min(-1).values < NEAR / 2).unsqueeze(-1) & (nearest != world["referent"]).unsqueeze(-1)
         wrong &= ~success
         truncated = (world["step"] >= MAX_STEPS).unsqueeze(-1) & ~success & ~wrong
         reward = success.float() - 0.1 * wanted

@@ -69,7 +69,7 @@ def test_short_episodes_count_no_more_than_long_ones():
 def test_the_policy_is_shown_nothing_privileged():
     seen = []
     spy = TensorDictModule(lambda robot: robot[:, :3] * 0, in_keys=["robot"], out_keys=["action"])
-    spy.register_forward_pre_hook(lambda module, args: seen.append("privileged" in args[0].keys()))  # noqa: SIM118
+    spy.register_forward_pre_hook(lambda module, args: seen.append("privileged" in args[0].keys()))
     evaluate(make_env(4, 0), spy, 4)
     assert seen
     assert not any(seen)

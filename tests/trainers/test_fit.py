@@ -67,7 +67,9 @@ def test_a_resumed_run_goes_on(tmp_path, algo):
     resumed = run(tmp_path, algo, overrides=["total_frames=1024"], resume=checkpoint.find(tmp_path))
     assert resumed["frames"] == 1024
     assert untimed(tmp_path)[: len(rows)] == rows
-    assert [float(row["frames"]) for row in untimed(tmp_path)] == sorted({float(r["frames"]) for r in untimed(tmp_path)})
+    assert [float(row["frames"]) for row in untimed(tmp_path)] == sorted(
+        {float(r["frames"]) for r in untimed(tmp_path)}
+    )
 
 
 def test_a_checkpoint_of_another_algorithm_is_refused(tmp_path):
@@ -138,13 +140,17 @@ def test_two_workers_get_the_weights_and_one_killed_ends_the_run():
         pids = [process.pid for process in rollouts.processes]
         os.kill(pids[1], signal.SIGKILL)
         with pytest.raises(CollectionError, match="exit code -9"):
-            for _ in range(3):  # what it had sent already may still come
-                rollouts.next()
+            drain(rollouts)
     finally:
         rollouts.close()
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
+
+
+def drain(rollouts):
+    for _ in range(3):  # what a worker had sent before its end may still come
+        rollouts.next()
 
 
 SCRIPT = """

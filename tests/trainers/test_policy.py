@@ -7,6 +7,7 @@ from tests.trainers.plans import plan
 from trainers.build import build_algorithm
 from trainers.grounding import grounding
 from trainers.policy import SEEN, build
+from trainers.ppo import surrogate_actor
 
 
 @pytest.fixture(scope="module")
@@ -41,35 +42,34 @@ def test_no_words_and_no_objects_are_still_numbers(env, policy):
     state["objects_mask"].zero_()
     out = make(env, policy).act(state)
     assert out["action"].isfinite().all()
-    out["loc"].sum().backward()
+    out["action"].sum().backward()
 
 
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 def test_what_is_masked_does_not_matter(env, policy):
-    encoder, state = make(env, policy).encoder, env.reset()
+    made, state = make(env, policy), env.reset()
     state["objects_mask"][:, 1] = False
     other = state.clone()
     other["objects"][:, 1] = 0.3
-    key = encoder.out_keys[-1]
-    torch.testing.assert_close(encoder(state)[key], encoder(other)[key])
+    torch.testing.assert_close(made.encode(state)[made.context], made.encode(other)[made.context])
 
 
 def test_the_order_of_slots_does_not_matter(env):
-    encoder, state = make(env).encoder, env.reset()
+    made, state = make(env), env.reset()
     turned = state.clone()
     turned["objects"] = state["objects"].roll(1, 1)
-    torch.testing.assert_close(encoder(state)["referent"], encoder(turned)["referent"])
+    torch.testing.assert_close(made.encode(state)["referent"], made.encode(turned)["referent"])
     torch.testing.assert_close(state["attention_logits"].roll(1, 1), turned["attention_logits"])
 
 
 def test_the_order_of_words_does_matter(env):
-    ask = make(env).encoder.module.ask
+    ask = make(env).words.ask
     one, other = torch.tensor([[1, 2, 3, 4, 0, 0]]), torch.tensor([[1, 2, 4, 3, 0, 0]])
     assert (ask(one) - ask(other)).abs().max() > 1e-3
 
 
 def test_repeated_sentences_are_encoded_once_and_alike(env):
-    ask = make(env).encoder.module.ask
+    ask = make(env).words.ask
     tokens = torch.randint(0, 6, (20, 6)).repeat(5, 1)
     torch.testing.assert_close(ask(tokens), ask.encode(tokens))
 
@@ -77,7 +77,7 @@ def test_repeated_sentences_are_encoded_once_and_alike(env):
 @pytest.mark.parametrize(("policy", "attends"), [("grounded", True), ("mlp", False)])
 def test_grounding_is_measured_where_there_is_attention(env, policy, attends):
     state = env.reset()
-    measured = grounding(make(env, policy).encoder(state))
+    measured = grounding(make(env, policy).encode(state))
     assert (measured is not None) == attends
     if measured is not None:
         state["attention_logits"] = 50.0 * torch.nn.functional.one_hot(state["privileged", "referent"], 3)
@@ -91,9 +91,29 @@ def test_grounding_is_measured_where_there_is_attention(env, policy, attends):
 def test_a_critic_without_privileges_reads_none_and_teaches_no_words(env, algo, policy):
     small = plan(algo, policy, ("policy.privileged_critic=false",))
     made, learner = build_algorithm(small, env.observation_spec, env.action_spec)
-    state = made.encoder(env.reset().exclude("privileged"))
+    state = made.encode(env.reset().exclude("privileged"))
     aim = state[made.context]
     action = [torch.zeros(8, 3)] if algo == "sac" else []
     critic = learner.critic if algo == "sac" else learner.critic.module
     critic(state["robot"], aim, *action).sum().backward()
-    assert all(p.grad is None for p in made.encoder.parameters())
+    assert all(p.grad is None for p in made.words.parameters())
+
+
+@pytest.mark.parametrize("policy", ["grounded", "mlp"])
+def test_both_ends_of_a_step_are_encoded_as_each_alone(env, policy):
+    made, before, after = make(env, policy), env.reset(), env.reset()
+    after["instruction"] = before["instruction"]
+    alone = made.encode(before.clone())[made.context], made.encode(after.clone())[made.context]
+    made.encode_step(before, after)
+    torch.testing.assert_close((before[made.context], after[made.context]), alone)
+    assert before[made.context].requires_grad
+    assert not after[made.context].requires_grad
+
+
+def test_the_likelihood_of_what_was_drawn_is_that_of_the_surrogate(env):
+    made = make(env)
+    with torch.no_grad():
+        state = made.act(env.reset())
+        again = surrogate_actor(made).log_prob(state.clone())
+    torch.testing.assert_close(state["sample_log_prob"], again)
+    assert (state["sample"].clamp(-1, 1) == state["action"]).all()

@@ -57,9 +57,9 @@ def test_grounding_is_taught_only_when_asked(weight):
 
 def test_without_the_grounding_loss_reward_still_reaches_the_words():
     policy, ppo = learner("algo.grounding_weight=0.0")
-    before = policy.encoder.module.ask.embed.weight.clone()
+    before = policy.words.ask.embed.weight.clone()
     ppo.update(batch_of(policy), 0.0)
-    assert not torch.equal(before, policy.encoder.module.ask.embed.weight)
+    assert not torch.equal(before, policy.words.ask.embed.weight)
 
 
 def test_the_rate_is_annealed():

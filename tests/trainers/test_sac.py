@@ -56,7 +56,7 @@ def test_each_loss_moves_its_own_parameters(learned):
     sac.optimizer.zero_grad()
     losses["loss/actor"].backward()
     assert all(p.grad is None for p in sac.critic_parameters)
-    assert policy.encoder.module.ask.embed.weight.grad is not None
+    assert policy.words.ask.embed.weight.grad is not None
     assert sac.log_alpha.grad is None
 
 
