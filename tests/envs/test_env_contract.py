@@ -1,0 +1,193 @@
+"""Every robot x control x task is an honest TorchRL environment.
+
+`check_env_specs` misses an ignored `_reset`, global randomness, wrong rewards and aliased buffers: these are here.
+"""
+
+import random
+
+import numpy as np
+import pytest
+import torch
+from env_cases import COMBINATIONS, Poker, act, differences, hold, leaves, make, name_of, partial_reset
+from torchrl.envs.utils import check_env_specs
+
+WORLDS = 3
+
+
+@pytest.fixture(scope="module", params=COMBINATIONS, ids=name_of)
+def env(request):
+    made = make(*request.param, worlds=WORLDS, seed=3)
+    yield made
+    made.close()
+
+
+def random_actions(env, steps, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-1, 1, (steps, *env.action_spec.shape)).astype(np.float32)
+
+
+def test_torchrl_finds_no_fault(env):
+    check_env_specs(env, seed=0)
+
+
+def test_what_a_step_says_agrees_with_itself(env):
+    env.set_seed(1)
+    td = env.reset()
+    for action in random_actions(env, 25):
+        td = act(env, td, action)
+        assert torch.equal(td["done"], td["terminated"] | td["truncated"])
+        assert not (td["terminated"] & td["truncated"]).any()
+        assert torch.equal(td["terminated"], td["success"] | td["wrong_object"])
+        assert td["reward"].shape == (WORLDS, 1)
+        assert td["reward"].isfinite().all()
+        torch.testing.assert_close(td["reward"], td["reward_terms"].sum(1, keepdim=True))
+        assert td["reward_terms"].shape == (WORLDS, len(env.reward_names))
+
+
+def test_observations_are_finite_float32_and_within_their_specs_whatever_is_done(env):
+    env.set_seed(2)
+    td = env.reset()
+    poker = Poker(env)
+    for t, action in enumerate(random_actions(env, 50)):
+        td = act(env, td, action if t % 2 else poker(td))
+        if t % 20 == 19:
+            td = partial_reset(env, td, [t % WORLDS])
+        assert env.observation_spec.is_in(td.select(*env.observation_spec.keys()))
+        for key in ("robot", "objects", "reward_terms"):
+            assert td[key].dtype == torch.float32
+            assert td[key].isfinite().all()
+
+
+def test_a_partial_reset_begins_the_named_worlds_anew_and_leaves_the_others_as_they_are(env):
+    env.set_seed(4)
+    td = env.reset()
+    for action in random_actions(env, 8):
+        td = act(env, td, action)
+    before, after = td.clone(), partial_reset(env, td, [1])
+    others = [0, 2]
+    shown = ["robot", "objects", "objects_mask", "instruction", "privileged"]
+    assert differences(before.select(*shown)[others], after.select(*shown)[others]) == []
+    assert {"robot", "objects"} <= set(differences(before.select(*shown)[[1]], after.select(*shown)[[1]]))
+    joints = len(env.config.robot.joints)
+    noise = env.config.task.reset_noise
+    assert np.abs(after["robot"][1, :joints].numpy() - env.chain.rest).max() <= noise + 1e-6
+    assert (after["robot"][1, joints : 2 * joints] == 0).all()
+    assert not after["done"].any()
+
+
+def test_worlds_go_on_after_the_reset_of_another_as_if_nothing_had_happened(env):
+    actions = random_actions(env, 10)
+    ends = []
+    for disturbed in (False, True):
+        env.set_seed(5)
+        td = env.reset()
+        for t, action in enumerate(actions):
+            td = act(env, td, action)
+            if disturbed and t == 4:
+                td = partial_reset(env, td, [1])
+        ends.append(td[[0, 2]].exclude("action").clone())
+    assert differences(*ends) == []
+
+
+def test_a_reset_of_no_world_changes_nothing(env):
+    env.set_seed(6)
+    td = act(env, env.reset(), random_actions(env, 1)[0])
+    after = partial_reset(env, td, [])
+    shown = ["robot", "objects", "objects_mask", "instruction", "privileged"]
+    assert differences(td.select(*shown), after.select(*shown)) == []
+
+
+def test_no_tensor_is_written_to_after_it_was_handed_out(env):
+    env.set_seed(7)
+    handed_out = [env.reset()]
+    copies = [handed_out[0].clone()]
+    for t, action in enumerate(random_actions(env, 4)):
+        handed_out.append(act(env, handed_out[-1], action))
+        copies.append(handed_out[-1].clone())
+        if t == 2:
+            handed_out.append(partial_reset(env, handed_out[-1], [0, 2]))
+            copies.append(handed_out[-1].clone())
+    assert [differences(td, copy) for td, copy in zip(handed_out, copies, strict=True)] == [[]] * len(copies)
+
+
+def test_a_step_shares_no_memory_with_the_step_before(env):
+    env.set_seed(8)
+    first = act(env, env.reset(), random_actions(env, 1)[0])
+    second = act(env, first, random_actions(env, 1)[0])
+    third = partial_reset(env, second, [0])
+
+    def storages(td):
+        return {tensor.untyped_storage().data_ptr() for tensor in leaves(td.exclude("action")).values()}
+
+    assert storages(first).isdisjoint(storages(second))
+    assert storages(second).isdisjoint(storages(third))
+
+
+def test_episodes_are_cut_at_max_steps_exactly_each_world_by_itself(env):
+    env.set_seed(9)
+    td, limit = env.reset(), env.config.task.max_steps
+    ages, late = np.zeros(WORLDS, int), 7
+    for t in range(limit + late):
+        td = act(env, td, hold(env, td))
+        ages += 1
+        assert td["truncated"][:, 0].tolist() == (ages == limit).tolist()
+        assert torch.equal(td["done"], td["truncated"])
+        if t + 1 == late:
+            td, ages[1] = partial_reset(env, td, [1]), 0
+        if t + 1 == limit:
+            td, ages[[0, 2]] = partial_reset(env, td, [0, 2]), 0
+
+
+def global_states():
+    return random.getstate(), np.random.get_state()[1].tolist(), torch.get_rng_state().tolist()  # noqa: NPY002
+
+
+def seed_globally(seed):
+    random.seed(seed)
+    np.random.seed(seed)  # noqa: NPY002
+    torch.manual_seed(seed)
+
+
+def test_nothing_is_drawn_from_the_global_generators(env):
+    ends = []
+    for seed in (1, 2):
+        env.set_seed(10)
+        seed_globally(seed)
+        states = global_states()
+        td = env.reset()
+        for action in random_actions(env, 5):
+            td = act(env, td, action)
+        ends.append(partial_reset(env, td, [0, 1, 2]).exclude("action").clone())
+        assert global_states() == states
+    assert differences(*ends) == []
+
+
+# What may never change, for each task; everything else must, over time and episodes.
+def constant_elements(env, task):
+    joints, slots = len(env.config.robot.joints), env.config.task.num_objects
+    rows = {f"objects[{k},{d}]" for k in range(slots) for d in (10, 14, 15)}  # opacity, size, role
+    gripper = {f"robot[{2 * joints + 9}]"}  # reaching needs no grip
+    mask = {f"objects_mask[{k}]" for k in range(slots)}
+    longest = 0 if task == "reach" else len("reach the red cube left of the red cube".split())
+    said = {0, 1} | set(range(longest, env.tokenizer.length))  # "reach the ...", and padding
+    words = {f"instruction[{i}]" for i in said}
+    return rows | gripper | mask | words
+
+
+def test_every_element_of_the_observation_says_something(env, request):
+    env.set_seed(11)
+    td, poker, seen = env.reset(), Poker(env), []
+    for t, action in enumerate(random_actions(env, 150)):
+        td = act(env, td, action if t % 30 < 4 else poker(td))
+        seen.append(td.clone())
+        if t % 30 == 29:
+            td = partial_reset(env, td, [0, 1, 2])
+            seen.append(td.clone())
+    constant = set()
+    for key in ("robot", "objects", "objects_mask", "instruction"):
+        values = torch.stack([each[key] for each in seen]).flatten(0, 1)
+        for place in np.argwhere((values == values[0]).all(0).numpy()).tolist():
+            constant.add(f"{key}[{','.join(map(str, place))}]")
+    allowed = constant_elements(env, env.config.task.name)
+    assert constant <= allowed
+    assert {f"objects[0,{d}]" for d in (10, 14, 15)} <= constant

@@ -1,0 +1,95 @@
+"""Same seed, same bits: on a fresh environment, after any history, and whatever the number of worlds."""
+
+import numpy as np
+import pytest
+import torch
+from env_cases import CONTROLS, ROBOTS, Poker, act, differences, make, rollout
+
+STEPS = 120
+
+
+def own_rhythm(t, i):
+    """World i is also reset by itself, each at its own pace."""
+    return t % (33 + 7 * i) == 30
+
+
+def poked(env, steps=STEPS):
+    return rollout(env, steps, Poker(env), own_rhythm)
+
+
+def moved(history):
+    """Metres that the most moved object went within an episode."""
+    steps = history["objects"][1:, ..., :2] - history["objects"][:-1, ..., :2]
+    same = (history["privileged", "sentence"][1:] == history["privileged", "sentence"][:-1]).all(-1)
+    steps = steps.norm(dim=-1)[same]
+    return steps[steps < 0.03].max()  # a reset is a leap, even where the sentence happens to stay
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_fresh_environment_gives_the_same_rollout_bit_for_bit(robot, control):
+    histories = []
+    for _ in range(2):
+        env = make(robot, control, worlds=2, seed=5)
+        histories.append(poked(env))
+        env.close()
+    assert moved(histories[0]) > 0.002  # else the test would say little
+    assert len({tuple(each.tolist()) for each in histories[0]["instruction"].flatten(0, 1)}) > 5
+    assert differences(*histories) == []
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_seeding_forgets_every_history(robot):
+    env = make(robot, worlds=2, seed=5)
+    fresh = poked(env)
+    for seed, steps in ((6, 13), (7, 65)):
+        env.set_seed(seed)
+        other = rollout(env, steps, Poker(env, seed))
+        assert differences(other[:2], fresh[:2]) != []
+        env.set_seed(5)
+        assert differences(poked(env), fresh) == []
+    env.close()
+
+
+def test_a_history_of_wild_motion_is_forgotten_too():
+    env = make("panda", "joints", worlds=2, seed=5)
+    fresh = poked(env, 60)
+    td, rng = env.reset(), np.random.default_rng(0)
+    corners = rng.choice([-1.0, 1.0], (6, *env.action_spec.shape))
+    for t in range(90):
+        td = act(env, td, corners[t // 15])  # through the table, the objects and itself, as far as physics lets it
+    env.set_seed(5)
+    assert differences(poked(env, 60), fresh) == []
+    env.close()
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_a_world_is_the_same_whatever_the_number_of_worlds(control):
+    histories = {}
+    for worlds in (1, 3, 5):
+        env = make("kuka", control, worlds=worlds, seed=5)
+        poker, td, steps = Poker(env), env.reset(), []
+        for t in range(200):
+            td = act(env, td, poker(td))
+            steps.append(td.exclude("action").clone())
+            mask = td["done"].clone()
+            mask[:, 0] |= torch.tensor([own_rhythm(t, i) for i in range(worlds)])
+            td = env.reset(td.exclude("reward", "action").set("_reset", mask))
+            steps.append(td.clone())
+        histories[worlds] = [torch.stack([step[i] for step in steps if "reward" in step.keys()]) for i in range(worlds)]
+        env.close()
+    for worlds in (3, 5):
+        for i in range(min(worlds, 3)):
+            other = histories[1 if i == 0 else 3][i]
+            assert differences(histories[worlds][i], other) == []
+
+
+def test_worlds_differ_from_each_other_and_from_other_seeds():
+    env = make(worlds=3, seed=0)
+    sentences = []
+    for seed in (0, 1):
+        env.set_seed(seed)
+        td = env.reset()
+        sentences += [tuple(row.tolist()) for row in td["objects"].flatten(1)]
+    assert len(set(sentences)) == 6
+    env.close()
