@@ -102,7 +102,8 @@ class PPO:
         learning.check_loss(loss, frames)
         self.optimizer.zero_grad()
         loss.backward()
-        nn.utils.clip_grad_norm_(self.parameters, self.config.max_grad_norm)
+        for part in (self.policy, self.critic):  # each by itself: a surprised critic must not slow the actor down
+            nn.utils.clip_grad_norm_(part.parameters(), self.config.max_grad_norm)
         self.optimizer.step()
         return {name: value.detach() for name, value in measured.items()}
 
