@@ -99,9 +99,7 @@ PROMISES = (
     Promise("collector with policy / env bare (1 core)", "collector_1", "env_kuka", 0.7),
     Promise("collector, 2 workers / 1 worker", "collector_2", "collector_1", 1.5),
     Promise("our panda reach / panda-gym", "env_panda_matched", "panda_gym_reach", 1.7),
-    Promise(
-        "the same, panda-gym with our few solver iterations", "env_panda_matched", "panda_gym_reach_lean", 1.0
-    ),
+    Promise("the same, panda-gym with our few solver iterations", "env_panda_matched", "panda_gym_reach_lean", 1.0),
     Promise("our panda nl_reach / lanro-gym", "env_panda_nl_matched", "lanro_nl_reach", 1.0),
     Promise("PPO frames/s / stable-baselines3", "ppo_frames", "sb3_ppo", 4.0),
     Promise("SAC gradient steps/s / stable-baselines3", "sac_gradient_steps", "sb3_sac", 1.5),

@@ -6,7 +6,8 @@ The observation, each with a leading N:
 |---|---|---|
 | robot | (R,) float32 | joint angles (rad) and speeds (rad/s), gripper centre (m), the first two columns of its
 |   | | rotation matrix (Zhou et al. 2019: continuous, where quaternions jump), gripper state (0 closed or idle, 1) |
-| objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA, shape one-hot, size (m), role (1: target) |
+| objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA, shape one-hot, size (m),
+|   | | role (1: target) |
 | objects_mask | (K,) bool | which slots show an object |
 | instruction | (L,) int64 | the sentence's tokens, 0 = pad |
 | success, wrong_object | (1,) bool | whether the episode ended so at this step |
@@ -30,6 +31,7 @@ from torchrl.envs import EnvBase
 
 from envs.config import EnvConfig
 from envs.controls import CONTROLS
+from envs.robot import read_chain
 from envs.tasks import TASKS, Episode, State
 from envs.world import PARKED, World
 from language import NOUNS, Tokenizer, color_table
@@ -68,7 +70,7 @@ class WorkspaceEnv(EnvBase):
             )
             for _ in range(num_worlds)
         ]
-        self.chain = self._worlds[0].robot.chain()
+        self.chain = read_chain(config.robot)
         period = config.physics.time_step * config.physics.substeps
         box = np.reshape(config.workspace.gripper_box, (3, 2)).T
         self.control = CONTROLS[config.control.mode](

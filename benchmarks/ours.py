@@ -1,0 +1,226 @@
+"""One workload of ours per call: `python -m benchmarks.ours env_kuka --steps 20000` prints one JSON line."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from conf.overrides import compose
+from envs import make_env, read_env
+from trainers.build import build_algorithm
+from trainers.collection import Rollouts
+from trainers.config import CollectorConfig, read_plan
+from trainers.fit import fit
+from train import build_env
+
+WORLDS = 16
+WARM_UP = 20  # control steps of each world before the clock starts
+PEER_PHYSICS = ("physics.substeps=20", "physics.time_step=0.002")  # panda-gym's and lanro-gym's
+MLP = ("policy=mlp",)  # 256 x 256, like stable-baselines3's
+
+
+def rate(count: int, unit: str, work: Callable[[], Any]) -> dict[str, Any]:
+    """How many a second."""
+    start = time.perf_counter()
+    work()
+    seconds = time.perf_counter() - start
+    return {"rate": count / seconds, "unit": unit, "seconds": seconds}
+
+
+def actions(env: Any, rows: int) -> torch.Tensor:
+    """Random actions (rows, N, A), the same in every run."""
+    return 2 * torch.rand(rows, *env.action_spec.shape, generator=torch.Generator().manual_seed(0)) - 1
+
+
+def play(env: Any, rows: torch.Tensor, state: Any) -> Any:
+    """Step through actions with partial resets; the state after."""
+    for row in rows:
+        state["action"] = row
+        _, state = env.step_and_maybe_reset(state)
+    return state
+
+
+def env_bare(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
+    """Env steps a second over all worlds, random actions, episodes ended and begun as they come."""
+    env = make_env(overrides, WORLDS)
+    rows = actions(env, steps // WORLDS)
+    state = play(env, rows[:WARM_UP], env.reset())
+    return rate(len(rows) * WORLDS, "env steps/s", lambda: play(env, rows, state))
+
+
+def raw_loop(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
+    """The same arms in the same worlds under the very motor targets that `env_bare` sends; PyBullet alone."""
+    import pybullet as bullet
+
+    env = make_env(overrides, WORLDS)
+    worlds, targets = env._worlds, []
+    for world in worlds:
+        world.robot.drive = _recording(world.robot.drive, targets)
+    state = play(env, actions(env, WARM_UP), env.reset())
+    play(env, actions(env, steps // WORLDS), state)
+    motors = [
+        partial(
+            bullet.setJointMotorControlArray,
+            world.robot.body,
+            world.robot.arm,
+            bullet.POSITION_CONTROL,
+            positionGains=[0.3] * len(world.robot.arm),
+            physicsClientId=world._client,
+        )
+        for world in worlds
+    ]
+    sent = [row[: len(worlds[0].robot.arm)] for row in targets[WARM_UP * WORLDS :]]
+    env.reset()
+
+    def loop() -> None:
+        for i, row in enumerate(sent):
+            motors[i % WORLDS](targetPositions=row)
+            client = worlds[i % WORLDS]._client
+            for _ in range(12):
+                bullet.stepSimulation(client)
+
+    return rate(len(sent), "control steps/s", loop)
+
+
+def _recording(drive: Callable[[Any], None], targets: list[Any]) -> Callable[[Any], None]:
+    def both(row: Any) -> None:
+        targets.append(row)
+        drive(row)
+
+    return both
+
+
+def collector(steps: int, overrides: Sequence[str], workers: int) -> dict[str, Any]:
+    """Frames a second through TorchRL's collector with the default policy, weights synced at each batch."""
+    config = compose(overrides)
+    plan = read_plan(config)
+    make = partial(build_env, read_env(config))
+    env = make(1, 0)
+    policy, _ = build_algorithm(plan, env.observation_spec, env.action_spec)
+    horizon = 64
+    rollouts = Rollouts(make, policy, CollectorConfig(workers=workers, worlds=WORLDS), horizon, 0)
+    batches = max(steps // (WORLDS * horizon * workers), 1)
+
+    def work() -> None:
+        for _ in range(batches):
+            rollouts.sync(policy)
+            rollouts.next()
+
+    try:
+        rollouts.next()
+        return rate(batches * WORLDS * horizon * workers, "frames/s", work)
+    finally:
+        rollouts.close()
+
+
+def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
+    """Frames a second of a whole training run on panda reach, start-up and evaluation left out on both sides."""
+    config = compose([*overrides, *PEER_PHYSICS, f"total_frames={steps}", "logger=[]", "eval.video_episodes=0"])
+    plan = read_plan(config)
+    with tempfile.TemporaryDirectory() as folder:
+        fit(plan, partial(build_env, read_env(config)), Path(folder), {}, [], progress=False)
+        rows = [line.split(",") for line in (Path(folder) / "metrics.csv").read_text().splitlines()]
+    columns = [rows[0].index(name) for name in ("time/collect", "time/update")]
+    seconds = sum(float(row[column]) for row in rows[2:] for column in columns)
+    frames = float(rows[-1][0]) - float(rows[1][0])  # the first batch waits for the workers to start
+    return {"rate": frames / seconds, "unit": "frames/s", "seconds": seconds}
+
+
+def sac_gradient_steps(steps: int) -> dict[str, Any]:
+    """SAC updates a second on a filled buffer: batch 256, networks of 256 x 256."""
+    config = compose(["task=reach", "robot=panda", "algo=sac", *MLP, "algo.batch=256"])
+    plan = read_plan(config)
+    env = build_env(read_env(config), WORLDS, 0)
+    policy, sac = build_algorithm(plan, env.observation_spec, env.action_spec)
+    rollouts = Rollouts(partial(build_env, read_env(config)), policy, CollectorConfig(workers=1, worlds=WORLDS), 128, 0)
+    sac.remember(rollouts.next())
+    rollouts.close()
+    torch.set_num_threads(len(os.sched_getaffinity(0)))
+    for _ in range(100):
+        sac.step()
+    return rate(steps, "gradient steps/s", lambda: [sac.step() for _ in range(steps)])
+
+
+def memory_per_world(worlds: int) -> dict[str, Any]:
+    """MiB that a world adds to a training run: all processes, workers' interpreters left out."""
+    small, large = _peak_memory(1), _peak_memory(1 + worlds)
+    return {"rate": (large - small) / (2 * worlds), "unit": "MiB", "seconds": 0.0}
+
+
+def _peak_memory(worlds: int) -> float:
+    """MiB of a training run with `worlds` in each of two workers, at the end of its third batch."""
+    config = compose([f"collector.worlds={worlds}", "collector.workers=2", "algo.minibatch=16"])
+    plan = read_plan(config)
+    make = partial(build_env, read_env(config))
+    env = make(1, 0)
+    policy, algorithm = build_algorithm(plan, env.observation_spec, env.action_spec)
+    rollouts = Rollouts(make, policy, plan.collector, plan.algo.horizon, 0)
+    try:
+        for _ in range(3):
+            algorithm.update(rollouts.next(), 0.0)
+            rollouts.sync(policy)
+        return sum(_resident(pid) for pid in (os.getpid(), *(p.pid for p in rollouts.processes)))
+    finally:
+        rollouts.close()
+
+
+def _resident(pid: int) -> float:
+    """MiB of private memory in use: what processes share is not counted twice."""
+    rows = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    return sum(int(row.split()[1]) for row in rows if row.startswith("Private_")) / 1024
+
+
+def reset_memory(resets: int) -> dict[str, Any]:
+    """Memory after so many resets, over memory after the first tenth of them."""
+    env = make_env((), WORLDS)
+    after = []
+    for part in (0.1, 0.9):
+        for _ in range(int(resets * part) // WORLDS):
+            env.reset()
+        gc.collect()
+        after.append(_resident(os.getpid()))
+    return {"rate": after[1] / after[0], "unit": "ratio", "seconds": 0.0}
+
+
+PANDA_REACH = ("robot=panda", "task=reach", *PEER_PHYSICS)
+PANDA_NL_REACH = ("robot=panda", "task.num_objects=2", *PEER_PHYSICS)
+WORKLOADS: dict[str, Callable[[int], dict[str, Any]]] = {
+    "raw_kuka": partial(raw_loop, overrides=()),
+    "env_kuka": partial(env_bare, overrides=()),
+    "collector_1": partial(collector, overrides=(), workers=1),
+    "collector_2": partial(collector, overrides=(), workers=2),
+    "env_panda_matched": partial(env_bare, overrides=PANDA_REACH),
+    "env_panda_nl_matched": partial(env_bare, overrides=PANDA_NL_REACH),
+    "ppo_frames": partial(training, overrides=("robot=panda", "task=reach")),
+    "sac_frames": partial(training, overrides=("robot=panda", "task=reach", "algo=sac")),
+    "sac_gradient_steps": sac_gradient_steps,
+    "memory_per_world": memory_per_world,
+    "reset_memory": reset_memory,
+}
+
+
+def main() -> None:
+    """Run one of our workloads and print its rate as one JSON line."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("workload", choices=WORKLOADS)
+    parser.add_argument("--steps", type=int, default=20_000)
+    args = parser.parse_args()
+    if args.steps < 1:
+        sys.exit("--steps is at least 1")
+    torch.set_num_threads(1)
+    print(json.dumps({"name": args.workload, **WORKLOADS[args.workload](args.steps)}), flush=True)
+
+
+if __name__ == "__main__":
+    main()
