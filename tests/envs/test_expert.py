@@ -1,0 +1,41 @@
+"""A scripted expert does every task with every robot and control, and keeps the arm off the table."""
+
+import numpy as np
+import pybullet as bullet
+import pytest
+from env_cases import COMBINATIONS, act, make, name_of, partial_reset
+
+from envs.expert import ReachExpert
+
+WORLDS, EPISODES = 8, 64
+
+
+def arm_touches_furniture(env):
+    """Whether a moving link of any world's arm is in contact with something fixed: private attributes tell."""
+    for world in env._worlds:
+        robot, client = world.robot, world._client
+        fixed = set(robot.fixed_links())
+        for contact in bullet.getContactPoints(bodyA=robot.body, physicsClientId=client):
+            body, link = contact[2], contact[3]
+            furniture = body != robot.body and bullet.getDynamicsInfo(body, -1, client)[0] == 0
+            if furniture and link not in fixed and contact[8] < 0:
+                return True
+    return False
+
+
+@pytest.mark.parametrize("combination", COMBINATIONS, ids=name_of)
+def test_the_expert_solves_the_task_without_touching_the_table(combination):
+    env = make(*combination, worlds=WORLDS, seed=21)
+    expert, td = ReachExpert(env), env.reset()
+    solved, lowest, steps = [], 1.0, 0
+    while len(solved) < EPISODES:
+        td = act(env, td, expert(td.clone())["action"])
+        lowest, steps = min(lowest, env.gripper[:, 2].min()), steps + 1
+        assert not arm_touches_furniture(env), f"step {steps}"
+        over = np.flatnonzero(td["done"][:, 0].numpy())
+        solved += td["success"][over, 0].tolist()
+        if len(over):
+            td = partial_reset(env, td, over)
+    env.close()
+    assert np.mean(solved) >= 0.95
+    assert lowest > 0
