@@ -40,9 +40,7 @@ class Control:
     def targets(self, action: Array, commanded: Array, measured: Array) -> Array:
         """action (N, size), joints last commanded and measured (N, J) to the joints to command now (N, J)."""
         start = np.clip(commanded, measured - LEASH, measured + LEASH)
-        delta = self._delta(action, start)
-        # Slower as a whole, not joint by joint, so that the gripper keeps its direction.
-        delta /= np.maximum(1.0, np.abs(delta / self._speed).max(1, keepdims=True))
+        delta = self._slowed(self._delta(action, start))
         return np.clip(start + delta, self._chain.low, self._chain.high)
 
     def towards(self, position: Array, commanded: Array) -> Array:
@@ -51,6 +49,10 @@ class Control:
 
     def _delta(self, action: Array, start: Array) -> Array:
         raise NotImplementedError
+
+    def _slowed(self, delta: Array) -> Array:
+        """Slower as a whole, not joint by joint, so that the gripper keeps its direction."""
+        return delta / np.maximum(1.0, np.abs(delta / self._speed).max(1, keepdims=True))
 
     def _reach(self, position: Array, start: Array) -> Array:
         return self._chain.step(start, position, self._rotation, self._max_move)
@@ -99,6 +101,7 @@ class Joints(Control):
         # A near waypoint: far ones are reached on an arc through joint space that can sweep over the table.
         near = start + move * np.minimum(1.0, WAYPOINT / np.maximum(length, 1e-9))
         joints = self._chain.solve(commanded, near, self._rotation)
+        joints = commanded + self._slowed(joints - commanded)  # else each joint at its own speed, off the line
         return 2 * (joints - low) / (high - low) - 1
 
 
