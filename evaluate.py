@@ -59,7 +59,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
 
     from trainers import checkpoint
 
-    path = checkpoint.find(Path(config.checkpoint), "best")
+    path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path)
     cfg = apply(saved["config"], overrides)
 

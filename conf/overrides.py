@@ -56,10 +56,13 @@ def compose(overrides: Iterable[str] = ()) -> Any:
         raise ConfigError(str(error)) from None
 
 
-def apply(config: Any, overrides: Sequence[str]) -> Any:
-    """A composed config (a plain dict, as kept in a checkpoint) with overrides on top. Raises ConfigError.
+TRAINED = ("robot", "control", "policy", "algo")  # groups that a checkpoint cannot change any more
 
-    A group's option replaces the whole group; a key must exist.
+
+def apply(config: Any, overrides: Sequence[str]) -> Any:
+    """The config of a checkpoint (a plain dict) with overrides on top. Raises ConfigError.
+
+    A group's option replaces the whole group, but for those of `TRAINED`; a key must exist.
     """
     from omegaconf import OmegaConf
 
@@ -68,6 +71,8 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
     changed = OmegaConf.create(config)
     for word in overrides:
         key, _, value = word.partition("=")
+        if key in TRAINED and fresh[key].get("name") != changed[key].get("name"):
+            raise ConfigError(f"{word}: the checkpoint was trained with {key}={changed[key].get('name')}, and keeps it")
         if key in groups():
             OmegaConf.update(changed, key, fresh[key], merge=False)
         elif OmegaConf.select(changed, key, default=ROOT) is ROOT:

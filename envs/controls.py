@@ -19,9 +19,9 @@ LEASH = 0.15  # radians that a command may run ahead of its joint
 
 @dataclass(frozen=True)
 class ControlConfig(Checked):
-    """mode: a key of CONTROLS. max_move: metres the gripper moves at most in one control step."""
+    """name: a key of CONTROLS. max_move: metres the gripper moves at most in one control step."""
 
-    mode: str = one_of("joints", "absolute", "step")
+    name: str = one_of("joints", "absolute", "step")
     max_move: float = within(0.001, 0.2)
 
 

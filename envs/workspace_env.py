@@ -73,7 +73,7 @@ class WorkspaceEnv(EnvBase):
         self.chain = read_chain(config.robot)
         period = config.physics.time_step * config.physics.substeps
         box = np.reshape(config.workspace.gripper_box, (3, 2)).T
-        self.control = CONTROLS[config.control.mode](
+        self.control = CONTROLS[config.control.name](
             config.control, self.chain, np.array(config.robot.max_speed) * period, box
         )
         self._weights = np.array([task.reward.get(name, 0.0) for name in self.reward_names])

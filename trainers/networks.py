@@ -26,7 +26,7 @@ def mlp(inputs: int, hidden: Sequence[int], outputs: int, activation: str = "rel
 class Normalise(nn.Module):
     """Bounds of a spec to [-1, 1]; an element that cannot vary becomes 0.
 
-    spec: a bounded leaf of shape (N, ...), the same bounds for every world.
+    spec: a bounded leaf of shape (N, ..., D), the same bounds for every world and slot.
     """
 
     centre: Tensor
@@ -34,7 +34,8 @@ class Normalise(nn.Module):
 
     def __init__(self, spec: TensorSpec) -> None:
         super().__init__()
-        low, high = spec.space.low[0].float(), spec.space.high[0].float()
+        width = spec.shape[-1]
+        low, high = (bound.reshape(-1, width)[0].float() for bound in (spec.space.low, spec.space.high))
         half = (high - low) / 2
         if not half.isfinite().all():
             raise ValueError("an observation without finite bounds cannot be normalised")

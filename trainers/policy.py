@@ -18,10 +18,9 @@ from torchrl.data import Composite, TensorSpec
 from torchrl.envs.utils import ExplorationType, exploration_type
 
 from trainers.config import GroundedConfig, PolicyConfig
-from trainers.grounding import Flattener, Grounder
+from trainers.grounding import SEEN, Flattener, Grounder
 from trainers.networks import Critic, Gaussian, Normalise, Value, normal_log_prob
 
-SEEN = ["objects", "objects_mask", "instruction"]
 GOAL = ("privileged", "goal")
 
 
@@ -131,7 +130,7 @@ def _words(config: PolicyConfig, spec: Composite) -> Grounder | Flattener:
     objects, said = Normalise(spec["objects"]), spec["instruction"]
     if isinstance(config, GroundedConfig):
         return Grounder(objects, said.space.n, said.shape[-1], config.embedding, config.width)
-    return Flattener(objects, said.space.n, config.embedding)
+    return Flattener(objects, spec["objects"].shape[-2], said.space.n, config.embedding)
 
 
 def parameters(*modules: nn.Module) -> list[Tensor]:

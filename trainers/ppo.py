@@ -1,7 +1,7 @@
 """PPO, Schulman et al. 2017 (arXiv:1707.06347), with the clipped surrogate of TorchRL.
 
 The words are grounded once a minibatch, with gradients, before the loss: the surrogate then sees a small actor on
-(robot, referent), and the cross-entropy of the attention is added to it.
+(robot, referent), and the cross-entropy of the attention, over scenes of the whole run, is added to it.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from trainers import learning
 from trainers.config import PPOConfig
-from trainers.grounding import grounding
-from trainers.policy import SEEN, Policy, parameters
+from trainers.grounding import SEEN, Scenes, grounding
+from trainers.policy import Policy, parameters
 
 LOSSES = ("loss_objective", "loss_critic", "loss_entropy")
 MEASURES = {"entropy": "entropy", "kl_approx": "kl", "clip_fraction": "clip_fraction"}
@@ -46,8 +46,9 @@ class PPO:
         self.parameters = parameters(policy, critic)
         self.optimizer = torch.optim.Adam(self.parameters, lr=config.lr, fused=True)
         self.device = self.parameters[0].device
-        taught = [("privileged", "referent")] if config.grounding_weight else []
-        self.kept = dict.fromkeys([*SEEN, "robot", "sample", "sample_log_prob", *critic.in_keys, *taught])
+        self.teaches = config.grounding_weight > 0 and "attention_logits" in policy.words.writes
+        self.scenes = Scenes(config.grounding_memory, self.device)
+        self.kept = dict.fromkeys([*SEEN, "robot", "sample", "sample_log_prob", *critic.in_keys])
         self.kept.pop(policy.context, None)
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
@@ -55,14 +56,22 @@ class PPO:
         learning.check_batch(batch)
         rate = self.config.lr * (1 - progress if self.config.anneal_lr else 1.0)
         self.optimizer.param_groups[0]["lr"] = rate
-        frames, explained = self.judge(batch.to(self.device))
+        batch = batch.to(self.device)
+        fresh = self.understood(self.scenes.remember(batch)) if self.teaches else {}
+        frames, explained = self.judge(batch)
         rows: list[dict[str, Tensor]] = []
         for _ in range(self.config.epochs):
             for choice in torch.randperm(len(frames)).split(self.config.minibatch):
                 rows.append(self.step(frames[choice.to(self.device)]))
             if self.config.target_kl and float(rows[-1]["kl"]) > 1.5 * self.config.target_kl:
                 break
-        return learning.averages(rows) | {"explained_variance": explained, "lr": rate}
+        return learning.averages(rows) | fresh | {"explained_variance": explained, "lr": rate}
+
+    @torch.no_grad()
+    def understood(self, scenes: TensorDictBase) -> dict[str, float]:
+        """The share of scenes, not learned from yet, in which the words are grounded right."""
+        taught = grounding(self.policy.encode(scenes))
+        return {"grounding/accuracy": float(taught[1])} if taught else {}
 
     @torch.no_grad()
     def judge(self, batch: TensorDictBase) -> tuple[TensorDictBase, float]:
@@ -95,10 +104,10 @@ class PPO:
             "std": self.policy.gaussian.log_std.exp().mean(),
             **{name: out[key] for key, name in MEASURES.items()},
         }
-        taught = grounding(frames) if self.config.grounding_weight else None
+        taught = grounding(self.policy.encode(self.scenes.sample(len(frames)))) if self.teaches else None
         if taught is not None:
             loss = loss + self.config.grounding_weight * taught[0]
-            measured |= dict(zip(learning.METRICS, taught, strict=True))
+            measured["loss/grounding"] = taught[0]
         learning.check_loss(loss, frames)
         self.optimizer.zero_grad()
         loss.backward()

@@ -30,9 +30,7 @@ def test_a_scene_does_not_change_with_the_arrays_it_was_made_from():
         made.positions[0] = 1
 
 
-@pytest.mark.parametrize(
-    ("nouns", "colors", "rows"), [([9], [0], 1), ([0], [-1], 1), ([0], [0, 1], 1), ([0], [0], 2)]
-)
+@pytest.mark.parametrize(("nouns", "colors", "rows"), [([9], [0], 1), ([0], [-1], 1), ([0], [0, 1], 1), ([0], [0], 2)])
 def test_wrong_arrays_are_refused(nouns, colors, rows):
     with pytest.raises(LanguageError):
         Scene.from_arrays(nouns, colors, np.zeros((rows, 3)))
