@@ -1,0 +1,133 @@
+"""Our kinematics against PyBullet's, and the gripper's box against every robot's reach."""
+
+import numpy as np
+import pybullet as bullet
+import pytest
+from env_cases import ROBOTS
+
+from conf.overrides import compose
+from envs import read_env
+from envs.robot import load, read_chain
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def arm(request):
+    """(chain, body, client, config): the whole URDF, no link merged into another, in a client of its own."""
+    config = read_env(compose([f"robot={request.param}"]))
+    client = bullet.connect(bullet.DIRECT)
+    body = load(config.robot, client, visuals=False)
+    yield read_chain(config.robot), body, client, config
+    bullet.disconnect(client)
+
+
+def random_joints(chain, count, seed=0):
+    return np.random.default_rng(seed).uniform(chain.low, chain.high, (count, len(chain.rest)))
+
+
+def numbered(body, client):
+    """Joint numbers and link numbers by name."""
+    info = [bullet.getJointInfo(body, j, client) for j in range(bullet.getNumJoints(body, client))]
+    return {i[1].decode(): i[0] for i in info}, {i[12].decode(): i[0] for i in info}
+
+
+def measured(body, client, config, joints):
+    """Position and rotation of the gripper's centre, by PyBullet."""
+    by_joint, by_link = numbered(body, client)
+    for name, angle in zip(config.robot.joints, joints, strict=True):
+        bullet.resetJointState(body, by_joint[name], angle, physicsClientId=client)
+    tip = by_link[config.robot.tip]
+    link = bullet.getLinkState(body, tip, computeForwardKinematics=True, physicsClientId=client)
+    position, turn = bullet.multiplyTransforms(link[4], link[5], config.robot.tip_offset, (0, 0, 0, 1))
+    return np.array(position), np.reshape(bullet.getMatrixFromQuaternion(turn), (3, 3))
+
+
+def test_forward_is_where_pybullet_has_the_gripper(arm):
+    chain, body, client, config = arm
+    joints = random_joints(chain, 60)
+    pose = chain.forward(joints)
+    for i, each in enumerate(joints):
+        position, rotation = measured(body, client, config, each)
+        np.testing.assert_allclose(pose.position[i], position, atol=1e-6)
+        np.testing.assert_allclose(pose.rotation[i], rotation, atol=1e-5)
+
+
+def test_the_jacobian_is_the_slope_of_forward(arm):
+    chain, *_ = arm
+    joints, step = random_joints(chain, 20, seed=1), 1e-6
+    pose, jacobian = chain.jacobian(joints)
+    np.testing.assert_array_equal(pose.position, chain.forward(joints).position)
+    for j in range(joints.shape[1]):
+        nudge = np.zeros_like(joints)
+        nudge[:, j] = step
+        ahead, behind = chain.forward(joints + nudge), chain.forward(joints - nudge)
+        linear = (ahead.position - behind.position) / (2 * step)
+        spin = (ahead.rotation - behind.rotation) / (2 * step) @ pose.rotation.transpose(0, 2, 1)
+        angular = np.stack((spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]), axis=1)
+        np.testing.assert_allclose(jacobian[:, :3, j], linear, atol=1e-6)
+        np.testing.assert_allclose(jacobian[:, 3:, j], angular, atol=1e-6)
+
+
+def test_limits_are_the_urdfs_and_the_rest_pose_is_within_them(arm):
+    chain, body, client, config = arm
+    by_joint, _ = numbered(body, client)
+    for i, name in enumerate(config.robot.joints):
+        low, high = bullet.getJointInfo(body, by_joint[name], client)[8:10]
+        assert (chain.low[i], chain.high[i]) == (low, high)
+    assert (chain.low < chain.rest).all()
+    assert (chain.rest < chain.high).all()
+
+
+def test_at_rest_the_gripper_hangs_straight_down_within_its_box(arm):
+    chain, body, client, config = arm
+    position, _ = measured(body, client, config, chain.rest)
+    last = numbered(body, client)[0][config.robot.joints[-1]]
+    joint = np.array(bullet.getLinkState(body, last, computeForwardKinematics=True, physicsClientId=client)[4])
+    hanging = (position - joint) / np.linalg.norm(position - joint)
+    assert np.degrees(np.arccos(-hanging[2])) < 1
+    low, high = np.reshape(config.workspace.gripper_box, (3, 2)).T
+    assert (low < position).all()
+    assert (position < high).all()
+
+
+def reached(chain, places):
+    """How far from each place the gripper ends, in metres, and how far from its rotation at rest, in degrees."""
+    rotation = chain.forward(chain.rest[None]).rotation[0]
+    joints = np.repeat(chain.rest[None], len(places), axis=0)
+    for _ in range(4):
+        joints = chain.solve(joints, places, rotation)
+    assert (joints >= chain.low).all()
+    assert (joints <= chain.high).all()
+    pose = chain.forward(joints)
+    turn = np.clip((pose.rotation * rotation).sum((1, 2)) / 2 - 0.5, -1, 1)
+    return np.linalg.norm(pose.position - places, axis=1), np.degrees(np.arccos(turn))
+
+
+def grid(low, high):
+    return np.stack(np.meshgrid(*np.linspace(low, high, 6).T), axis=-1).reshape(-1, 3)
+
+
+def test_wherever_objects_are_the_gripper_gets_to_them_pointing_as_at_rest(arm):
+    chain, _, _, config = arm
+    x0, x1, y0, y1 = config.workspace.object_area
+    off, tilt = reached(chain, grid([x0, y0, config.workspace.gripper_box[4]], [x1, y1, 0.16]))
+    assert off.max() < 0.002
+    assert tilt.max() < 0.5
+
+
+def test_nearly_all_the_gripper_box_is_reached_pointing_as_at_rest(arm):
+    chain, _, _, config = arm
+    off, tilt = reached(chain, grid(*np.reshape(config.workspace.gripper_box, (3, 2)).T))
+    # A kuka's elbow is at its limit high and near; a jaco is too short for the far upper corners.
+    assert np.quantile(off, 0.95) < 0.005
+    assert off.max() < 0.05
+    assert tilt.max() < 3
+
+
+def test_one_step_goes_no_further_than_told(arm):
+    chain, *_ = arm
+    rotation = chain.forward(chain.rest[None]).rotation[0]
+    start = chain.rest[None]
+    goal = chain.forward(start).position + [[0.1, 0.1, -0.1]]
+    delta = chain.step(start, goal, rotation, max_move=0.02)
+    moved = chain.forward(start + delta).position - chain.forward(start).position
+    assert np.linalg.norm(moved) == pytest.approx(0.02, rel=0.05)

@@ -1,0 +1,225 @@
+"""What an action does to the arm, measured on real physics."""
+
+import itertools
+
+import numpy as np
+import pytest
+import torch
+from env_cases import CONTROLS, ROBOTS, act, hold, make
+
+DIRECTIONS = [np.eye(3)[axis] * sign for axis, sign in itertools.product(range(3), (1, -1))]
+EXACT = 0.003  # metres
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def robot(request):
+    return request.param
+
+
+def start(robot, control, worlds=1, *more):
+    """An environment without noise at reset, and its first observation."""
+    env = make(robot, control, "reach", "task.reset_noise=0", "task.max_steps=10000", *more, worlds=worlds)
+    return env, env.reset()
+
+
+def lift(env, td, place, steps=40):
+    """The gripper brought to place (N, 3) and settled."""
+    for _ in range(steps):
+        td = act(env, td, env.towards(place))
+    return td
+
+
+def tilt(env, td):
+    """Degrees between the gripper's rotation and that at rest, (N,)."""
+    rest = env.chain.forward(env.chain.rest[None]).rotation[0]
+    first = 2 * len(env.config.robot.joints) + 3
+    columns = td["robot"][:, first : first + 6].double().numpy().reshape(-1, 2, 3)
+    rotation = np.concatenate((columns, np.cross(columns[:, :1], columns[:, 1:])), axis=1).transpose(0, 2, 1)
+    return np.degrees(np.arccos(np.clip((rotation * rest).sum((1, 2)) / 2 - 0.5, -1, 1)))
+
+
+@pytest.fixture(scope="module")
+def stepping(robot):
+    env, _ = start(robot, "step", len(DIRECTIONS))
+    yield env
+    env.close()
+
+
+MIDDLE = np.array([0.45, 0.0, 0.2])
+
+
+@pytest.mark.parametrize("amount", [1.0, 0.25])
+def test_step_moves_the_gripper_by_the_action_along_each_axis(stepping, amount):
+    env = stepping
+    td = lift(env, env.reset(), np.tile(MIDDLE, (6, 1)))
+    before = env.gripper
+    asked = amount * env.config.control.max_move * np.array(DIRECTIONS)
+    asked *= speed_allows(env, td, before + asked)[:, None]
+    td = act(env, td, amount * np.array(DIRECTIONS))
+    for _ in range(4):
+        td = act(env, td, np.zeros((6, 3)))
+    np.testing.assert_allclose(env.gripper - before, asked, atol=EXACT)
+
+
+def speed_allows(env, td, place):
+    """The part of the way to place (N, 3) that the joints' speeds let the gripper go in one step, (N,)."""
+    joints = td["robot"][:, : len(env.chain.rest)].double().numpy()
+    rotation = env.chain.forward(env.chain.rest[None]).rotation[0]
+    turn = np.abs(env.chain.solve(joints, place, rotation, 2) - joints)
+    period = env.config.physics.time_step * env.config.physics.substeps
+    return 1 / np.maximum(1, (turn / (np.array(env.config.robot.max_speed) * period)).max(1))
+
+
+def test_many_small_steps_add_up(stepping):
+    env = stepping
+    td = lift(env, env.reset(), np.tile(MIDDLE, (6, 1)))
+    before = env.gripper
+    for _ in range(20):
+        td = act(env, td, 0.15 * np.array(DIRECTIONS))
+    for _ in range(4):
+        td = act(env, td, np.zeros((6, 3)))
+    asked = 20 * 0.15 * env.config.control.max_move * np.array(DIRECTIONS)
+    np.testing.assert_allclose(env.gripper - before, asked, atol=2 * EXACT)
+
+
+def test_step_stays_where_it_is_while_the_action_is_zero(stepping):
+    env = stepping
+    td = lift(env, env.reset(), np.tile(MIDDLE, (6, 1)))
+    before = env.gripper
+    for _ in range(60):
+        td = act(env, td, np.zeros((6, 3)))
+    assert np.abs(env.gripper - before).max() < EXACT
+
+
+def test_step_never_leaves_the_gripper_box(stepping):
+    env = stepping
+    td = env.reset()
+    for _ in range(40):
+        td = act(env, td, np.array(DIRECTIONS))
+    low, high = np.reshape(env.config.workspace.gripper_box, (3, 2)).T
+    assert (env.gripper > low - 0.005).all()
+    assert (env.gripper < high + 0.005).all()
+    at_border = np.array([high[0], low[0], high[1], low[1], high[2]])
+    reached = [env.gripper[i, i // 2] for i in range(5)]  # downwards an object may be in the way
+    np.testing.assert_allclose(reached, at_border, atol=0.01)
+
+
+def test_absolute_goes_to_the_commanded_place_and_stays(robot):
+    corners = np.array(list(itertools.product([-0.9, 0.9], [-0.9, 0.9], [-0.3, 0.2])))  # above the object
+    env, td = start(robot, "absolute", len(corners))
+    low, high = np.reshape(env.config.workspace.gripper_box, (3, 2)).T
+    for _ in range(60):
+        td = act(env, td, corners)
+    place = low + (corners + 1) / 2 * (high - low)
+    np.testing.assert_allclose(env.gripper, place, atol=EXACT)
+    for _ in range(20):
+        td = act(env, td, corners)
+        np.testing.assert_allclose(env.gripper, place, atol=EXACT)
+    env.close()
+
+
+def test_absolute_moves_at_most_max_move_a_step(robot):
+    env, td = start(robot, "absolute", 2)
+    far, largest = np.array([[1.0, 1.0, 0.5], [1.0, -1.0, 0.9]]), 0.0
+    for _ in range(15):
+        before = env.gripper
+        td = act(env, td, far)
+        largest = max(largest, np.linalg.norm(env.gripper - before, axis=1).max())
+    assert largest < 1.1 * env.config.control.max_move
+    env.close()
+
+
+def test_joints_go_to_the_commanded_angles(robot):
+    env, td = start(robot, "joints", 4)
+    chain = env.chain
+    rng = np.random.default_rng(0)
+    angles = chain.rest + rng.uniform(-0.25, 0.25, (4, len(chain.rest)))
+    angles = np.clip(angles, chain.low, chain.high)
+    action = 2 * (angles - chain.low) / (chain.high - chain.low) - 1
+    for _ in range(40):
+        td = act(env, td, action)
+    measured = td["robot"][:, : len(chain.rest)].numpy()
+    above = chain.forward(angles).position[:, 2] > 0.1  # the others may rest on something
+    assert above.sum() >= 2
+    np.testing.assert_allclose(measured[above], angles[above], atol=0.01)
+    env.close()
+
+
+def test_joints_span_their_limits_and_keep_to_their_speed(robot):
+    env, td = start(robot, "joints")
+    chain, period = env.chain, env.config.physics.time_step * env.config.physics.substeps
+    limit = np.array(env.config.robot.max_speed) * period
+    commanded = chain.rest[None]
+    low = env.control.targets(-np.ones((1, len(limit))), chain.low[None], chain.low[None])
+    high = env.control.targets(np.ones((1, len(limit))), chain.high[None], chain.high[None])
+    np.testing.assert_allclose(low[0], chain.low)
+    np.testing.assert_allclose(high[0], chain.high)
+    for sign in (-1.0, 1.0):
+        asked = env.control.targets(np.full((1, len(limit)), sign), commanded, commanded)
+        assert (np.abs(asked - commanded) <= limit + 1e-9).all()
+    env.close()
+
+
+@pytest.mark.parametrize("control", [name for name in CONTROLS if name != "joints"])
+def test_the_gripper_points_down_all_along_a_way_through_the_box(robot, control):
+    rng = np.random.default_rng(0)
+    env, td = start(robot, control, 4)
+    low, high = np.reshape(env.config.workspace.gripper_box, (3, 2)).T
+    worst = 0.0
+    for _ in range(6):
+        aim = rng.uniform([low[0], low[1], 0.1], high, (4, 3))
+        for _ in range(18):
+            td = act(env, td, env.towards(aim))
+            worst = max(worst, tilt(env, td).max())
+    assert worst < 3.0
+    env.close()
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_actions_beyond_1_count_as_1(control):
+    ends = []
+    for size in (1.0, 50.0):
+        env, td = start("kuka", control, 2)
+        signs = np.where(np.arange(env.action_spec.shape[-1]) % 2, 1.0, -1.0)
+        for _ in range(5):
+            td = act(env, td, np.stack((signs, -signs)) * size)
+        ends.append(td["robot"])
+        env.close()
+    assert torch.equal(*ends)
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
+@pytest.mark.parametrize("control", CONTROLS)
+def test_an_action_that_is_no_number_is_refused_and_moves_nothing(control, bad):
+    env, td = start("kuka", control, 2)
+    action = hold(env, td)
+    before = env.gripper
+    action[1, 0] = bad
+    with pytest.raises(ValueError, match="action is not a finite number"):
+        act(env, td, action)
+    assert (env.gripper == before).all()
+    td = act(env, td, hold(env, td))
+    assert td["robot"].isfinite().all()
+    env.close()
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_an_action_is_left_as_it_was_given(control):
+    env, td = start("kuka", control)
+    action = torch.full(env.action_spec.shape, 3.0)
+    act(env, td, action)
+    assert (action == 3.0).all()
+    env.close()
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_pressing_on_the_table_ends_as_soon_as_told_to_rise(control):
+    env, td = start("kuka", control)
+    below = np.array([[0.45, 0.0, -0.2]])
+    for _ in range(60):
+        td = act(env, td, env.towards(below))
+    pressed = env.gripper[0, 2]
+    for _ in range(8):
+        td = act(env, td, env.towards(env.gripper + [0.0, 0.0, 0.1]))
+    assert env.gripper[0, 2] > pressed + 0.03
+    env.close()
