@@ -64,14 +64,13 @@ def main(arguments: list[str]) -> dict[str, Any]:
     cfg = apply(saved["config"], overrides)
 
     from envs.config import read_env
+    from train import build_env
     from trainers.build import restore_policy
     from trainers.collection import derive_seed
     from trainers.config import read_plan
     from trainers.evaluation import evaluate
     from trainers.report import write_json
     from trainers.video import record
-
-    from train import build_env
 
     make = partial(build_env, read_env(cfg))
     seed = derive_seed(config.seed, 2**20, evaluation=True)
@@ -80,7 +79,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
         checkpoint.check_fits(
             saved, list(env.tokenizer.vocabulary), checkpoint.widths(env.observation_spec, env.action_spec)
         )
-        policy = restore_policy(read_plan(cfg), env.observation_spec, env.action_spec, saved).act
+        policy = restore_policy(read_plan(cfg), env.observation_spec, env.action_unit, saved).act
         result = evaluate(env, policy, config.episodes, seed)
     finally:
         env.close()

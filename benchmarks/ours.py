@@ -18,11 +18,11 @@ import torch
 
 from conf.overrides import compose
 from envs import make_env, read_env
+from train import build_env
 from trainers.build import build_algorithm
 from trainers.collection import Rollouts
 from trainers.config import CollectorConfig, read_plan
 from trainers.fit import fit
-from train import build_env
 
 WORLDS = 16
 WARM_UP = 20  # control steps of each world before the clock starts
@@ -107,7 +107,7 @@ def collector(steps: int, overrides: Sequence[str], workers: int) -> dict[str, A
     plan = read_plan(config)
     make = partial(build_env, read_env(config))
     env = make(1, 0)
-    policy, _ = build_algorithm(plan, env.observation_spec, env.action_spec)
+    policy, _ = build_algorithm(plan, env.observation_spec, env.action_unit)
     horizon = 64
     rollouts = Rollouts(make, policy, CollectorConfig(workers=workers, worlds=WORLDS), horizon, 0)
     batches = max(steps // (WORLDS * horizon * workers), 1)
@@ -142,7 +142,7 @@ def sac_gradient_steps(steps: int) -> dict[str, Any]:
     config = compose(["task=reach", "robot=panda", "algo=sac", *MLP, "algo.batch=256"])
     plan = read_plan(config)
     env = build_env(read_env(config), WORLDS, 0)
-    policy, sac = build_algorithm(plan, env.observation_spec, env.action_spec)
+    policy, sac = build_algorithm(plan, env.observation_spec, env.action_unit)
     rollouts = Rollouts(partial(build_env, read_env(config)), policy, CollectorConfig(workers=1, worlds=WORLDS), 128, 0)
     sac.remember(rollouts.next())
     rollouts.close()
@@ -164,7 +164,7 @@ def _peak_memory(worlds: int) -> float:
     plan = read_plan(config)
     make = partial(build_env, read_env(config))
     env = make(1, 0)
-    policy, algorithm = build_algorithm(plan, env.observation_spec, env.action_spec)
+    policy, algorithm = build_algorithm(plan, env.observation_spec, env.action_unit)
     rollouts = Rollouts(make, policy, plan.collector, plan.algo.horizon, 0)
     try:
         for _ in range(3):

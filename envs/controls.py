@@ -33,9 +33,13 @@ class Control:
         self._rotation = chain.forward(chain.rest[None]).rotation[0]
 
     @property
-    def size(self) -> int:
-        """Numbers in one action."""
-        return 3
+    def unit(self) -> Array:
+        """(size,) how far an action may be from `hold` to be carried out within one control step."""
+        raise NotImplementedError
+
+    def hold(self, angles: Array, gripper: Array) -> Array:
+        """The action (N, size) that keeps arms at angles (N, J), grippers at (N, 3), where they are."""
+        raise NotImplementedError
 
     def targets(self, action: Array, commanded: Array, measured: Array) -> Array:
         """action (N, size), joints last commanded and measured (N, J) to the joints to command now (N, J)."""
@@ -61,6 +65,13 @@ class Control:
 class Step(Control):
     """Each action moves the gripper, pointing down, by up to max_move along each axis of the workspace frame."""
 
+    @property
+    def unit(self) -> Array:
+        return np.ones(3)
+
+    def hold(self, angles: Array, gripper: Array) -> Array:
+        return np.zeros((len(angles), 3))
+
     def _delta(self, action: Array, start: Array) -> Array:
         goal = self._chain.forward(start).position + action * self._max_move
         return self._reach(np.clip(goal, *self._box), start)
@@ -73,28 +84,45 @@ class Step(Control):
 class Absolute(Control):
     """Each action is a place in the gripper box, approached by up to max_move a control step, pointing down."""
 
+    @property
+    def unit(self) -> Array:
+        low, high = self._box
+        return 2 * self._max_move / (high - low)
+
+    def hold(self, angles: Array, gripper: Array) -> Array:
+        return self._scaled(gripper)
+
+    def _scaled(self, position: Array) -> Array:
+        low, high = self._box
+        return np.clip(2 * (position - low) / (high - low) - 1, -1.0, 1.0)
+
     def _delta(self, action: Array, start: Array) -> Array:
         low, high = self._box
         return self._reach(low + (action + 1) / 2 * (high - low), start)
 
     def towards(self, position: Array, commanded: Array) -> Array:
-        low, high = self._box
-        return np.clip(2 * (position - low) / (high - low) - 1, -1.0, 1.0)
+        return self._scaled(position)
 
 
 class Joints(Control):
     """Each action is an angle for every joint, scaled to its limits, approached at the joints' speeds."""
 
     @property
-    def size(self) -> int:
-        return len(self._speed)
+    def unit(self) -> Array:
+        return 2 * self._speed / (self._chain.high - self._chain.low)
+
+    def hold(self, angles: Array, gripper: Array) -> Array:
+        return np.clip(self._scaled(angles), -1.0, 1.0)
+
+    def _scaled(self, angles: Array) -> Array:
+        low, high = self._chain.low, self._chain.high
+        return 2 * (angles - low) / (high - low) - 1
 
     def _delta(self, action: Array, start: Array) -> Array:
         low, high = self._chain.low, self._chain.high
         return np.clip(low + (action + 1) / 2 * (high - low) - start, -self._speed, self._speed)
 
     def towards(self, position: Array, commanded: Array) -> Array:
-        low, high = self._chain.low, self._chain.high
         start = self._chain.forward(commanded).position
         move = np.clip(position, *self._box) - start
         length = np.sqrt((move * move).sum(1, keepdims=True))
@@ -102,7 +130,7 @@ class Joints(Control):
         near = start + move * np.minimum(1.0, WAYPOINT / np.maximum(length, 1e-9))
         joints = self._chain.solve(commanded, near, self._rotation)
         joints = commanded + self._slowed(joints - commanded)  # else each joint at its own speed, off the line
-        return 2 * (joints - low) / (high - low) - 1
+        return self._scaled(joints)
 
 
 CONTROLS: dict[str, type[Control]] = {"joints": Joints, "absolute": Absolute, "step": Step}

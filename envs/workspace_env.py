@@ -9,6 +9,7 @@ The observation, each with a leading N:
 | objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA, shape one-hot, size (m),
 |   | | role (1: target) |
 | objects_mask | (K,) bool | which slots show an object |
+| hold | (A,) float32 | the action that keeps the arm where it is |
 | instruction | (L,) int64 | the sentence's tokens, 0 = pad |
 | success, wrong_object | (1,) bool | whether the episode ended so at this step |
 | at_goal | (1,) bool | whether the gripper is at the referent |
@@ -91,6 +92,11 @@ class WorkspaceEnv(EnvBase):
         """What the columns of reward_terms are."""
         return self.task.terms
 
+    @property
+    def action_unit(self) -> NDArray[np.float64]:
+        """(A,) how far an action may be from `hold` to be carried out within one control step."""
+        return self.control.unit
+
     def _allocate(self, worlds: int, joints: int, slots: int) -> None:
         fingers = len(self.config.robot.fingers)
         self._joints = np.zeros((worlds, joints + fingers, 2))  # angle and speed, fingers last
@@ -138,6 +144,7 @@ class WorkspaceEnv(EnvBase):
             robot=_bounded(*self._robot_bounds, n),
             objects=_bounded(*self._object_bounds, n, slots),
             objects_mask=Binary(slots, shape=(n, slots), dtype=torch.bool),
+            hold=Bounded(-1, 1, shape=(n, len(self.control.unit)), dtype=torch.float32),
             instruction=Categorical(words, shape=(n, self.tokenizer.length), dtype=torch.int64),
             privileged=Composite(
                 referent=Categorical(slots, shape=(n,), dtype=torch.int64),
@@ -152,7 +159,7 @@ class WorkspaceEnv(EnvBase):
             reward_terms=Unbounded(shape=(n, len(self.reward_names)), dtype=torch.float32),
             shape=(n,),
         )
-        self.action_spec = Bounded(-1, 1, shape=(n, self.control.size), dtype=torch.float32)
+        self.action_spec = Bounded(-1, 1, shape=(n, len(self.control.unit)), dtype=torch.float32)
         self.reward_spec = Unbounded(shape=(n, 1), dtype=torch.float32)
         self.full_done_spec = Composite(done=flag.clone(), terminated=flag.clone(), truncated=flag.clone(), shape=(n,))
 
@@ -276,6 +283,7 @@ class WorkspaceEnv(EnvBase):
             "robot": _clipped(robot, self._robot_bounds),
             "objects": _clipped(rows, self._object_bounds),
             "objects_mask": torch.from_numpy(self._state.shown.copy()),
+            "hold": torch.from_numpy(self.control.hold(self._angles, self._pose.position).astype(np.float32)),
             "instruction": torch.from_numpy(self._instruction.copy()),
             "privileged": TensorDict(privileged, self.batch_size),
         }

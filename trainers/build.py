@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import torch
-from torchrl.data import Composite, TensorSpec
+from torchrl.data import Composite
 
 from conf.schema import ConfigError
 from trainers.config import Plan, PPOConfig
@@ -15,21 +16,21 @@ from trainers.ppo import PPO
 from trainers.sac import SAC
 
 
-def build_algorithm(plan: Plan, observation_spec: Composite, action_spec: TensorSpec) -> tuple[Policy, Algorithm]:
-    """Networks on run.device, with the learner around them."""
+def build_algorithm(plan: Plan, observation_spec: Composite, unit: Sequence[float]) -> tuple[Policy, Algorithm]:
+    """Networks on run.device, with the learner around them. unit: the environment's action_unit."""
     config, device = plan.policy, find_device(plan.run.device)
     if isinstance(plan.algo, PPOConfig):
-        policy = build(config, observation_spec, action_spec).to(device)
+        policy = build(config, observation_spec, unit).to(device)
         value = build_value(config, policy, observation_spec).to(device)
         return policy, PPO(plan.algo, policy, value)
-    policy = build(config, observation_spec, action_spec, squash=True).to(device)
-    critic = build_q(config, policy, observation_spec, action_spec).to(device)
+    policy = build(config, observation_spec, unit, squash=True).to(device)
+    critic = build_q(config, policy, observation_spec).to(device)
     return policy, SAC(plan.algo, policy, critic, aim_key(config, policy))
 
 
-def restore_policy(plan: Plan, observation_spec: Composite, action_spec: TensorSpec, payload: dict[str, Any]) -> Policy:
+def restore_policy(plan: Plan, observation_spec: Composite, unit: Sequence[float], payload: dict[str, Any]) -> Policy:
     """The policy of a checkpoint (`checkpoint.load`, then `check_fits`), to act on the CPU."""
-    policy = build(plan.policy, observation_spec, action_spec, squash=not isinstance(plan.algo, PPOConfig))
+    policy = build(plan.policy, observation_spec, unit, squash=not isinstance(plan.algo, PPOConfig))
     policy.load_state_dict(payload["algorithm"]["policy"])
     return policy
 

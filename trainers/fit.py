@@ -70,7 +70,7 @@ class Run:
         self.began, self.before = time.perf_counter(), 0.0
         torch.manual_seed(plan.run.seed)
         self.judge = make_env(plan.eval.worlds, derive_seed(plan.run.seed, 0, evaluation=True))
-        self.policy, self.algorithm = build_algorithm(plan, self.judge.observation_spec, self.judge.action_spec)
+        self.policy, self.algorithm = build_algorithm(plan, self.judge.observation_spec, self.judge.action_unit)
         self.widths = checkpoint.widths(self.judge.observation_spec, self.judge.action_spec)
         self.episodes = Episodes(self.judge.reward_names)
 

@@ -10,11 +10,13 @@ it is thrown away after training.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModule, TensorDictModuleBase
 from torch import Tensor, nn
-from torchrl.data import Composite, TensorSpec
+from torchrl.data import Composite
 from torchrl.envs.utils import ExplorationType, exploration_type
 
 from trainers.config import GroundedConfig, PolicyConfig
@@ -27,13 +29,17 @@ GOAL = ("privileged", "goal")
 class Policy(nn.Module):
     """Words choose what the arm is told; the arm's network never sees a word.
 
-    words: reads `SEEN`; its last output is the context. gaussian: robot and context to the action's loc and scale.
-    squash: an action is the tanh of a normal (SAC) instead of a clamped normal (PPO), whose unclamped "sample" is kept
-    too: the surrogate needs the likelihood of what was drawn.
+    words: reads `SEEN`; its last output is the context. gaussian: robot and context to a move's loc and scale.
+    unit: (A,), from the environment. A "move" of 1 is as far as the arm gets in one control step: the action is
+    hold + unit * move, so that one network and one exploration noise fit every control mode.
+    squash: a move is the tanh of a normal (SAC) instead of a normal (PPO).
     """
 
-    def __init__(self, words: Grounder | Flattener, gaussian: Gaussian, squash: bool) -> None:
+    unit: Tensor
+
+    def __init__(self, words: Grounder | Flattener, gaussian: Gaussian, unit: Sequence[float], squash: bool) -> None:
         super().__init__()
+        self.register_buffer("unit", torch.as_tensor(unit, dtype=torch.float32))
         self.words, self.gaussian, self.squash = words, gaussian, squash
         self.context: str = words.writes[-1]
 
@@ -72,35 +78,36 @@ class Act(TensorDictModuleBase):
     def __init__(self, policy: Policy) -> None:
         super().__init__()
         self.policy = policy
-        self.in_keys = [*SEEN, "robot"]
-        self.out_keys = [*policy.words.writes, *([] if policy.squash else ["sample", "sample_log_prob"]), "action"]
+        self.in_keys = [*SEEN, "robot", "hold"]
+        self.out_keys = [*policy.words.writes, "move", *([] if policy.squash else ["move_log_prob"]), "action"]
 
     def forward(self, frames: TensorDictBase) -> TensorDictBase:
         self.policy.encode(frames)
         loc, scale = self.policy.gaussian(frames["robot"], frames[self.policy.context])
         explores = exploration_type() not in (ExplorationType.DETERMINISTIC, ExplorationType.MODE, ExplorationType.MEAN)
         noise = torch.randn_like(loc) if explores else torch.zeros_like(loc)
-        sample = loc + scale * noise
+        move = loc + scale * noise
         if self.policy.squash:
-            return frames.set("action", sample.tanh())
-        frames.set("sample", sample)
-        frames.set("sample_log_prob", normal_log_prob(noise, scale).sum(-1))
-        return frames.set("action", sample.clamp(-1.0, 1.0))
+            move = move.tanh()
+        else:
+            frames.set("move_log_prob", normal_log_prob(noise, scale).sum(-1))
+        frames.set("move", move)
+        return frames.set("action", (frames["hold"] + self.policy.unit * move).clamp(-1.0, 1.0))
 
 
-def build(config: PolicyConfig, observation_spec: Composite, action_spec: TensorSpec, squash: bool = False) -> Policy:
-    """A policy for these specs, squashed for SAC."""
+def build(config: PolicyConfig, observation_spec: Composite, unit: Sequence[float], squash: bool = False) -> Policy:
+    """A policy for these observations and actions of these units, squashed for SAC."""
     words = _words(config, observation_spec)
     gaussian = Gaussian(
         robot=Normalise(observation_spec["robot"]),
         context=words.outputs,
         hidden=config.hidden,
-        actions=action_spec.shape[-1],
+        actions=len(unit),
         activation=config.activation,
         std=config.initial_std,
         by_state=config.state_dependent_std,
     )
-    return Policy(words, gaussian, squash)
+    return Policy(words, gaussian, unit, squash)
 
 
 def build_value(config: PolicyConfig, policy: Policy, observation_spec: Composite) -> TensorDictModule:
@@ -110,10 +117,10 @@ def build_value(config: PolicyConfig, policy: Policy, observation_spec: Composit
     return TensorDictModule(value, in_keys=["robot", aim_key(config, policy)], out_keys=["state_value"])
 
 
-def build_q(config: PolicyConfig, policy: Policy, observation_spec: Composite, action_spec: TensorSpec) -> Critic:
-    """Two action values on (robot, aim, action): (2, N, 1)."""
+def build_q(config: PolicyConfig, policy: Policy, observation_spec: Composite) -> Critic:
+    """Two action values on (robot, aim, move): (2, N, 1)."""
     robot, aim = _judged(config, policy, observation_spec)
-    return Critic(robot, aim, action_spec.shape[-1], config.critic_hidden, config.activation, heads=2)
+    return Critic(robot, aim, len(policy.unit), config.critic_hidden, config.activation, heads=2)
 
 
 def aim_key(config: PolicyConfig, policy: Policy) -> str | tuple[str, str]:

@@ -48,7 +48,7 @@ class PPO:
         self.device = self.parameters[0].device
         self.teaches = config.grounding_weight > 0 and "attention_logits" in policy.words.writes
         self.scenes = Scenes(config.grounding_memory, self.device)
-        self.kept = dict.fromkeys([*SEEN, "robot", "sample", "sample_log_prob", *critic.in_keys])
+        self.kept = dict.fromkeys([*SEEN, "robot", "move", "move_log_prob", *critic.in_keys])
         self.kept.pop(policy.context, None)
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
@@ -140,11 +140,11 @@ def advantages(
 
 
 def surrogate_actor(policy: Policy) -> ProbabilisticActor:
-    """The policy's second half, (robot, context) to the distribution of "sample", as TorchRL's losses take it."""
+    """The policy's second half, (robot, context) to the distribution of "move", as TorchRL's losses take it."""
     return ProbabilisticActor(
         TensorDictModule(policy.gaussian, in_keys=["robot", policy.context], out_keys=["loc", "scale"]),
         in_keys=["loc", "scale"],
-        out_keys=["sample"],
+        out_keys=["move"],
         distribution_class=IndependentNormal,
         return_log_prob=True,
     )

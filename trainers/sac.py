@@ -26,7 +26,7 @@ from trainers.policy import Policy, parameters
 
 
 class SAC:
-    """critic: two action values on (robot, aim, action). aim: the key of what it judges by."""
+    """critic: two action values on (robot, aim, move). aim: the key of what it judges by."""
 
     metrics = (
         "loss/actor",
@@ -73,7 +73,7 @@ class SAC:
         taught = [("privileged", "referent")] if self.config.grounding_weight else []
         seen = ["objects", "objects_mask", "robot", *aim]
         after = [("next", *(key if isinstance(key, tuple) else (key,))) for key in [*seen, "reward", "terminated"]]
-        self.memory.extend(batch.select(*seen, "instruction", "action", *taught, *after).reshape(-1))
+        self.memory.extend(batch.select(*seen, "instruction", "move", *taught, *after).reshape(-1))
 
     def step(self, frames: TensorDictBase) -> dict[str, Tensor]:
         """One gradient step on frames (B,) for the critics, the actor with the grounding, and the temperature."""
@@ -100,7 +100,7 @@ class SAC:
             action, log_prob = self.act(after)
             promise = self.target(after["robot"], after[self.aim], action).amin(0) - alpha * log_prob
             wanted = after["reward"] + self.config.gamma * promise * ~after["terminated"]
-        q = self.critic(frames["robot"], frames[self.aim], frames["action"])
+        q = self.critic(frames["robot"], frames[self.aim], frames["move"])
         action, log_prob = self.act(frames)
         with frozen(self.critic_parameters):  # and so no time is spent on their gradients
             worth = self.critic(frames["robot"], frames[self.aim], action).amin(0)

@@ -21,6 +21,7 @@ class FakeEnv(EnvBase):
 
     kind_names = ("odd", "even")
     reward_names = ("there", "near")
+    action_unit = (1.0, 1.0, 1.0)
 
     def __init__(self, worlds: int, seed: int, poison: int = 0, nap: float = 0.0) -> None:
         super().__init__(batch_size=[worlds])
@@ -99,6 +100,7 @@ class FakeEnv(EnvBase):
                 "objects": torch.cat([world["places"], COLOURS[world["order"]], extra], -1),
                 "objects_mask": torch.ones(n, SLOTS, dtype=torch.bool),
                 "instruction": words,
+                "hold": torch.zeros(n, 3),
                 "privileged": {
                     "referent": world["referent"].clone(),
                     "goal": world["places"][rows, world["referent"]].clone(),
@@ -126,6 +128,7 @@ def _observations(n: int) -> Composite:
         robot=Bounded(-torch.ones(n, 4), torch.ones(n, 4)),
         objects=Bounded(-torch.ones(n, SLOTS, ROW), torch.ones(n, SLOTS, ROW)),
         objects_mask=Binary(SLOTS, (n, SLOTS), dtype=torch.bool),
+        hold=Bounded(-torch.ones(n, 3), torch.ones(n, 3)),
         instruction=Categorical(len(WORDS), (n, LENGTH)),
         privileged=Composite(
             referent=Categorical(SLOTS, (n,)),

@@ -125,7 +125,7 @@ def test_metrics_keep_one_header_and_forget_what_comes_again(tmp_path):
 
 def test_two_workers_get_the_weights_and_one_killed_ends_the_run():
     env = make_env(4, 0)
-    policy = build(plan().policy, env.observation_spec, env.action_spec)
+    policy = build(plan().policy, env.observation_spec, env.action_unit)
     rollouts = Rollouts(make_env, policy, plan(overrides=("collector.workers=2",)).collector, 4, 0)
     try:
         batch = rollouts.next().clone()

@@ -17,7 +17,7 @@ def env():
 
 def make(env, policy="grounded", squash=False):
     torch.manual_seed(0)
-    return build(plan(policy=policy).policy, env.observation_spec, env.action_spec, squash)
+    return build(plan(policy=policy).policy, env.observation_spec, env.action_unit, squash)
 
 
 def test_the_fake_environment_keeps_the_contract(env):
@@ -90,7 +90,7 @@ def test_grounding_is_measured_where_there_is_attention(env, policy, attends):
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 def test_a_critic_without_privileges_reads_none_and_teaches_no_words(env, algo, policy):
     small = plan(algo, policy, ("policy.privileged_critic=false",))
-    made, learner = build_algorithm(small, env.observation_spec, env.action_spec)
+    made, learner = build_algorithm(small, env.observation_spec, env.action_unit)
     state = made.encode(env.reset().exclude("privileged"))
     aim = state[made.context]
     action = [torch.zeros(8, 3)] if algo == "sac" else []
@@ -115,5 +115,5 @@ def test_the_likelihood_of_what_was_drawn_is_that_of_the_surrogate(env):
     with torch.no_grad():
         state = made.act(env.reset())
         again = surrogate_actor(made).log_prob(state.clone())
-    torch.testing.assert_close(state["sample_log_prob"], again)
-    assert (state["sample"].clamp(-1, 1) == state["action"]).all()
+    torch.testing.assert_close(state["move_log_prob"], again)
+    assert ((state["hold"] + state["move"]).clamp(-1, 1) == state["action"]).all()

@@ -36,7 +36,7 @@ def test_advantages_by_hand(truncated):
 def learner(*overrides):
     env = make_env(8, 0)
     torch.manual_seed(0)
-    return build_algorithm(plan(overrides=overrides), env.observation_spec, env.action_spec)
+    return build_algorithm(plan(overrides=overrides), env.observation_spec, env.action_unit)
 
 
 def batch_of(policy):

@@ -13,7 +13,7 @@ from trainers.sac import frozen, squashed
 def learned():
     env, small = make_env(8, 0), plan("sac")
     torch.manual_seed(0)
-    policy, sac = build_algorithm(small, env.observation_spec, env.action_spec)
+    policy, sac = build_algorithm(small, env.observation_spec, env.action_unit)
     rollouts = Rollouts(make_env, policy, small.collector, 16, 0)
     try:
         return policy, sac, rollouts.next().clone()
