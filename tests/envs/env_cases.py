@@ -6,8 +6,11 @@ import numpy as np
 import torch
 
 import conf
+from conf.overrides import compose
+from conf.schema import read
 from envs import make_env
-from envs.expert import ReachExpert
+from envs.tasks import TASKS as KNOWN
+from envs.tasks import TaskConfig
 
 CONF = Path(conf.__file__).parent
 
@@ -28,6 +31,12 @@ def name_of(combination):
 def make(robot="kuka", control="step", task="nl_reach", *more, worlds=1, seed=0, render=False):
     overrides = [f"robot={robot}", f"control={control}", f"task={task}", *more]
     return make_env(overrides, num_worlds=worlds, seed=seed, render=render)
+
+
+def task_of(name, *overrides, worlds=1):
+    config = compose([f"task={name}", *overrides])
+    task = read(TaskConfig, config["task"], "task")
+    return KNOWN[name](task, config["workspace"]["object_area"], worlds)
 
 
 def act(env, td, action):
@@ -90,18 +99,3 @@ def rollout(env, steps, policy, resets=lambda t, i: False):
             td = partial_reset(env, td, over)
             kept.append(td.clone())
     return torch.stack(kept)
-
-
-def episodes(env, count, policy=None):
-    """At least `count` whole episodes: (success, wrong_object, steps) of each, in the order they end."""
-    policy = policy or (lambda td: ReachExpert(env)(td)["action"])
-    td, ended, age = env.reset(), [], np.zeros(env.batch_size[0], int)
-    while len(ended) < count:
-        td = act(env, td, policy(td))
-        age += 1
-        over = np.flatnonzero(td["done"][:, 0].numpy())
-        ended += [(bool(td["success"][i]), bool(td["wrong_object"][i]), int(age[i])) for i in over]
-        age[over] = 0
-        if len(over):
-            td = partial_reset(env, td, over)
-    return ended

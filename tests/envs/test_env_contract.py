@@ -168,7 +168,7 @@ def constant_elements(env, task):
     rows = {f"objects[{k},{d}]" for k in range(slots) for d in (10, 14, 15)}  # opacity, size, role
     gripper = {f"robot[{2 * joints + 9}]"}  # reaching needs no grip
     mask = {f"objects_mask[{k}]" for k in range(slots)}
-    longest = 0 if task == "reach" else len("reach the red cube left of the red cube".split())
+    longest = 0 if task == "reach" else len(["reach", "the", "red", "cube", "left", "of", "the", "red", "cube"])
     said = {0, 1} | set(range(longest, env.tokenizer.length))  # "reach the ...", and padding
     words = {f"instruction[{i}]" for i in said}
     return rows | gripper | mask | words

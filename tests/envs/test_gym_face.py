@@ -1,0 +1,132 @@
+"""The Gymnasium face: the registered ids, their spaces, images and infos."""
+
+import gymnasium
+import numpy as np
+import pytest
+from env_cases import CONTROLS, ROBOTS
+from gymnasium.utils.env_checker import check_env
+
+import envs  # noqa: F401  registers the ids
+from conf.schema import ConfigError
+
+IDS = sorted(name for name in gymnasium.registry if name.startswith("Deixis/"))
+
+
+def test_every_task_has_an_id():
+    assert IDS == ["Deixis/NLReach-v0", "Deixis/Reach-v0"]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", IDS)
+def test_gymnasium_finds_no_fault(name):
+    env = gymnasium.make(name, render_mode="rgb_array")
+    check_env(env.unwrapped)
+    env.close()
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_gymnasium_finds_no_fault_with_any_robot_and_control(robot, control):
+    env = gymnasium.make("Deixis/NLReach-v0", robot=robot, control=control)
+    check_env(env.unwrapped, skip_render_check=True)
+    env.close()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_a_loop_of_another_library_runs(name):
+    env = gymnasium.make(name)
+    env.action_space.seed(0)
+    observation, info = env.reset(seed=0)
+    ends = 0
+    for _ in range(150):
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        assert observation in env.observation_space
+        assert isinstance(reward, float)
+        assert isinstance(terminated, bool)
+        assert isinstance(truncated, bool)
+        assert reward == pytest.approx(sum(info["reward_terms"].values()), abs=1e-5)
+        assert terminated == (info["is_success"] or info["wrong_object"])
+        if terminated or truncated:
+            ends += 1
+            observation, info = env.reset()
+    assert ends >= 2
+    env.close()
+
+
+def test_info_says_what_a_person_asks():
+    env = gymnasium.make("Deixis/NLReach-v0")
+    _, info = env.reset(seed=0)
+    assert set(info) == {"is_success", "wrong_object", "at_goal", "sentence", "reward_terms"}
+    assert info["sentence"].startswith("reach the ")
+    *_, later = env.step(np.zeros(3, np.float32))
+    assert set(later) == set(info)
+    assert later["sentence"] == info["sentence"]
+    assert set(later["reward_terms"]) == {"progress", "success", "wrong_object", "time"}
+    env.close()
+
+
+def test_the_same_seed_begins_the_same_and_none_goes_on():
+    env = gymnasium.make("Deixis/NLReach-v0")
+    first, other, again = (env.reset(seed=seed)[0]["objects"] for seed in (3, 4, 3))
+    assert (first == again).all()
+    assert (first != other).any()
+    assert (env.reset()[0]["objects"] != again).any()
+    env.close()
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_the_image_has_the_cameras_size_and_changes_when_the_arm_moves(robot):
+    overrides = ["workspace.camera.width=96", "workspace.camera.height=72"]
+    env = gymnasium.make("Deixis/NLReach-v0", robot=robot, overrides=overrides, render_mode="rgb_array")
+    env.reset(seed=0)
+    images = [env.render()]
+    for _ in range(6):
+        env.step(np.array([0.0, 1.0, 0.0], np.float32))
+    images.append(env.render())
+    for image in images:
+        assert image.shape == (72, 96, 3)
+        assert image.dtype == np.uint8
+        assert image.std() > 10
+    changed = (np.abs(images[0].astype(int) - images[1]).max(-1) > 20).mean()
+    assert 0.01 < changed < 0.5
+    env.close()
+
+
+def test_the_image_shows_the_objects_in_their_colors():
+    env = gymnasium.make("Deixis/Reach-v0", render_mode="rgb_array")
+    seen = {}
+    for seed in range(12):
+        observation, _ = env.reset(seed=seed)
+        color = tuple(observation["objects"][0, 7:10].tolist())
+        image = env.render().reshape(-1, 3) / 255.0
+        hue = image / np.maximum(image.max(1, keepdims=True), 1e-6)
+        wanted = np.array(color) / max(color)
+        seen[color] = (np.abs(hue - wanted).max(1) < 0.1).sum()
+    assert len(seen) >= 4
+    assert min(seen.values()) > 20
+    env.close()
+
+
+def test_without_a_render_mode_there_is_no_image():
+    env = gymnasium.make("Deixis/NLReach-v0").unwrapped
+    env.reset(seed=0)
+    assert env.render() is None
+    env.close()
+
+
+def test_overrides_reach_the_environment():
+    env = gymnasium.make("Deixis/NLReach-v0", overrides=["task.num_objects=5"])
+    assert env.observation_space["objects"].shape[0] == 5
+    env.close()
+
+
+@pytest.mark.parametrize("bad", [{"robot": "pandas"}, {"control": "steps"}, {"overrides": ["task.num_object=4"]}])
+def test_what_is_unknown_is_refused_by_name(bad):
+    with pytest.raises(ConfigError, match="did you mean"):
+        gymnasium.make("Deixis/NLReach-v0", **bad)
+
+
+def test_close_twice_is_once():
+    env = gymnasium.make("Deixis/Reach-v0").unwrapped
+    env.close()
+    env.close()

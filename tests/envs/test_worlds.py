@@ -1,0 +1,128 @@
+"""Objects, resets and memory of the worlds themselves."""
+
+import gc
+from pathlib import Path
+
+import numpy as np
+import pybullet as bullet
+import pytest
+import torch
+from env_cases import ROBOTS, Poker, act, hold, make
+
+
+def test_objects_rest_exactly_where_they_were_put_until_touched():
+    env = make("kuka", "step", "nl_reach", "task.num_objects=6", "task.spacing=0.1", worlds=4, seed=1)
+    for _ in range(3):
+        td = env.reset()
+        put = td["objects"].clone()
+        for _ in range(40):
+            td = act(env, td, hold(env, td))
+            assert torch.equal(td["objects"], put)
+    env.close()
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_objects_are_put_where_the_task_drew_them_upright_on_the_table(robot):
+    env = make(robot, worlds=3, seed=2)
+    td = env.reset()
+    drawn = [env.task.draw(np.random.default_rng(np.random.SeedSequence(2, spawn_key=(i,)))) for i in range(3)]
+    for i, episode in enumerate(drawn):
+        rows = td["objects"][i, :, :3].numpy()
+        shown = sorted(map(tuple, rows.tolist()))
+        assert shown == sorted(map(tuple, episode.scene.positions.astype(np.float32).tolist()))
+    assert torch.equal(td["objects"][..., 3:7], torch.tensor([0.0, 0.0, 0.0, 1.0]).expand(3, 3, 4))
+    env.close()
+
+
+@pytest.mark.parametrize("sleeping", [True, False])
+def test_nothing_sinks_into_the_table_or_jumps_off_it_untouched(sleeping):
+    env = make("kuka", "step", "nl_reach", f"physics.sleeping={sleeping}", worlds=4, seed=3)
+    td = env.reset()
+    put = td["objects"][..., :3].clone()
+    for _ in range(59):
+        td = act(env, td, hold(env, td))
+    assert (td["objects"][..., :3] - put).abs().max() < 0.002
+    env.close()
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_no_object_is_pressed_through_the_table_and_let_go_it_lies_on_it(robot):
+    env = make(robot, "step", "nl_reach", "task.hold_steps=1000", "task.max_steps=1000", worlds=4, seed=4)
+    half, lowest = env.config.task.object_size / 2, 1.0
+    for _ in range(2):
+        td, poker = env.reset(), Poker(env)
+        for _ in range(70):
+            td = act(env, td, poker(td))
+            lowest = min(lowest, heights_on_table(env, td).min())
+        for _ in range(20):
+            td = act(env, td, env.towards(env.gripper + [0.0, 0.0, 0.1]))
+        assert heights_on_table(env, td).min() > half - 0.001
+    assert half - 0.001 > lowest > -half  # under an arm's full force the contact gives way, for as long as it presses
+    env.close()
+
+
+def heights_on_table(env, td):
+    """Heights of the objects whose centre is over the table's top, metres; those seen at the border may be beyond."""
+    top = env.config.workspace.furniture["top"]
+    x0, x1, y0, y1, *_ = env.config.workspace.bounds
+    corner = np.array(top.size[:2]) / 2
+    position = td["objects"][..., :3].double().numpy()
+    over = (np.abs(position[..., :2] - top.position[:2]) < corner).all(-1)
+    seen = ((position[..., :2] > [x0 + 1e-3, y0 + 1e-3]) & (position[..., :2] < [x1 - 1e-3, y1 - 1e-3])).all(-1)
+    return position[over & seen][:, 2]
+
+
+def test_a_touched_object_moves():
+    env = make("kuka", "step", "reach", "task.hold_steps=200", worlds=4, seed=5)
+    td = env.reset()
+    put, poker = td["objects"][:, 0, :3].clone(), Poker(env)
+    for _ in range(50):
+        td = act(env, td, poker(td))
+    assert ((td["objects"][:, 0, :3] - put).norm(dim=1) > 0.005).any()
+    env.close()
+
+
+def rss():
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * 4096
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads memory from /proc")
+@pytest.mark.parametrize("render", [False, True])
+def test_memory_is_flat_over_many_resets(render):
+    env = make("kuka", "step", "nl_reach", seed=6, render=render)
+    poker, sizes = Poker(env), []
+    for count in (100, 500):
+        for _ in range(count):
+            td = env.reset()
+            td = act(env, td, poker(td))
+        gc.collect()
+        sizes.append(rss())
+    assert sizes[1] < 1.05 * sizes[0]
+    assert sizes[1] - sizes[0] < 8 * 2**20
+    env.close()
+
+
+def clients():
+    """How many clients are connected: PyBullet numbers them from 0 and has room for 1024."""
+    return sum(bullet.isConnected(i) for i in range(64))
+
+
+def test_close_frees_the_worlds_and_may_be_called_twice():
+    before = clients()
+    env = make("kuka", worlds=3)
+    assert clients() == before + 3
+    env.close()
+    assert clients() == before
+    env.close()
+    assert clients() == before
+    assert env.is_closed
+
+
+def test_worlds_can_be_made_and_closed_again_and_again():
+    before = clients()
+    for _ in range(5):
+        env = make("kuka", worlds=2)
+        act(env, env.reset(), torch.zeros(2, 3))
+        env.close()
+    assert clients() == before
