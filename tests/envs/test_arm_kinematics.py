@@ -127,7 +127,7 @@ def test_one_step_goes_no_further_than_told(arm):
     chain, *_ = arm
     rotation = chain.forward(chain.rest[None]).rotation[0]
     start = chain.rest[None]
-    goal = chain.forward(start).position + [[0.1, 0.1, -0.1]]
+    goal = chain.forward(start).position + np.array([[0.1, 0.1, -0.1]])
     delta = chain.step(start, goal, rotation, max_move=0.02)
     moved = chain.forward(start + delta).position - chain.forward(start).position
     assert np.linalg.norm(moved) == pytest.approx(0.02, rel=0.05)

@@ -146,7 +146,7 @@ def test_joints_go_to_the_commanded_angles(robot):
 
 
 def test_joints_span_their_limits_and_keep_to_their_speed(robot):
-    env, td = start(robot, "joints")
+    env, _ = start(robot, "joints")
     chain, period = env.chain, env.config.physics.time_step * env.config.physics.substeps
     limit = np.array(env.config.robot.max_speed) * period
     commanded = chain.rest[None]
@@ -220,6 +220,6 @@ def test_pressing_on_the_table_ends_as_soon_as_told_to_rise(control):
         td = act(env, td, env.towards(below))
     pressed = env.gripper[0, 2]
     for _ in range(8):
-        td = act(env, td, env.towards(env.gripper + [0.0, 0.0, 0.1]))
+        td = act(env, td, env.towards(env.gripper + np.array([0.0, 0.0, 0.1])))
     assert env.gripper[0, 2] > pressed + 0.03
     env.close()

@@ -188,9 +188,9 @@ def test_the_goal_follows_an_object_that_is_pushed():
     env = make("kuka", "step", "reach", "task.hold_steps=60", seed=3)
     td = env.reset()
     start = td["privileged", "goal"].clone()
-    beside = start.double().numpy() + [-0.09, 0.0, 0.0]
+    beside = start.double().numpy() + np.array([-0.09, 0.0, 0.0])
     for t in range(45):
-        aim = beside + [0.0, 0.0, 0.1] if t < 15 else beside if t < 25 else beside + [0.2, 0.0, 0.0]
+        aim = beside + np.array([0.0, 0.0, 0.1]) if t < 15 else beside if t < 25 else beside + np.array([0.2, 0.0, 0.0])
         td = act(env, td, env.towards(aim))
     assert (td["privileged", "goal"] - start)[0, 0] > 0.03
     assert torch.equal(td["privileged", "goal"], td["objects"][:, 0, :3])

@@ -80,9 +80,9 @@ def test_near_is_within_the_radius_in_every_direction(distance, direction):
 
 
 def test_between_two_objects_that_were_pushed_together_the_nearer_one_counts():
-    pushed = (TARGET, TARGET + [0.0, 0.05, 0.0])
+    pushed = (TARGET, TARGET + np.array([0.0, 0.05, 0.0]))
     task = task_of("nl_reach", "task.hold_steps=2")
-    nearer_other = TARGET + [0.0, 0.03, 0.0]
+    nearer_other = TARGET + np.array([0.0, 0.03, 0.0])
     outcomes = judged(task, [nearer_other] * 2, objects=pushed)
     assert flags(outcomes, "wrong_object") == [False, True]
     assert not any(flags(outcomes, "at_goal"))

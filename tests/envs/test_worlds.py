@@ -55,7 +55,7 @@ def test_no_object_is_pressed_through_the_table_and_let_go_it_lies_on_it(robot):
             td = act(env, td, poker(td))
             lowest = min(lowest, heights_on_table(env, td).min())
         for _ in range(20):
-            td = act(env, td, env.towards(env.gripper + [0.0, 0.0, 0.1]))
+            td = act(env, td, env.towards(env.gripper + np.array([0.0, 0.0, 0.1])))
         assert heights_on_table(env, td).min() > half - 0.001
     assert half - 0.001 > lowest > -half  # under an arm's full force the contact gives way, for as long as it presses
     env.close()
