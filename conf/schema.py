@@ -79,6 +79,7 @@ def read(cls: type[T], node: Any, key: str) -> T:
     container = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
     if not isinstance(container, dict):
         raise ConfigError(f"{key}={container} must be a group of keys: {', '.join(fields)}")
+    container = dict(container)
     for name in container:
         if name not in fields:
             raise ConfigError(f"{prefix}{name} is not a known key" + did_you_mean(name, fields))
@@ -97,7 +98,8 @@ def read(cls: type[T], node: Any, key: str) -> T:
         raise ConfigError(prefix + str(error)) from None
     except OmegaConfBaseException as error:
         first = str(error.msg or error).splitlines()[0]
-        raise ConfigError(f"{prefix}{error.full_key}={container.get(str(error.key))}: {first}") from None
+        value = OmegaConf.select(OmegaConf.create(container), str(error.full_key))
+        raise ConfigError(f"{prefix}{error.full_key}={value}: {first}") from None
 
 
 def _dataclass_of(kind: Any) -> Any:
