@@ -25,9 +25,9 @@ class ConfigError(ValueError):
     """A value that a person gave and can mend. The text is the whole message: no traceback is needed."""
 
 
-def within(low: float, high: float = math.inf) -> Any:
-    """A number (or each number of a list) in [low, high]."""
-    return dataclasses.field(metadata={"within": (low, high)})
+def within(low: float, high: float = math.inf, count: int | None = None) -> Any:
+    """A number in [low, high], or a list or group of such numbers; count: how many a list must hold."""
+    return dataclasses.field(metadata={"within": (low, high), "count": count})
 
 
 def one_of(*choices: str) -> Any:
@@ -48,9 +48,13 @@ class Checked:
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]:
-                _check(field.name, item, field.metadata)
+            name, value, count = field.name, getattr(self, field.name), field.metadata.get("count")
+            if count is not None and len(value) != count:
+                raise ConfigError(f"{name}={value} must be {count} numbers")
+            items = value if isinstance(value, list) else [value]
+            named = value.items() if isinstance(value, dict) else ((None, item) for item in items)
+            for key, item in named:
+                _check(name if key is None else f"{name}.{key}", item, field.metadata)
 
 
 def _check(name: str, value: Any, rule: Any) -> None:

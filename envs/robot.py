@@ -28,15 +28,27 @@ class RobotConfig(Checked):
     name: str
     package: str = one_of("pybullet_data", "example_robot_data", "file")  # where `urdf` is looked for
     urdf: str
-    base: list[float] = within(-1, 1)  # where the URDF's origin stands in the workspace frame
+    base: list[float] = within(-1, 1, count=3)  # where the URDF's origin stands in the workspace frame
     joints: list[str]  # the arm's revolute joints, from the base on
     max_speed: list[float] = within(0.01, 20)  # rad/s of each joint
     rest: list[float]  # joint angles at reset: the gripper points down and keeps this orientation
     tip: str  # the link that carries the gripper
-    tip_offset: list[float]  # gripper centre in that link's frame
+    tip_offset: list[float] = within(-1, 1, count=3)  # gripper centre in that link's frame
     gripper: str = one_of("magnet", "fingers")
     fingers: list[str]  # prismatic finger joints; empty for a magnet
     finger_opening: float = within(0, 0.2)  # of each finger, fully open
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.joints:
+            raise ConfigError("joints=[] must name at least one joint")
+        for key in ("rest", "max_speed"):
+            if len(getattr(self, key)) != len(self.joints):
+                raise ConfigError(f"{key}={getattr(self, key)} must be {len(self.joints)} numbers, one for each joint")
+        if self.gripper == "fingers" and not (self.fingers and self.finger_opening):
+            raise ConfigError("gripper=fingers needs names in fingers and a finger_opening above 0")
+        if self.gripper == "magnet" and (self.fingers or self.finger_opening):
+            raise ConfigError("gripper=magnet has no fingers: give fingers=[] and finger_opening=0")
 
 
 def urdf_path(config: RobotConfig) -> Path:
@@ -92,12 +104,10 @@ class Robot:
                     f"robot.urdf={config.urdf}: joint {info[j][1].decode()} must be revolute with limits low < high, "
                     f"not [{info[j][8]}, {info[j][9]}]"
                 )
-        for key in ("rest", "max_speed"):
-            if len(getattr(config, key)) != len(self.arm):
-                raise ConfigError(f"robot.{key} must have {len(self.arm)} numbers, one for each of robot.joints")
-        for key in ("base", "tip_offset"):
-            if len(getattr(config, key)) != 3:
-                raise ConfigError(f"robot.{key}={getattr(config, key)} must be three numbers, in metres")
+        for j, angle in zip(self.arm, config.rest, strict=True):
+            if not info[j][8] <= angle <= info[j][9]:
+                name = info[j][1].decode()
+                raise ConfigError(f"robot.rest: {angle} is beyond {name}'s limits [{info[j][8]:g}, {info[j][9]:g}]")
 
     def _bind(self, forces: Sequence[float]) -> None:
         motors = self.arm + self.fingers

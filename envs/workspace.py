@@ -16,9 +16,9 @@ from conf.schema import Checked, ConfigError, within
 class Box(Checked):
     """A box that never moves. size and position of its centre in metres; color RGB in [0, 1]."""
 
-    size: list[float] = within(0.001, 20)
-    position: list[float] = within(-20, 20)
-    color: list[float] = within(0, 1)
+    size: list[float] = within(0.001, 20, count=3)
+    position: list[float] = within(-20, 20, count=3)
+    color: list[float] = within(0, 1, count=3)
     contact: bool
 
 
@@ -26,7 +26,7 @@ class Box(Checked):
 class Camera(Checked):
     """target and distance in metres, yaw and pitch in degrees, width and height in pixels."""
 
-    target: list[float]
+    target: list[float] = within(-20, 20, count=3)
     distance: float = within(0.1, 20)
     yaw: float
     pitch: float = within(-90, 90)

@@ -30,6 +30,7 @@ from torch import Tensor
 from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
+from conf.schema import ConfigError
 from envs.config import EnvConfig
 from envs.controls import CONTROLS
 from envs.robot import read_chain
@@ -55,10 +56,15 @@ class WorkspaceEnv(EnvBase):
     batch_locked = True
 
     def __init__(self, config: EnvConfig, num_worlds: int = 1, seed: int = 0, render: bool = False) -> None:
+        for name, value, least in (("num_worlds", num_worlds, 1), ("seed", seed, 0)):
+            if value < least:
+                raise ConfigError(f"{name}={value} must be at least {least}")
         super().__init__(batch_size=[num_worlds])
         self.config, self.tokenizer = config, Tokenizer.default()
         task = config.task
         self.task = TASKS[task.name](task, config.workspace.object_area, num_worlds)
+        self.task.draw(np.random.default_rng(0))  # raises now where no episode can be drawn
+        self.chain = read_chain(config.robot)
         self._worlds = [
             World(
                 config.robot,
@@ -71,7 +77,6 @@ class WorkspaceEnv(EnvBase):
             )
             for _ in range(num_worlds)
         ]
-        self.chain = read_chain(config.robot)
         period = config.physics.time_step * config.physics.substeps
         box = np.reshape(config.workspace.gripper_box, (3, 2)).T
         self.control = CONTROLS[config.control.name](

@@ -49,9 +49,17 @@ class World:
     ) -> None:
         self._client = bullet.connect(bullet.DIRECT)
         self._physics, self._workspace, self._visuals = physics, workspace, visuals
+        try:
+            self._build(robot, nouns, slots, object_size)
+        except BaseException:
+            self.close()
+            raise
+
+    def _build(self, robot: RobotConfig, nouns: Sequence[str], slots: int, object_size: float) -> None:
         self._set_up_physics()
-        self.robot = Robot(robot, self._client, visuals)
-        furniture = [self._furnish(box) for box in workspace.furniture.values() if visuals or box.contact]
+        self.robot = Robot(robot, self._client, self._visuals)
+        boxes = self._workspace.furniture.values()
+        furniture = [self._furnish(box) for box in boxes if self._visuals or box.contact]
         for body in furniture:
             for link in self.robot.fixed_links():
                 bullet.setCollisionFilterPair(self.robot.body, body, link, -1, 0, self._client)

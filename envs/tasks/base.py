@@ -38,6 +38,11 @@ class TaskConfig(Checked):
                 f"spacing={self.spacing} must be at least {2 * self.radius:g}, twice the radius, "
                 "or the gripper could be at two objects at once"
             )
+        if self.spacing < 1.5 * self.object_size and self.num_objects > 1:
+            raise ConfigError(
+                f"spacing={self.spacing} must be at least {1.5 * self.object_size:g}, 1.5 times the object_size, "
+                "or objects would stand in each other"
+            )
 
 
 @dataclass(frozen=True)

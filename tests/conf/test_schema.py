@@ -11,7 +11,7 @@ from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 @dataclass(frozen=True)
 class Wheel(Checked):
     radius: float = within(0.1, 2)
-    place: list[float] = within(-1, 1)
+    place: list[float] = within(-1, 1, count=2)
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,8 @@ def test_interpolations_are_resolved():
         ("paint", "xyz", r"^cart\.paint=xyz is not known; choose from red, green$"),
         ("stops", ["mill", "marked"], r"^cart\.stops=marked is not known; did you mean 'market'\?$"),
         ("stops", "mill", r"^cart\.stops=mill"),
-        ("prices", {"ride": 11}, r"^cart\.prices(\.ride)?=11(\.0)? is out of range: it must be in \[0, 10\]$"),
-        ("prices", {"ride": float("nan")}, r"^cart\.prices(\.ride)?=nan is not a finite number$"),
+        ("prices", {"ride": 11}, r"^cart\.prices\.ride=11(\.0)? is out of range: it must be in \[0, 10\]$"),
+        ("prices", {"ride": float("nan")}, r"^cart\.prices\.ride=nan is not a finite number$"),
         ("prices", {"ride": "dear"}, r"^cart\.prices\.ride=.*dear.*Float"),
         ("name", None, r"^cart\.name=None"),
         ("horse", 1, r"^cart\.horse is not a known key; did you mean 'horses'\?$"),
@@ -99,6 +99,7 @@ def test_interpolations_are_resolved():
         ("spare", 3, r"^cart\.spare=3 must be a group of keys: radius, place$"),
         ("wheels.back.radius", 0, r"^cart\.wheels\.back\.radius=0(\.0)? is out of range"),
         ("wheels.back.place", [0, 2], r"^cart\.wheels\.back\.place=2(\.0)? is out of range"),
+        ("wheels.back.place", [0], r"^cart\.wheels\.back\.place=\[0(\.0)?\] must be 2 numbers$"),
         ("wheels.back", 1, r"^cart\.wheels\.back=1 must be a group of keys"),
         ("wheels", 4, r"^cart\.wheels=4 must be a group of named entries$"),
     ],
@@ -120,12 +121,12 @@ def test_what_is_missing_is_asked_for(path):
 
 
 def test_a_node_that_is_no_group_is_refused():
-    with pytest.raises(ConfigError, match="^cart=7 must be a group of keys: name, load"):
+    with pytest.raises(ConfigError, match=r"^cart=7 must be a group of keys: name, load"):
         read(Cart, 7, "cart")
 
 
 def test_at_the_top_keys_have_no_prefix():
-    with pytest.raises(ConfigError, match="^horses=9 is out of range"):
+    with pytest.raises(ConfigError, match=r"^horses=9 is out of range"):
         read(Cart, changed("horses", 9), "")
 
 
