@@ -34,6 +34,24 @@ def test_objects_are_put_where_the_task_drew_them_upright_on_the_table(robot):
     env.close()
 
 
+def test_the_bodies_in_the_slots_have_the_shapes_and_colors_that_are_observed():
+    geometry = [bullet.GEOM_BOX, bullet.GEOM_SPHERE, bullet.GEOM_CYLINDER]
+    env = make("kuka", "step", "nl_reach", "task.num_objects=4", "task.min_objects=2", seed=2, render=True)
+    (world,) = env._worlds  # only Bullet knows what stands there
+    for _ in range(15):
+        td = env.reset()
+        slots = np.flatnonzero(td["objects_mask"][0].numpy())
+        assert len(world._shown) == len(slots)
+        for body, slot in zip(world._shown, slots, strict=True):
+            row = td["objects"][0, slot]
+            position, _ = bullet.getBasePositionAndOrientation(body, world._client)
+            visual = bullet.getVisualShapeData(body, physicsClientId=world._client)[0]
+            assert bullet.getCollisionShapeData(body, -1, world._client)[0][2] == geometry[row[11:14].argmax()]
+            np.testing.assert_allclose(visual[7], row[7:11], atol=1e-6)
+            np.testing.assert_allclose(position, row[:3], atol=1e-6)
+    env.close()
+
+
 @pytest.mark.parametrize("sleeping", [True, False])
 def test_nothing_sinks_into_the_table_or_jumps_off_it_untouched(sleeping):
     env = make("kuka", "step", "nl_reach", f"physics.sleeping={sleeping}", worlds=4, seed=3)

@@ -1,0 +1,113 @@
+"""Every YAML in conf/ builds: each option of each group, read into the dataclass that declares it."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+import conf
+from conf.overrides import apply, check, compose, groups
+from conf.schema import ConfigError
+from envs import read_env
+from trainers.config import read_plan
+
+FOLDER = Path(conf.__file__).parent
+OPTIONS = sorted((path.parent.name, path.stem) for path in FOLDER.glob("*/*.yaml"))
+
+
+@pytest.fixture(scope="module")
+def default():
+    return compose()
+
+
+def test_every_file_is_an_option_of_a_group():
+    assert sorted((group, option) for group, each in groups().items() for option in each) == OPTIONS
+    assert sorted(FOLDER.rglob("*.yaml")) == sorted([*FOLDER.glob("*/*.yaml"), FOLDER / "config.yaml"])
+
+
+def test_every_group_is_in_the_table_of_contents():
+    contents = yaml.safe_load((FOLDER / "config.yaml").read_text())["defaults"]
+    assert {key for entry in contents if isinstance(entry, dict) for key in entry} == set(groups())
+
+
+@pytest.mark.parametrize(("group", "option"), OPTIONS)
+def test_every_option_reads_into_its_dataclass(group, option):
+    config = compose([f"{group}={option}"])
+    environment, plan = read_env(config), read_plan(config)
+    holder = environment if hasattr(environment, group) else plan
+    values = getattr(holder, group)
+    if hasattr(values, "name"):
+        assert values.name == option
+
+
+def test_every_key_of_the_config_is_declared_somewhere(default):
+    environment, plan = read_env(default), read_plan(default)
+    declared = {*vars(environment), *vars(plan), *vars(plan.run), "resume", "run"}
+    assert set(default) <= declared
+
+
+def test_values_are_given_in_one_place():
+    """A dataclass that declares a value has no default beside it."""
+    config = compose()
+    for holder in (read_env(config), read_plan(config)):
+        for part in vars(holder).values():
+            fields = type(part).__dataclass_fields__.values()
+            assert all(field.default is field.default_factory for field in fields), type(part)
+
+
+# ---- overrides as they are typed -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [],
+        ["robot=panda", "task.num_objects=6", "total_frames=50_000"],
+        ["+task.reward.extra=1"],
+        ["~task.reward.time"],
+        ["robot=kuka,panda", "seed=1,2"],
+        ["--help"],
+        ["-m", "robot=kuka,jaco"],
+        ["hydra.run.dir=somewhere"],
+        ["task=reach", "task.max_steps=5"],
+    ],
+)
+def test_good_overrides_pass(words):
+    check(words)
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("robot=pand", r"^robot=pand is not known; did you mean 'panda'\?$"),
+        ("robot=kuka,pand", r"^robot=pand is not known; did you mean 'panda'\?$"),
+        ("contrl=step", r"^contrl=step: contrl is not a known key; did you mean 'control'\?$"),
+        ("task.raduis=1", r"^task\.raduis=1: task\.raduis is not a known key; did you mean 'task\.radius'\?$"),
+        ("seeds=1", r"^seeds=1: seeds is not a known key; did you mean 'seed'\?$"),
+        ("seed", "overrides are written key=value$"),
+    ],
+)
+def test_bad_overrides_are_named(word, message):
+    with pytest.raises(ConfigError, match=message) as caught:
+        check([word])
+    assert "\n" not in str(caught.value)
+
+
+def test_what_hydra_refuses_is_a_config_error():
+    with pytest.raises(ConfigError):
+        compose(["robot=nobody"])
+
+
+def test_a_kept_config_takes_overrides(default):
+    from omegaconf import OmegaConf
+
+    kept = OmegaConf.to_container(default, resolve=True)
+    changed = apply(kept, ["task.max_steps=7", "task.reward.time=-1", "physics.sleeping=false", "total_frames=5_000"])
+    assert read_env(changed).task.max_steps == 7
+    assert read_env(changed).task.reward["time"] == -1
+    assert read_env(changed).physics.sleeping is False
+    assert read_plan(changed).run.total_frames == 5000
+    assert read_env(apply(kept, ["task=reach"])).task.name == "reach"
+    assert kept == OmegaConf.to_container(default, resolve=True)
+    with pytest.raises(ConfigError, match=r"did you mean 'task\.max_steps'"):
+        apply(kept, ["task.max_step=7"])
