@@ -71,13 +71,15 @@ def main(config: Any) -> dict[str, Any]:
 
     job = HydraConfig.get()
     sweeping = job.mode == RunMode.MULTIRUN
+    folder = Path(job.runtime.output_dir)
     try:
-        folder = Path(job.runtime.output_dir)
         if config.resume:
             config, folder = resumed(config.resume, list(job.overrides.task))
         result = run(config, folder)
     except (ConfigError, RuntimeError) as error:
         print(f"error: {error}", file=sys.stderr)
+        if folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
         if sweeping:
             return {"error": str(error).splitlines()[0]}
         sys.exit(1)

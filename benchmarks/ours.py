@@ -147,9 +147,14 @@ def sac_gradient_steps(steps: int) -> dict[str, Any]:
     sac.remember(rollouts.next())
     rollouts.close()
     torch.set_num_threads(len(os.sched_getaffinity(0)))
-    for _ in range(100):
-        sac.step()
-    return rate(steps, "gradient steps/s", lambda: [sac.step() for _ in range(steps)])
+    batch = plan.algo.batch
+
+    def work(count: int = steps) -> None:
+        for frames in sac.memory.sample(count * batch).split(batch):
+            sac.step(frames)
+
+    work(100)
+    return rate(steps, "gradient steps/s", work)
 
 
 def memory_per_world(worlds: int) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from difflib import get_close_matches
 from typing import Any, TypeVar, get_args, get_type_hints
 
 T = TypeVar("T")
+MOST = 24  # choices that a message lists; of more, only the groups
 
 
 class ConfigError(ValueError):
@@ -39,7 +40,10 @@ def did_you_mean(word: str, choices: Iterable[str]) -> str:
     """`; did you mean 'x'?` or `; choose from a, b`, to end a message with."""
     choices = [str(choice) for choice in choices]
     near = get_close_matches(str(word), choices, n=1)
-    return f"; did you mean {near[0]!r}?" if near else f"; choose from {', '.join(choices)}"
+    if near:
+        return f"; did you mean {near[0]!r}?"
+    top = choices if len(choices) <= MOST else sorted({choice.partition(".")[0] for choice in choices})
+    return f"; choose from {', '.join(top)}"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,3 +15,4 @@ import os
 # TorchRL reads this when it is first imported: seconds that a worker and its parent wait for one another before
 # they give up. Its own default is for ever, which turns a stuck worker into a hang.
 os.environ.setdefault("MAX_IDLE_COUNT", "600")
+os.environ.setdefault("RL_LOGGING_LEVEL", "WARNING")  # no notes on buffers made, between a person and the result

@@ -27,7 +27,7 @@ def test_the_fake_environment_keeps_the_contract(env):
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 @pytest.mark.parametrize("squash", [False, True])
 def test_it_acts_on_what_anyone_may_see(env, policy, squash):
-    state = env.reset().select(*SEEN, "robot")
+    state = env.reset().select(*SEEN, "robot", "hold")
     for mode in (ExplorationType.RANDOM, ExplorationType.DETERMINISTIC):
         with set_exploration_type(mode), torch.no_grad():
             action = make(env, policy, squash).act(state.clone())["action"]

@@ -1,0 +1,271 @@
+"""train.py and evaluate.py as a person uses them, on real worlds. One short training serves most tests."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+from torchrl.envs.utils import ExplorationType, set_exploration_type
+
+import evaluate
+import train
+from conf.overrides import compose
+from conf.schema import ConfigError
+from trainers.report import read_metrics
+
+ROOT = Path(train.__file__).parent
+SHORT = [
+    "total_frames=53_248",
+    "collector.workers=1",
+    "collector.worlds=64",
+    "eval.interval=30_000",
+    "eval.episodes=60",
+    "eval.interval_episodes=20",
+    "eval.video_episodes=1",
+]
+TINY = [
+    "total_frames=256",
+    "collector.workers=1",
+    "collector.worlds=4",
+    "algo.horizon=16",
+    "eval.episodes=4",
+    "eval.interval_episodes=4",
+    "eval.worlds=4",
+    "eval.video_episodes=0",
+    "logger=[]",
+]
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    train.run(compose(SHORT), folder)
+    return folder
+
+
+def command(*arguments: str, program: str = "train.py", timeout: float = 120) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, str(ROOT / program), *arguments],
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+    )
+
+
+def test_a_run_leaves_its_report(trained):
+    names = {str(path.relative_to(trained)) for path in trained.rglob("*")}
+    wanted = {"config.yaml", "metrics.csv", "eval.json", "learning_curve.png", "evaluation.mp4"}
+    assert wanted | {"checkpoints/last.pt", "checkpoints/best.pt"} <= names
+    assert any("events" in name for name in names)
+    result = json.loads((trained / "eval.json").read_text())
+    assert {"success_at_end", "success_once", "wrong_object", "ci95", "frames", "wall_s", "frames_per_s"} <= set(result)
+    assert sum(part["episodes"] for part in result["by_kind"].values()) == result["episodes"] == 60
+    rows = read_metrics(trained / "metrics.csv")
+    assert rows[-1]["frames"] == result["frames"] == 53_248
+    assert {"reward/progress", "reward/success", "reward/wrong_object", "reward/time"} <= set(rows[0])
+
+
+def test_a_short_run_has_learned_what_words_mean(trained):
+    result = json.loads((trained / "eval.json").read_text())
+    assert result["success_at_end"] > 0.6
+    assert read_metrics(trained / "metrics.csv")[-1]["grounding/accuracy"] > 0.95
+
+
+def test_without_the_words_a_trained_policy_falls_to_chance(trained):
+    env, policy = restored(trained)
+    try:
+        told, blank = outcomes(env, policy, blank=False), outcomes(env, policy, blank=True)
+    finally:
+        env.close()
+    assert told["pointed"] > 0.95
+    assert abs(blank["pointed"] - 1 / 3) < 0.1  # three standard errors of 240 scenes
+    assert blank["success"] < 1 / 3 + 0.1 < told["success"]
+
+
+def restored(folder: Path):
+    from envs import read_env
+    from trainers import checkpoint
+    from trainers.build import restore_policy
+    from trainers.config import read_plan
+
+    saved = checkpoint.load(checkpoint.find(folder))
+    env = train.build_env(read_env(saved["config"]), 40, 77)
+    return env, restore_policy(read_plan(saved["config"]), env.observation_spec, env.action_unit, saved).act
+
+
+@torch.no_grad()
+def outcomes(env, policy, blank: bool) -> dict[str, float]:
+    """Over 240 episodes: how often attention chose the referent at the start, and how often the arm came there."""
+    env.set_seed(3)
+    pointed, success = [], []
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        for _ in range(6):
+            state = env.reset()
+            done = torch.zeros(40, 1, dtype=torch.bool)
+            for t in range(env.config.task.max_steps):
+                seen = state.exclude("privileged").clone()
+                if blank:
+                    seen["instruction"].zero_()
+                acted = policy(seen)
+                if t == 0:
+                    pointed.append(acted["attention_logits"].argmax(-1) == state["privileged", "referent"])
+                state["action"] = acted["action"]
+                state = env.step(state)["next"]
+                success.append((state["success"] & ~done).sum() / 240)
+                done |= state["done"]
+    return {"pointed": float(torch.stack(pointed).float().mean()), "success": float(sum(success))}
+
+
+def test_evaluate_prints_the_interval_and_never_overwrites(trained, capsys):
+    first = evaluate.main([f"checkpoint={trained}", "episodes=20"])
+    again = evaluate.main([f"checkpoint={trained / 'checkpoints' / 'last.pt'}", "episodes=20"])
+    assert first["success_at_end"] == again["success_at_end"]
+    assert "95 %" in capsys.readouterr().out
+    assert {"evaluation_1.json", "evaluation_2.json"} <= {path.name for path in trained.iterdir()}
+
+
+def test_a_policy_trained_on_three_objects_is_judged_on_six(trained):
+    assert evaluate.main([f"checkpoint={trained}", "episodes=20", "task.num_objects=6"])["episodes"] == 20
+
+
+def test_resume_goes_on_in_the_same_folder(trained, tmp_path):
+    config, folder = train.resumed(str(trained), ["total_frames=57_344", "eval.episodes=4", "eval.video_episodes=0"])
+    assert folder == trained
+    assert train.run(config, folder)["frames"] == 57_344
+    frames = [row["frames"] for row in read_metrics(trained / "metrics.csv")]
+    assert frames == sorted(set(frames))
+    assert frames[-1] == 57_344
+
+
+def test_the_same_seed_gives_the_same_training_bit_for_bit(tmp_path):
+    def rows(folder: Path) -> list[dict[str, float]]:
+        train.run(compose([*TINY, "seed=5", "algo.minibatch=16"]), folder)
+        kept = [{k: v for k, v in row.items() if not k.startswith("time/")} for row in read_metrics(folder / "metrics.csv")]
+        return json.loads(json.dumps(kept))
+
+    assert str(rows(tmp_path / "a")) == str(rows(tmp_path / "b"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["robot=kuca"], ["robot=kuca", "did you mean 'kuka'"]),
+        (["algo.lrr=1"], ["algo.lrr", "did you mean 'algo.lr'"]),
+        (["robt=kuka"], ["robt", "did you mean 'robot'"]),
+        (["algo.lr=-1"], ["algo.lr=-1", "[1e-07, 1]"]),
+        (["algo.lr=nan"], ["algo.lr=nan"]),
+        (["task.num_objects=9"], ["task.num_objects=9", "[1, 8]"]),
+        (["task.num_objects=few"], ["task.num_objects=few", "Integer"]),
+        (["collector.worlds=0"], ["collector.worlds=0", "at least 1"]),
+        (["task.reward.progres=1"], ["progres"]),
+        (["device=abacus"], ["device=abacus"]),
+        (["resume=/nowhere"], ["/nowhere", "does not exist"]),
+        (["robot.urdf=nothing.urdf"], ["robot.urdf=nothing.urdf"]),
+        (["nonsense"], ["nonsense", "key=value"]),
+        (["algo.minibatch=100_000"], ["algo.minibatch=100000"]),
+    ],
+)
+def test_bad_input_gets_one_clear_message(arguments, said, tmp_path):
+    done = command(*arguments, f"hydra.run.dir={tmp_path / 'run'}")
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr + done.stdout
+    lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1
+    for words in said:
+        assert words in lines[0]
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        ([], "checkpoint"),
+        (["checkpoint=/nowhere"], "/nowhere"),
+        (["checkpoint={run}", "robot=panda"], "trained with robot=kuka"),
+        (["checkpoint={run}", "control=joints"], "trained with control=step"),
+        (["checkpoint={run}", "episodes=0"], "episodes=0"),
+        (["checkpoint={run}", "epsiodes=3"], "epsiodes"),
+        (["checkpoint={run}/eval.json"], "no checkpoint of ours"),
+    ],
+)
+def test_evaluate_refuses_what_does_not_fit(trained, overrides, said):
+    with pytest.raises(ConfigError, match=said):
+        evaluate.main([word.format(run=trained) for word in overrides])
+
+
+def test_help_needs_neither_torch_nor_pybullet():
+    code = "import sys, train, evaluate; sys.exit(any(m in sys.modules for m in ('torch', 'pybullet', 'torchrl')))"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
+    assert "robot" in command("--help").stdout
+
+
+def test_a_sweep_ends_with_a_table(tmp_path):
+    done = command("-m", "algo=ppo,sac", *TINY, "algo.lr=1e-3", f"hydra.sweep.dir={tmp_path}")
+    rows = [line for line in done.stdout.splitlines() if line.startswith(("algo=ppo", "algo=sac"))]
+    assert len(rows) == 2, done.stdout + done.stderr
+
+
+def processes(group: int) -> list[int]:
+    """Living processes of a process group."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                fields = (entry / "stat").read_text().rpartition(")")[2].split()
+            except (FileNotFoundError, ProcessLookupError):
+                continue
+            if int(fields[2]) == group and fields[0] != "Z":
+                found.append(int(entry.name))
+    return found
+
+
+@pytest.fixture
+def running(tmp_path):
+    """A training run with two workers, past its first batch."""
+    words = ["collector.workers=2", "collector.worlds=4", "eval.worlds=4", "logger=[]", "algo.horizon=32"]
+    process = subprocess.Popen(
+        [sys.executable, str(ROOT / "train.py"), *words, f"hydra.run.dir={tmp_path}"],
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 90
+    while len(read_metrics(tmp_path / "metrics.csv")) < 2 and time.monotonic() < deadline:
+        time.sleep(0.2)
+    yield process, tmp_path
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_stopped_run_saves_and_leaves_no_process(running, number):
+    process, folder = running
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 128 + number, errors
+    assert (folder / "checkpoints" / "last.pt").is_file()
+    assert processes(process.pid) == []
+    assert "Traceback" not in errors
+
+
+def test_a_killed_worker_ends_the_run_with_an_error(running):
+    process, _ = running
+    workers = [pid for pid in processes(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    os.kill(workers[-1], signal.SIGKILL)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "error: a worker process failed" in errors
+    assert processes(process.pid) == []
