@@ -23,7 +23,7 @@ from conf.overrides import apply
 from conf.schema import Checked, ConfigError, read, within
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EvaluateConfig(Checked):
     checkpoint: str
     episodes: int = within(1, 10_000_000)
@@ -38,7 +38,8 @@ DEFAULTS = {"episodes": 500, "seed": 0, "worlds": 20, "video": 0, "out": None}
 
 def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
     """Our own keys, and the overrides of the run's config that are left. Raises ConfigError."""
-    own, overrides = dict(DEFAULTS), []
+    own: dict[str, Any] = dict(DEFAULTS)
+    overrides: list[str] = []
     names = [field.name for field in fields(EvaluateConfig)]
     for word in arguments:
         key, equals, value = word.partition("=")

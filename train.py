@@ -40,13 +40,14 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     from trainers.checkpoint import find
     from trainers.fit import fit
 
+    plain: Any = OmegaConf.to_container(config, resolve=True)
     folder.mkdir(parents=True, exist_ok=True)
     OmegaConf.save(config, folder / "config.yaml", resolve=True)
     return fit(
         plan,
         make_env=partial(build_env, env_config),
         folder=folder,
-        config=OmegaConf.to_container(config, resolve=True),
+        config=plain,
         vocabulary=list(Tokenizer.default().vocabulary),
         resume=find(folder) if config.resume else None,
         make_video_env=partial(build_env, env_config, 1, plan.run.seed, True),

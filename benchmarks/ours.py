@@ -23,6 +23,7 @@ from trainers.build import build_algorithm
 from trainers.collection import Rollouts
 from trainers.config import CollectorConfig, read_plan
 from trainers.fit import fit
+from trainers.sac import SAC
 
 WORLDS = 16
 WARM_UP = 20  # control steps of each world before the clock starts
@@ -64,7 +65,8 @@ def raw_loop(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
     import pybullet as bullet
 
     env = make_env(overrides, WORLDS)
-    worlds, targets = env._worlds, []
+    worlds: list[Any] = env._worlds
+    targets: list[Any] = []
     for world in worlds:
         world.robot.drive = _recording(world.robot.drive, targets)
     state = play(env, actions(env, WARM_UP), env.reset())
@@ -143,11 +145,12 @@ def sac_gradient_steps(steps: int) -> dict[str, Any]:
     plan = read_plan(config)
     env = build_env(read_env(config), WORLDS, 0)
     policy, sac = build_algorithm(plan, env.observation_spec, env.action_unit)
+    assert isinstance(sac, SAC)
     rollouts = Rollouts(partial(build_env, read_env(config)), policy, CollectorConfig(workers=1, worlds=WORLDS), 128, 0)
     sac.remember(rollouts.next())
     rollouts.close()
     torch.set_num_threads(len(os.sched_getaffinity(0)))
-    batch = plan.algo.batch
+    batch = sac.config.batch
 
     def work(count: int = steps) -> None:
         for frames in sac.memory.sample(count * batch).split(batch):

@@ -84,7 +84,7 @@ def read(cls: type[T], node: Any, key: str) -> T:
 
     fields = [field.name for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
     prefix = f"{key}." if key else ""
-    container = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
+    container: Any = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
     if not isinstance(container, dict):
         raise ConfigError(f"{key}={container} must be a group of keys: {', '.join(fields)}")
     container = dict(container)
@@ -100,8 +100,8 @@ def read(cls: type[T], node: Any, key: str) -> T:
         if name in fields and _dataclass_of(kind)
     }
     try:
-        typed = OmegaConf.merge(OmegaConf.structured(cls), container)
-        return cls(**nested, **{name: OmegaConf.to_container(typed)[name] for name in container})
+        typed: Any = OmegaConf.to_container(OmegaConf.merge(OmegaConf.structured(cls), container))
+        return cls(**nested, **{name: typed[name] for name in container})
     except ConfigError as error:
         raise ConfigError(prefix + str(error)) from None
     except OmegaConfBaseException as error:

@@ -17,7 +17,7 @@ WAYPOINT = 0.08  # metres
 LEASH = 0.15  # radians that a command may run ahead of its joint
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ControlConfig(Checked):
     """name: a key of CONTROLS. max_move: metres the gripper moves at most in one control step."""
 

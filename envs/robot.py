@@ -21,7 +21,7 @@ from conf.schema import Checked, ConfigError, did_you_mean, one_of, within
 from envs.kinematics import Array, Kinematics
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RobotConfig(Checked):
     """One arm. Names are the URDF's own; lengths in metres, angles in radians."""
 

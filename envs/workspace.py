@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from conf.schema import Checked, ConfigError, within
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Box(Checked):
     """A box that never moves. size and position of its centre in metres; color RGB in [0, 1]."""
 
@@ -22,7 +22,7 @@ class Box(Checked):
     contact: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Camera(Checked):
     """target and distance in metres, yaw and pitch in degrees, width and height in pixels."""
 
@@ -34,7 +34,7 @@ class Camera(Checked):
     height: int = within(16, 4096)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class WorkspaceConfig(Checked):
     """Boxes of numbers are (x0, x1, y0, y1[, z0, z1]) in the workspace frame."""
 

@@ -98,9 +98,9 @@ class WorkspaceEnv(EnvBase):
         return self.task.terms
 
     @property
-    def action_unit(self) -> NDArray[np.float64]:
-        """(A,) how far an action may be from `hold` to be carried out within one control step."""
-        return self.control.unit
+    def action_unit(self) -> tuple[float, ...]:
+        """How far each of the A numbers may be from `hold` to be carried out within one control step."""
+        return tuple(self.control.unit.tolist())
 
     def _allocate(self, worlds: int, joints: int, slots: int) -> None:
         fingers = len(self.config.robot.fingers)
@@ -153,7 +153,7 @@ class WorkspaceEnv(EnvBase):
             instruction=Categorical(words, shape=(n, self.tokenizer.length), dtype=torch.int64),
             privileged=Composite(
                 referent=Categorical(slots, shape=(n,), dtype=torch.int64),
-                goal=_bounded(*bounds, n),
+                goal=_bounded(bounds[0], bounds[1], n),
                 kind=Categorical(len(self.kind_names), shape=(n,), dtype=torch.int64),
                 sentence=Bounded(0, 255, shape=(n, SENTENCE_BYTES), dtype=torch.uint8),
                 shape=(n,),

@@ -20,7 +20,7 @@ SLEEP_STEPS = 3  # physics steps until a body told to sleep is asleep
 OBJECT_MASS = 0.1  # kg
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PhysicsConfig(Checked):
     """time_step in seconds; a control step is `substeps` of them."""
 
@@ -186,7 +186,7 @@ class World:
 
 def _shape(noun: str, size: float) -> tuple[int, dict]:
     """An object of this noun, `size` metres across and high."""
-    shapes = {
+    shapes: dict[str, tuple[int, dict]] = {
         "cube": (bullet.GEOM_BOX, {"halfExtents": [size / 2] * 3}),
         "sphere": (bullet.GEOM_SPHERE, {"radius": size / 2}),
         "cylinder": (bullet.GEOM_CYLINDER, {"radius": size / 2, "height": size}),

@@ -56,6 +56,7 @@ class PPOConfig(Checked):
     max_grad_norm: float = within(1e-3)
     target_kl: float = within(0.0)  # an update ends early beyond 1.5 times this; 0 = never
     grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
+    grounding_batch: int = within(1)  # scenes to learn grounding from, at each step
     grounding_memory: int = within(1)  # scenes that grounding is learned from, the latest ones
 
 

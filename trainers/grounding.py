@@ -133,13 +133,10 @@ class Scenes:
         return self.memory.sample(count)
 
 
-def grounding(batch: TensorDictBase) -> tuple[Tensor, Tensor] | None:
+def grounding(batch: TensorDictBase) -> tuple[Tensor, Tensor]:
     """Cross-entropy of the attention against the true referent, and its accuracy, scalars.
 
-    batch: 1-D, with attention_logits (N, K) and privileged/referent (N,). None where the policy attends to nothing.
+    batch: 1-D, with attention_logits (N, K), from a policy that `attends`, and privileged/referent (N,).
     """
-    logits = batch.get("attention_logits", None)
-    if logits is None:
-        return None
-    referent = batch[REFERENT]
+    logits, referent = batch["attention_logits"], batch[REFERENT]
     return F.cross_entropy(logits, referent), (logits.argmax(-1) == referent).float().mean()

@@ -44,6 +44,11 @@ class Policy(nn.Module):
         self.context: str = words.writes[-1]
 
     @property
+    def attends(self) -> bool:
+        """Whether the words choose among object slots, so that the choice can be taught."""
+        return "attention_logits" in self.words.writes
+
+    @property
     def act(self) -> Act:
         """The whole way from an observation to "action"; shares the parameters. Reads nothing privileged."""
         return Act(self)

@@ -46,7 +46,7 @@ class PPO:
         self.parameters = parameters(policy, critic)
         self.optimizer = torch.optim.Adam(self.parameters, lr=config.lr, fused=True)
         self.device = self.parameters[0].device
-        self.teaches = config.grounding_weight > 0 and "attention_logits" in policy.words.writes
+        self.teaches = config.grounding_weight > 0 and policy.attends
         self.scenes = Scenes(config.grounding_memory, self.device)
         self.kept = dict.fromkeys([*SEEN, "robot", "move", "move_log_prob", *critic.in_keys])
         self.kept.pop(policy.context, None)
@@ -70,8 +70,7 @@ class PPO:
     @torch.no_grad()
     def understood(self, scenes: TensorDictBase) -> dict[str, float]:
         """The share of scenes, not learned from yet, in which the words are grounded right."""
-        taught = grounding(self.policy.encode(scenes))
-        return {"grounding/accuracy": float(taught[1])} if taught else {}
+        return {"grounding/accuracy": float(grounding(self.policy.encode(scenes))[1])}
 
     @torch.no_grad()
     def judge(self, batch: TensorDictBase) -> tuple[TensorDictBase, float]:
@@ -104,10 +103,10 @@ class PPO:
             "std": self.policy.gaussian.log_std.exp().mean(),
             **{name: out[key] for key, name in MEASURES.items()},
         }
-        taught = grounding(self.policy.encode(self.scenes.sample(len(frames)))) if self.teaches else None
-        if taught is not None:
-            loss = loss + self.config.grounding_weight * taught[0]
+        if self.teaches:
+            taught = grounding(self.policy.encode(self.scenes.sample(self.config.grounding_batch)))
             measured["loss/grounding"] = taught[0]
+            loss = loss + self.config.grounding_weight * taught[0]
         learning.check_loss(loss, frames)
         self.optimizer.zero_grad()
         loss.backward()

@@ -20,7 +20,7 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from trainers import learning
 from trainers.config import SACConfig
-from trainers.grounding import grounding
+from trainers.grounding import REFERENT, grounding
 from trainers.networks import Critic, normal_log_prob
 from trainers.policy import Policy, parameters
 
@@ -50,6 +50,7 @@ class SAC:
         self.optimizer = torch.optim.Adam(learned, lr=config.lr, fused=True)
         self.wanted_entropy = config.target_entropy * policy.gaussian.log_std.numel()
         self.memory = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer, device=self.device))
+        self.teaches = config.grounding_weight > 0 and policy.attends
         self.owed = 0.0  # gradient steps earned by frames and not yet taken
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
@@ -70,7 +71,7 @@ class SAC:
     def remember(self, batch: TensorDictBase) -> None:
         """Add frames (worlds, steps), with only the keys that learning reads."""
         aim = [] if self.aim == self.policy.context else [self.aim]
-        taught = [("privileged", "referent")] if self.config.grounding_weight else []
+        taught = [REFERENT] if self.teaches else []
         seen = ["objects", "objects_mask", "robot", *aim]
         after = [("next", *(key if isinstance(key, tuple) else (key,))) for key in [*seen, "reward", "terminated"]]
         self.memory.extend(batch.select(*seen, "instruction", "move", *taught, *after).reshape(-1))
@@ -79,7 +80,7 @@ class SAC:
         """One gradient step on frames (B,) for the critics, the actor with the grounding, and the temperature."""
         measured = self.losses(frames)
         loss = measured["loss/critic"] + measured["loss/actor"] + measured["loss/alpha"]
-        if "loss/grounding" in measured:
+        if self.teaches:
             loss = loss + self.config.grounding_weight * measured["loss/grounding"]
         learning.check_loss(loss, frames)
         self.optimizer.zero_grad()
@@ -112,8 +113,7 @@ class SAC:
             "alpha": alpha,
             "q": q.mean(),
         }
-        taught = grounding(frames) if self.config.grounding_weight else None
-        return out if taught is None else out | dict(zip(learning.METRICS, taught, strict=True))
+        return out | dict(zip(learning.METRICS, grounding(frames), strict=True)) if self.teaches else out
 
     def act(self, frames: TensorDictBase) -> tuple[Tensor, Tensor]:
         """Actions (B, A), differentiable, and their log-probability (B, 1)."""

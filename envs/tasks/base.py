@@ -13,7 +13,7 @@ from language import KINDS, Scene
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TaskConfig(Checked):
     """Lengths in metres, angles in radians, steps in control steps."""
 

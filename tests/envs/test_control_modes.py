@@ -105,7 +105,7 @@ def test_step_never_leaves_the_gripper_box(stepping):
 
 
 def test_absolute_goes_to_the_commanded_place_and_stays(robot):
-    corners = np.array(list(itertools.product([-0.9, 0.9], [-0.9, 0.9], [-0.3, 0.2])))  # above the object
+    corners = np.array([(-0.9, -0.9, 0.2), (-0.9, 0.9, -0.3), (0.9, -0.9, -0.3), (0.9, 0.9, 0.2)])  # above the object
     env, td = start(robot, "absolute", len(corners))
     low, high = np.reshape(env.config.workspace.gripper_box, (3, 2)).T
     for _ in range(60):
@@ -130,18 +130,17 @@ def test_absolute_moves_at_most_max_move_a_step(robot):
 
 
 def test_joints_go_to_the_commanded_angles(robot):
-    env, td = start(robot, "joints", 4)
+    env, td = start(robot, "joints", 2)
     chain = env.chain
     rng = np.random.default_rng(0)
-    angles = chain.rest + rng.uniform(-0.25, 0.25, (4, len(chain.rest)))
+    angles = chain.rest + rng.uniform(-0.25, 0.25, (2, len(chain.rest)))
     angles = np.clip(angles, chain.low, chain.high)
     action = 2 * (angles - chain.low) / (chain.high - chain.low) - 1
     for _ in range(40):
         td = act(env, td, action)
     measured = td["robot"][:, : len(chain.rest)].numpy()
-    above = chain.forward(angles).position[:, 2] > 0.1  # the others may rest on something
-    assert above.sum() >= 2
-    np.testing.assert_allclose(measured[above], angles[above], atol=0.01)
+    assert (chain.forward(angles).position[:, 2] > 0.08).all()  # in the open: nothing holds the arm back
+    np.testing.assert_allclose(measured, angles, atol=0.01)
     env.close()
 
 
@@ -163,11 +162,11 @@ def test_joints_span_their_limits_and_keep_to_their_speed(robot):
 @pytest.mark.parametrize("control", [name for name in CONTROLS if name != "joints"])
 def test_the_gripper_points_down_all_along_a_way_through_the_box(robot, control):
     rng = np.random.default_rng(0)
-    env, td = start(robot, control, 4)
+    env, td = start(robot, control, 2)
     low, high = np.reshape(env.config.workspace.gripper_box, (3, 2)).T
     worst = 0.0
     for _ in range(6):
-        aim = rng.uniform([low[0], low[1], 0.1], high, (4, 3))
+        aim = rng.uniform([low[0], low[1], 0.1], high, (2, 3))
         for _ in range(18):
             td = act(env, td, env.towards(aim))
             worst = max(worst, tilt(env, td).max())

@@ -5,12 +5,12 @@ import pytest
 import torch
 from env_cases import CONTROLS, ROBOTS, Poker, act, differences, make, rollout
 
-STEPS = 120
+STEPS = 100
 
 
 def own_rhythm(t, i):
     """World i is also reset by itself, each at its own pace."""
-    return t % (33 + 7 * i) == 30
+    return t % (47 + 7 * i) == 44
 
 
 def poked(env, steps=STEPS):
@@ -42,7 +42,7 @@ def test_a_fresh_environment_gives_the_same_rollout_bit_for_bit(robot, control):
 def test_seeding_forgets_every_history(robot):
     env = make(robot, worlds=2, seed=5)
     fresh = poked(env)
-    for seed, steps in ((6, 13), (7, 65)):
+    for seed, steps in ((6, 13), (7, 45)):
         env.set_seed(seed)
         other = rollout(env, steps, Poker(env, seed))
         assert differences(other[:2], fresh[:2]) != []
@@ -69,7 +69,7 @@ def test_a_world_is_the_same_whatever_the_number_of_worlds(control):
     for worlds in (1, 3, 5):
         env = make("kuka", control, worlds=worlds, seed=5)
         poker, td, steps = Poker(env), env.reset(), []
-        for t in range(200):
+        for t in range(200 if control == "step" else 80):
             td = act(env, td, poker(td))
             steps.append(td.exclude("action").clone())
             mask = td["done"].clone()

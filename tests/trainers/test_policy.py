@@ -75,15 +75,16 @@ def test_repeated_sentences_are_encoded_once_and_alike(env):
 
 
 @pytest.mark.parametrize(("policy", "attends"), [("grounded", True), ("mlp", False)])
-def test_grounding_is_measured_where_there_is_attention(env, policy, attends):
-    state = env.reset()
-    measured = grounding(make(env, policy).encode(state))
-    assert (measured is not None) == attends
-    if measured is not None:
-        state["attention_logits"] = 50.0 * torch.nn.functional.one_hot(state["privileged", "referent"], 3)
-        loss, accuracy = grounding(state)
-        assert loss < 1e-6
-        assert accuracy == 1
+def test_only_a_policy_that_attends_can_be_taught_what_words_mean(env, policy, attends):
+    assert make(env, policy).attends == attends
+
+
+def test_attention_on_the_referent_is_right_and_costs_nothing(env):
+    state = make(env).encode(env.reset())
+    state["attention_logits"] = 50.0 * torch.nn.functional.one_hot(state["privileged", "referent"], 3)
+    loss, accuracy = grounding(state)
+    assert loss < 1e-6
+    assert accuracy == 1
 
 
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
