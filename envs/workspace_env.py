@@ -143,7 +143,7 @@ class WorkspaceEnv(EnvBase):
     def _make_specs(self) -> None:
         (n,), slots = self.batch_size, self.config.task.num_objects
         words = len(self.tokenizer.vocabulary)
-        bounds = np.float32(np.reshape(self.config.workspace.bounds, (3, 2)).T)
+        low, high = np.reshape(self.config.workspace.bounds, (3, 2)).T.astype(np.float32)
         flag = Binary(1, shape=(n, 1), dtype=torch.bool)
         self.observation_spec = Composite(
             robot=_bounded(*self._robot_bounds, n),
@@ -153,7 +153,7 @@ class WorkspaceEnv(EnvBase):
             instruction=Categorical(words, shape=(n, self.tokenizer.length), dtype=torch.int64),
             privileged=Composite(
                 referent=Categorical(slots, shape=(n,), dtype=torch.int64),
-                goal=_bounded(bounds[0], bounds[1], n),
+                goal=_bounded(low, high, n),
                 kind=Categorical(len(self.kind_names), shape=(n,), dtype=torch.int64),
                 sentence=Bounded(0, 255, shape=(n, SENTENCE_BYTES), dtype=torch.uint8),
                 shape=(n,),
