@@ -25,12 +25,13 @@ def moved(history):
     return steps[steps < 0.03].max()  # a reset is a leap, even where the sentence happens to stay
 
 
-@pytest.mark.parametrize("control", CONTROLS)
-@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize(
+    ("robot", "control"), [("kuka", control) for control in CONTROLS] + [(r, "step") for r in ROBOTS if r != "kuka"]
+)
 def test_a_fresh_environment_gives_the_same_rollout_bit_for_bit(robot, control):
     histories = []
     for _ in range(2):
-        env = make(robot, control, worlds=2, seed=5)
+        env = make(robot, control, "nl_reach", "task.hold_steps=60", worlds=2, seed=5)  # no end while it pushes
         histories.append(poked(env))
         env.close()
     assert moved(histories[0]) > 0.002  # else the test would say little
