@@ -57,10 +57,12 @@ def test_every_room_is_known_here():
     assert rooms <= set(ROOMS)
 
 
-def test_pybullet_stays_behind_the_robot_and_the_world():
+def test_tasks_controls_and_environments_know_no_pybullet():
     users = {path.relative_to(ROOT).as_posix() for path in written() if "pybullet" in imported(path)}
     users = {user for user in users if not user.startswith(("tests/", "benchmarks/"))}
-    assert users <= {"envs/robot.py", "envs/world.py"}
+    assert users <= {path.relative_to(ROOT).as_posix() for path in (ROOT / "envs").glob("*.py")}
+    above = ("controls", "kinematics", "workspace", "workspace_env", "gym_env", "expert", "config")
+    assert not users & {f"envs/{name}.py" for name in above}
 
 
 @pytest.mark.parametrize(
