@@ -18,6 +18,7 @@ with quiet():
     import pybullet as bullet
 
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, within
+from envs.hulls import lean
 from envs.kinematics import Array, Kinematics
 
 
@@ -144,13 +145,20 @@ class Robot:
 
 def load(config: RobotConfig, client: int, visuals: bool, flags: int = 0) -> int:
     """The URDF as a body of the client, its base fixed. Raises ConfigError where it does not load."""
-    flags |= bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES if visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
-    path = str(urdf_path(config))
+    path = urdf_path(config)
+    if visuals:
+        return _load_file(path, config, client, flags | bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES)
+    flags |= bullet.URDF_IGNORE_VISUAL_SHAPES
+    hulls = lean(path, lambda scratch: _load_file(path, config, scratch, bullet.URDF_IGNORE_VISUAL_SHAPES))
+    return _load_file(hulls, config, client, flags)
+
+
+def _load_file(path: Path, config: RobotConfig, client: int, flags: int) -> int:
     if config.package == "example_robot_data":
         bullet.setAdditionalSearchPath(str(_example_robot_data()), client)
     try:
         with quiet():
-            return bullet.loadURDF(path, config.base, useFixedBase=True, flags=flags, physicsClientId=client)
+            return bullet.loadURDF(str(path), config.base, useFixedBase=True, flags=flags, physicsClientId=client)
     except bullet.error as error:
         raise ConfigError(f"robot.urdf={config.urdf} does not load: {error}") from None
 

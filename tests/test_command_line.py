@@ -171,6 +171,7 @@ def test_the_same_seed_gives_the_same_training_bit_for_bit(tmp_path):
         (["resume=/nowhere"], ["/nowhere", "does not exist"]),
         (["robot.urdf=nothing.urdf"], ["robot.urdf=nothing.urdf"]),
         (["nonsense"], ["nonsense", "key=value"]),
+        (["logger=[books]"], ["logger=books", "tensorboard"]),
         (["algo.minibatch=100_000"], ["algo.minibatch=100000"]),
     ],
 )

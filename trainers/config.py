@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any
 
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
@@ -154,6 +155,8 @@ def _by_name(node: Any, key: str, classes: dict[str, Any]) -> Any:
 
 
 def _check_together(plan: Plan) -> None:
+    if "wandb" in plan.run.logger and find_spec("wandb") is None:
+        raise ConfigError('logger=[wandb] needs wandb, which is not installed: pip install -e ".[wandb]"')
     batch = frames_per_batch(plan)
     if isinstance(plan.algo, PPOConfig) and plan.algo.minibatch > batch:
         raise ConfigError(

@@ -22,9 +22,9 @@ class NLReach(Reach):
     """
 
     def __init__(self, config: TaskConfig, object_area: Sequence[float], num_worlds: int) -> None:
-        super().__init__(config, object_area, num_worlds)
         if not config.kinds:
             raise ConfigError("task.kinds=[] must name at least one kind of sentence")
+        super().__init__(config, object_area, num_worlds)
         self.kind_names = tuple(config.kinds)
         self._describer = Describer(config.kinds)
 

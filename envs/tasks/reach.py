@@ -29,6 +29,11 @@ class Reach:
         for name in config.reward:
             if name not in self.terms:
                 raise ConfigError(f"task.reward.{name} is not a known term" + did_you_mean(name, self.terms))
+        if not config.kinds and config.num_objects > 1:
+            raise ConfigError(
+                f"task.num_objects={config.num_objects} must be 1 in a task without words, "
+                "or nothing would tell which object is meant; try task=nl_reach"
+            )
         self.config, self._area = config, object_area
         self._distance = np.zeros(num_worlds)
         self._held = np.zeros(num_worlds, np.int64)

@@ -168,3 +168,8 @@ def test_a_broken_urdf_is_refused_by_name(text, message, tmp_path):
         built(f"robot.package=file robot.urdf={path}")
     assert f"robot.urdf={path}" in str(caught.value)
     assert connected() == before
+
+
+def test_several_objects_need_words():
+    with pytest.raises(ConfigError, match=r"task.num_objects=3 must be 1 in a task without words"):
+        make_env(["task=reach", "task.num_objects=3", "task.min_objects=3"])

@@ -1,0 +1,82 @@
+"""Lean collision shapes. Bullet keeps, for every world, all that it reads from a COLLADA mesh (30 MiB for a jaco), and
+takes a third of a second to read it, only to use the mesh's convex hull. Here the hulls are read once a process and
+written as small OBJ files, which the worlds then load."""
+
+from __future__ import annotations
+
+import atexit
+import shutil
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pybullet as bullet
+
+Load = Callable[[int], int]  # client -> body, its links not merged
+
+
+@cache
+def _folder() -> Path:
+    """This process's own, gone when it ends."""
+    folder = Path(tempfile.mkdtemp(prefix="deixis-hulls-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+_made: dict[Path, Path] = {}
+
+
+def lean(urdf: Path, load: Load) -> Path:
+    """A URDF like this one with OBJ hulls for its COLLADA collision meshes, and nothing to draw; the file itself where
+    it has none."""
+    if urdf not in _made:
+        try:
+            tree = ElementTree.parse(urdf)
+        except ElementTree.ParseError:
+            return urdf  # Bullet says what is wrong with it
+        meshes = {link.get("name"): link.findall("collision/geometry/mesh") for link in tree.iter("link")}
+        if any(str(mesh.get("filename")).endswith(".dae") for found in meshes.values() for mesh in found):
+            _made[urdf] = _write(tree, meshes, urdf, load)
+        else:
+            _made[urdf] = urdf
+    return _made[urdf]
+
+
+def _write(tree: Any, meshes: dict, urdf: Path, load: Load) -> Path:
+    client = bullet.connect(bullet.DIRECT)
+    try:
+        body = load(client)
+        for link in range(bullet.getNumJoints(body, client)):
+            name = bullet.getJointInfo(body, link, client)[12].decode()
+            for i, mesh in enumerate(meshes.get(name, ())):
+                hull = _folder() / f"{urdf.stem}_{name}_{i}.obj"
+                hull.write_text(_obj(_vertices(body, link, i, client)))
+                mesh.set("filename", hull.name)
+    finally:
+        bullet.disconnect(client)
+    for element in tree.iter("link"):
+        for visual in element.findall("visual"):
+            element.remove(visual)
+    target = _folder() / urdf.name
+    tree.write(target)
+    return target
+
+
+def _vertices(body: int, link: int, shape: int, client: int) -> list[list[float]]:
+    """The hull's points in the mesh's own frame; Bullet gives them in that of the link's centre of mass."""
+    points = bullet.getMeshData(body, link, shape, bullet.MESH_DATA_SIMULATION_MESH, client)[1]
+    position, quaternion = bullet.getCollisionShapeData(body, link, client)[shape][5:7]
+    rotation = np.reshape(bullet.getMatrixFromQuaternion(quaternion), (3, 3))
+    return ((np.array(points) - position) @ rotation).tolist()
+
+
+def _obj(vertices: list[list[float]]) -> str:
+    """The points as an OBJ file. Bullet takes the hull of what faces name, so each point is in one."""
+    count = len(vertices)
+    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices]
+    faces = [f"f {i + 1} {(i + 1) % count + 1} {(i + 2) % count + 1}" for i in range(0, count, 3)]
+    return "\n".join([*rows, *faces, ""])
