@@ -1,25 +1,10 @@
 """WorkspaceEnv: N PyBullet worlds behind one TorchRL environment with batch_size [N].
 
-The observation, each with a leading N:
-
-| key | shape | what it holds |
-|---|---|---|
-| robot | (R,) float32 | joint angles (rad) and speeds (rad/s), gripper centre (m), the first two columns of its
-|   | | rotation matrix (Zhou et al. 2019: continuous, where quaternions jump), gripper state (0 closed or idle, 1) |
-| objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA, shape one-hot, size (m),
-|   | | role (1: target) |
-| objects_mask | (K,) bool | which slots show an object |
-| hold | (A,) float32 | the action that keeps the arm where it is |
-| instruction | (L,) int64 | the sentence's tokens, 0 = pad |
-| success, wrong_object | (1,) bool | whether the episode ended so at this step |
-| at_goal | (1,) bool | whether the gripper is at the referent |
-| reward_terms | (T,) float32 | weighted terms by `reward_names`; their sum is the reward |
-| privileged | | for losses and tests alone: referent (slot), goal (m), kind (of sentence), sentence (UTF-8 bytes) |
+What it observes is told in `envs/observation.py`.
 """
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,21 +12,19 @@ import torch
 from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
-from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
+from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from conf.schema import ConfigError
 from envs.config import EnvConfig
 from envs.controls import CONTROLS
+from envs.observation import ATTRIBUTES, OBJECT_WIDTH, SENTENCE_BYTES, Bounds, attributes, clipped, observation_spec
 from envs.robot import read_chain
 from envs.tasks import TASKS, Episode, State
 from envs.world import PARKED, World
-from language import NOUNS, Tokenizer, color_table
+from language import NOUNS, Tokenizer
 
-SENTENCE_BYTES = 160
 FLAGS = ("success", "wrong_object", "at_goal", "terminated", "truncated", "done")  # (N, 1) bool each
-OBJECT_WIDTH = 3 + 4 + 4 + len(NOUNS) + 1 + 1
-_ATTRIBUTES = slice(7, OBJECT_WIDTH)  # what an object keeps all along: colour, shape, size, role
 
 
 class WorkspaceEnv(EnvBase):
@@ -84,6 +67,7 @@ class WorkspaceEnv(EnvBase):
         )
         self._weights = np.array([task.reward.get(name, 0.0) for name in self.reward_names])
         self._allocate(num_worlds, len(config.robot.joints), task.num_objects)
+        self._bounds = Bounds(config.workspace, config.robot, self.chain)
         self._make_specs()
         self._set_seed(seed)
 
@@ -101,6 +85,20 @@ class WorkspaceEnv(EnvBase):
     def action_unit(self) -> tuple[float, ...]:
         """How far each of the A numbers may be from `hold` to be carried out within one control step."""
         return tuple(self.control.unit.tolist())
+
+    def _make_specs(self) -> None:
+        (n,), flag = self.batch_size, Binary(1, shape=(*self.batch_size, 1), dtype=torch.bool)
+        spec = observation_spec(
+            self._bounds, n, self.config.task.num_objects, self.tokenizer, len(self.control.unit), self.kind_names
+        )
+        spec.update({name: flag.clone() for name in ("success", "wrong_object", "at_goal")})
+        spec["reward_terms"] = Unbounded(shape=(n, len(self.reward_names)), dtype=torch.float32)
+        self.observation_spec = spec
+        self.action_spec = Bounded(-1, 1, shape=(n, len(self.control.unit)), dtype=torch.float32)
+        self.reward_spec = Unbounded(shape=(n, 1), dtype=torch.float32)
+        self.full_done_spec = Composite(
+            {name: flag.clone() for name in ("done", "terminated", "truncated")}, shape=(n,)
+        )
 
     def _allocate(self, worlds: int, joints: int, slots: int) -> None:
         fingers = len(self.config.robot.fingers)
@@ -120,55 +118,6 @@ class WorkspaceEnv(EnvBase):
         self._kind = np.zeros(worlds, np.int64)
         self._sentence = np.zeros((worlds, SENTENCE_BYTES), np.uint8)
         self._steps = np.zeros(worlds, np.int64)
-
-    # ---- specs -------------------------------------------------------------------------------------------------
-
-    @cached_property
-    def _robot_bounds(self) -> NDArray[np.float32]:
-        speed = 2 * np.array(self.config.robot.max_speed)
-        low, high = np.reshape(self.config.workspace.bounds, (3, 2)).T
-        ones = np.ones(6)
-        lows = (self.chain.low - 0.1, -speed, low, -ones, [0.0])
-        highs = (self.chain.high + 0.1, speed, high, ones, [1.0])
-        return np.stack((np.concatenate(lows), np.concatenate(highs))).astype(np.float32)
-
-    @cached_property
-    def _object_bounds(self) -> NDArray[np.float32]:
-        low, high = np.reshape(self.config.workspace.bounds, (3, 2)).T
-        rest = OBJECT_WIDTH - 7 - 2
-        lows = (low, -np.ones(4), np.zeros(rest), [0.0, 0.0])
-        highs = (high, np.ones(4), np.ones(rest), [0.2, 1.0])
-        return np.stack((np.concatenate(lows), np.concatenate(highs))).astype(np.float32)
-
-    def _make_specs(self) -> None:
-        (n,), slots = self.batch_size, self.config.task.num_objects
-        words = len(self.tokenizer.vocabulary)
-        low, high = np.reshape(self.config.workspace.bounds, (3, 2)).T.astype(np.float32)
-        flag = Binary(1, shape=(n, 1), dtype=torch.bool)
-        self.observation_spec = Composite(
-            robot=_bounded(*self._robot_bounds, n),
-            objects=_bounded(*self._object_bounds, n, slots),
-            objects_mask=Binary(slots, shape=(n, slots), dtype=torch.bool),
-            hold=Bounded(-1, 1, shape=(n, len(self.control.unit)), dtype=torch.float32),
-            instruction=Categorical(words, shape=(n, self.tokenizer.length), dtype=torch.int64),
-            privileged=Composite(
-                referent=Categorical(slots, shape=(n,), dtype=torch.int64),
-                goal=_bounded(low, high, n),
-                kind=Categorical(len(self.kind_names), shape=(n,), dtype=torch.int64),
-                sentence=Bounded(0, 255, shape=(n, SENTENCE_BYTES), dtype=torch.uint8),
-                shape=(n,),
-            ),
-            success=flag.clone(),
-            wrong_object=flag.clone(),
-            at_goal=flag.clone(),
-            reward_terms=Unbounded(shape=(n, len(self.reward_names)), dtype=torch.float32),
-            shape=(n,),
-        )
-        self.action_spec = Bounded(-1, 1, shape=(n, len(self.control.unit)), dtype=torch.float32)
-        self.reward_spec = Unbounded(shape=(n, 1), dtype=torch.float32)
-        self.full_done_spec = Composite(done=flag.clone(), terminated=flag.clone(), truncated=flag.clone(), shape=(n,))
-
-    # ---- stepping ----------------------------------------------------------------------------------------------
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         action = tensordict["action"].detach().numpy().astype(np.float64)
@@ -227,7 +176,7 @@ class WorkspaceEnv(EnvBase):
         self._commanded[i] = joints
         self._rows[i] = 0.0
         self._rows[i, :, :3] = PARKED
-        self._rows[i, order, _ATTRIBUTES] = _attributes(scene)
+        self._rows[i, order, ATTRIBUTES] = attributes(scene)
         self._state.shown[i] = False
         self._state.shown[i, order] = True
         self._state.referent[i] = order[episode.referent]
@@ -240,8 +189,6 @@ class WorkspaceEnv(EnvBase):
         self._worlds[i].reset(
             joints.tolist(), 0.0, scene.nouns[by_slot].tolist(), scene.positions[by_slot].tolist(), colors
         )
-
-    # ---- reading -----------------------------------------------------------------------------------------------
 
     def _read(self, worlds: NDArray[np.int64]) -> None:
         """Take the measured state of these worlds from PyBullet into the arrays."""
@@ -277,16 +224,15 @@ class WorkspaceEnv(EnvBase):
         )
         rows = np.where(self._state.shown[..., None], self._rows, 0.0)
         goal = self._rows[self._index, self._state.referent, :3]
-        low, high = np.reshape(self.config.workspace.bounds, (3, 2)).T
         privileged = {
             "referent": torch.from_numpy(self._state.referent.copy()),
-            "goal": torch.from_numpy(np.clip(goal, low, high).astype(np.float32)),
+            "goal": clipped(goal, self._bounds.position),
             "kind": torch.from_numpy(self._kind.copy()),
             "sentence": torch.from_numpy(self._sentence.copy()),
         }
         return {
-            "robot": _clipped(robot, self._robot_bounds),
-            "objects": _clipped(rows, self._object_bounds),
+            "robot": clipped(robot, self._bounds.robot),
+            "objects": clipped(rows, self._bounds.objects),
             "objects_mask": torch.from_numpy(self._state.shown.copy()),
             "hold": torch.from_numpy(self.control.hold(self._angles, self._pose.position).astype(np.float32)),
             "instruction": torch.from_numpy(self._instruction.copy()),
@@ -299,8 +245,6 @@ class WorkspaceEnv(EnvBase):
         if opening == 0:
             return np.zeros((len(self._index), 1))
         return self._joints[:, -len(self.config.robot.fingers) :, 0].mean(1, keepdims=True) / opening
-
-    # ---- the rest ----------------------------------------------------------------------------------------------
 
     def _set_seed(self, seed: int | None) -> None:
         seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(len(self._worlds))]
@@ -327,20 +271,3 @@ class WorkspaceEnv(EnvBase):
         for world in self._worlds:
             world.close()
         self.is_closed = True
-
-
-def _attributes(scene: Any) -> NDArray[np.float64]:
-    """(K, D - 7) the lasting part of each object's row."""
-    shape = np.eye(len(NOUNS))[scene.nouns]
-    colors = color_table()[scene.colors]
-    return np.concatenate((colors, shape, scene.sizes[:, None], scene.targets[:, None]), axis=1)
-
-
-def _bounded(low: NDArray[np.float32], high: NDArray[np.float32], *batch: int) -> Bounded:
-    shape = (*batch, len(low))
-    return Bounded(torch.tensor(low).expand(shape), torch.tensor(high).expand(shape), shape, dtype=torch.float32)
-
-
-def _clipped(values: NDArray[np.float64], bounds: NDArray[np.float32]) -> Tensor:
-    """float32 within the spec's bounds; what is not a number stays so, to be seen."""
-    return torch.from_numpy(np.clip(values.astype(np.float32), bounds[0], bounds[1]))
