@@ -28,7 +28,9 @@ from trainers.sac import SAC
 WORLDS = 16
 WARM_UP = 20  # control steps of each world before the clock starts
 PEER_PHYSICS = ("physics.substeps=20", "physics.time_step=0.002")  # panda-gym's and lanro-gym's
-MLP = ("policy=mlp",)  # 256 x 256, like stable-baselines3's
+SB3_PPO = ("policy=mlp", "policy.hidden=[64,64]", "policy.critic_hidden=[64,64]", "policy.activation=tanh")
+SB3_SAC = ("policy=mlp", "policy.hidden=[256,256]", "policy.critic_hidden=[256,256]", "policy.activation=relu")
+FEW = ("eval.episodes=4", "eval.interval_episodes=4", "eval.worlds=4", "eval.video_episodes=0", "logger=[]")
 
 
 def rate(count: int, unit: str, work: Callable[[], Any]) -> dict[str, Any]:
@@ -127,8 +129,11 @@ def collector(steps: int, overrides: Sequence[str], workers: int) -> dict[str, A
 
 
 def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
-    """Frames a second of a whole training run on panda reach, start-up and evaluation left out on both sides."""
-    config = compose([*overrides, *PEER_PHYSICS, f"total_frames={steps}", "logger=[]", "eval.video_episodes=0"])
+    """Frames a second of training: collecting and updating, without start-up and evaluation, as the peers' is taken.
+
+    The networks are those of stable-baselines3's defaults, the other hyperparameters ours.
+    """
+    config = compose([*overrides, *FEW, f"total_frames={steps}", "eval.interval=100_000_000"])
     plan = read_plan(config)
     with tempfile.TemporaryDirectory() as folder:
         fit(plan, partial(build_env, read_env(config)), Path(folder), {}, [], progress=False)
@@ -141,7 +146,7 @@ def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
 
 def sac_gradient_steps(steps: int) -> dict[str, Any]:
     """SAC updates a second on a filled buffer: batch 256, networks of 256 x 256."""
-    config = compose(["task=reach", "robot=panda", "algo=sac", *MLP, "algo.batch=256"])
+    config = compose(["task=reach", "robot=panda", "algo=sac", *SB3_SAC, "algo.batch=256"])
     plan = read_plan(config)
     env = build_env(read_env(config), WORLDS, 0)
     policy, sac = build_algorithm(plan, env.observation_spec, env.action_unit)
@@ -210,8 +215,8 @@ WORKLOADS: dict[str, Callable[[int], dict[str, Any]]] = {
     "collector_2": partial(collector, overrides=(), workers=2),
     "env_panda_matched": partial(env_bare, overrides=PANDA_REACH),
     "env_panda_nl_matched": partial(env_bare, overrides=PANDA_NL_REACH),
-    "ppo_frames": partial(training, overrides=("robot=panda", "task=reach")),
-    "sac_frames": partial(training, overrides=("robot=panda", "task=reach", "algo=sac")),
+    "ppo_frames": partial(training, overrides=(*PANDA_REACH, *SB3_PPO)),
+    "sac_frames": partial(training, overrides=(*PANDA_REACH, *SB3_SAC, "algo=sac")),
     "sac_gradient_steps": sac_gradient_steps,
     "memory_per_world": memory_per_world,
     "reset_memory": reset_memory,

@@ -89,7 +89,7 @@ WORKLOADS = (
     Workload("sb3_ppo", PEERS, 8_192, cores=2),
     Workload("sac_gradient_steps", OURS, 1_000, cores=2),
     Workload("sb3_sac", PEERS, 500, cores=2),
-    Workload("sac_frames", OURS, 1_000, cores=2),
+    Workload("sac_frames", OURS, 4_000, cores=2),
     Workload("sb3_sac_frames", PEERS, 500, cores=2),
     Workload("memory_per_world", OURS, 16),
     Workload("reset_memory", OURS, 10_000),
