@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from conf.schema import Checked, one_of, within
-from envs.kinematics import Array, Kinematics
+from envs.kinematics import Array, Kinematics, Pose
 
 WAYPOINT = 0.08  # metres
 LEASH = 0.15  # radians that a command may run ahead of its joint
@@ -58,8 +58,8 @@ class Control:
         """Slower as a whole, not joint by joint, so that the gripper keeps its direction."""
         return delta / np.maximum(1.0, np.abs(delta / self._speed).max(1, keepdims=True))
 
-    def _reach(self, position: Array, start: Array) -> Array:
-        return self._chain.step(start, position, self._rotation, self._max_move)
+    def _reach(self, position: Array, start: Array, seen: tuple[Pose, Array] | None = None) -> Array:
+        return self._chain.step(start, position, self._rotation, self._max_move, seen)
 
 
 class Step(Control):
@@ -73,8 +73,9 @@ class Step(Control):
         return np.zeros((len(angles), 3))
 
     def _delta(self, action: Array, start: Array) -> Array:
-        goal = self._chain.forward(start).position + action * self._max_move
-        return self._reach(np.clip(goal, *self._box), start)
+        seen = self._chain.jacobian(start)
+        goal = seen[0].position + action * self._max_move
+        return self._reach(np.clip(goal, *self._box), start, seen)
 
     def towards(self, position: Array, commanded: Array) -> Array:
         move = (position - self._chain.forward(commanded).position) / self._max_move

@@ -76,14 +76,23 @@ class Kinematics:
         jacobian = np.concatenate((linear, axes), axis=2).transpose(0, 2, 1)
         return Pose(gripper[:, :3, 3], gripper[:, :3, :3]), jacobian
 
-    def step(self, joints: Array, position: Array, rotation: Array, max_move: float, damping: float = 0.02) -> Array:
+    def step(
+        self,
+        joints: Array,
+        position: Array,
+        rotation: Array,
+        max_move: float,
+        seen: tuple[Pose, Array] | None = None,
+        damping: float = 0.02,
+    ) -> Array:
         """One damped least-squares step (N, J) from joints (N, J) towards position (N, 3) and rotation (3, 3).
 
-        The gripper moves at most max_move metres; what the task leaves free is drawn to the rest pose.
+        The gripper moves at most max_move metres; what the task leaves free is drawn to the rest pose. seen: what
+        `jacobian` gives for these joints, where it is known already.
         Source: Buss, "Introduction to inverse kinematics with Jacobian transpose, pseudoinverse and damped least
         squares methods", 2004.
         """
-        pose, jacobian = self.jacobian(joints)
+        pose, jacobian = seen or self.jacobian(joints)
         move = position - pose.position
         length = np.sqrt((move * move).sum(1, keepdims=True))
         move *= np.minimum(1.0, max_move / np.maximum(length, 1e-9))

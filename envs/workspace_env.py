@@ -5,6 +5,7 @@ What it observes is told in `envs/observation.py`.
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from envs.tasks import TASKS, Episode, State
 from envs.world import PARKED, World
 from language import NOUNS, Tokenizer
 
+_angle_and_speed = itemgetter(0, 1)
 FLAGS = ("success", "wrong_object", "at_goal", "terminated", "truncated", "done")  # (N, 1) bool each
 
 
@@ -196,7 +198,7 @@ class WorkspaceEnv(EnvBase):
         poses: list[float] = []
         for i in worlds.tolist():
             world = self._worlds[i]
-            joints.append([state[:2] for state in world.robot.states()])
+            joints.append(list(map(_angle_and_speed, world.robot.states())))
             for position, quaternion in world.objects():
                 poses += position
                 poses += quaternion

@@ -63,7 +63,7 @@ class World:
         for body in furniture:
             for link in self.robot.fixed_links():
                 bullet.setCollisionFilterPair(self.robot.body, body, link, -1, 0, self._client)
-        self._step = partial(bullet.stepSimulation, physicsClientId=self._client)
+        self._step = partial(bullet.stepSimulation, self._client)
         self._pool = [[self._object(noun, object_size) for _ in range(slots)] for noun in nouns]
         self._shown = [body for bodies in self._pool for body in bodies]
         self._pose = partial(bullet.getBasePositionAndOrientation, physicsClientId=self._client)
