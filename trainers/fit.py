@@ -106,11 +106,14 @@ class Run:
         return path
 
     def train(self, metrics: Metrics, stop: Stop, bar: tqdm) -> None:
-        """Until total_frames. Raises Interrupted between two updates, DivergedError, CollectionError."""
+        """As many whole batches as total_frames holds, but one at least.
+
+        Raises Interrupted between two updates, DivergedError, CollectionError.
+        """
         seed = derive_seed(self.plan.run.seed, self.counters["iteration"])
         rollouts = Rollouts(self.make_env, self.policy, self.plan.collector, self.plan.algo.horizon, seed)
         try:
-            while self.counters["frames"] < self.plan.run.total_frames:
+            while not self.spent():
                 row = self.iterate(rollouts, stop)
                 metrics.write(row)
                 show(bar, row)
@@ -139,13 +142,15 @@ class Run:
         times = (collected - began, updated - collected, ended - updated, self.counters["seconds"])
         return row | dict(zip(TIMINGS, (*times, batch.numel() / (updated - began)), strict=True))
 
+    def spent(self) -> bool:
+        """Whether no batch is left that would stay within total_frames."""
+        frames = self.counters["frames"]
+        return frames > 0 and frames + frames_per_batch(self.plan) > self.plan.run.total_frames
+
     def evaluate_if_due(self, stop: Stop) -> dict[str, float]:
         """Judge the deterministic policy once an interval, and keep it as "best" if it is; save "last" either way."""
         frames, interval = self.counters["frames"], self.plan.eval.interval
-        if (
-            frames // interval == (frames - frames_per_batch(self.plan)) // interval
-            and frames < self.plan.run.total_frames
-        ):
+        if frames // interval == (frames - frames_per_batch(self.plan)) // interval and not self.spent():
             return {}
         self.counters["evaluations"] += 1
         result = self.evaluate(self.plan.eval.interval_episodes, self.counters["evaluations"], stop)

@@ -72,6 +72,10 @@ def test_a_resumed_run_goes_on(tmp_path, algo):
     )
 
 
+def test_a_run_never_takes_more_frames_than_it_was_given(tmp_path):
+    assert 150 < run(tmp_path, overrides=["total_frames=300"])["frames"] <= 300
+
+
 def test_a_checkpoint_of_another_algorithm_is_refused(tmp_path):
     run(tmp_path, overrides=["total_frames=128"])
     before = (tmp_path / "metrics.csv").read_bytes()
