@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import hydra
 
 from conf.overrides import apply, check
-from conf.schema import ConfigError
+from conf.schema import ConfigError, RunError
 
 if TYPE_CHECKING:
     from envs.config import EnvConfig
@@ -72,18 +72,19 @@ def main(config: Any) -> dict[str, Any]:
 
     job = HydraConfig.get()
     sweeping = job.mode == RunMode.MULTIRUN
-    folder = Path(job.runtime.output_dir)
+    fresh = folder = Path(job.runtime.output_dir)
     try:
         if config.resume:
             config, folder = resumed(config.resume, list(job.overrides.task))
         result = run(config, folder)
-    except (ConfigError, RuntimeError) as error:
+    except (ConfigError, RunError) as error:
         print(f"error: {error}", file=sys.stderr)
-        if folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()
         if sweeping:
             return {"error": str(error).splitlines()[0]}
         sys.exit(1)
+    finally:
+        if fresh.is_dir() and not any(fresh.iterdir()):
+            fresh.rmdir()  # Hydra's, which a refused or a resumed run does not use
     print(summary(result, folder))
     return result
 

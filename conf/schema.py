@@ -26,6 +26,10 @@ class ConfigError(ValueError):
     """A value that a person gave and can mend. The text is the whole message: no traceback is needed."""
 
 
+class RunError(RuntimeError):
+    """A run that had to end early. The text is the whole message: no traceback is needed."""
+
+
 def within(low: float, high: float = math.inf, count: int | None = None) -> Any:
     """A number in [low, high], or a list or group of such numbers; count: how many a list must hold."""
     return dataclasses.field(metadata={"within": (low, high), "count": count})

@@ -15,13 +15,14 @@ from tensordict import TensorDictBase
 from torchrl.collectors import Collector, MultiSyncCollector
 from torchrl.envs import EnvBase
 
+from conf.schema import RunError
 from trainers.config import CollectorConfig, workers
 from trainers.policy import Policy
 
 MakeEnv = Callable[[int, int], EnvBase]  # worlds, seed
 
 
-class CollectionError(RuntimeError):
+class CollectionError(RunError):
     """A worker process is gone or stuck. The run cannot go on."""
 
 

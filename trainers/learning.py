@@ -8,10 +8,12 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from conf.schema import RunError
+
 METRICS = ("loss/grounding", "grounding/accuracy")
 
 
-class DivergedError(RuntimeError):
+class DivergedError(RunError):
     """A loss, reward or observation is not finite. `batch` is what it was found in."""
 
     def __init__(self, message: str, batch: TensorDictBase) -> None:
