@@ -37,9 +37,11 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
 
     env_config, plan = read_env(config), read_plan(config)
 
+    from trainers.build import find_device
     from trainers.checkpoint import find
     from trainers.fit import fit
 
+    find_device(plan.run.device)
     plain: Any = OmegaConf.to_container(config, resolve=True)
     folder.mkdir(parents=True, exist_ok=True)
     OmegaConf.save(config, folder / "config.yaml", resolve=True)
