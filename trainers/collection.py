@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import multiprocessing
+import multiprocessing.connection
 import signal
+import threading
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -19,6 +21,7 @@ from conf.schema import RunError
 from trainers.config import CollectorConfig, workers
 from trainers.policy import Policy
 
+GRACE = 5.0  # seconds in which TorchRL may notice by itself that a worker is gone
 MakeEnv = Callable[[int, int], EnvBase]  # worlds, seed
 
 
@@ -58,6 +61,7 @@ class Rollouts:
             self.collector = MultiSyncCollector(makes, act, cat_results=0, use_buffers=True, num_threads=1, **common)
         self.processes = list(getattr(self.collector, "procs", []))
         self.batches = iter(self.collector)
+        self.watch = Watch(self.processes) if self.processes else None
 
     def sync(self, policy: Policy) -> None:
         """Collect with these weights from now on."""
@@ -77,8 +81,9 @@ class Rollouts:
 
     def close(self) -> None:
         """End every worker process, with force where it must be."""
-        if not self.processes:
+        if self.watch is None:
             return self.collector.shutdown()
+        self.watch.end()
         try:
             self.collector.shutdown(raise_on_error=False)
         finally:
@@ -86,6 +91,39 @@ class Rollouts:
                 if child in self.processes:
                     child.kill()
                     child.join()
+
+
+class Watch:
+    """Raises CollectionError in the main thread when a worker process dies and nobody notices.
+
+    TorchRL looks at its processes while it waits for a batch, but waits without end for one that dies just before it
+    would have acknowledged new weights.
+    """
+
+    def __init__(self, processes: Sequence[Any]) -> None:
+        self.ended = threading.Event()
+        self.sentinels = [process.sentinel for process in processes]
+        self.former: Any = None
+        if hasattr(signal, "SIGUSR1") and threading.current_thread() is threading.main_thread():
+            self.former = signal.signal(signal.SIGUSR1, self._interrupt)
+            threading.Thread(target=self._look, daemon=True).start()
+
+    def end(self) -> None:
+        """Stop looking; workers may end from now on."""
+        self.ended.set()
+        if self.former is not None:
+            signal.signal(signal.SIGUSR1, self.former)
+            self.former = None
+
+    def _look(self) -> None:
+        multiprocessing.connection.wait(self.sentinels)
+        if not self.ended.wait(GRACE):
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
+
+    def _interrupt(self, *_: object) -> None:
+        raise CollectionError(
+            "collecting in worker processes failed: one of them died (exit code -9, if it was killed)"
+        )
 
 
 def _in_worker(make_env: MakeEnv, worlds: int, seed: int) -> EnvBase:

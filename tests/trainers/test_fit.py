@@ -152,7 +152,22 @@ def test_two_workers_get_the_weights_and_one_killed_ends_the_run():
             os.kill(pid, 0)
 
 
-def drain(rollouts):
+def test_a_worker_killed_before_it_takes_new_weights_ends_the_run_too():
+    env = make_env(4, 0)
+    policy = build(plan().policy, env.observation_spec, env.action_unit)
+    rollouts = Rollouts(make_env, policy, plan(overrides=("collector.workers=2",)).collector, 4, 0)
+    try:
+        rollouts.next()
+        os.kill(rollouts.processes[0].pid, signal.SIGKILL)
+        with pytest.raises(CollectionError, match="failed"):
+            drain(rollouts, policy)
+    finally:
+        rollouts.close()
+
+
+def drain(rollouts, policy=None):
+    if policy is not None:
+        rollouts.sync(policy)  # TorchRL would wait for a dead worker's acknowledgement for ever
     for _ in range(3):  # what a worker had sent before its end may still come
         rollouts.next()
 
