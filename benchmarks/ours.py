@@ -26,7 +26,6 @@ from trainers.fit import fit
 from trainers.sac import SAC
 
 WORLDS = 16
-WORKER = 32  # worlds that a worker holds by default, conf/config.yaml
 WARM_UP = 20  # control steps of each world before the clock starts
 PEER_PHYSICS = ("physics.substeps=20", "physics.time_step=0.002")  # panda-gym's and lanro-gym's
 SB3_PPO = ("policy=mlp", "policy.hidden=[64,64]", "policy.critic_hidden=[64,64]", "policy.activation=tanh")
@@ -55,12 +54,12 @@ def play(env: Any, rows: torch.Tensor, state: Any) -> Any:
     return state
 
 
-def env_bare(steps: int, overrides: Sequence[str], worlds: int = WORLDS) -> dict[str, Any]:
+def env_bare(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
     """Env steps a second over all worlds, random actions, episodes ended and begun as they come."""
-    env = make_env(overrides, worlds)
-    rows = actions(env, steps // worlds)
+    env = make_env(overrides, WORLDS)
+    rows = actions(env, steps // WORLDS)
     state = play(env, rows[:WARM_UP], env.reset())
-    return rate(len(rows) * worlds, "env steps/s", lambda: play(env, rows, state))
+    return rate(len(rows) * WORLDS, "env steps/s", lambda: play(env, rows, state))
 
 
 def raw_loop(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
@@ -214,8 +213,8 @@ WORKLOADS: dict[str, Callable[[int], dict[str, Any]]] = {
     "env_kuka": partial(env_bare, overrides=()),
     "collector_1": partial(collector, overrides=(), workers=1),
     "collector_2": partial(collector, overrides=(), workers=2),
-    "env_panda_matched": partial(env_bare, overrides=PANDA_REACH, worlds=WORKER),
-    "env_panda_nl_matched": partial(env_bare, overrides=PANDA_NL_REACH, worlds=WORKER),
+    "env_panda_matched": partial(env_bare, overrides=PANDA_REACH),
+    "env_panda_nl_matched": partial(env_bare, overrides=PANDA_NL_REACH),
     "ppo_frames": partial(training, overrides=(*PANDA_REACH, *SB3_PPO)),
     "sac_frames": partial(training, overrides=(*PANDA_REACH, *SB3_SAC, "algo=sac")),
     "sac_gradient_steps": sac_gradient_steps,
