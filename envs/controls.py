@@ -6,6 +6,7 @@ sags; where a joint is held back (the gripper presses on something), the command
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,7 @@ class ControlConfig(Checked):
     max_move: float = within(0.001, 0.2)
 
 
-class Control:
+class Control(ABC):
     """speed: (J,) radians a control step. box: (2, 3), lowest and highest corner of the gripper box, metres."""
 
     def __init__(self, config: ControlConfig, chain: Kinematics, speed: Array, box: Array) -> None:
@@ -33,13 +34,13 @@ class Control:
         self._rotation = chain.forward(chain.rest[None]).rotation[0]
 
     @property
+    @abstractmethod
     def unit(self) -> Array:
         """(size,) how far an action may be from `hold` to be carried out within one control step."""
-        raise NotImplementedError
 
+    @abstractmethod
     def hold(self, angles: Array, gripper: Array) -> Array:
         """The action (N, size) that keeps arms at angles (N, J), grippers at (N, 3), where they are."""
-        raise NotImplementedError
 
     def targets(self, action: Array, commanded: Array, measured: Array) -> Array:
         """action (N, size), joints last commanded and measured (N, J) to the joints to command now (N, J)."""
@@ -47,12 +48,13 @@ class Control:
         delta = self._slowed(self._delta(action, start))
         return np.clip(start + delta, self._chain.low, self._chain.high)
 
+    @abstractmethod
     def towards(self, position: Array, commanded: Array) -> Array:
         """The action (N, size) that brings the gripper nearer to position (N, 3): what an expert would do."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _delta(self, action: Array, start: Array) -> Array:
-        raise NotImplementedError
+        """How far the joints (N, J) should go from `start` in this control step, speed limits aside."""
 
     def _slowed(self, delta: Array) -> Array:
         """Slower as a whole, not joint by joint, so that the gripper keeps its direction."""
