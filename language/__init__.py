@@ -4,16 +4,23 @@ Knows no physics and no robots. Positions are in metres in the workspace frame: 
 the table top, x away from the robot, y to the robot's left, z up.
 """
 
-from language.colors import COLORS, RGBA, color_name, color_table, draw_colors, rgba
+from language.colors import COLORS, RGBA, SEE_THROUGH, Color, color_name, color_table, draw_colors, rgba
+from language.counting import count
+from language.describing import SPOKEN, Describer, describe
 from language.errors import LanguageError, NothingFits, NotUnderstood, SeveralFit
-from language.generator import KINDS, Describer
-from language.grammar import parse
+from language.generator import KINDS
 from language.grounding import ground, matches
-from language.instruction import Instruction, ObjectPhrase, say
-from language.objects import NOUNS, ROLES, Object, Scene
-from language.relations import HOLDS, RELATIONS, Relation, relation, unregister
-from language.templates import TEMPLATES
+from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase, say
+from language.objects import NOUNS, ROLES, SIZES, Object, Scene
+from language.placement import Layout, ObjectSpec, Placed, from_all, from_lists, from_pairs
+from language.relations import HOLDS, RELATIONS, SUPERLATIVES, Relation, Superlative, relation, superlative, unregister
+from language.splits import SPLITS, HeldOut, Split
+from language.tasks import TASKS, Task
 from language.tokenizer import Tokenizer
+from language.understanding import Step, Understood, parse, revise, understand
+from language.viewpoint import VIEWPOINTS, Viewpoint
+from language.virtual import GeneratedTask, after, generate_tasks
+from language.wording import Wording
 
 __all__ = [
     "COLORS",
@@ -23,26 +30,59 @@ __all__ = [
     "RELATIONS",
     "RGBA",
     "ROLES",
-    "TEMPLATES",
+    "SEE_THROUGH",
+    "SIZES",
+    "SPLITS",
+    "SPOKEN",
+    "SUPERLATIVES",
+    "TASKS",
+    "VIEWPOINTS",
+    "Chain",
+    "Color",
+    "Command",
+    "Correction",
     "Describer",
+    "GeneratedTask",
+    "HeldOut",
     "Instruction",
     "LanguageError",
+    "Layout",
+    "Meaning",
     "NotUnderstood",
     "NothingFits",
     "Object",
     "ObjectPhrase",
+    "ObjectSpec",
+    "Placed",
     "Relation",
     "Scene",
     "SeveralFit",
+    "Split",
+    "Step",
+    "Superlative",
+    "Task",
     "Tokenizer",
+    "Understood",
+    "Viewpoint",
+    "Wording",
+    "after",
     "color_name",
     "color_table",
+    "count",
+    "describe",
     "draw_colors",
+    "from_all",
+    "from_lists",
+    "from_pairs",
+    "generate_tasks",
     "ground",
     "matches",
     "parse",
     "relation",
+    "revise",
     "rgba",
     "say",
+    "superlative",
+    "understand",
     "unregister",
 ]

@@ -1,8 +1,9 @@
-"""Named colours, both ways."""
+"""Named colours, both ways, opaque and see-through."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,36 +11,55 @@ from language.errors import LanguageError, check_known
 
 RGBA = tuple[float, float, float, float]
 
+SEE_THROUGH = 0.5  # the opacity of what only marks a place
+
+
+class Color(NamedTuple):
+    """red, green, blue in [0, 1]; synonyms: what it is also called."""
+
+    rgb: tuple[float, float, float]
+    synonyms: tuple[str, ...] = ()
+
+
 # Multiples of 1/8 survive a trip through float32, so a colour read back from an observation is still exact.
-COLORS: dict[str, RGBA] = {
-    "red": (1.0, 0.0, 0.0, 1.0),
-    "green": (0.0, 0.625, 0.0, 1.0),
-    "blue": (0.0, 0.0, 1.0, 1.0),
-    "yellow": (1.0, 1.0, 0.0, 1.0),
-    "orange": (1.0, 0.5, 0.0, 1.0),
-    "purple": (0.625, 0.0, 0.75, 1.0),
-    "cyan": (0.0, 1.0, 1.0, 1.0),
+COLORS: dict[str, Color] = {
+    "red": Color((1.0, 0.0, 0.0)),
+    "green": Color((0.0, 0.625, 0.0)),
+    "blue": Color((0.0, 0.0, 1.0)),
+    "yellow": Color((1.0, 1.0, 0.0)),
+    "orange": Color((1.0, 0.5, 0.0)),
+    "purple": Color((0.625, 0.0, 0.75), ("violet",)),
+    "cyan": Color((0.0, 1.0, 1.0), ("turquoise",)),
+    "pink": Color((1.0, 0.625, 0.875)),
+    "gray": Color((0.5, 0.5, 0.5), ("grey",)),
 }
 
 
-def rgba(name: str) -> RGBA:
+def rgba(name: str, see_through: bool = False) -> RGBA:
     """The colour's red, green, blue and opacity, each in [0, 1]. Raises LanguageError for an unknown name."""
     check_known("color", name, COLORS)
-    return COLORS[name]
+    return (*COLORS[name].rgb, SEE_THROUGH if see_through else 1.0)
 
 
-def color_name(rgba: Sequence[float] | np.ndarray) -> str:
-    """The name of exactly this colour, given as 4 numbers of any float type. Raises LanguageError."""
-    wanted = tuple(float(channel) for channel in rgba)
-    for name, value in COLORS.items():
-        if value == wanted:
-            return name
-    raise LanguageError(f"the RGBA {wanted} has no name; the named colors are {', '.join(COLORS)}")
+def color_name(rgba: Sequence[float] | np.ndarray, nearest: bool = False) -> str:
+    """The name of exactly this colour, opaque or see-through, given as 4 numbers of any float type.
+
+    nearest: give the name of the nearest colour where none is exact. Raises LanguageError for what is no RGBA,
+    and without `nearest` for an RGBA that has no name.
+    """
+    wanted = np.asarray(rgba, dtype=np.float64)
+    if wanted.shape != (4,) or not np.isfinite(wanted).all():
+        raise LanguageError(f"rgba={rgba} must be four finite numbers")
+    distances = np.abs(color_table()[:, :3] - wanted[:3]).sum(axis=1)
+    found = int(distances.argmin())
+    if not nearest and (distances[found] > 0 or wanted[3] not in (1.0, SEE_THROUGH)):
+        raise LanguageError(f"the RGBA {tuple(wanted.tolist())} has no name; the named colors are {', '.join(COLORS)}")
+    return list(COLORS)[found]
 
 
-def color_table() -> np.ndarray:
+def color_table(see_through: bool = False) -> np.ndarray:
     """(C, 4) float32, the RGBA of each colour in the table's order: what `Scene.colors` indexes."""
-    return np.array(list(COLORS.values()), dtype=np.float32)
+    return np.array([rgba(name, see_through) for name in COLORS], dtype=np.float32)
 
 
 def draw_colors(

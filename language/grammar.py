@@ -1,38 +1,61 @@
-"""From a sentence to what it means. The grammar is written from the same tables that `say` reads."""
+"""From a sentence to what it means. The grammar is written from the same tables that `say` reads.
+
+What stands as one piece ("to the left of", "and place it", ", then") is one token, the longest that fits; where the
+grammar cannot use it there, the next shorter one is tried.
+"""
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Iterator
+from functools import lru_cache, partial
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from language.errors import LanguageError, NotUnderstood, closest, quote
-from language.instruction import Instruction, ObjectPhrase
-from language.lexicon import Lexicon, Meanings, Word, lexicon, split
-from language.templates import SLOT
+from language.instruction import Chain, Correction, Instruction, Meaning, ObjectPhrase
+from language.lexicon import Lexicon, Word, lexicon, split
+from language.relations import RELATIONS
+from language.tasks import GOAL, OBJECT
 
 if TYPE_CHECKING:  # lark is slow to import, and only parsing needs it
-    from lark import Lark, Tree
+    from lark import Lark
     from lark.parsers.lalr_interactive_parser import InteractiveParser
 
 _MARKS = {",": "_COMMA", ".": "_STOP", "!": "_STOP", "?": "_STOP"}
+_AFTER_COMMA = {"then", "closing", "but"}  # what a comma may come before, as one piece with it
+_SLOTS = {OBJECT: "object", GOAL: "goal"}
+_POSITIONED = ("the", "pointing", "it", "spot", "excluding")  # whose place in the sentence is kept
 _END = "$END"  # lark's name for the end of the sentence
-_HEAD = """\
-start: _opening? instruction _closing? _STOP*
-_opening: _polite _COMMA?
-_closing: _COMMA? _polite
-phrase: _THE [color] noun [relation phrase]
-_COMMA: ","
-_STOP: "."
+_LISTED = 12  # expected phrases that a message lists
+_GRAMMAR = """\
+start: _opening* _body _closing* _STOP*
+_opening: opening _COMMA?
+_closing: closing
+_body: chain | _contrary chain | _contrary correction | rejection
+_contrary: (no _COMMA?)+
+chain: step (_link step)* | after step (then step)* _COMMA step (_link step)*
+_link: then | _COMMA
+correction: phrase -> right_phrase | goal -> right_goal
+rejection: _contrary? not phrase _instead phrase
+_instead: _COMMA | but
+object: phrase | spot
+goal: place phrase | spot
+phrase: (the | pointing) [superlative] [size] [role] [color] noun [side] [exclusion] [where] -> named
+    | the superlative [where] -> most
+    | (pointing | it) -> alone
+exclusion: excluding color -> not_color | excluding size -> not_size | excluding role -> not_role
+    | excluding a [size] [role] [color] noun -> not_noun
+where: which_is? relation phrase | which_is? between phrase and phrase
 """
 
 
 class _Grammar(NamedTuple):
     parser: Lark
-    terminals: dict[str, str]  # a word or mark -> the name of its terminal
-    meanings: dict[str, str | None]  # a rule's alias -> what it means
+    phrases: dict[str, list[tuple[tuple[str, ...], str, str]]]  # a first word -> words, phrase, terminal; longest first
+    terminals: dict[str, str]  # a phrase -> the name of its terminal
 
 
-def parse(sentence: str) -> Instruction:
+def parse_words(sentence: str) -> Meaning:
     """What the sentence asks for. Capitals, spaces, a "please" and final marks make no difference.
 
     Raises NotUnderstood, which says where the sentence leaves the grammar and what could stand there.
@@ -40,48 +63,52 @@ def parse(sentence: str) -> Instruction:
     words = split(sentence)
     grammar = _compile(lexicon())
     parser = grammar.parser.parse_interactive()
-    for word in words:
-        _feed(parser, grammar, word, grammar.terminals.get(word.text, "UNKNOWN"))
-    tree = _feed(parser, grammar, Word("", len(sentence)), _END)
-    task = tree.children[0]
-    return Instruction(_meaning(grammar, task), _phrase(grammar, task.children[0]))
+    at = 0
+    while at < len(words):
+        at += _feed_longest(parser, grammar, words, at)
+    return _feed(parser, grammar, Word("", len(sentence)), [(0, "", _END)])[1]
 
 
-def _feed(parser: InteractiveParser, grammar: _Grammar, word: Word, terminal: str) -> Tree:
+def _feed_longest(parser: InteractiveParser, grammar: _Grammar, words: list[Word], at: int) -> int:
+    known = [
+        (len(phrase), said, terminal)
+        for phrase, said, terminal in grammar.phrases.get(words[at].text, ())
+        if len(phrase) == 1 or tuple(word.text for word in words[at : at + len(phrase)]) == phrase
+    ]
+    return _feed(parser, grammar, words[at], known)[0]
+
+
+def _feed(
+    parser: InteractiveParser, grammar: _Grammar, word: Word, known: list[tuple[int, str, str]]
+) -> tuple[int, Any]:
+    """Give the parser the first phrase that it takes: (words used, what the sentence means where it ends)."""
     from lark import Token, UnexpectedToken
 
-    try:
-        return parser.feed_token(Token(terminal, word.text))
-    except UnexpectedToken:
-        raise _not_understood(word, _expected(parser, grammar), _END in parser.accepts()) from None
+    for length, text, terminal in known:
+        try:
+            return length, parser.feed_token(Token(terminal, text, start_pos=word.position))
+        except UnexpectedToken:  # too long a phrase for this place
+            continue
+    accepted = parser.accepts()
+    expected = tuple(phrase for phrase, terminal in grammar.terminals.items() if terminal in accepted)
+    raise _not_understood(word, bool(known), expected, _END in accepted)
 
 
-def _expected(parser: InteractiveParser, grammar: _Grammar) -> tuple[str, ...]:
-    possible = parser.accepts() - set(_MARKS.values())
-    return tuple(word for word, terminal in grammar.terminals.items() if terminal in possible)
-
-
-def _not_understood(word: Word, expected: tuple[str, ...], may_end: bool) -> NotUnderstood:
+def _not_understood(word: Word, known: bool, expected: tuple[str, ...], may_end: bool) -> NotUnderstood:
     where = f"at character {word.position + 1}"
     what = f"{quote(word.text)} is not understood" if word.text else "the sentence ends too early"
-    near = closest(word.text, expected)
+    near = _begun(word.text, expected, known) or (None if known else closest(word.text, expected))
     hint = f"; did you mean {near!r}?" if near else "."
-    here = ", ".join((*expected, "the end of the sentence") if may_end else expected)
+    listed = [*expected[:_LISTED], *(["..."] if len(expected) > _LISTED else [])]
+    here = ", ".join((*listed, "the end of the sentence") if may_end else listed)
     return NotUnderstood(f"{what} {where}{hint} Expected here: {here}", word.position, expected)
 
 
-def _phrase(grammar: _Grammar, tree: Tree) -> ObjectPhrase:
-    color, noun, relation, anchor = tree.children
-    return ObjectPhrase(
-        noun=_meaning(grammar, noun),
-        color=_meaning(grammar, color),
-        relation=_meaning(grammar, relation),
-        anchor=None if anchor is None else _phrase(grammar, anchor),
-    )
-
-
-def _meaning(grammar: _Grammar, tree: Tree | None) -> Any:
-    return None if tree is None else grammar.meanings[tree.data]
+def _begun(word: str, expected: tuple[str, ...], known: bool) -> str | None:
+    """The first phrase of which the word is the beginning, or nearly where it is no word of ours: "left of"."""
+    begins = {phrase.split()[0]: phrase for phrase in reversed(expected)}
+    near = word if known else closest(word, begins)
+    return begins.get(near) if near else None
 
 
 @lru_cache(maxsize=8)
@@ -89,33 +116,164 @@ def _compile(words: Lexicon) -> _Grammar:
     """The parser for the registries in this state. They rarely change, so it is built about once."""
     from lark import Lark
 
-    terminals = {word: _terminal(word) for word in words.words()}
-    meanings: dict[str, str | None] = {}
+    categories = _categories(words)
+    terminals = {phrase: _terminal(within) for phrase, within in categories.items()}
+    members: dict[str, list[str]] = {}
+    for phrase, within in categories.items():
+        for category in within:
+            members.setdefault(category, []).append(terminals[phrase])
     lines = [
-        _HEAD + "_polite: " + " | ".join(map(_terminal, words.polite)),
-        _rule("instruction", words.tasks, meanings),
-        _rule("color", words.colors, meanings),
-        _rule("noun", words.nouns, meanings),
-        _rule("relation", words.relations, meanings),
-        *(f'{terminal}: "{word}"' for word, terminal in terminals.items()),
+        _GRAMMAR,
+        *(f"{category}: {' | '.join(dict.fromkeys(members[category]))}" for category in words.categories),
+        "step: " + "\n    | ".join(_step_rules(words, terminals)),
+        "_COMMA: /,/\n_STOP: /[.]/",
+        *(f"{terminal}: /{number}/" for number, terminal in enumerate(dict.fromkeys(terminals.values()))),
     ]
-    parser = Lark("\n".join(lines), parser="lalr", lexer="basic", maybe_placeholders=True)
-    return _Grammar(parser, terminals | _MARKS, meanings)
+    parser = Lark("\n".join(lines), parser="lalr", lexer="basic", maybe_placeholders=True, transformer=_Builder(words))
+    return _Grammar(parser, _by_first_word(categories, terminals), terminals)
 
 
-def _rule(name: str, known: Meanings, meanings: dict[str, str | None]) -> str:
-    """One rule with an alternative for each phrase; notes in `meanings` what each alias means."""
-    alternatives = []
-    for number, (meaning, phrases) in enumerate(known):
-        alias = f"{name}_{number}"
-        meanings[alias] = meaning
-        alternatives += [f"{' '.join(map(_terminal, phrase.split()))} -> {alias}" for phrase in phrases]
-    return f"{name}: " + "\n    | ".join(alternatives)
+def _by_first_word(
+    categories: dict[str, tuple[str, ...]], terminals: dict[str, str]
+) -> dict[str, list[tuple[tuple[str, ...], str, str]]]:
+    pieces = [(tuple(phrase.split()), phrase, terminal) for phrase, terminal in terminals.items()]
+    pieces += [
+        ((",", *phrase.split()), phrase, terminals[phrase])
+        for phrase in terminals
+        if _AFTER_COMMA & {*categories[phrase]}
+    ]
+    pieces += [
+        ((".", *phrase.split()), phrase, terminals[phrase]) for phrase in terminals if "then" in categories[phrase]
+    ]
+    pieces += [((mark,), mark, terminal) for mark, terminal in _MARKS.items()]
+    found: dict[str, list[tuple[tuple[str, ...], str, str]]] = {}
+    for piece in sorted(pieces, key=lambda piece: -len(piece[0])):
+        found.setdefault(piece[0][0], []).append(piece)
+    return found
 
 
-def _terminal(word: str) -> str:
-    if word == SLOT:
-        return "phrase"
-    if not (word.isascii() and word.isalpha() and word.islower()):
-        raise LanguageError(f"{word!r} cannot be a word of the grammar: write it with the letters a to z")
-    return f"_{word.upper()}"
+def _categories(words: Lexicon) -> dict[str, tuple[str, ...]]:
+    """Each phrase with the categories it belongs to; a piece of a template is a category of its own."""
+    belongs: dict[str, list[str]] = {}
+    for phrase in words.phrases():
+        if not all(part.isascii() and part.islower() and part.replace("'", "").isalpha() for part in phrase.split()):
+            raise LanguageError(f"{phrase!r} cannot be a phrase of the grammar: write it with the letters a to z")
+    for piece in _pieces(words):
+        belongs.setdefault(piece, []).append("verb_" + piece.replace(" ", "_").replace("'", ""))
+    for category, meanings in words.categories.items():
+        for forms in meanings.values():
+            for phrase in forms:
+                belongs.setdefault(phrase, []).append(category)
+    return {phrase: tuple(dict.fromkeys(categories)) for phrase, categories in belongs.items()}
+
+
+def _pieces(words: Lexicon) -> Iterator[str]:
+    for cuts in words.templates.values():
+        for pieces in cuts:
+            yield from (piece for piece in pieces if piece not in (OBJECT, GOAL))
+
+
+def _terminal(categories: tuple[str, ...]) -> str:
+    return "__".join(categories).upper()
+
+
+def _step_rules(words: Lexicon, terminals: dict[str, str]) -> Iterator[str]:
+    """An alternative for each template, its alias naming the task."""
+    for task, cuts in words.templates.items():
+        for pieces in cuts:
+            yield " ".join(_SLOTS.get(piece) or terminals[piece] for piece in pieces) + f" -> task_{task}"
+
+
+class _Builder:
+    """What the parser makes of each rule's children as soon as it has them all: our tree, not lark's."""
+
+    def __init__(self, words: Lexicon) -> None:
+        for category, meanings in words.categories.items():
+            means = {form: meaning for meaning, forms in meanings.items() for form in forms}
+            plain = category in _POSITIONED
+            setattr(self, category, itemgetter(0) if plain else partial(self._meaning, means))
+        self._spots = {form: word for word, forms in words.categories["spot"].items() for form in forms}
+        for task in words.templates:
+            setattr(self, f"task_{task}", partial(self._step, task))
+
+    @staticmethod
+    def _meaning(means: dict[str, Any], children: list) -> Any:
+        return means[children[0]]
+
+    @staticmethod
+    def _step(task: str, children: list) -> Instruction:
+        return Instruction(task, *(child for child in children if isinstance(child, ObjectPhrase)))
+
+    def named(self, children: list) -> ObjectPhrase:
+        determiner, superlative, size, role, color, noun, side, excluded, where = children
+        relation, anchors = where or (None, ())
+        if superlative is not None and side is not None:
+            message = f"{superlative!r} and {side!r} are said of one object: say one of them"
+            raise NotUnderstood(message, determiner.start_pos)
+        return ObjectPhrase(
+            noun,
+            color,
+            relation,
+            anchors,
+            size,
+            role,
+            superlative or side,
+            excluded,
+            str(determiner),
+            determiner.start_pos,
+        )
+
+    def most(self, children: list) -> ObjectPhrase:
+        the, superlative, where = children
+        relation, anchors = where or (None, ())
+        return ObjectPhrase(None, None, relation, anchors, superlative=superlative, position=the.start_pos)
+
+    def alone(self, children: list) -> ObjectPhrase:
+        return ObjectPhrase(determiner=str(children[0]), position=children[0].start_pos)
+
+    def not_color(self, children: list) -> ObjectPhrase:
+        return ObjectPhrase(color=children[1])
+
+    def not_size(self, children: list) -> ObjectPhrase:
+        return ObjectPhrase(size=children[1])
+
+    def not_role(self, children: list) -> ObjectPhrase:
+        return ObjectPhrase(role=children[1])
+
+    def not_noun(self, children: list) -> ObjectPhrase:
+        excluding, _, size, role, color, noun = children
+        if (size, role, color, noun) == (None,) * 4:
+            raise NotUnderstood(
+                "everything is an object: say a color or a shape that is not meant", excluding.start_pos
+            )
+        return ObjectPhrase(noun, color, size=size, role=role)
+
+    def where(self, children: list) -> tuple[str, tuple[ObjectPhrase, ...]]:
+        words = [child for child in children if not isinstance(child, ObjectPhrase)]
+        relation = next(word for word in words if word in RELATIONS)
+        return relation, tuple(child for child in children if isinstance(child, ObjectPhrase))
+
+    def object(self, children: list) -> ObjectPhrase:
+        last = children[-1]
+        if isinstance(last, ObjectPhrase):
+            return last
+        return ObjectPhrase(determiner=self._spots[last], position=last.start_pos)
+
+    goal = object
+
+    def right_phrase(self, children: list) -> Correction:
+        return Correction(children[0])
+
+    def right_goal(self, children: list) -> Correction:
+        return Correction(goal=children[0])
+
+    def rejection(self, children: list) -> Correction:
+        rejected, meant = (child for child in children if isinstance(child, ObjectPhrase))
+        return Correction(meant, rejected=rejected)
+
+    def chain(self, children: list) -> Instruction | Chain:
+        steps = [step for child in children if isinstance(child, Instruction | Chain) for step in child.steps]
+        return steps[0] if len(steps) == 1 else Chain(tuple(steps))
+
+    def start(self, children: list) -> Meaning:
+        return next(child for child in children if isinstance(child, Instruction | Chain | Correction))

@@ -1,71 +1,169 @@
-"""Which object of a scene the words mean."""
+"""Which objects of a scene the words mean."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from language.colors import COLORS
-from language.errors import NothingFits, SeveralFit
+from language.errors import LanguageError, NothingFits, SeveralFit, listed, shorten
 from language.instruction import Instruction, ObjectPhrase
-from language.objects import NOUNS, Scene
-from language.relations import HOLDS, RELATIONS
+from language.objects import NOUNS, SIZES, Object, Scene
+from language.relations import ABSENT, HOLDS, RELATIONS, SUPERLATIVES
 
 
-def matches(phrase: ObjectPhrase, scene: Scene) -> np.ndarray:
+def matches(phrase: ObjectPhrase, scene: Scene, pointed: Sequence[int] = ()) -> np.ndarray:
     """(K,) bool, which objects of the scene the phrase fits.
 
-    A relation is seen from one object: raises NothingFits or SeveralFit where the anchor's phrase names none
+    pointed: the object that each gesture singles out, in the order of the words that need one; where there are
+        more such words than gestures, the last gesture stands for the rest.
+    A relation is seen from single objects: raises NothingFits or SeveralFit where an anchor's phrase names none
     or several.
     """
-    fits = _head_matches(phrase, scene)
-    if phrase.relation is not None and phrase.anchor is not None:
-        anchor = _the_one(phrase.anchor, scene)
-        positions = scene.positions
-        fits &= RELATIONS[phrase.relation].margin(positions, positions[anchor]) > HOLDS
-        fits[anchor] = False  # nothing is beside itself, whatever the relation's function says
-    return fits
+    return Listener(scene, pointed).fits(phrase)
 
 
-def ground(instruction: Instruction, scene: Scene) -> int:
+def ground(instruction: Instruction, scene: Scene, pointed: Sequence[int] = ()) -> int:
     """The index of the one object that the instruction names. Raises NothingFits or SeveralFit."""
-    return _the_one(instruction.phrase, scene)
+    return Listener(scene, pointed).the_one(instruction.phrase)
 
 
-def _the_one(phrase: ObjectPhrase, scene: Scene) -> int:
-    candidates = np.flatnonzero(matches(phrase, scene)).tolist()
-    if len(candidates) == 1:
-        return candidates[0]
-    if candidates:
-        listed = "; ".join(_describe_place(scene, index) for index in candidates)
-        raise SeveralFit(f"'{phrase}' may be any of {len(candidates)}: {listed}", tuple(candidates))
-    raise _nothing_fits(phrase, scene)
+class Listener:
+    """Reads phrases one after another, in the order of the sentence, so that each gesture meets its word.
+
+    it: the object that "it" stands for.
+    """
+
+    def __init__(self, scene: Scene, pointed: Sequence[int] = (), it: int | None = None) -> None:
+        self.scene, self.it = scene, it
+        self._gestures = list(pointed)
+        self._misfit: int | None = None  # what is shown, where it is not what is said of it
+        if not all(0 <= shown < len(scene) for shown in self._gestures):
+            raise LanguageError(f"pointed={self._gestures} is out of range: the scene has {len(scene)} objects")
+
+    def the_one(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> int:
+        """The index of the one object that the phrase fits. Raises NothingFits or SeveralFit.
+
+        among: (K,) bool, which objects come into question at all.
+        """
+        fits = self.fits(phrase, among)
+        candidates = fits.nonzero()[0].tolist()
+        if len(candidates) == 1:
+            return candidates[0]
+        if candidates:
+            raise self._several(phrase, candidates)
+        raise self._nothing(phrase, among)
+
+    def fits(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> np.ndarray:
+        """(K,) bool, which objects the phrase fits."""
+        fits = self._head(phrase)
+        if among is not None:
+            fits &= among
+        if phrase.determiner != "the":
+            shown = self._shown(phrase)
+            self._misfit = None if fits[shown] else shown
+            fits &= np.arange(len(self.scene)) == shown
+        if phrase.relation is not None:
+            anchors = [self.the_one(anchor) for anchor in phrase.anchors]
+            fits = self._related(phrase.relation, fits, anchors)
+        if phrase.superlative is not None:
+            fits = self._most(phrase.superlative, fits)
+        return fits
+
+    def _head(self, phrase: ObjectPhrase) -> np.ndarray:
+        scene = self.scene
+        fits = np.ones(len(scene), dtype=bool)
+        if phrase.noun is not None:
+            fits &= scene.nouns == list(NOUNS).index(phrase.noun)
+        if phrase.color is not None:
+            fits &= scene.colors == list(COLORS).index(phrase.color)
+        if phrase.size is not None:
+            size = SIZES[phrase.size]
+            fits &= (scene.sizes > size.low) & (scene.sizes < size.high)
+        if phrase.role is not None:
+            fits &= scene.targets == (phrase.role == "target")
+        if phrase.excluded is not None:
+            fits &= ~self._head(phrase.excluded)
+        return fits
+
+    def _shown(self, phrase: ObjectPhrase) -> int:
+        """The object that "it" or a gesture means."""
+        if phrase.determiner == "it":
+            if self.it is None:
+                raise NothingFits("nothing was named before that 'it' could mean", "it", phrase.position)
+            return self.it
+        if not self._gestures:
+            message = f"'{phrase}' needs a gesture that shows which one; point at it, or name it"
+            raise NothingFits(message, phrase.determiner, phrase.position)
+        return self._gestures.pop(0) if len(self._gestures) > 1 else self._gestures[0]
+
+    def _related(self, name: str, fits: np.ndarray, anchors: list[int]) -> np.ndarray:
+        known, seen = RELATIONS[name], self.scene.seen
+        margin = known.margin(seen, *(seen[anchor] for anchor in anchors))
+        fits[anchors] = False  # nothing is beside itself, whatever the relation's function says
+        if len(set(anchors)) < known.anchors:
+            return np.zeros_like(fits)  # nor between a thing and itself
+        return _best(fits, margin, ABSENT) if known.best else fits & (margin > HOLDS)
+
+    def _most(self, name: str, fits: np.ndarray) -> np.ndarray:
+        known = SUPERLATIVES[name]
+        return _best(fits, known.score(self.scene.seen, self.scene.sizes), known.tie)
+
+    def _several(self, phrase: ObjectPhrase, candidates: list[int]) -> SeveralFit:
+        from language.describing import question
+
+        asked = question(self.scene, candidates)
+        message = f"'{shorten(str(phrase))}' may be any of {len(candidates)}. {asked}"
+        return SeveralFit(message, tuple(candidates), phrase.position, asked)
+
+    def _nothing(self, phrase: ObjectPhrase, among: np.ndarray | None) -> NothingFits:
+        part = self._failing_part(phrase, among)
+        things = list(self.scene)
+        present = listed([f"a {thing_words(thing)}" for thing in things]) or "nothing at all"
+        said = shorten(str(phrase))
+        if self._misfit is not None:
+            shown = f"what is meant there is the {thing_words(things[self._misfit])}"
+            unmovable = among is not None and not among[self._misfit]
+            why = ", which only marks a place and cannot be moved" if unmovable else ""
+            return NothingFits(f"nothing fits '{said}': {shown}{why}", part, phrase.position)
+        hint = _suggestion(phrase, [t for k, t in enumerate(things) if among is None or among[k]])
+        message = f"nothing fits '{said}': there is no {shorten(part)}{hint}; there is {present}"
+        return NothingFits(message, part, phrase.position)
+
+    def _failing_part(self, phrase: ObjectPhrase, among: np.ndarray | None) -> str:
+        """The fewest words of the phrase that no object fits."""
+        parts = (
+            ObjectPhrase(color=phrase.color),
+            ObjectPhrase(noun=phrase.noun),
+            ObjectPhrase(phrase.noun, phrase.color),
+            ObjectPhrase(phrase.noun, phrase.color, size=phrase.size),
+            ObjectPhrase(phrase.noun, phrase.color, size=phrase.size, role=phrase.role),
+        )
+        for part in parts:
+            if not self._head(part).any():
+                return part.label
+        if among is not None and not (self._head(phrase) & among).any():
+            return f"{phrase.label} that can be moved"
+        return str(phrase).partition(" ")[2] or str(phrase)
 
 
-def _head_matches(phrase: ObjectPhrase, scene: Scene) -> np.ndarray:
-    fits = np.ones(len(scene), dtype=bool)
-    if phrase.noun is not None:
-        fits &= scene.nouns == list(NOUNS).index(phrase.noun)
-    if phrase.color is not None:
-        fits &= scene.colors == list(COLORS).index(phrase.color)
-    return fits
+def thing_words(thing: Object) -> str:
+    """A thing's role, colour and noun: "transparent red cube"."""
+    return ObjectPhrase(thing.noun, thing.color, role="target" if thing.role == "target" else None).label
 
 
-def _nothing_fits(phrase: ObjectPhrase, scene: Scene) -> NothingFits:
-    part = _failing_part(phrase, scene)
-    present = ", ".join(f"a {thing.color} {thing.noun}" for thing in scene) or "nothing at all"
-    return NothingFits(f"nothing fits '{phrase}': there is no {part}; there is {present}", part)
+def _best(fits: np.ndarray, score: np.ndarray, tie: float) -> np.ndarray:
+    """Who of those that fit has the greatest score, or one as good."""
+    score = np.where(fits, score, -np.inf)
+    return fits & (score >= score.max(initial=-np.inf) - tie)
 
 
-def _failing_part(phrase: ObjectPhrase, scene: Scene) -> str:
-    """The fewest words of the phrase that no object fits."""
-    parts = (ObjectPhrase(color=phrase.color), ObjectPhrase(noun=phrase.noun), phrase.head)
-    for part in parts:
-        if not _head_matches(part, scene).any():
-            return part.label
-    return f"{phrase.label} {phrase.relation} {phrase.anchor}"
-
-
-def _describe_place(scene: Scene, index: int) -> str:
-    thing = scene[index]
-    x, y, z = thing.position
-    return f"the {thing.color} {thing.noun} at ({x:.2f}, {y:.2f}, {z:.2f})"
+def _suggestion(phrase: ObjectPhrase, things: list[Object]) -> str:
+    """The things that share most with the phrase, as a question; nothing where none shares anything, or one all."""
+    shared = [(phrase.noun == thing.noun) + (phrase.color == thing.color) for thing in things]
+    most, said = max(shared, default=0), (phrase.noun is not None) + (phrase.color is not None)
+    if most in (0, said):
+        return ""
+    near = dict.fromkeys(f"the {thing_words(t)}" for t, n in zip(things, shared, strict=True) if n == most)
+    return f" (did you mean {' or '.join(list(near)[:3])}?)"

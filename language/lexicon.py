@@ -3,37 +3,40 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 from language.colors import COLORS
 from language.errors import NotUnderstood
-from language.objects import ANY_NOUN, NOUNS
-from language.relations import RELATIONS
-from language.templates import POLITE, SLOT, TEMPLATES
+from language.objects import ANY_NOUN, NOUNS, ROLE_WORDS, SIZES
+from language.relations import RELATIONS, SUPERLATIVES
+from language.tasks import (
+    AFTER,
+    BUT,
+    CLOSINGS,
+    GOAL,
+    HERE,
+    IT,
+    NO,
+    NOT,
+    OBJECT,
+    OPENINGS,
+    PLACES,
+    POINTING,
+    TASKS,
+    THEN,
+)
 
 LONGEST_SENTENCE = 1000  # characters; what is longer is no instruction, and is refused before any work
+EXCLUDING = ("that is not", "that isn't", "which is not", "which isn't")  # the first is what we say
+WHICH_IS = ("that is", "which is")  # may stand before a relation
 
 # What is meant, and the phrases that mean it, ours first.
-Meanings = tuple[tuple[str | None, tuple[str, ...]], ...]
+Forms = dict[Any, tuple[str, ...]]
 
-_WORD_OR_MARK = re.compile(r"\w+|[^\w\s]")
-
-
-class Lexicon(NamedTuple):
-    """What can be meant and how it can be said. Hashable: what is built from it can be kept beside it."""
-
-    tasks: Meanings
-    colors: Meanings
-    nouns: Meanings
-    relations: Meanings
-    polite: tuple[str, ...]
-
-    def words(self) -> tuple[str, ...]:
-        """Every word once, in the order of the registries."""
-        phrases = ["the", *self.polite]
-        for meanings in (self.tasks, self.colors, self.nouns, self.relations):
-            phrases += [phrase for _, forms in meanings for phrase in forms]
-        return tuple(dict.fromkeys(word for phrase in phrases for word in phrase.split() if word != SLOT))
+_WORD_OR_MARK = re.compile(r"[^\W\d_]+(?:['\u2019][^\W\d_]+)?|\w+|[^\w\s]")
+_SAME = str.maketrans({"\u2019": "'", ";": ","})
+_SLOT = re.compile(f"({re.escape(OBJECT)}|{re.escape(GOAL)})")
 
 
 class Word(NamedTuple):
@@ -43,15 +46,90 @@ class Word(NamedTuple):
     position: int
 
 
+@dataclass(frozen=True, eq=False)
+class Lexicon:
+    """What can be meant and how it can be said: by category, the meanings with their phrases.
+
+    templates: by task, each template cut at its slots: ("pick", "{object}", "and place it", "{goal}").
+    Compared and hashed by identity: `lexicon` gives the same one until a registry changes.
+    """
+
+    categories: dict[str, Forms]
+    templates: dict[str, tuple[tuple[str, ...], ...]]
+
+    def form(self, category: str, meaning: Any) -> str:
+        """What we say for the meaning; for a "task" it is the name and whether there is a goal."""
+        return self.forms(category, meaning)[0]
+
+    def forms(self, category: str, meaning: Any) -> tuple[str, ...]:
+        """Every way to say the meaning, ours first."""
+        if category != "task":
+            return self.categories[category][meaning]
+        task, has_goal = meaning
+        return tuple(words for words in TASKS[task].templates if (GOAL in words) == has_goal)
+
+    def phrases(self) -> tuple[str, ...]:
+        """Everything that stands as one piece in a sentence, once."""
+        forms = [form for meanings in self.categories.values() for forms in meanings.values() for form in forms]
+        pieces = [piece for cut in self.templates.values() for template in cut for piece in template]
+        return tuple(dict.fromkeys(piece for piece in (*pieces, *forms) if piece not in (OBJECT, GOAL)))
+
+    def words(self) -> tuple[str, ...]:
+        """Every word once, in the order of the registries."""
+        return tuple(dict.fromkeys(word for phrase in self.phrases() for word in phrase.split()))
+
+
+_REGISTRIES: tuple[dict[str, Any], ...] = (COLORS, NOUNS, ROLE_WORDS, SIZES, RELATIONS, SUPERLATIVES, TASKS)
+_latest: tuple[tuple[dict[str, Any], ...], Lexicon] | None = None
+
+
 def lexicon() -> Lexicon:
-    """The registries as they stand now."""
+    """The registries as they stand now. Made anew only where one has changed: every parse asks."""
+    global _latest
+    if _latest is None or _latest[0] != _REGISTRIES:
+        _latest = tuple(dict(registry) for registry in _REGISTRIES), _read()
+    return _latest[1]
+
+
+def _read() -> Lexicon:
+    by_anchors: list[Forms] = [
+        {name: (name, *known.synonyms) for name, known in RELATIONS.items() if known.anchors == count}
+        for count in (1, 2)
+    ]
     return Lexicon(
-        tasks=tuple(TEMPLATES.items()),
-        colors=tuple((name, (name,)) for name in COLORS),
-        nouns=((None, ANY_NOUN), *((noun, (noun, *synonyms)) for noun, synonyms in NOUNS.items())),
-        relations=tuple((known.phrase, (known.phrase, *known.synonyms)) for known in RELATIONS.values()),
-        polite=POLITE,
+        categories={
+            "the": {"the": ("the",)},
+            "color": {name: (name, *color.synonyms) for name, color in COLORS.items()},
+            "noun": {None: ANY_NOUN} | {noun: (noun, *synonyms) for noun, synonyms in NOUNS.items()},
+            "size": {name: (name, *size.synonyms) for name, size in SIZES.items()},
+            "role": dict(ROLE_WORDS),
+            "superlative": {name: (name, *known.synonyms) for name, known in SUPERLATIVES.items()},
+            "side": {name: known.after for name, known in SUPERLATIVES.items() if known.after},
+            "relation": by_anchors[0],
+            "between": by_anchors[1],
+            "and": {"and": ("and",)},
+            "which_is": {"which_is": WHICH_IS},
+            "excluding": {"excluding": EXCLUDING},
+            "a": {"a": ("a",), "an": ("an",)},
+            "pointing": {word: (word,) for word in POINTING},
+            IT: {IT: (IT,)},
+            "spot": {HERE[0]: (HERE[0], "right here"), HERE[1]: (HERE[1], "over there", "right there")},
+            "place": {"place": PLACES},
+            "then": {"then": THEN},
+            "after": {"after": AFTER},
+            "opening": {"opening": OPENINGS},
+            "closing": {"closing": CLOSINGS},
+            "no": {"no": NO},
+            "not": {"not": NOT},
+            "but": {"but": BUT},
+        },
+        templates={name: tuple(cut(words) for words in task.templates) for name, task in TASKS.items()},
     )
+
+
+def cut(template: str) -> tuple[str, ...]:
+    """A template at its slots: "push {object} {goal}" to ("push", "{object}", "{goal}")."""
+    return tuple(piece.strip() for piece in _SLOT.split(template) if piece.strip())
 
 
 def split(sentence: str) -> list[Word]:
@@ -59,4 +137,5 @@ def split(sentence: str) -> list[Word]:
     if len(sentence) > LONGEST_SENTENCE:
         message = f"the sentence has {len(sentence)} characters; at most {LONGEST_SENTENCE} are read"
         raise NotUnderstood(message, LONGEST_SENTENCE)
-    return [Word(found.group().lower(), found.start()) for found in _WORD_OR_MARK.finditer(sentence)]
+    found = _WORD_OR_MARK.finditer(sentence)
+    return [Word(word.group().lower().translate(_SAME), word.start()) for word in found]

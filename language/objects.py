@@ -9,20 +9,40 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from language.colors import COLORS
 from language.errors import LanguageError, check_known
+from language.viewpoint import seen_from
 
 # Each noun with its synonyms.
 NOUNS: dict[str, tuple[str, ...]] = {
     "cube": ("block", "box"),
     "sphere": ("ball",),
-    "cylinder": (),
+    "cylinder": ("tube", "tin"),
 }
 ANY_NOUN = ("object", "one", "thing")  # what may be said for any noun; the first is what we say
 ROLES = ("real", "target")  # a target only marks a place
+ROLE_WORDS: dict[str, tuple[str, ...]] = {  # what is said of each role, ours first
+    "real": ("solid", "opaque"),
+    "target": ("transparent", "translucent"),
+}
+
+
+class Size(NamedTuple):
+    """A word for widths from low to high, in metres; synonyms: what it is also called."""
+
+    low: float
+    high: float
+    synonyms: tuple[str, ...] = ()
+
+
+SIZES: dict[str, Size] = {
+    "small": Size(0.0, 0.045, ("little", "tiny")),
+    "large": Size(0.055, math.inf, ("big", "huge")),
+}
 
 
 @dataclass(frozen=True)
@@ -52,11 +72,13 @@ class Scene:
     positions: (K, 3) float64, metres
     sizes: (K,) float64, metres
     targets: (K,) bool, True where the role is "target"
+    seen: (K, 3) float64, the positions in the viewer's frame (`language/viewpoint.py`)
+    viewpoint: whose eyes the words are spoken with, "robot" or "human"
     """
 
-    __slots__ = ("colors", "nouns", "positions", "sizes", "targets")
+    __slots__ = ("colors", "nouns", "positions", "seen", "sizes", "targets", "viewpoint")
 
-    def __init__(self, objects: Iterable[Object]) -> None:
+    def __init__(self, objects: Iterable[Object], viewpoint: str = "robot") -> None:
         things = list(objects)
         nouns, colors = list(NOUNS), list(COLORS)
         self._fill(
@@ -65,19 +87,24 @@ class Scene:
             [thing.position for thing in things],
             [thing.size for thing in things],
             [thing.role == "target" for thing in things],
+            viewpoint,
         )
 
     @classmethod
-    def from_arrays(cls, nouns, colors, positions, size=0.05, targets=False) -> Scene:
+    def from_arrays(cls, nouns, colors, positions, size=0.05, targets=False, viewpoint="robot") -> Scene:
         """A scene from (K,) noun and colour indices and (K, 3) positions; the arrays are copied.
 
         size, targets: one value for all, or (K,). Raises LanguageError where shapes or indices are wrong.
         """
         scene = cls.__new__(cls)
-        scene._fill(nouns, colors, positions, size, targets)
+        scene._fill(nouns, colors, positions, size, targets, viewpoint)
         return scene
 
-    def _fill(self, nouns, colors, positions, sizes, targets) -> None:
+    def moved(self, positions) -> Scene:
+        """The same things at other places, (K, 3) metres."""
+        return Scene.from_arrays(self.nouns, self.colors, positions, self.sizes, self.targets, self.viewpoint)
+
+    def _fill(self, nouns, colors, positions, sizes, targets, viewpoint) -> None:
         self.nouns = _indices(nouns, len(NOUNS), "noun")
         self.colors = _indices(colors, len(COLORS), "color")
         self.positions = np.array(positions, dtype=np.float64).reshape(-1, 3)
@@ -88,7 +115,9 @@ class Scene:
         self.targets = np.empty(count, dtype=bool)
         self.sizes[:] = sizes
         self.targets[:] = targets
-        for array in (self.nouns, self.colors, self.positions, self.sizes, self.targets):
+        self.viewpoint = viewpoint
+        self.seen = seen_from(viewpoint, self.positions)
+        for array in (self.nouns, self.colors, self.positions, self.seen, self.sizes, self.targets):
             array.flags.writeable = False
 
     def __len__(self) -> int:

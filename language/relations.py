@@ -1,10 +1,15 @@
-"""Spatial relations: registered pure functions of positions.
+"""Spatial relations and superlatives: registered pure functions of what the viewer sees.
 
     @relation("left of", "to the left of")
     def _left_of(subject, anchor):
         return subject[..., 1] - anchor[..., 1]
 
-That is all a relation needs: grammar, vocabulary, describer and parser read the registry.
+    @superlative("leftmost")
+    def _leftmost(positions, sizes):
+        return positions[..., 1]
+
+That is all one needs: grammar, vocabulary, describer and parser read the registries. Positions are in metres in the
+viewer's frame (`language/viewpoint.py`): x away from the viewer, y to the viewer's left, z up.
 """
 
 from __future__ import annotations
@@ -16,53 +21,196 @@ import numpy as np
 
 from language.errors import LanguageError, check_known
 
-Margin = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Margin = Callable[..., np.ndarray]
 
-HOLDS = 0.03  # metres: less than this no person would call one thing left of another
+# Metres. Less than HOLDS no person would call one thing left of another. We say a relation only of what is beyond
+# CLEAR, and only while everything else it could be taken for stays below ABSENT.
+HOLDS, CLEAR, ABSENT = 0.03, 0.05, 0.01
+
+NEAR = 0.2  # metres between centres: beyond this, nothing is near
+BESIDE = 0.13  # metres: how far to the side a thing can be and still be above another, or between two
 
 
 @dataclass(frozen=True)
 class Relation:
-    """A way to say where one thing is, seen from another.
+    """A way to say where one thing is, seen from others.
 
     phrase: what we say; synonyms: what we also understand.
-    margin: takes the positions of subject and anchor, (..., 3) metres in the workspace frame, broadcasting,
-        and gives (...) metres: the more above 0, the clearer the relation. It holds above HOLDS.
+    margin: takes the positions of the subject and of each anchor, (..., 3) metres in the viewer's frame,
+        broadcasting, and gives (...) metres: the more above 0, the clearer the relation. It holds above HOLDS.
+    anchors: how many things it is seen from, 1 or 2 ("between").
+    best: the relation picks whoever has the greatest margin, wherever that lies ("nearest to").
     """
 
     phrase: str
     synonyms: tuple[str, ...]
     margin: Margin
+    anchors: int = 1
+    best: bool = False
+
+
+@dataclass(frozen=True)
+class Superlative:
+    """A way to say which of several things is the most of something.
+
+    score: takes positions (..., 3) in the viewer's frame and sizes (...), metres, and gives (...) numbers; the
+        greatest one is meant. Scores within `tie` of it are as good; we say it only beyond `clear`.
+    after: what is also understood behind the noun: "the cube on the left".
+    """
+
+    phrase: str
+    synonyms: tuple[str, ...]
+    score: Margin
+    tie: float
+    clear: float
+    after: tuple[str, ...] = ()
 
 
 RELATIONS: dict[str, Relation] = {}
+SUPERLATIVES: dict[str, Superlative] = {}
 
 
-def relation(phrase: str, *synonyms: str) -> Callable[[Margin], Margin]:
+def relation(phrase: str, *synonyms: str, anchors: int = 1, best: bool = False) -> Callable[[Margin], Margin]:
     """Registers a margin function under its phrase. Raises LanguageError where the words are taken."""
 
     def register(margin: Margin) -> Margin:
-        taken = {words for known in RELATIONS.values() for words in (known.phrase, *known.synonyms)}
-        for words in (phrase, *synonyms):
-            if words in taken:
-                raise LanguageError(f"{words!r} is a relation already")
-        RELATIONS[phrase] = Relation(phrase, synonyms, margin)
+        _check_free((phrase, *synonyms))
+        if anchors not in (1, 2) or (best and anchors != 1):
+            raise LanguageError(f"{phrase!r}: anchors={anchors}, best={best}; give 1 anchor, or 2 without best")
+        RELATIONS[phrase] = Relation(phrase, synonyms, margin, anchors, best)
         return margin
 
     return register
 
 
+def superlative(
+    phrase: str, *synonyms: str, tie: float = ABSENT, clear: float = CLEAR, after: tuple[str, ...] = ()
+) -> Callable[[Margin], Margin]:
+    """Registers a score function under its word. Raises LanguageError where the words are taken."""
+
+    def register(score: Margin) -> Margin:
+        _check_free((phrase, *synonyms))
+        SUPERLATIVES[phrase] = Superlative(phrase, synonyms, score, tie, clear, after)
+        return score
+
+    return register
+
+
 def unregister(phrase: str) -> None:
-    """Forgets a relation. Raises LanguageError where there is none."""
-    check_known("relation", phrase, RELATIONS)
-    del RELATIONS[phrase]
+    """Forgets a relation or superlative. Raises LanguageError where there is none."""
+    check_known("relation or superlative", phrase, [*RELATIONS, *SUPERLATIVES])
+    (RELATIONS if phrase in RELATIONS else SUPERLATIVES).pop(phrase)
 
 
-@relation("left of", "to the left of", "left to")
+def _check_free(phrases: tuple[str, ...]) -> None:
+    registered: list[Relation | Superlative] = [*RELATIONS.values(), *SUPERLATIVES.values()]
+    taken = {words for known in registered for words in (known.phrase, *known.synonyms)}
+    for words in phrases:
+        if words in taken:
+            raise LanguageError(f"{words!r} is a relation already")
+
+
+def _sideways(offset: np.ndarray) -> np.ndarray:
+    return np.hypot(offset[..., 0], offset[..., 1])
+
+
+def _distance(subject: np.ndarray, anchor: np.ndarray) -> np.ndarray:
+    offset = subject - anchor
+    return np.sqrt((offset * offset).sum(-1))
+
+
+@relation("left of", "to the left of", "left to", "on the left of")
 def _left_of(subject: np.ndarray, anchor: np.ndarray) -> np.ndarray:
     return subject[..., 1] - anchor[..., 1]
 
 
-@relation("right of", "to the right of", "right to")
+@relation("right of", "to the right of", "right to", "on the right of")
 def _right_of(subject: np.ndarray, anchor: np.ndarray) -> np.ndarray:
     return anchor[..., 1] - subject[..., 1]
+
+
+@relation("in front of", "before")
+def _in_front_of(subject: np.ndarray, anchor: np.ndarray) -> np.ndarray:
+    return anchor[..., 0] - subject[..., 0]
+
+
+@relation("behind", "in back of")
+def _behind(subject: np.ndarray, anchor: np.ndarray) -> np.ndarray:
+    return subject[..., 0] - anchor[..., 0]
+
+
+@relation("above", "over")
+def _above(subject: np.ndarray, anchor: np.ndarray) -> np.ndarray:
+    offset = subject - anchor
+    return np.minimum(offset[..., 2], BESIDE - _sideways(offset))
+
+
+@relation("below", "under", "underneath", "beneath")
+def _below(subject: np.ndarray, anchor: np.ndarray) -> np.ndarray:
+    offset = anchor - subject
+    return np.minimum(offset[..., 2], BESIDE - _sideways(offset))
+
+
+@relation("near", "close to", "next to", "beside", "by")
+def _near(subject: np.ndarray, anchor: np.ndarray) -> np.ndarray:
+    return NEAR - _distance(subject, anchor)
+
+
+@relation("nearest to", "closest to", best=True)
+def _nearest_to(subject: np.ndarray, anchor: np.ndarray) -> np.ndarray:
+    return -_distance(subject, anchor)
+
+
+@relation("farthest from", "furthest from", best=True)
+def _farthest_from(subject: np.ndarray, anchor: np.ndarray) -> np.ndarray:
+    return _distance(subject, anchor)
+
+
+@relation("between", "in between", anchors=2)
+def _between(subject: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """How far inside both ends, and inside the corridor from one to the other."""
+    way = other - one
+    length = np.maximum(np.sqrt((way * way).sum(-1)), 1e-9)
+    along = ((subject - one) * way).sum(-1) / length
+    aside = _distance(subject, one + way * (along / length)[..., None])
+    return np.minimum(np.minimum(along, length - along), BESIDE - aside)
+
+
+@superlative("leftmost", "left", after=("on the left",))
+def _leftmost(positions: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    return positions[..., 1]
+
+
+@superlative("rightmost", "right", after=("on the right",))
+def _rightmost(positions: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    return -positions[..., 1]
+
+
+@superlative("nearest", "closest")
+def _nearest(positions: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    return -_sideways(positions)
+
+
+@superlative("farthest", "furthest", "most distant")
+def _farthest(positions: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    return _sideways(positions)
+
+
+@superlative("highest", "topmost", "top", after=("at the top",))
+def _highest(positions: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    return positions[..., 2]
+
+
+@superlative("lowest", "bottom", after=("at the bottom",))
+def _lowest(positions: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    return -positions[..., 2]
+
+
+@superlative("largest", "biggest", tie=0.003, clear=0.01)
+def _largest(positions: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    return sizes
+
+
+@superlative("smallest", "littlest", tie=0.003, clear=0.01)
+def _smallest(positions: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    return -sizes

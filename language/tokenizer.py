@@ -25,7 +25,7 @@ class Tokenizer:
     """
 
     vocabulary: tuple[str, ...]
-    length: int = 16
+    length: int = 32
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vocabulary", tuple(self.vocabulary))
@@ -35,7 +35,7 @@ class Tokenizer:
             raise LanguageError(f"length={self.length} must be at least 1")
 
     @classmethod
-    def default(cls, length: int = 16) -> Tokenizer:
+    def default(cls, length: int = 32) -> Tokenizer:
         """For every word that the grammar knows now, in the registries' order."""
         return cls((PAD, UNKNOWN, *lexicon().words()), length)
 

@@ -1,16 +1,59 @@
-"""Random scenes and instructions for the tests of the language."""
+"""Random scenes and meanings for the tests of the language, and one table that is known by heart."""
 
 import numpy as np
 from hypothesis import strategies as st
 
-from language import COLORS, NOUNS, RELATIONS, TEMPLATES, Instruction, Object, ObjectPhrase, Scene
+from language import (
+    COLORS,
+    NOUNS,
+    RELATIONS,
+    SIZES,
+    SUPERLATIVES,
+    TASKS,
+    VIEWPOINTS,
+    Chain,
+    Correction,
+    Instruction,
+    LanguageError,
+    Object,
+    ObjectPhrase,
+    Scene,
+    parse,
+    say,
+)
+from language.objects import ROLE_WORDS
+
+# Seen by the robot: the red cube is on the right, the green one on the left and far away, the cylinder on the sphere.
+TABLE = Scene(
+    [
+        Object("cube", "red", (0.4, -0.2, 0.0)),
+        Object("cube", "blue", (0.4, -0.02, 0.02), size=0.03),
+        Object("sphere", "blue", (0.4, 0.1, 0.02)),
+        Object("cube", "green", (0.6, 0.2, 0.02), size=0.07),
+        Object("cylinder", "yellow", (0.4, 0.1, 0.12)),
+    ]
+)
+# Two cubes and a ball to be brought to two places that are only marked.
+PLACES = Scene(
+    [
+        Object("cube", "red", (0.4, -0.2, 0.02)),
+        Object("cube", "green", (0.4, 0.0, 0.02)),
+        Object("sphere", "blue", (0.4, 0.2, 0.02)),
+        Object("cube", "red", (0.6, -0.1, 0.02), role="target"),
+        Object("sphere", "yellow", (0.6, 0.1, 0.02), role="target"),
+    ]
+)
 
 
 def random_scene(rng, count):
+    """Things of three sizes, some in the air, a fifth of them targets, seen by the robot or the human."""
     return Scene.from_arrays(
         nouns=rng.integers(len(NOUNS), size=count),
         colors=rng.integers(len(COLORS), size=count),
-        positions=rng.uniform([0.3, -0.3, 0.0], [0.7, 0.3, 0.1], size=(count, 3)),
+        positions=rng.uniform([0.3, -0.3, 0.0], [0.7, 0.3, 0.2], size=(count, 3)),
+        size=rng.choice([0.03, 0.05, 0.07], size=count),
+        targets=rng.random(count) < 0.2,
+        viewpoint=list(VIEWPOINTS)[rng.integers(len(VIEWPOINTS))],
     )
 
 
@@ -24,21 +67,77 @@ def scene(*things):
     return Scene(Object(words.split()[1], words.split()[0], (0.4, y, 0.0)) for words, y in things)
 
 
-plain_phrases = st.builds(
-    ObjectPhrase,
-    noun=st.none() | st.sampled_from(list(NOUNS)),
-    color=st.none() | st.sampled_from(list(COLORS)),
+def answer(sentence, *scene_and_more, **more):
+    """What `parse` gives, or the LanguageError that it raises."""
+    try:
+        return parse(sentence, *scene_and_more, **more)
+    except LanguageError as error:
+        return error
+
+
+def steps(sentence, *scene_and_more, **more):
+    """(task, init, goal) of each step that is understood."""
+    return [(step.task, step.init, step.goal) for step in parse(sentence, *scene_and_more, **more).steps]
+
+
+def _one_of(table):
+    return st.sampled_from(list(table))
+
+
+def _maybe(table):
+    return st.none() | _one_of(table)
+
+
+spots = st.builds(ObjectPhrase, determiner=st.sampled_from(["here", "there"]))
+_excluded = st.builds(ObjectPhrase, _maybe(NOUNS), _maybe(COLORS), size=_maybe(SIZES), role=_maybe(ROLE_WORDS)).filter(
+    lambda phrase: phrase != ObjectPhrase()
 )
 
 
-def related(anchors):
-    return st.builds(
-        lambda head, relation, anchor: ObjectPhrase(head.noun, head.color, relation, anchor),
-        plain_phrases,
-        st.sampled_from(list(RELATIONS)),
-        anchors,
+@st.composite
+def _described(draw, depth):
+    """Any phrase of at most so many relations, each of its fields with any value."""
+    where = {}
+    if depth and draw(st.booleans()):
+        known = draw(_one_of(RELATIONS.values()))
+        anchors = [draw(phrases_to(depth - 1)) for _ in range(known.anchors)]
+        where = {"relation": known.phrase, "anchors": tuple(anchors)}
+    return ObjectPhrase(
+        noun=draw(_maybe(NOUNS)),
+        color=draw(_maybe(COLORS)),
+        size=draw(_maybe(SIZES)),
+        role=draw(_maybe(ROLE_WORDS)),
+        superlative=draw(_maybe(SUPERLATIVES)),
+        excluded=draw(st.none() | _excluded),
+        determiner=draw(st.sampled_from(["the", "the", "this", "that"])),
+        **where,
     )
 
 
-phrases = st.recursive(plain_phrases, related, max_leaves=6)
-instructions = st.builds(Instruction, task=st.sampled_from(list(TEMPLATES)), phrase=phrases)
+def phrases_to(depth):
+    alone = st.builds(ObjectPhrase, determiner=st.sampled_from(["it", "this", "that"]))
+    return st.one_of(_described(depth), _described(depth), _described(depth), alone)
+
+
+phrases = phrases_to(3)
+
+
+@st.composite
+def _instructions(draw):
+    task = draw(_one_of(TASKS))
+    goals = phrases | spots
+    if not TASKS[task].takes_goal:
+        goals = st.none()
+    elif not TASKS[task].needs_goal:
+        goals = st.none() | goals
+    return Instruction(task, draw(phrases | spots), draw(goals))
+
+
+instructions = _instructions()
+chains = st.builds(Chain, st.lists(instructions, min_size=2, max_size=3).map(tuple))
+corrections = st.one_of(
+    st.builds(Correction, phrase=phrases),
+    st.builds(Correction, goal=phrases | spots),
+    st.builds(Correction, phrase=phrases, rejected=phrases),
+)
+meanings = st.one_of(instructions, chains, corrections).filter(lambda meaning: len(say(meaning)) <= 1000)

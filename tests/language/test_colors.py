@@ -3,27 +3,40 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from language import COLORS, LanguageError, color_name, color_table, draw_colors, rgba
+from language import COLORS, SEE_THROUGH, Color, LanguageError, color_name, color_table, draw_colors, parse, rgba
 
 
+@pytest.mark.parametrize("see_through", [False, True])
 @pytest.mark.parametrize("name", COLORS)
-def test_a_colour_is_found_by_its_name_and_named_by_its_rgba(name):
-    assert color_name(rgba(name)) == name
+def test_a_colour_is_found_by_its_name_and_named_by_its_rgba(name, see_through):
+    assert color_name(rgba(name, see_through)) == name
+    assert rgba(name, see_through)[3] == (SEE_THROUGH if see_through else 1)
 
 
-def test_a_colour_read_from_a_float32_observation_is_still_exact():
-    assert [color_name(row) for row in color_table()] == list(COLORS)
+@pytest.mark.parametrize("see_through", [False, True])
+def test_a_colour_read_from_a_float32_observation_is_still_exact(see_through):
+    table = color_table(see_through)
+    assert table.dtype == np.float32
+    assert [color_name(row) for row in table] == list(COLORS)
 
 
-def test_colours_are_opaque_and_well_apart():
+def test_colours_are_well_apart():
     for one, other in combinations(color_table(), 2):
-        assert one[3] == other[3] == 1
         assert np.linalg.norm(one - other) >= 0.5
 
 
-def test_an_unnamed_colour_is_an_error_and_not_its_neighbour():
-    with pytest.raises(LanguageError, match="no name"):
-        color_name((0.99, 0.0, 0.0, 1.0))
+@pytest.mark.parametrize("unnamed", [(0.99, 0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.75)])
+def test_an_unnamed_colour_is_an_error_and_gets_its_neighbours_name_only_on_request(unnamed):
+    with pytest.raises(LanguageError, match="no name; the named colors are red, green"):
+        color_name(unnamed)
+    assert color_name(unnamed, nearest=True) == "red"
+
+
+@pytest.mark.parametrize("nearest", [False, True])
+@pytest.mark.parametrize("broken", [(1.0, 0.0, 0.0), (1.0, 0.0, 0.0, float("nan")), ()])
+def test_what_is_no_rgba_has_no_name(broken, nearest):
+    with pytest.raises(LanguageError, match="four finite numbers"):
+        color_name(broken, nearest)
 
 
 def test_a_misspelt_colour_gets_a_suggestion():
@@ -41,6 +54,10 @@ def test_excluded_colours_are_not_drawn():
     assert set(drawn) == set(COLORS) - {"red", "blue"}
 
 
+def test_no_colour_is_drawn_where_none_is_asked_for():
+    assert draw_colors(np.random.default_rng(0), 0, excluding=tuple(COLORS)) == ()
+
+
 @pytest.mark.parametrize(
     "wanted",
     [
@@ -52,3 +69,15 @@ def test_excluded_colours_are_not_drawn():
 def test_drawing_what_is_not_there_is_an_error(wanted):
     with pytest.raises(LanguageError):
         draw_colors(np.random.default_rng(0), **wanted)
+
+
+@pytest.mark.parametrize(("word", "name"), [("grey", "gray"), ("gray", "gray"), ("violet", "purple")])
+def test_a_colour_may_have_several_words(word, name):
+    assert parse(f"reach the {word} ball").phrase.color == name
+
+
+def test_a_new_colour_is_one_line(monkeypatch):
+    monkeypatch.setitem(COLORS, "brown", Color((0.5, 0.25, 0.0), ("chestnut",)))
+    assert color_name(rgba("brown", see_through=True)) == "brown"
+    assert parse("reach the chestnut cube").phrase.color == "brown"
+    assert "brown" in draw_colors(np.random.default_rng(0), len(COLORS), replace=False)

@@ -2,11 +2,25 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from language_cases import random_scenes, scene
+from language_cases import TABLE, random_scenes, scene
 
-from language import KINDS, Describer, LanguageError, ground, matches, parse, say
-from language.generator import ABSENT, CLEAR
-from language.relations import RELATIONS
+from language import (
+    KINDS,
+    SPOKEN,
+    Describer,
+    Instruction,
+    LanguageError,
+    Object,
+    ObjectPhrase,
+    Scene,
+    describe,
+    ground,
+    matches,
+    parse,
+    say,
+)
+
+ONE_STEP = [kind for kind in KINDS if kind != "nested"]
 
 
 def described(describer, scenes, seed=1):
@@ -17,97 +31,90 @@ def described(describer, scenes, seed=1):
             yield each, referent, describer.describe(each, referent, rng)
 
 
-def test_a_generated_sentence_is_understood_as_its_referent():
-    for each, referent, instruction in described(Describer(), random_scenes(400)):
+@pytest.mark.parametrize("redundant", [False, True])
+def test_a_generated_sentence_is_understood_as_its_referent(redundant):
+    for each, referent, instruction in described(Describer(KINDS, redundant=redundant), random_scenes(300)):
         assert parse(say(instruction)) == instruction
         assert ground(instruction, each) == referent
         assert matches(instruction.phrase, each).sum() == 1
 
 
-def test_every_kind_occurs():
-    kinds = Counter(instruction.kind for *_, instruction in described(Describer(), random_scenes(200)))
-    assert set(kinds) == set(KINDS)
-    assert min(kinds.values()) > 20
+@pytest.mark.parametrize("redundant", [False, True])
+def test_every_expression_up_to_one_relation_is_understood_as_its_referent(redundant):
+    for each in random_scenes(6, counts=[2, 4, 6]):
+        expressions = Describer(KINDS, redundant=redundant).expressions(each)
+        for kind in ONE_STEP:
+            for referent in range(len(each)):
+                for phrase in expressions.all(kind, referent):
+                    understood = parse(f"reach {phrase}", each)
+                    assert understood.meaning == Instruction("reach", phrase)
+                    assert understood.steps[0].goal == referent
+
+
+@pytest.mark.parametrize("depth", [2, 3])
+def test_a_deep_phrase_is_understood_as_its_referent(depth):
+    rng, number = np.random.default_rng(0), 0
+    for each in random_scenes(60, counts=[4, 6, 8]):
+        expressions = Describer(redundant=True).expressions(each)
+        for referent in np.flatnonzero(expressions.named_deep(depth)).tolist():
+            phrase = expressions.draw_deep(depth, referent, rng)
+            understood = parse(f"reach {phrase}", each)
+            assert phrase.depth == depth
+            assert understood.meaning.phrase == phrase
+            assert understood.steps[0].goal == referent
+            number += 1
+    assert number > 100
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_only_allowed_kinds_are_said(kind):
     said = [instruction.kind for *_, instruction in described(Describer([kind]), random_scenes(100))]
     assert set(said) == {kind}
+    assert len(said) > 20
 
 
-def test_a_relation_is_said_only_where_the_rest_is_ambiguous():
-    for each, referent, instruction in described(Describer(["relation"]), random_scenes(300)):
-        without = matches(instruction.phrase.head, each)
+def test_every_spoken_kind_occurs():
+    kinds = Counter(instruction.kind for *_, instruction in described(Describer(), random_scenes(200)))
+    assert set(kinds) == set(SPOKEN)
+    assert min(kinds.values()) > 20
+
+
+@pytest.mark.parametrize("kind", ["relation", "superlative", "negation"])
+def test_more_words_are_said_only_where_the_rest_is_ambiguous(kind):
+    for each, referent, instruction in described(Describer([kind]), random_scenes(200)):
+        phrase = instruction.phrase
+        without = matches(ObjectPhrase(phrase.noun, phrase.color, size=phrase.size, role=phrase.role), each)
         assert without.sum() > 1
         assert without[referent]
 
 
-def test_a_relation_is_seen_from_one_other_object():
-    for each, referent, instruction in described(Describer(["relation"]), random_scenes(300)):
-        anchor = instruction.phrase.anchor
-        assert anchor.kind in ("color", "shape", "color_shape")
-        assert matches(anchor, each).sum() == 1
-        assert not matches(anchor, each)[referent]
-
-
-def test_a_relation_is_clear_and_never_borderline():
-    for each, referent, instruction in described(Describer(["relation"]), random_scenes(300)):
-        phrase = instruction.phrase
-        anchor = int(np.argmax(matches(phrase.anchor, each)))
-        margins = RELATIONS[phrase.relation].margin(each.positions, each.positions[anchor])
-        others = matches(phrase.head, each)
-        others[[referent, anchor]] = False
-        assert margins[referent] > CLEAR
-        assert (margins[others] < ABSENT).all()
-
-
-def test_an_object_is_nameable_just_where_some_sentence_names_it():
-    for each in random_scenes(60, counts=range(1, 5), seed=3):
-        for kind in KINDS:
-            named = Describer([kind]).nameable(each).tolist()
-            expressions = _expressions(each, kind)
-            assert named == [any(_names(each, k, words) for words in expressions) for k in range(len(each))]
-
-
-def _expressions(each, kind):
-    """Every phrase of the kind that could be said of the scene, written out by hand."""
-    colors, nouns = {thing.color for thing in each}, {thing.noun for thing in each}
-    plain = {
-        "color": [f"the {color} object" for color in colors],
-        "shape": [f"the {noun}" for noun in nouns],
-        "color_shape": [f"the {color} {noun}" for color in colors for noun in nouns],
-    }
-    if kind != "relation":
-        return plain[kind]
-    anchors = [phrase for phrases in plain.values() for phrase in phrases]
-    heads = ["the object", *anchors]
-    return [f"{head} {word} {anchor}" for head in heads for word in RELATIONS for anchor in anchors]
-
-
-def _names(each, referent, words):
-    phrase = parse(f"reach {words}").phrase
-    if phrase.relation is None:
-        return np.flatnonzero(matches(phrase, each)).tolist() == [referent]
-    anchors = np.flatnonzero(matches(phrase.anchor, each)).tolist()
-    rivals = matches(phrase.head, each)
-    if len(anchors) != 1 or anchors == [referent] or rivals.sum() < 2 or not rivals[referent]:
-        return False
-    margins = RELATIONS[phrase.relation].margin(each.positions, each.positions[anchors[0]])
-    rivals[[referent, *anchors]] = False
-    return bool(margins[referent] > CLEAR and (margins[rivals] < ABSENT).all())
-
-
-def test_kinds_and_expressions_are_drawn_evenly():
+def test_more_words_are_said_of_what_has_a_name_only_by_choice():
     table = scene(("red cube", 0.0), ("blue sphere", 0.2))
-    rng = np.random.default_rng(0)
-    said = Counter(say(Describer().describe(table, 0, rng)) for _ in range(4000))
-    related = [count for words, count in said.items() if "right of" in words]
-    assert len(related) == 3  # the object right of: the sphere, the blue object, the blue sphere
-    plain = [said[f"reach the {name}"] for name in ("red object", "cube", "red cube")]
-    for count in (*plain, sum(related)):
-        assert 850 < count < 1150
-    assert min(related) > 260
+    only, also = (Describer(redundant=more).expressions(table).all("relation", 0) for more in (False, True))
+    assert {phrase.head for phrase in only} == {ObjectPhrase()}
+    assert "the red cube right of the sphere" in map(str, also)
+
+
+def test_a_relation_is_seen_from_others_by_their_plain_names():
+    for each, referent, instruction in described(Describer(["relation"]), random_scenes(200)):
+        found = [int(matches(anchor, each).argmax()) for anchor in instruction.phrase.anchors]
+        assert len({referent, *found}) == 1 + len(found)
+        for anchor in instruction.phrase.anchors:
+            assert anchor.kind in ("color", "shape", "color_shape")
+            assert matches(anchor, each).sum() == 1
+
+
+def test_kinds_and_words_and_expressions_are_drawn_evenly():
+    table = scene(("red cube", 0.0), ("blue sphere", 0.2))
+    describer, rng = Describer(), np.random.default_rng(0)
+    drawn = [describer.phrase(table, 0, rng) for _ in range(12000)]
+    related = [phrase for phrase in drawn if phrase.kind == "relation"]
+    words = Counter(phrase.relation for phrase in related)
+    assert set(words) == {"right of", "nearest to", "farthest from"}
+    for number, counts in ((4, Counter(p.kind for p in drawn)), (3, words), (9, Counter(related))):
+        assert len(counts) == number  # each relation is said of the sphere, the blue object and the blue sphere
+        for count in counts.values():
+            assert count == pytest.approx(sum(counts.values()) / number, rel=0.25)
 
 
 def test_twins_that_stand_side_by_side_are_not_nameable():
@@ -115,6 +122,26 @@ def test_twins_that_stand_side_by_side_are_not_nameable():
     assert Describer().nameable(table).tolist() == [False, False, True]
     with pytest.raises(LanguageError, match="red cube, object 0"):
         Describer().describe(table, 0, np.random.default_rng(0))
+    with pytest.raises(LanguageError, match="no words tell the red cube, object 0"):
+        describe(0, table)
+
+
+@pytest.mark.parametrize(("index", "name"), [(0, "the red cube"), (2, "the blue sphere"), (4, "the yellow cylinder")])
+def test_describe_gives_the_plainest_name(index, name):
+    assert describe(index, TABLE) == describe(TABLE[index], TABLE) == name
+
+
+def test_describe_tells_a_thing_from_its_see_through_twin():
+    table = Scene([Object("cube", "red", (0.4, y, 0.0), role=role) for y, role in ((0.0, "real"), (0.3, "target"))])
+    names = [describe(index, table) for index in (0, 1)]
+    assert names[1] == "the transparent red cube"
+    assert [ground(parse(f"reach {name}"), table) for name in names] == [0, 1]
+
+
+@pytest.mark.parametrize("missing", [7, -1, Object("cube", "pink", (0.0, 0.0, 0.0))])
+def test_what_is_not_in_the_scene_cannot_be_described(missing):
+    with pytest.raises(LanguageError, match=r"not in the scene|out of range"):
+        describe(missing, TABLE)
 
 
 def test_the_same_seed_gives_the_same_sentences():

@@ -1,68 +1,163 @@
 import pytest
-from language_cases import scene
+from language_cases import PLACES, TABLE, scene, steps
 
-from language import NothingFits, ObjectPhrase, SeveralFit, ground, matches, parse
+from language import ObjectPhrase, Scene, SeveralFit, ground, matches, parse
 
-# From the robot's right to its left, as y grows to the left.
-TABLE = scene(("red cube", -0.2), ("blue cube", -0.1), ("blue sphere", 0.1), ("green cube", 0.2))
+ACROSS = Scene(TABLE, viewpoint="human")
+
+
+def fitting(words, table=TABLE, pointed=()):
+    return matches(parse(f"reach {words}").phrase, table, pointed).nonzero()[0].tolist()
 
 
 @pytest.mark.parametrize(
-    ("sentence", "index"),
+    ("words", "index"),
     [
-        ("reach the red object", 0),
-        ("reach the sphere", 2),
-        ("reach the blue cube", 1),
-        ("reach the object left of the sphere", 3),
-        ("reach the cube right of the blue cube", 0),
-        ("reach the cube left of the sphere left of the blue cube", 3),
+        ("the red object", 0),
+        ("the sphere", 2),
+        ("the blue cube", 1),
+        ("the object left of the sphere", 3),
+        ("the cube right of the blue cube", 0),
+        ("the cube left of the sphere left of the blue cube", 3),
+        ("the cube behind the sphere below the yellow cylinder", 3),
+        ("the sphere right of the cube behind the ball left of the red cube", 2),
+        ("the leftmost cube right of the sphere", 1),
+        ("the big cube", 3),
+        ("the little one", 1),
     ],
 )
-def test_the_words_find_their_object(sentence, index):
-    assert ground(parse(sentence), TABLE) == index
+def test_the_words_find_their_object(words, index):
+    assert ground(parse(f"reach {words}"), TABLE) == index
 
 
-def test_the_robots_left_is_greater_y():
-    assert matches(parse("reach the object left of the blue cube").phrase, TABLE).tolist() == [0, 0, 1, 1]
-    assert matches(parse("reach the object right of the blue cube").phrase, TABLE).tolist() == [1, 0, 0, 0]
+@pytest.mark.parametrize(
+    ("words", "indices"),
+    [
+        ("left of the sphere", [3]),
+        ("right of the sphere", [0, 1]),
+        ("in front of the green cube", [0, 1, 2, 4]),
+        ("behind the sphere", [3]),
+        ("above the sphere", [4]),
+        ("below the cylinder", [2]),
+        ("near the sphere", [1, 4]),
+        ("nearest to the red cube", [1]),
+        ("farthest from the red cube", [3]),
+        ("between the red cube and the sphere", [1]),
+        ("between the sphere and the red cube", [1]),
+    ],
+)
+def test_each_relation_holds_for_those_it_describes(words, indices):
+    assert fitting(f"the object {words}") == indices
+
+
+@pytest.mark.parametrize(
+    ("superlative", "indices"),
+    [
+        ("leftmost", [3]),
+        ("rightmost", [0]),
+        ("nearest", [1]),
+        ("farthest", [3]),
+        ("highest", [4]),
+        ("lowest", [0]),
+        ("largest", [3]),
+        ("smallest", [1]),
+    ],
+)
+def test_each_superlative_means_the_most_of_something(superlative, indices):
+    assert fitting(f"the {superlative} object") == indices
+
+
+@pytest.mark.parametrize(
+    ("words", "robot", "human"),
+    [
+        ("the object left of the sphere", [3], [0, 1]),
+        ("the object right of the sphere", [0, 1], [3]),
+        ("the object in front of the sphere", [], [3]),
+        ("the object behind the green cube", [], [0, 1, 2, 4]),
+        ("the leftmost cube", [3], [0]),
+        ("the nearest cube", [1], [3]),
+        ("the object above the sphere", [4], [4]),
+    ],
+)
+def test_left_and_near_depend_on_who_looks(words, robot, human):
+    assert fitting(words) == robot
+    assert fitting(words, ACROSS) == human
 
 
 @pytest.mark.parametrize(("gap", "holds"), [(0.02, False), (0.04, True), (-0.04, False)])
 def test_a_relation_holds_beyond_three_centimetres(gap, holds):
-    phrase = ObjectPhrase("cube", None, "left of", ObjectPhrase("sphere"))
+    phrase = ObjectPhrase("cube", None, "left of", (ObjectPhrase("sphere"),))
     assert matches(phrase, scene(("red cube", gap), ("red sphere", 0.0)))[0] == holds
 
 
-@pytest.mark.parametrize(
-    ("sentence", "part"),
-    [
-        ("reach the yellow cube", "yellow object"),
-        ("reach the green cylinder", "cylinder"),
-        ("reach the red sphere", "red sphere"),
-        ("reach the cube left of the red sphere", "red sphere"),
-        ("reach the cube left of the green cube", "cube left of the green cube"),
-    ],
-)
-def test_what_nothing_fits_is_told_by_its_failing_part(sentence, part):
-    with pytest.raises(NothingFits, match=f"there is no {part}; there is a red cube, a blue cube") as caught:
-        ground(parse(sentence), TABLE)
-    assert caught.value.part == part
+def test_a_superlative_picks_among_what_the_rest_fits():
+    assert fitting("the leftmost cube in front of the green cube") == [1]
+    assert fitting("the highest cube that is not green") == [1]
 
 
-def test_nothing_fits_an_empty_table():
-    with pytest.raises(NothingFits, match="nothing at all"):
-        ground(parse("reach the object"), scene())
+def test_two_that_are_as_far_left_are_both_the_leftmost():
+    assert fitting("the leftmost cube", scene(("red cube", 0.1), ("blue cube", 0.105), ("green cube", 0.0))) == [0, 1]
+
+
+def test_nothing_is_between_a_thing_and_itself():
+    assert fitting("the object between the red cube and the red cube") == []
 
 
 @pytest.mark.parametrize(
-    ("sentence", "candidates"),
+    ("words", "indices"),
     [
-        ("reach the blue object", (1, 2)),
-        ("reach the cube right of the sphere", (0, 1)),
-        ("reach the red cube right of the blue one", (1, 2)),
+        ("the object that is not blue", [0, 3, 4]),
+        ("the object that isn't a cube", [2, 4]),
+        ("the cube that is not red", [1, 3]),
+        ("the blue one which is not a box", [2]),
+        ("the object that is not a blue cube", [0, 2, 3, 4]),
+        ("the cube that is not small", [0, 3]),
+        ("the object that is not a large cube", [0, 1, 2, 4]),
+        ("the cube that is not red right of the sphere", [1]),
     ],
 )
-def test_what_several_fit_is_told_with_all_of_them(sentence, candidates):
-    with pytest.raises(SeveralFit, match=f"any of {len(candidates)}: .*blue cube at ") as caught:
-        ground(parse(sentence), TABLE)
-    assert caught.value.candidates == candidates
+def test_negation_leaves_the_others(words, indices):
+    assert fitting(words) == indices
+
+
+@pytest.mark.parametrize(
+    ("words", "indices"),
+    [
+        ("the red cube", [0, 3]),
+        ("the transparent red cube", [3]),
+        ("the solid red one", [0]),
+        ("the opaque cube", [0, 1]),
+    ],
+)
+def test_see_through_places_are_told_from_things(words, indices):
+    assert fitting(words, PLACES) == indices
+
+
+@pytest.mark.parametrize("words", ["this", "that", "this cube", "that blue one", "here", "there", "over there"])
+def test_a_gesture_supplies_what_the_words_leave_open(words):
+    assert fitting(words, pointed=[1]) == [1]
+
+
+def test_gestures_meet_their_words_in_turn_and_the_last_one_stays():
+    assert steps("push this there", PLACES, [1, 3]) == [("push", 1, 3)]
+    assert steps("reach this, then reach that, then reach this", TABLE, [4, 2]) == [
+        ("reach", None, 4),
+        ("reach", None, 2),
+        ("reach", None, 2),
+    ]
+
+
+def test_a_relation_may_be_seen_from_what_is_shown():
+    assert fitting("the cube left of this", pointed=[2]) == [3]
+    assert fitting("the object between this and that sphere", pointed=[0, 2]) == [1]
+
+
+@pytest.mark.parametrize("words", ["this sphere", "that red one"])
+def test_a_gesture_does_not_overrule_the_words(words):
+    assert fitting(words, pointed=[1]) == []
+
+
+def test_only_what_is_real_is_moved_so_its_see_through_twin_does_not_count():
+    assert steps("push the red cube to the transparent red cube", PLACES) == [("push", 0, 3)]
+    with pytest.raises(SeveralFit):
+        parse("reach the red cube", PLACES)

@@ -30,10 +30,37 @@ def test_a_scene_does_not_change_with_the_arrays_it_was_made_from():
         made.positions[0] = 1
 
 
+def test_moved_things_are_the_same_things_elsewhere():
+    before = Scene(THINGS, viewpoint="human")
+    moved = before.moved([(0.6, 0.0, 0.1), (0.5, -0.1, 0.02)])
+    assert tuple(before) == THINGS
+    assert [thing.position for thing in moved] == [(0.6, 0.0, 0.1), (0.5, -0.1, 0.02)]
+    assert [(thing.noun, thing.size, thing.role) for thing in moved] == [
+        ("cube", 0.04, "real"),
+        ("sphere", 0.05, "target"),
+    ]
+    assert moved.viewpoint == "human"
+
+
+def test_the_human_sits_across_the_table_and_sees_it_turned_round():
+    seen = Scene(THINGS, viewpoint="human").seen
+    assert np.allclose(seen, [(0.6, -0.1, 0.02), (0.5, 0.1, 0.02)])
+    assert (Scene(THINGS).seen == Scene(THINGS).positions).all()
+
+
+def test_an_empty_scene_is_a_scene():
+    assert len(Scene([])) == 0
+
+
 @pytest.mark.parametrize(("nouns", "colors", "rows"), [([9], [0], 1), ([0], [-1], 1), ([0], [0, 1], 1), ([0], [0], 2)])
 def test_wrong_arrays_are_refused(nouns, colors, rows):
     with pytest.raises(LanguageError):
         Scene.from_arrays(nouns, colors, np.zeros((rows, 3)))
+
+
+def test_an_unknown_viewpoint_is_refused():
+    with pytest.raises(LanguageError, match="did you mean 'human'"):
+        Scene(THINGS, viewpoint="humans")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,221 @@
+"""The command line: `python -m language`. `main` reads the arguments, the functions below it do the commands."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from typing import NoReturn
+
+import numpy as np
+
+from language.answers import Dialogue, error_in_words, grounded, in_words
+from language.counting import count
+from language.describing import plain_name
+from language.errors import LanguageError
+from language.generator import DEEPEST, KINDS, Expressions
+from language.sampling import Sample, sample
+from language.scene_file import NamedScene, as_entries, read_scene
+from language.splits import Split
+from language.understanding import understand
+from language.viewpoint import VIEWPOINTS
+from language.wording import Wording
+
+WRONG = 2  # the exit code for a sentence that cannot be used, and for wrong arguments
+
+_ABOUT = "Sentences about objects on a table: understand them, name the objects, count and draw sentences."
+_EXAMPLES = """\
+examples:
+  python -m language parse "reach the red cube" --scene scene.yaml --json
+  python -m language parse "reach this" --scene scene.yaml --pointed a
+  python -m language parse - --scene scene.yaml < sentences.txt
+  python -m language describe --scene scene.yaml --all
+  python -m language sample --n 5 --steps 3 --varied
+  python -m language count
+
+scene.yaml is a list of objects; positions and sizes are in metres, x away from the robot, y to its left, z up:
+  - {id: a, noun: cube, color: red, position: [0.5, 0.1, 0.0]}
+  - {id: b, noun: sphere, color: blue, position: [0.4, 0.0, 0.0], size: 0.04}
+  - {id: t, noun: cube, color: red, position: [0.6, -0.2, 0.0], role: target}
+
+exit codes: 0 done; 2 a sentence that cannot be used, a wrong scene or wrong arguments; 130 interrupted."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with the arguments."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(WRONG, f"error: {message}; see {self.prog} --help\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one command, by default that of the process's arguments; gives its exit code."""
+    options = _arguments().parse_args(arguments)
+    try:
+        return options.command(options)
+    except LanguageError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return WRONG
+
+
+def _arguments() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="python -m language",
+        description=_ABOUT,
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    commands = parser.add_subparsers(title="commands", metavar="command", required=True)
+    _add_parse(_command(commands, "parse", parse_command, "what a sentence asks for, or what is wrong with it"))
+    _add_describe(_command(commands, "describe", describe_command, "a name for each object of a scene"))
+    _command(commands, "count", count_command, f"how many sentences there are, by depth 0 to {DEEPEST}")
+    _add_sample(_command(commands, "sample", sample_command, "random sentences"))
+    return parser
+
+
+def _command(commands, name: str, run: Callable[[argparse.Namespace], int], about: str) -> argparse.ArgumentParser:
+    parser = commands.add_parser(name, help=about, description=about.capitalize() + ".", allow_abbrev=False)
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(command=run)
+    return parser
+
+
+def _add_scene(parser: argparse.ArgumentParser, required: bool = False) -> None:
+    parser.add_argument("--scene", metavar="FILE", required=required, help="the scene, a YAML file")
+    parser.add_argument("--viewpoint", choices=list(VIEWPOINTS), help="whose left is left; the robot's by default")
+
+
+def _add_parse(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("sentence", help='in quotes; "-" reads one a line from standard input and prints JSON lines')
+    _add_scene(parser)
+    parser.add_argument(
+        "--pointed", metavar="ID", action="append", default=[], help="the object of a gesture; once for each gesture"
+    )
+
+
+def _add_describe(parser: argparse.ArgumentParser) -> None:
+    _add_scene(parser, required=True)
+    parser.add_argument("--all", action="store_true", help="every phrase that names the object, up to one relation")
+
+
+def _add_sample(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--n", type=_whole(1), default=20, help="how many sentences (20)")
+    parser.add_argument("--seed", type=_whole(0), default=0, help="the same seed gives the same sentences (0)")
+    _add_scene(parser)
+    parser.add_argument("--depth", type=_whole(0, DEEPEST), help=f"relations nested in each phrase, 0 to {DEEPEST}")
+    parser.add_argument("--steps", type=_whole(1, 10), default=1, help="steps of each instruction, 1 to 10 (1)")
+    parser.add_argument("--varied", action="store_true", help="in drawn words, not always in the plainest")
+
+
+def _whole(low: int, high: float = math.inf) -> Callable[[str], int]:
+    """A reader of whole numbers from low to high."""
+
+    def read(text: str) -> int:
+        wanted = f"a whole number from {low} to {high}" if high < math.inf else f"a whole number of at least {low}"
+        if not text.isdecimal() or len(text) > 18 or not low <= int(text) <= high:
+            raise argparse.ArgumentTypeError(f"{text[:40]!r} must be {wanted}")
+        return int(text)
+
+    return read
+
+
+def parse_command(options: argparse.Namespace) -> int:
+    """One sentence in words or as JSON, or those of standard input as JSON lines."""
+    named = _scene(options)
+    if options.pointed and named is None:
+        raise LanguageError("--pointed needs --scene: a gesture singles out an object")
+    dialogue = Dialogue(named, [named.index(name) for name in options.pointed] if named else [])
+    if options.sentence == "-":
+        return _parse_lines(dialogue, sys.stdin)
+    answer = dialogue.answer(options.sentence)
+    if options.json:
+        _print_json(answer)
+    elif "error" in answer:
+        print(error_in_words(answer, options.sentence), file=sys.stderr)
+    else:
+        print(in_words(answer, dialogue.previous.meaning if dialogue.previous else None))
+    return WRONG if "error" in answer else 0
+
+
+def _parse_lines(dialogue: Dialogue, lines: Iterable[str]) -> int:
+    status = 0
+    for line in lines:
+        if line.strip():
+            answer = dialogue.answer(line.rstrip("\r\n"))
+            _print_json(answer)
+            status = WRONG if "error" in answer else status
+    return status
+
+
+def describe_command(options: argparse.Namespace) -> int:
+    """Each object's id with its plainest name, or with all of its names."""
+    named = _scene(options)
+    assert named is not None
+    expressions = Expressions(named.scene, Split())
+    found = (_names(index, name, expressions, options.all) for index, name in enumerate(named.ids))
+    if options.json:
+        _print_json(list(found))
+        return 0
+    width = max(map(len, named.ids))
+    for thing in found:
+        print(f"{thing['id']:{width}}  {thing['name'] or '(no words tell it from its like)'}")
+        for phrase in thing.get("phrases", ()):
+            print(f"{'':{width}}    {phrase}")
+    return 0
+
+
+def _names(index: int, name: str, expressions: Expressions, every: bool) -> dict:
+    try:
+        found: dict = {"id": name, "name": str(plain_name(index, expressions))}
+    except LanguageError:
+        found = {"id": name, "name": None}
+    if every:
+        kinds = [kind for kind in KINDS if kind != "nested"]  # of those there are too many to list
+        found["phrases"] = [str(phrase) for kind in kinds for phrase in expressions.all(kind, index)]
+    return found
+
+
+def count_command(options: argparse.Namespace) -> int:
+    """The number of different sentences of one step by depth, exact and as a power of ten."""
+    counted = [(depth, count(depth)) for depth in range(DEEPEST + 1)]
+    if options.json:
+        _print_json([{"depth": depth, "sentences": n, "log10": round(math.log10(n), 2)} for depth, n in counted])
+        return 0
+    for depth, n in counted:
+        print(f"depth {depth}: {n:,}, about 10^{math.log10(n):.1f}")
+    return 0
+
+
+def sample_command(options: argparse.Namespace) -> int:
+    """Random sentences, a line each; as JSON with their steps and, where it was drawn, their scene."""
+    named = _scene(options)
+    rng = np.random.default_rng(options.seed)
+    wording = Wording() if options.varied else None
+    scene = named.scene if named else None
+    for drawn in sample(options.n, rng, scene, options.depth, options.steps, wording):
+        if options.json:
+            _print_json(_sampled(drawn, named))
+        else:
+            print(drawn.sentence)
+    return 0
+
+
+def _sampled(drawn: Sample, named: NamedScene | None) -> dict:
+    around = named or NamedScene(drawn.scene, tuple(f"o{index}" for index in range(len(drawn.scene))))
+    answer = {"sentence": drawn.sentence, **grounded(understand(drawn.command, drawn.scene), around)}
+    return answer if named else answer | {"scene": as_entries(around)}
+
+
+def _scene(options: argparse.Namespace) -> NamedScene | None:
+    if options.scene is not None:
+        return read_scene(options.scene, options.viewpoint or "robot")
+    if options.viewpoint is not None:
+        raise LanguageError("--viewpoint needs --scene: without one, left and right make no difference")
+    return None
+
+
+def _print_json(answer: object) -> None:
+    print(json.dumps(answer), flush=True)  # at once: who talks to us through a pipe waits for it

@@ -1,0 +1,184 @@
+"""A scene as a YAML file: a list of objects, each with an id, and one clear line for whatever is wrong with it.
+
+- {id: a, noun: cube, color: red, position: [0.5, 0.1, 0.0]}
+- {id: t, noun: cube, color: red, position: [0.4, -0.2, 0.0], size: 0.05, role: target}
+"""
+
+from __future__ import annotations
+
+import math
+import reprlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from language.colors import COLORS
+from language.errors import LanguageError, check_known
+from language.objects import NOUNS, ROLES, Object, Scene
+
+MOST = 64  # objects: telling them apart takes time and memory that grow with the third power of their number
+FARTHEST = 1000.0  # metres: the greatest coordinate and size
+NEEDED, OPTIONAL = ("noun", "color", "position"), ("id", "size", "role")
+_CHOICES: dict[str, Iterable[str]] = {"noun": NOUNS, "color": COLORS, "role": ROLES}
+_FORM = "{id, noun, color, position: [x, y, z], size, role}"
+# What PyYAML raises: for syntax, for a value that is not of its type (a 13th month), for what nests without end.
+_UNREADABLE = (ValueError, LookupError, AttributeError, TypeError, RecursionError)
+
+
+class SceneFileError(LanguageError):
+    """A scene file that cannot be used as it stands; the text names file, object, key, value and what is right."""
+
+
+@dataclass(frozen=True)
+class NamedScene:
+    """A scene whose K objects have ids: K different texts, in the scene's order."""
+
+    scene: Scene
+    ids: tuple[str, ...]
+
+    def index(self, name: str) -> int:
+        """The index of the object with this id. Raises LanguageError."""
+        check_known("object id", name, self.ids)
+        return self.ids.index(name)
+
+    def id(self, index: int | None) -> str | None:
+        """The id of the object of this index; None for none."""
+        return None if index is None else self.ids[index]
+
+
+def read_scene(path: str | Path, viewpoint: str = "robot") -> NamedScene:
+    """The scene that the YAML file describes, seen from this viewpoint; positions and sizes in metres.
+
+    Where an object has no id, it is "o" and its place in the list, from 0; size is 0.05 and role is "real" unless
+    they are given. Raises SceneFileError.
+    """
+    try:
+        entries = _load(Path(path))
+        objects, ids = _objects(entries)
+    except SceneFileError as error:
+        raise SceneFileError(f"{path}: {error}") from None
+    return NamedScene(Scene(objects, viewpoint), tuple(ids))
+
+
+def as_entries(named: NamedScene) -> list[dict[str, Any]]:
+    """The list that a scene file holds; positions in tenths of a millimetre."""
+    return [
+        {
+            "id": name,
+            "noun": thing.noun,
+            "color": thing.color,
+            "position": [round(x, 4) for x in thing.position],
+            "size": thing.size,
+            "role": thing.role,
+        }
+        for name, thing in zip(named.ids, named.scene, strict=True)
+    ]
+
+
+def _load(path: Path) -> list:
+    import yaml  # only where there is a file to read
+
+    try:
+        loaded = yaml.safe_load(path.read_bytes())
+    except OSError as error:
+        raise SceneFileError(f"cannot be read: {error.strerror or error}") from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        raise SceneFileError(f"is not YAML: {where}{error.problem}") from None
+    except yaml.YAMLError as error:
+        raise SceneFileError(f"is not YAML: {' '.join(str(error).split())}") from None
+    except _UNREADABLE as error:
+        raise SceneFileError(f"is not YAML that can be read: {' '.join(str(error).split())[:200]}") from None
+    if not isinstance(loaded, list):
+        raise SceneFileError(f"must be a list of objects {_FORM}, not {_shown(loaded)}")
+    if not 0 < len(loaded) <= MOST:
+        raise SceneFileError(f"lists {len(loaded)} objects; give 1 to {MOST}")
+    return loaded
+
+
+def _objects(entries: list) -> tuple[list[Object], list[str]]:
+    objects: list[Object] = []
+    ids: list[str] = []
+    for index, entry in enumerate(entries):
+        where = f"object {index + 1}"
+        if not isinstance(entry, dict):
+            raise SceneFileError(f"{where}: must be {_FORM}, not {_shown(entry)}")
+        try:
+            name = _id(entry.get("id", f"o{index}"), ids)
+            where += f" ({name!r})"
+            objects.append(_object(entry))
+        except LanguageError as error:
+            raise SceneFileError(f"{where}: {error}") from None
+        ids.append(name)
+    return objects, ids
+
+
+def _id(name: Any, taken: list[str]) -> str:
+    if not isinstance(name, str):
+        raise SceneFileError(f"id {_shown(name)} must be text; put it in quotes")
+    if not name.strip() or not name.isprintable() or len(name) > 40:
+        raise SceneFileError(f"id {_shown(name)} must be 1 to 40 printable characters")
+    if name in taken:
+        raise SceneFileError(f"id {name!r} is taken by object {taken.index(name) + 1}; give each one its own")
+    return name
+
+
+def _object(entry: dict) -> Object:
+    for key in entry:
+        if key not in (*NEEDED, *OPTIONAL):
+            check_known("key of an object", key if isinstance(key, str) else _shown(key), (*NEEDED, *OPTIONAL))
+    for key in NEEDED:
+        if key not in entry:
+            raise SceneFileError(f"{key} is missing; an object needs {', '.join(NEEDED)}")
+    words = {key: _word(key, entry.get(key, "real"), choices) for key, choices in _CHOICES.items()}
+    x, y, z = _position(entry["position"])
+    size = _number("size", entry.get("size", 0.05))
+    if size <= 0:
+        raise SceneFileError(f"size {size} must be above 0 metres")
+    return Object(words["noun"], words["color"], (x, y, z), size, words["role"])
+
+
+def _word(key: str, value: Any, choices: Iterable[str]) -> str:
+    if not isinstance(value, str):
+        raise SceneFileError(f"{key} {_shown(value)} must be a word: {', '.join(choices)}")
+    try:
+        check_known(key, value, choices)
+    except LanguageError as error:
+        raise SceneFileError(f"{key} {error}") from None
+    return value
+
+
+def _position(value: Any) -> list[float]:
+    if not isinstance(value, list):
+        raise SceneFileError(f"position {_shown(value)} must be a list of three numbers [x, y, z] in metres")
+    if len(value) != 3:
+        raise SceneFileError(f"position {_shown(value)} has {len(value)} numbers; give three, [x, y, z] in metres")
+    return [_number(f"position[{axis}]", number) for axis, number in enumerate(value)]
+
+
+def _number(key: str, value: Any) -> float:
+    """The value as a finite number of metres."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise SceneFileError(f"{key} {_shown(value)} must be a number of metres{_as_number(value)}")
+    if not -FARTHEST <= value <= FARTHEST or math.isnan(value):
+        raise SceneFileError(f"{key} {_shown(value)} must be a number from {-FARTHEST:g} to {FARTHEST:g} metres")
+    return float(value)
+
+
+def _as_number(text: Any) -> str:
+    """How to write what looks like a number but is text to YAML, such as 1e-1."""
+    try:
+        number = float(text) if isinstance(text, str) else math.nan
+    except ValueError:
+        return ""
+    return f"; write {number}" if math.isfinite(number) else ""
+
+
+def _shown(value: Any) -> str:
+    """The value, cut where it is too long or nests too deep to repeat."""
+    try:
+        return "nothing" if value is None else reprlib.repr(value)
+    except ValueError:  # Python refuses to write out an integer of more than 4300 digits
+        return "a number of thousands of digits"

@@ -1,0 +1,50 @@
+"""The same in other words: sentences drawn from all the ways that the grammar understands."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.random import Generator
+
+from language.errors import LanguageError
+from language.instruction import Meaning, ObjectPhrase
+from language.lexicon import lexicon
+from language.splits import Split
+
+POLITE = 0.15  # how often a sentence opens, and how often it closes, with a polite word
+TRIES = 100
+
+
+class Wording:
+    """Says meanings in drawn words: every word and template evenly among its synonyms, as far as the split goes.
+
+    train and its like never use a held-out phrase, test_paraphrase uses at least one in each sentence.
+    """
+
+    def __init__(self, split: Split | None = None) -> None:
+        split = split or Split()
+        self._held = frozenset(split.held_out.phrases)
+        self._wants_held, self._all = split.name == "test_paraphrase", split.name == "all"
+
+    def say(self, meaning: Meaning | ObjectPhrase, rng: Generator) -> str:
+        """The meaning in drawn words. Raises LanguageError where none of them is a held-out one that is asked for."""
+        for _ in range(TRIES):
+            used: list[str] = []
+            sentence = meaning.words(lambda category, means: self._form(category, means, rng, used))  # noqa: B023
+            if not self._wants_held or self._held.intersection(used):
+                return self._politely(sentence, rng) if not isinstance(meaning, ObjectPhrase) else sentence
+        raise LanguageError(f"'{meaning}' cannot be said with a held-out phrase")
+
+    def _form(self, category: str, meaning: Any, rng: Generator, used: list[str]) -> str:
+        forms = lexicon().forms(category, meaning)
+        if not (self._all or self._wants_held):
+            forms = tuple(form for form in forms if form not in self._held)
+        form = forms[rng.integers(len(forms))] if len(forms) > 1 else forms[0]
+        used.append(form)
+        return form
+
+    def _politely(self, sentence: str, rng: Generator) -> str:
+        opens, closes = rng.random(2) < POLITE
+        if opens:
+            sentence = f"{self._form('opening', 'opening', rng, [])} {sentence}"
+        return f"{sentence}, {self._form('closing', 'closing', rng, [])}" if closes else sentence

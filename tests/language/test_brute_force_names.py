@@ -1,0 +1,94 @@
+"""Who can be named, beside every phrase that could be said, tried one after the other."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from language_cases import random_scenes
+
+from language import COLORS, KINDS, NOUNS, RELATIONS, ROLES, SUPERLATIVES, Describer, ObjectPhrase, matches
+from language.relations import ABSENT, CLEAR
+
+
+@pytest.mark.parametrize("redundant", [False, True])
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "nested"])
+def test_an_object_is_nameable_just_where_some_sentence_names_it(kind, redundant):
+    for each in random_scenes(24, counts=range(1, 5), seed=3):
+        named = Describer([kind], redundant=redundant).nameable(each).tolist()
+        brute = Brute(each, redundant)
+        possible = set().union(*map(brute.named, brute.every(kind)))
+        assert named == [index in possible for index in range(len(each))]
+
+
+class Brute:
+    """Says every phrase of a kind about a scene, and asks whom it may be said of."""
+
+    def __init__(self, scene, redundant):
+        self.scene, self.fewest = scene, 1 if redundant else 2
+        self.fits = cache(lambda phrase: matches(phrase, scene))
+        self.heads = [head for head in all_heads(scene) if self.fits(head).any()]
+
+    def every(self, kind):
+        anchors = [head for head in self.heads if head.kind in ("color", "shape", "color_shape") and not head.role]
+        for head in self.heads:
+            words = {"noun": head.noun, "color": head.color, "size": head.size, "role": head.role}
+            if kind == "superlative":
+                yield from (ObjectPhrase(**words, superlative=known) for known in SUPERLATIVES)
+            elif kind == "negation":
+                yield from (ObjectPhrase(**words, excluded=ObjectPhrase(color=c)) for c in COLORS if not head.color)
+                yield from (ObjectPhrase(**words, excluded=ObjectPhrase(noun)) for noun in NOUNS if not head.noun)
+            elif kind == "relation":
+                for known in RELATIONS.values():
+                    for chosen in [(a,) for a in anchors] if known.anchors == 1 else pairs(anchors):
+                        yield ObjectPhrase(**words, relation=known.phrase, anchors=chosen)
+            elif kind == ObjectPhrase(head.noun, head.color, size=head.size).kind:
+                yield head
+
+    def named(self, phrase):
+        """The index of whom the phrase may be said, if anybody: clearly that one, and nobody in another reading."""
+        fits = self.fits(ObjectPhrase(phrase.noun, phrase.color, size=phrase.size, role=phrase.role))
+        more = phrase.excluded or phrase.superlative or phrase.relation
+        if more and fits.sum() < self.fewest:
+            return set()
+        if phrase.excluded:
+            fits = self.excluding(phrase, fits)
+        elif phrase.superlative:
+            known = SUPERLATIVES[phrase.superlative]
+            fits = ahead(known.score(self.scene.seen, self.scene.sizes), fits, known.clear)
+        elif phrase.relation:
+            fits = self.related(phrase, fits)
+        return set(fits.nonzero()[0].tolist()) if fits.sum() == 1 else set()
+
+    def excluding(self, phrase, fits):
+        return fits & self.fits(phrase) if self.fits(phrase.excluded).any() else np.zeros_like(fits)
+
+    def related(self, phrase, fits):
+        known = RELATIONS[phrase.relation]
+        anchors = [self.fits(anchor) for anchor in phrase.anchors]
+        seen_from = [int(anchor.argmax()) for anchor in anchors]
+        if any(anchor.sum() != 1 for anchor in anchors) or len(set(seen_from)) < len(anchors):
+            return np.zeros_like(fits)
+        margin = known.margin(self.scene.seen, *(self.scene.seen[index] for index in seen_from))
+        margin[seen_from] = -np.inf
+        if known.best:
+            return ahead(margin, fits, CLEAR)
+        possible = fits & (margin >= ABSENT)
+        return possible if (margin[possible] > CLEAR).all() else np.zeros_like(fits)
+
+
+def all_heads(scene):
+    """Every noun, colour, size and role together that could be said of the scene's objects."""
+    for noun, color in {(n, c) for thing in scene for n in (None, thing.noun) for c in (None, thing.color)}:
+        for size in (None, "small", "large"):
+            for role in (None, *ROLES) if scene.targets.any() else (None,):
+                yield ObjectPhrase(noun, color, size=size, role=role)
+
+
+def pairs(things):
+    return [(one, other) for one in things for other in things]
+
+
+def ahead(score, fits, clear):
+    """Who has the best score, and all who come near it."""
+    score = np.where(fits, score, -np.inf)
+    return np.isfinite(score) & (score >= score.max() - clear)

@@ -1,0 +1,235 @@
+"""`python -m language` as a person and a program use it."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+
+import language
+from language import Wording, parse, say, understand
+from language.answers import underlined
+from language.cli import main
+from language.sampling import sample
+from language.scene_file import read_scene
+
+SCENE = """\
+- {id: a, noun: cube, color: red, position: [0.5, 0.1, 0.0]}
+- {id: b, noun: sphere, color: blue, position: [0.4, 0.0, 0.0], size: 0.04}
+- {id: c, noun: cube, color: blue, position: [0.6, 0.2, 0.0]}
+- {id: t, noun: cube, color: green, position: [0.6, -0.2, 0.0], role: target}
+"""
+TWINS = "".join(f"- {{noun: cube, color: red, position: [0.5, 0.1, {z}]}}\n" for z in (0, 0))
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE)
+    return str(path)
+
+
+def printed(capsys, *arguments):
+    assert main(arguments) == 0
+    return capsys.readouterr().out
+
+
+def answered(capsys, *arguments):
+    """The JSON of a sentence, and the exit code."""
+    status = main(["parse", *arguments, "--json"])
+    return json.loads(capsys.readouterr().out), status
+
+
+def test_a_sentence_gives_its_objects_reward_and_networks(capsys, scene):
+    step = {"task": "pick_and_place", "init": "a", "goal": "t", "reward": "pnp", "networks": 3}
+    sentence = "pick the red cube and place it to the same position as the transparent green cube"
+    assert answered(capsys, sentence, "--scene", scene) == ({**step, "steps": [step]}, 0)
+
+
+def test_a_chain_lists_its_steps_and_the_first_stands_on_top(capsys, scene):
+    answer, status = answered(capsys, "lift the red cube, then reach the sphere", "--scene", scene)
+    assert [(step["task"], step["init"], step["goal"]) for step in answer["steps"]] == [
+        ("lift", "a", None),
+        ("reach", None, "b"),
+    ]
+    assert {**answer["steps"][0], "steps": answer["steps"]} == answer
+    assert status == 0
+
+
+@pytest.mark.parametrize(
+    ("sentence", "error", "position", "candidates"),
+    [
+        ("reach the bleu one", "syntax", 10, []),
+        ("", "syntax", 0, []),
+        ("reach the red sphere", "nothing", 6, []),
+        ("reach there", "nothing", 6, []),
+        ("no, the blue one", "nothing", 0, []),
+        ("reach the blue one", "ambiguous", 6, ["b", "c"]),
+        ("lift the red cube, then reach the blue one", "ambiguous", 30, ["b", "c"]),
+    ],
+)
+def test_an_error_gives_kind_place_and_candidates(capsys, scene, sentence, error, position, candidates):
+    answer, status = answered(capsys, sentence, "--scene", scene)
+    assert (answer["error"], answer["position"], answer["candidates"]) == (error, position, candidates)
+    assert answer["message"]
+    assert status == 2
+    assert ("expected" in answer) == (error == "syntax")
+
+
+def test_a_person_reads_words_on_one_stream_and_what_is_wrong_on_the_other(capsys, scene):
+    assert main(["parse", "reach the blue cube", "--scene", scene]) == 0
+    out, errors = capsys.readouterr()
+    assert out.splitlines()[0] == "reach the blue cube"
+    assert "goal c" in out
+    assert not errors
+    assert main(["parse", "reach the blue one", "--scene", scene]) == 2
+    out, errors = capsys.readouterr()
+    assert errors.splitlines()[:2] == ["reach the blue one", "      ^"]
+    assert "candidates: b, c" in errors
+    assert not out
+
+
+def test_the_caret_stands_under_its_letter_whatever_comes_before():
+    assert underlined("reach\tthe bleu", 10) == ("reach the bleu", " " * 10 + "^")
+    assert underlined("\x1b[2J的 x", 6)[1] == " " * 7 + "^"
+    assert "\x1b" not in underlined("\x1b[2J", 0)[0]
+    shown, caret = underlined("word " * 200_000, 500_000)
+    assert len(shown) < 200
+    assert shown[len(caret) - 1] == "w"
+
+
+def test_gestures_and_viewpoint(capsys, scene):
+    assert answered(capsys, "reach this", "--scene", scene, "--pointed", "c")[0]["goal"] == "c"
+    put = answered(capsys, "put this there", "--scene", scene, "--pointed", "b", "--pointed", "t")[0]
+    assert (put["init"], put["goal"]) == ("b", "t")
+    assert answered(capsys, "reach the left cube", "--scene", scene)[0]["goal"] == "c"
+    assert answered(capsys, "reach the left cube", "--scene", scene, "--viewpoint", "human")[0]["goal"] == "t"
+
+
+def test_without_a_scene_only_the_words_are_checked(capsys):
+    step = {"task": "push", "object": "the blue object", "place": "the sphere"}
+    assert answered(capsys, "push the blue one to the ball") == ({**step, "steps": [step]}, 0)
+    assert answered(capsys, "no, the blue one")[0]["object"] == "the blue object"
+    assert answered(capsys, "push the blue one")[1] == 2
+    assert printed(capsys, "parse", "reach the tin") == "task reach, object the cylinder\n"
+
+
+def test_lines_are_answered_one_by_one_and_corrections_revise_what_was_understood(capsys, scene, monkeypatch):
+    lines = "lift the red cube\n\n  \nlift the nothing\nno, the blue one\r\nno, the green one\nreach the sphere"
+    monkeypatch.setattr("sys.stdin", io.StringIO(lines))
+    assert main(["parse", "-", "--scene", scene]) == 2
+    answers = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [answer.get("init", answer.get("error")) for answer in answers] == ["a", "syntax", "c", "nothing", None]
+    assert answers[-1]["goal"] == "b"
+
+
+def test_help_shows_examples_and_the_scene_file(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["--help"])
+    shown = capsys.readouterr().out
+    assert not ended.value.code
+    assert "python -m language parse" in shown
+    assert "role: target" in shown
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "required: command"),
+        (["foo"], "invalid choice: 'foo'"),
+        (["sample", "--n", "0"], "'0' must be a whole number of at least 1"),
+        (["sample", "--n", "many"], "'many'"),
+        (["sample", "--seed", "-1"], "'-1'"),
+        (["sample", "--depth", "4"], "from 0 to 3"),
+        (["sample", "--steps", "9" * 5000], "from 1 to 10"),
+        (["describe"], "--scene"),
+        (["parse", "x", "--viewpoint", "cat", "--scene", "s"], "'cat' (choose from 'robot', 'human')"),
+    ],
+)
+def test_wrong_arguments_get_one_line(arguments, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    errors = capsys.readouterr().err
+    assert ended.value.code == 2
+    assert errors.startswith("error: ")
+    assert errors.count("\n") == 1
+    assert said in errors
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--pointed", "a"], "--pointed needs --scene"),
+        (["--viewpoint", "human"], "--viewpoint needs --scene"),
+        (["--scene", "/nowhere.yaml"], "/nowhere.yaml: cannot be read"),
+    ],
+)
+def test_options_that_need_a_scene_say_so(arguments, said, capsys):
+    assert main(["parse", "reach this", *arguments]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_gesture_at_an_unknown_object_names_the_known_ones(capsys, scene):
+    assert main(["parse", "reach this", "--scene", scene, "--pointed", "x"]) == 2
+    assert "'x' is not a known object id; choose from a, b, c, t" in capsys.readouterr().err
+
+
+def test_describe_names_every_object(capsys, scene):
+    names = dict(line.split("  ", 1) for line in printed(capsys, "describe", "--scene", scene).splitlines())
+    assert names == {"a": "the red cube", "b": "the blue sphere", "c": "the blue cube", "t": "the green cube"}
+
+
+def test_describe_all_lists_phrases_that_name_the_object(capsys, scene):
+    named = read_scene(scene)
+    for thing in json.loads(printed(capsys, "describe", "--scene", scene, "--all", "--json")):
+        assert thing["name"] in thing["phrases"]
+        for phrase in thing["phrases"][::3]:
+            assert named.ids[parse(f"reach {phrase}", named.scene).steps[0].goal] == thing["id"]
+
+
+def test_describe_tells_what_no_words_tell_apart(capsys, tmp_path):
+    (tmp_path / "twins.yaml").write_text(TWINS)
+    words = printed(capsys, "describe", "--scene", str(tmp_path / "twins.yaml"), "--all")
+    assert words.splitlines() == [f"o{i}  (no words tell it from its like)" for i in (0, 1)]
+
+
+def test_count_is_exact_and_in_powers_of_ten(capsys):
+    counted = json.loads(printed(capsys, "count", "--json"))
+    assert [row["depth"] for row in counted] == [0, 1, 2, 3]
+    assert [row["sentences"] for row in counted] == [language.count(depth) for depth in range(4)]
+    assert [int(row["log10"]) for row in counted] == [len(str(row["sentences"])) - 1 for row in counted]
+    assert f"{counted[0]['sentences']:,}" in printed(capsys, "count")
+
+
+@pytest.mark.parametrize("depth", [None, 0, 1, 2, 3])
+@pytest.mark.parametrize("steps", [1, 3])
+def test_what_is_sampled_is_understood_and_of_the_depth_asked_for(depth, steps):
+    rng = np.random.default_rng(0)
+    for drawn in sample(20, rng, depth=depth, steps=steps, wording=Wording()):
+        assert parse(drawn.sentence) == parse(say(drawn.command)) == drawn.command
+        assert len(understand(drawn.command, drawn.scene).steps) == steps
+        if depth is not None:
+            assert {step.phrase.depth for step in drawn.command.steps} == {depth}
+
+
+def test_samples_carry_the_scene_they_are_said_in(capsys, tmp_path):
+    for line in printed(capsys, "sample", "--n", "10", "--json", "--varied").splitlines():
+        drawn = json.loads(line)
+        (tmp_path / "drawn.yaml").write_text(json.dumps(drawn.pop("scene")))  # JSON is YAML
+        answer, status = answered(capsys, drawn.pop("sentence"), "--scene", str(tmp_path / "drawn.yaml"))
+        assert (answer, status) == (drawn, 0)
+
+
+def test_samples_repeat_with_their_seed_and_keep_to_their_scene(capsys, scene):
+    first = printed(capsys, "sample", "--n", "30", "--seed", "7", "--scene", scene)
+    assert first == printed(capsys, "sample", "--n", "30", "--seed", "7", "--scene", scene)
+    assert first != printed(capsys, "sample", "--n", "30", "--seed", "8", "--scene", scene)
+    named = read_scene(scene)
+    tasks = [parse(line, named.scene).steps[0] for line in first.splitlines()]
+    assert {named.id(step.goal) for step in tasks if step.init is not None} <= {"t", None}
+
+
+def test_what_a_scene_cannot_give_is_told(capsys, tmp_path):
+    (tmp_path / "twins.yaml").write_text(TWINS)
+    assert main(["sample", "--scene", str(tmp_path / "twins.yaml"), "--depth", "3"]) == 2
+    assert "no instruction of 1 step with 3 nested relations can be said here" in capsys.readouterr().err

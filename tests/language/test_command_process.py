@@ -1,0 +1,93 @@
+"""`python -m language` as a process: pipes, signals, exit codes, and what it loads."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import language
+
+ROOT = Path(language.__file__).parent.parent
+COMMAND = [sys.executable, "-m", "language"]
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "- {id: a, noun: cube, color: red, position: [0.5, 0.1, 0.0]}\n"
+        "- {id: c, noun: cube, color: blue, position: [0.6, 0.2, 0.0]}\n"
+    )
+    return str(path)
+
+
+def run(*arguments, **options):
+    """The command when it has ended."""
+    options = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True} | options
+    return subprocess.run([*COMMAND, *arguments], cwd=ROOT, timeout=60, **options)
+
+
+def start(*arguments):
+    """The command as it runs, with a pipe for each stream."""
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    return subprocess.Popen([*COMMAND, *arguments], text=True, cwd=ROOT, **pipes)
+
+
+def test_it_can_be_talked_to_through_a_pipe(scene):
+    with start("parse", "-", "--scene", scene) as process:
+        for sentence, goal in (("reach the red cube", "a"), ("no, the blue one", "c")):
+            process.stdin.write(sentence + "\n")
+            process.stdin.flush()
+            assert json.loads(process.stdout.readline())["goal"] == goal
+        process.stdin.close()
+        assert process.wait(timeout=20) == 0
+
+
+def test_ctrl_c_ends_it_quietly(scene):
+    with start("parse", "-", "--scene", scene) as process:
+        process.stdin.write("reach the red cube\n")
+        process.stdin.flush()
+        process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20) == 130
+        assert process.stderr.read() == ""
+
+
+def test_a_reader_that_stops_is_no_error():
+    with start("sample", "--n", "100000", "--depth", "0") as process:
+        assert process.stdout.readline()
+        process.stdout.close()
+        assert process.wait(timeout=20) == 141
+        assert process.stderr.read() == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_is_told_in_one_line():
+    with open("/dev/full", "w") as full:
+        done = run("sample", "--n", "1", stdout=full)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_bytes_that_are_no_text_are_words_that_are_not_understood(scene):
+    done = run("parse", "-", "--scene", scene, text=False, input=b"reach the \xff cube\nreach the red cube\n")
+    first, second = map(json.loads, done.stdout.splitlines())
+    assert (first["error"], first["position"], second["goal"], done.returncode) == ("syntax", 10, "a", 2)
+
+
+def test_the_command_line_loads_nothing_heavy():
+    code = "import sys, language.cli; print(*{'torch', 'lark', 'yaml', 'pybullet'} & set(sys.modules))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert found.stdout.split() == []
+
+
+def test_the_process_gives_the_exit_code_of_its_command(scene):
+    assert run("parse", "reach the red cube", "--scene", scene).returncode == 0
+    done = run("parse", "reach the red sphere", "--scene", scene, env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "Traceback" not in done.stderr

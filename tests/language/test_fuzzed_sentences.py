@@ -1,0 +1,53 @@
+"""Whatever is typed, the answer is a meaning or one of the three errors."""
+
+import string
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from language_cases import TABLE, answer, meanings
+
+from language import NothingFits, NotUnderstood, SeveralFit, Tokenizer, Understood, parse, say
+
+WORDS = st.sampled_from([*Tokenizer.default().vocabulary[2:], ",", ".", "!", "?", "-", "\x00", "'", "\u202e", "\ud800"])
+HOSTILE = st.text(max_size=60) | st.text(st.characters(categories=["Cs", "Cc", "Cf", "Mn", "Lo"]), max_size=40)
+
+
+def check(sentence):
+    got = answer(sentence, TABLE)
+    assert isinstance(got, Understood | NotUnderstood | NothingFits | SeveralFit)
+    if isinstance(got, Understood):
+        assert len(say(got.meaning)) > 1000 or parse(say(got.meaning)) == got.meaning
+    else:
+        assert 0 <= got.position <= len(sentence)
+        assert 0 < len(str(got)) < 1000
+        str(got).encode()  # so that it can be printed
+
+
+@settings(max_examples=300, deadline=None)
+@given(HOSTILE | st.lists(WORDS | st.text(max_size=5), max_size=40).map(" ".join))
+def test_any_text_gives_an_answer_or_one_of_the_three_errors(text):
+    check(text)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.text(alphabet=string.printable, max_size=1100))
+def test_long_noise_gives_an_answer_or_one_of_the_three_errors(text):
+    check(text)
+
+
+@settings(max_examples=200, deadline=None)
+@given(meanings.map(say), st.data())
+def test_a_good_sentence_broken_anywhere_gives_an_answer_or_one_of_the_three_errors(sentence, data):
+    words = sentence.split(" ")
+    at = data.draw(st.integers(0, len(words) - 1))
+    check(sentence[: data.draw(st.integers(0, len(sentence)))])
+    check(" ".join(words[:at] + words[at + 1 :]))
+    check(" ".join(data.draw(st.permutations(words))))
+
+
+def test_the_deepest_nesting_that_fits_a_sentence_is_answered():
+    for nest in ("the one by " * 89 + "it", "the one between " * 30 + "the red cube" + " and the sphere" * 30):
+        check(f"reach {nest}")
+    check("after you " * 90 + "reach the ball")
+    check(" and ".join(["lift the sphere"] * 45))
+    check("no " * 300 + "the ball")

@@ -1,0 +1,91 @@
+"""What is held out is never said in training, and always in the test of it."""
+
+import numpy as np
+import pytest
+from language_cases import random_scenes
+
+from language import KINDS, Describer, HeldOut, Instruction, LanguageError, Split, ground
+
+HELD_OUT = HeldOut(
+    color_noun=(("red", "cube"), ("blue", "sphere"), ("gray", "cylinder"), ("green", "cube")),
+    relation_noun=(("left of", "cube"), ("near", "sphere"), ("between", "cylinder")),
+    phrases=("ball",),
+)
+NEVER = ("train", "test_length", "test_paraphrase")
+
+
+def described(split, kinds=KINDS, number=120):
+    """(scene, referent, phrase) for every object that can be named, several times."""
+    describer, rng = Describer(kinds, split, redundant=True), np.random.default_rng(0)
+    for each in random_scenes(number, counts=[3, 5, 7], seed=1):
+        for referent in np.flatnonzero(describer.nameable(each)).tolist():
+            for _ in range(4):
+                yield each, referent, describer.phrase(each, referent, rng)
+
+
+def held_out(phrase):
+    """The pairs in it that are held out."""
+    pairs = [(part.color, part.noun) for part in phrase.parts() if (part.color, part.noun) in HELD_OUT.color_noun]
+    return pairs + [
+        (part.relation, part.noun) for part in phrase.parts() if (part.relation, part.noun) in HELD_OUT.relation_noun
+    ]
+
+
+@pytest.mark.parametrize("name", NEVER)
+def test_a_held_out_pair_is_never_said_in_training(name):
+    said = [phrase for *_, phrase in described(Split(name, HELD_OUT))]
+    assert len(said) > 1000
+    assert not any(map(held_out, said))
+    assert {phrase.kind for phrase in said} == set(KINDS)
+
+
+def test_test_composition_always_says_a_held_out_pair():
+    said = [phrase for *_, phrase in described(Split("test_composition", HELD_OUT))]
+    assert len(said) > 500
+    assert all(map(held_out, said))
+    assert {pair for phrase in said for pair in held_out(phrase)} == {*HELD_OUT.color_noun, *HELD_OUT.relation_noun}
+
+
+def test_without_a_split_both_are_said():
+    said = [bool(held_out(phrase)) for *_, phrase in described(Split("all", HELD_OUT), number=30)]
+    assert True in said
+    assert False in said
+
+
+@pytest.mark.parametrize("name", [*NEVER, "test_composition"])
+def test_whatever_the_split_the_phrase_names_its_object_alone(name):
+    for each, referent, phrase in described(Split(name, HELD_OUT), number=20):
+        assert ground(Instruction("reach", phrase), each) == referent
+
+
+@pytest.mark.parametrize("depth", [2, 3])
+@pytest.mark.parametrize("name", ["train", "test_composition"])
+def test_longer_phrases_keep_to_the_split_too(name, depth):
+    rng, split = np.random.default_rng(0), Split(name, HELD_OUT)
+    said = []
+    for each in random_scenes(40, counts=[5, 7], seed=4):
+        expressions = Describer(split=split, redundant=True).expressions(each)
+        for referent in np.flatnonzero(expressions.named_deep(depth)).tolist():
+            phrase = expressions.draw_deep(depth, referent, rng)
+            assert phrase.depth == depth
+            said.append(bool(held_out(phrase)))
+    assert len(said) > 50
+    assert set(said) == {name == "test_composition"}
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: HeldOut(color_noun=(("rad", "cube"),)), "did you mean 'red'"),
+        (lambda: HeldOut(relation_noun=(("left of", "cub"),)), "did you mean 'cube'"),
+        (lambda: HeldOut(relation_noun=(("left off", "cube"),)), "did you mean 'left of'"),
+        (lambda: HeldOut(phrases=("bal",)), "did you mean 'ball'"),
+        (lambda: HeldOut(phrases=("sphere",)), "hold out a synonym"),
+        (lambda: Split("training"), "did you mean 'train'"),
+        (lambda: Split("test_composition"), "needs color_noun or relation_noun"),
+        (lambda: Split("test_paraphrase"), "needs phrases"),
+    ],
+)
+def test_a_split_that_could_not_be_held_is_refused(make, message):
+    with pytest.raises(LanguageError, match=message):
+        make()

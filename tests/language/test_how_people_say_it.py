@@ -1,0 +1,62 @@
+"""Ways of speaking that people use although nobody told them to."""
+
+import pytest
+
+from language import Object, Scene, parse, say
+
+TABLE = Scene(
+    [
+        Object("cube", "red", (0.4, 0.1, 0.0)),
+        Object("cube", "blue", (0.4, -0.1, 0.0)),
+        Object("sphere", "blue", (0.5, 0.0, 0.0)),
+        Object("cube", "green", (0.5, 0.2, 0.0), role="target"),
+        Object("cube", "pink", (0.5, -0.2, 0.0), role="target"),
+    ]
+)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "means"),
+    [
+        ("grab the cube, lift it, and push it to the ball", "grasp the cube, then lift it, then push it to the sphere"),
+        ("first reach the cube, then lift it", "reach the cube, then lift it"),
+        ("Reach the cube. Then lift it.", "reach the cube, then lift it"),
+        ("after you lift it and reach it, go to the cube, thanks.", "lift it, then reach it, then reach the cube"),
+        ("reach the leftmost", "reach the leftmost object"),
+        ("reach the left one near the cube", "reach the leftmost object near the cube"),
+        ("reach the cube on the left", "reach the leftmost cube"),
+        ("reach the cube on the left of the ball", "reach the cube left of the sphere"),
+        ("take the cube and put it there", "pick the cube and place it there"),
+        ("take the cube and reach there", "grasp the cube, then reach there"),
+        ("pick the cube", "lift the cube"),
+        ("not the leftmost, the one on the right", "not the leftmost object, the rightmost object"),
+        ("reach the cube that isn't transparent", "reach the cube that is not transparent"),
+        ("reach the cube that is not a big one", "reach the cube that is not large"),
+    ],
+)
+def test_it_means_what_we_would_say(sentence, means):
+    assert parse(sentence) == parse(means)
+    assert parse(say(parse(sentence))) == parse(sentence)
+
+
+def test_a_side_is_said_once():
+    with pytest.raises(ValueError, match="say one of them"):
+        parse("reach the leftmost cube on the right")
+
+
+@pytest.mark.parametrize(
+    ("correction", "pointed", "init", "goal"),
+    [
+        ("no, the blue cube", [], 1, 3),
+        ("no, there", [4], 0, 4),
+        ("no, this one", [2], 2, 3),
+        ("not that one, this one", [0, 1], 1, 3),
+        ("no, to the transparent pink cube", [], 0, 4),
+    ],
+)
+def test_a_correction_leaves_the_other_gestures_as_they_were(correction, pointed, init, goal):
+    before = parse("push this there", TABLE, pointed=[0, 3])
+    step = parse(correction, TABLE, pointed, previous=before).steps[0]
+    assert (step.init, step.goal) == (init, goal)
+    again = parse("no, the sphere", TABLE, previous=parse(correction, TABLE, pointed, previous=before)).steps[0]
+    assert (again.init, again.goal) == (2, goal)

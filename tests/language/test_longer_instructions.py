@@ -1,0 +1,130 @@
+"""Chains of steps, and corrections of what was said before."""
+
+import pytest
+from language_cases import PLACES, TABLE, answer, steps
+
+from language import Chain, NothingFits, SeveralFit, parse, revise, say
+
+LIFT_AND_TOUCH = [("lift", 1, None), ("reach", None, 2)]
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "lift the green cube, then touch the ball",
+        "lift the green cube then touch the ball",
+        "lift the green cube and touch the ball",
+        "lift the green cube, and then touch the ball",
+        "lift the green cube; after that touch the ball",
+        "after you lift the green cube, touch the ball",
+        "Once you lift the green cube, touch the ball, please.",
+        "pick up the green cube and reach for the ball",
+    ],
+)
+def test_steps_are_joined_in_many_ways(sentence):
+    sentence = sentence.replace("the ball", "the blue ball")
+    assert steps(sentence, PLACES) == LIFT_AND_TOUCH
+    assert isinstance(parse(sentence), Chain)
+
+
+def test_a_chain_may_be_long():
+    sentence = "touch the ball, then grab the green cube and lift it, then push it to the transparent sphere"
+    assert steps(sentence.replace("the ball", "the blue ball"), PLACES) == [
+        ("reach", None, 2),
+        ("grasp", None, 1),
+        ("lift", 1, None),
+        ("push", 1, 4),
+    ]
+
+
+def test_what_comes_after_comes_later():
+    nested = parse("after you touch the ball, lift the cube and push it there")
+    assert [step.task for step in nested.steps] == ["reach", "lift", "push"]
+    assert say(nested) == "reach the sphere, then lift the cube, then push it there"
+
+
+def test_it_is_the_object_of_the_step_before():
+    assert steps("touch the green cube, then lift it", PLACES) == [("reach", None, 1), ("lift", 1, None)]
+    assert steps("touch the yellow one, then lift the object below it", TABLE) == [
+        ("reach", None, 4),
+        ("lift", 2, None),
+    ]
+
+
+def test_a_later_step_is_understood_in_the_scene_that_the_step_before_leaves():
+    sentence = "push the solid red cube to the transparent sphere, then lift the leftmost cube"
+    assert steps(sentence, PLACES) == [("push", 0, 4), ("lift", 0, None)]
+    result = parse(sentence, PLACES).result
+    assert result.positions[0][:2].tolist() == [0.6, 0.1]
+    assert result.positions[0][2] > PLACES.positions[0][2]
+
+
+@pytest.mark.parametrize(
+    ("before", "correction", "after"),
+    [
+        ("reach the red cube", "no, the blue one", "reach the blue cube"),
+        ("reach the red cube", "No, I meant the blue one!", "reach the blue cube"),
+        ("reach the red cube", "sorry, the ball", "reach the sphere"),
+        ("reach the blue cube", "not the cube, the sphere", "reach the sphere"),
+        ("reach the blue cube", "not the cube but the ball", "reach the sphere"),
+        ("reach the red cube", "not the red one, i meant the blue one", "reach the blue cube"),
+        ("reach the rightmost cube", "I meant the left one", "reach the leftmost cube"),
+        ("reach the cube left of the ball", "no, the one right of the blue cube", "reach the red cube"),
+        ("reach the small cube", "actually, the large one", "reach the large cube"),
+        ("lift the red cube", "no, grab the ball", "grasp the sphere"),
+        ("reach the ball, then lift the red cube", "no, the blue one", "reach the sphere, then lift the blue cube"),
+        (
+            "reach the ball, then lift the red cube",
+            "not the ball, the tin",
+            "reach the cylinder, then lift the red cube",
+        ),
+    ],
+)
+def test_a_correction_revises_the_instruction_before(before, correction, after):
+    got = parse(correction, TABLE, previous=parse(before))
+    assert got.steps == parse(after, TABLE).steps
+
+
+@pytest.mark.parametrize(
+    ("before", "correction", "after"),
+    [
+        ("push the green cube to the transparent cube", "no, to the transparent sphere", ("push", 1, 4)),
+        ("push the green cube to the transparent cube", "no, there", ("push", 1, 4)),
+        (
+            "push the green cube to the transparent cube",
+            "not the transparent cube, the transparent ball",
+            ("push", 1, 4),
+        ),
+        ("push the green cube to the transparent cube", "no, the blue ball", ("push", 2, 3)),
+        ("reach the green cube", "no, there", ("reach", None, 4)),
+        ("poke the green cube", "no, to the transparent sphere", ("poke", 1, 4)),
+    ],
+)
+def test_a_place_is_corrected_too(before, correction, after):
+    assert steps(correction, PLACES, pointed=[4], previous=parse(before)) == [after]
+
+
+def test_a_correction_that_leaves_several_asks_again():
+    error = answer("no, the blue one", TABLE, previous=parse("reach the object left of the red cube"))
+    assert isinstance(error, SeveralFit)
+    assert error.candidates == (1, 2)
+    assert error.position == 4
+
+
+def test_what_a_correction_keeps_is_told_by_a_place_in_the_new_sentence():
+    before = parse("touch the ball and push the blue cube to the purple cylinder")
+    error = answer("no, the red one", TABLE, previous=before)
+    assert isinstance(error, NothingFits)
+    assert error.part == "purple object"
+    assert error.position == 4
+
+
+def test_each_gesture_of_a_correction_meets_its_word():
+    before = parse("reach the red cube")
+    assert steps("not that one, this one", TABLE, pointed=[2, 1], previous=before) == [("reach", None, 1)]
+    assert steps("no, this one", TABLE, pointed=[2], previous=before) == [("reach", None, 2)]
+
+
+def test_revise_takes_meanings_as_parse_takes_sentences():
+    before, correction = parse("reach the red cube"), parse("no, the blue one")
+    assert revise(before, correction, TABLE) == parse("no, the blue one", TABLE, previous=before)

@@ -1,0 +1,160 @@
+"""Everything that is registered is said, understood, found in a scene, and known to the tokenizer."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from language_cases import answer, random_scenes, scene, steps
+
+from language import (
+    NOUNS,
+    RELATIONS,
+    SUPERLATIVES,
+    Describer,
+    Instruction,
+    LanguageError,
+    NotUnderstood,
+    Object,
+    ObjectPhrase,
+    Scene,
+    Tokenizer,
+    ground,
+    matches,
+    parse,
+    relation,
+    say,
+    superlative,
+    unregister,
+)
+
+BLUE_SPHERE = ObjectPhrase("sphere", "blue")
+
+
+@cache
+def examples(kind):
+    """For each relation or superlative, the scenes, referents and phrases in which it singles somebody out."""
+    found = {}
+    for each in random_scenes(150, counts=[3, 4, 5], seed=8):
+        expressions = Describer([kind]).expressions(each)
+        for referent in range(len(each)):
+            for phrase in expressions.all(kind, referent):
+                found.setdefault(getattr(phrase, kind), []).append((each, referent, phrase))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("kind", "known"),
+    [("relation", known) for known in RELATIONS.values()] + [("superlative", known) for known in SUPERLATIVES.values()],
+    ids=lambda known: getattr(known, "phrase", ""),
+)
+def test_each_relation_and_superlative_matters_and_is_said_understood_and_found(kind, known):
+    cases = examples(kind)[known.phrase]
+    assert len(cases) > 10
+    for each, referent, phrase in cases[:: len(cases) // 10]:
+        without = ObjectPhrase(phrase.noun, phrase.color, size=phrase.size, role=phrase.role)
+        assert matches(without, each).sum() > 1
+        assert known.phrase in say(phrase)
+        for words in (known.phrase, *known.synonyms):
+            sentence = f"reach {phrase}".replace(known.phrase, words, 1)
+            assert parse(sentence) == Instruction("reach", phrase)
+            assert steps(sentence, each) == [("reach", None, referent)]
+            assert Tokenizer.default().unknown_words(sentence) == ()
+
+
+@pytest.mark.parametrize(
+    "pair",
+    [
+        ("left of", "right of"),
+        ("in front of", "behind"),
+        ("above", "below"),
+        ("nearest to", "farthest from"),
+    ],
+)
+def test_opposite_relations_tell_two_sides_apart(pair):
+    one, other = (RELATIONS[phrase].margin for phrase in pair)
+    here, there = np.array([[0.4, -0.1, 0.0], [0.5, 0.1, 0.1]])
+    if pair[0] in ("above", "below"):
+        there = np.array([0.4, -0.05, 0.1])
+        assert one(here, there) == other(there, here) != one(there, here)
+    else:
+        assert one(here, there) == -other(here, there) != 0
+
+
+@pytest.fixture
+def beyond():
+    relation("beyond", "further than")(lambda subject, anchor: subject[..., 0] - anchor[..., 0])
+    yield "beyond"
+    unregister("beyond")
+
+
+def test_a_registered_relation_is_said_parsed_grounded_tokenized_and_described(beyond):
+    instruction = Instruction("reach", ObjectPhrase("cube", None, beyond, (BLUE_SPHERE,)))
+    assert say(instruction) == "reach the cube beyond the blue sphere"
+    assert parse(say(instruction)) == parse("touch the block further than the blue ball") == instruction
+    assert Tokenizer.default().unknown_words("beyond further than") == ()
+    twins = Scene(Object("cube", "red", (x, 0.0, 0.0)) for x in (0.3, 0.7))
+    table = Scene([*twins, Object("sphere", "blue", (0.5, 0.0, 0.0))])
+    said = {phrase.relation: phrase for phrase in Describer(["relation"]).expressions(table).all("relation", 1)}
+    assert ground(Instruction("reach", said[beyond]), table) == 1
+
+
+def test_a_registered_relation_of_two_and_a_superlative_are_too():
+    relation("opposite", anchors=2)(lambda subject, one, other: one[..., 0] + other[..., 0] - 2 * subject[..., 0])
+    superlative("frontmost", "foremost")(lambda positions, sizes: -positions[..., 0])
+    try:
+        table = Scene(
+            Object("cube", color, (x, 0.0, 0.0)) for color, x in (("red", 0.3), ("blue", 0.5), ("green", 0.7))
+        )
+        assert steps("reach the foremost cube", table) == [("reach", None, 0)]
+        assert steps("reach the cube opposite the blue one and the green one", table) == [("reach", None, 0)]
+        said = {phrase.superlative for phrase in Describer(["superlative"]).expressions(table).all("superlative", 0)}
+        assert "frontmost" in said
+    finally:
+        unregister("opposite")
+        unregister("frontmost")
+
+
+def test_a_relation_is_not_understood_before_it_is_registered_nor_after_it_is_forgotten():
+    sentence = "reach the cube seaward of the blue sphere"
+    assert isinstance(answer(sentence), NotUnderstood)
+    relation("seaward of")(lambda subject, anchor: subject[..., 0] - anchor[..., 0])
+    assert parse(sentence).phrase.relation == "seaward of"
+    unregister("seaward of")
+    assert isinstance(answer(sentence), NotUnderstood)
+
+
+@pytest.mark.parametrize(
+    "register",
+    [
+        lambda: relation("port of", "left to"),
+        lambda: superlative("foremost", "left"),
+        lambda: relation("among", anchors=3),
+        lambda: relation("most between", anchors=2, best=True),
+    ],
+)
+def test_words_that_are_taken_and_relations_of_no_known_form_are_refused(register):
+    with pytest.raises(LanguageError):
+        register()(lambda *positions: positions[0][..., 1])
+    assert not {"port of", "foremost", "among", "most between"} & {*RELATIONS, *SUPERLATIVES}
+
+
+def test_nothing_is_beside_itself_even_where_a_relation_holds_both_ways():
+    table = scene(("red cube", 0.0), ("blue cube", 0.1), ("green cube", 0.5))
+    assert steps("reach the cube near the red cube", table) == [("reach", None, 1)]
+    said = [str(phrase) for phrase in Describer(["relation"]).expressions(table).all("relation", 1)]
+    assert "the cube near the red cube" in said
+    assert not any("near the blue" in words for words in said)
+
+
+def test_a_new_noun_is_one_line(monkeypatch):
+    monkeypatch.setitem(NOUNS, "cone", ("pyramid",))
+    instruction = parse("lift the gray pyramid")
+    assert instruction == Instruction("lift", ObjectPhrase("cone", "gray"))
+    assert parse(say(instruction)) == instruction
+    assert ground(instruction, scene(("red cube", 0.0), ("gray cone", 0.1))) == 1
+
+
+def test_a_phrase_that_the_grammar_cannot_hold_is_refused(monkeypatch):
+    monkeypatch.setitem(NOUNS, "cone2", ())
+    with pytest.raises(LanguageError, match="write it with the letters a to z"):
+        parse("reach the cube")

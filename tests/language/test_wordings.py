@@ -1,0 +1,85 @@
+"""The same meaning in other words."""
+
+import numpy as np
+import pytest
+from language_cases import PLACES, steps
+
+from language import HeldOut, Instruction, LanguageError, ObjectPhrase, Split, Wording, parse, say
+
+TOUCH = parse("reach the gray sphere left of the cube")
+HELD_OUT = HeldOut(phrases=("ball", "to the left of", "touch {object}", "grey"))
+WORDS = ("ball", "to the left of", "touch", "grey")
+
+
+def said(wording, meaning, number=300, seed=0):
+    rng = np.random.default_rng(seed)
+    return [wording.say(meaning, rng) for _ in range(number)]
+
+
+def test_every_synonym_is_drawn():
+    sentences = " ".join(said(Wording(), TOUCH, 600))
+    for word in (
+        "reach",
+        "touch",
+        "go to",
+        "grey",
+        "gray",
+        "sphere",
+        "ball",
+        "box",
+        "block",
+        "left to",
+        "to the left of",
+    ):
+        assert f"{word} " in sentences
+    for polite in ("please", "could you", "thanks"):
+        assert polite in sentences
+
+
+def test_all_of_it_means_the_same():
+    for sentence in said(Wording(), TOUCH):
+        assert parse(sentence) == TOUCH
+    for sentence in said(Wording(), parse("pick the green cube and place it to the transparent cube")):
+        assert steps(sentence, PLACES) == [("pick_and_place", 1, 3)]
+
+
+def test_the_same_seed_gives_the_same_words():
+    assert said(Wording(), TOUCH, 50, seed=4) == said(Wording(), TOUCH, 50, seed=4)
+    assert said(Wording(), TOUCH, 50, seed=4) != said(Wording(), TOUCH, 50, seed=5)
+
+
+@pytest.mark.parametrize("name", ["train", "test_length", "test_composition"])
+def test_a_held_out_phrase_is_never_said_but_in_test_paraphrase(name):
+    split = Split(name, HeldOut((("red", "cube"),), (), HELD_OUT.phrases))
+    for sentence in said(Wording(split), TOUCH):
+        assert not any(word in sentence for word in WORDS)
+
+
+def test_test_paraphrase_always_says_a_held_out_phrase():
+    for sentence in said(Wording(Split("test_paraphrase", HELD_OUT)), TOUCH):
+        assert any(word in sentence for word in WORDS)
+        assert parse(sentence) == TOUCH
+
+
+def test_the_plain_sentence_never_says_a_held_out_phrase():
+    assert not any(word in say(TOUCH) for word in WORDS)
+
+
+def test_what_no_held_out_phrase_can_say_is_an_error():
+    wording = Wording(Split("test_paraphrase", HeldOut(phrases=("grey",))))
+    with pytest.raises(LanguageError, match="cannot be said with a held-out phrase"):
+        wording.say(parse("lift the red cube"), np.random.default_rng(0))
+
+
+def test_a_task_keeps_a_template_with_and_without_a_goal():
+    with pytest.raises(LanguageError, match=r"'poke \{object\}' is the only phrase"):
+        HeldOut(phrases=("poke {object}",))
+    held_out = HeldOut(phrases=("nudge {object}", "nudge {object} {goal}"))
+    cube, wording = ObjectPhrase("cube"), Wording(Split("train", held_out))
+    for instruction in (Instruction("poke", cube), Instruction("poke", cube, cube)):
+        assert all("poke" in sentence for sentence in said(wording, instruction, 40))
+
+
+def test_a_phrase_is_said_without_polite_words():
+    phrases = said(Wording(), ObjectPhrase("sphere", "gray"))
+    assert set(phrases) == {f"the {color} {noun}" for color in ("gray", "grey") for noun in ("sphere", "ball")}
