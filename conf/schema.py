@@ -7,7 +7,8 @@
     config = read(StepConfig, cfg.control, "control")
 
 `read` refuses unknown, missing and mistyped keys, numbers that are not finite or out of range, and unknown
-choices, each with one sentence that names the full key, the value and what would be right.
+choices, each with one sentence that names the full key, the value and what would be right. A field with a default
+may be left out.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import dataclasses
 import math
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 T = TypeVar("T")
 MOST = 24  # choices that a message lists; of more, only the groups
@@ -86,7 +87,8 @@ def read(cls: type[T], node: Any, key: str) -> T:
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    fields = [field.name for field in dataclasses.fields(cls)]  # type: ignore[arg-type]
+    declared = dataclasses.fields(cls)  # type: ignore[arg-type]
+    fields = [field.name for field in declared]
     prefix = f"{key}." if key else ""
     container: Any = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
     if not isinstance(container, dict):
@@ -95,13 +97,13 @@ def read(cls: type[T], node: Any, key: str) -> T:
     for name in container:
         if name not in fields:
             raise ConfigError(f"{prefix}{name} is not a known key" + did_you_mean(name, fields))
-    for field in fields:
-        if container.get(field, "???") == "???":
-            raise ConfigError(f"{prefix}{field} has no value; give {prefix}{field}=...")
+    for field in declared:
+        if container.get(field.name, "???" if _required(field) else None) == "???":
+            raise ConfigError(f"{prefix}{field.name} has no value; give {prefix}{field.name}=...")
     nested = {
         name: _nested(kind, container.pop(name), prefix + name)
         for name, kind in get_type_hints(cls).items()
-        if name in fields and _dataclass_of(kind)
+        if name in container and _dataclass_of(kind)
     }
     try:
         typed: Any = OmegaConf.to_container(OmegaConf.merge(OmegaConf.structured(cls), container))
@@ -114,8 +116,12 @@ def read(cls: type[T], node: Any, key: str) -> T:
         raise ConfigError(f"{prefix}{error.full_key}={value}: {first}") from None
 
 
+def _required(field: dataclasses.Field) -> bool:
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
 def _dataclass_of(kind: Any) -> Any:
-    """The dataclass that a field is, or maps names to; None for plain values."""
+    """The dataclass that a field is, lists, or maps names to; None for plain values."""
     inner = get_args(kind)[-1] if get_args(kind) else kind
     return inner if dataclasses.is_dataclass(inner) else None
 
@@ -123,6 +129,10 @@ def _dataclass_of(kind: Any) -> Any:
 def _nested(kind: Any, node: Any, key: str) -> Any:
     if dataclasses.is_dataclass(kind):
         return read(kind, node, key)  # type: ignore[arg-type]
+    if get_origin(kind) is list:
+        if not isinstance(node, list):
+            raise ConfigError(f"{key}={node} must be a list of groups")
+        return [read(_dataclass_of(kind), entry, f"{key}.{index}") for index, entry in enumerate(node)]
     if not isinstance(node, dict):
         raise ConfigError(f"{key}={node} must be a group of named entries")
     return {name: read(_dataclass_of(kind), entry, f"{key}.{name}") for name, entry in node.items()}

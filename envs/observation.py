@@ -6,8 +6,8 @@ The observation, each with a leading N:
 |---|---|---|
 | robot | (R,) float32 | joint angles (rad) and speeds (rad/s), gripper centre (m), the first two columns of its
 |   | | rotation matrix (Zhou et al. 2019: continuous, where quaternions jump), gripper state (0 closed or idle, 1) |
-| objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA, shape one-hot, size (m),
-|   | | role (1: target) |
+| objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA (A of a target: 0.5), shape
+|   | | one-hot, size (m), role (1: target) |
 | objects_mask | (K,) bool | which slots show an object |
 | hold | (A,) float32 | the action that keeps the arm where it is |
 | instruction | (L,) int64 | the sentence's tokens, 0 = pad |
@@ -28,7 +28,7 @@ from torchrl.data import Binary, Bounded, Categorical, Composite
 from envs.kinematics import Kinematics
 from envs.robot import RobotConfig
 from envs.workspace import WorkspaceConfig
-from language import NOUNS, Scene, Tokenizer, color_table
+from language import COLORS, NOUNS, SEE_THROUGH, Scene, Tokenizer, color_name, color_table
 
 SENTENCE_BYTES = 160
 OBJECT_WIDTH = 3 + 4 + 4 + len(NOUNS) + 1 + 1
@@ -79,7 +79,21 @@ def attributes(scene: Scene) -> NDArray[np.float64]:
     """(K, OBJECT_WIDTH - 7) the lasting part of each object's row."""
     shape = np.eye(len(NOUNS))[scene.nouns]
     colors = color_table()[scene.colors]
+    colors[scene.targets, 3] = SEE_THROUGH
     return np.concatenate((colors, shape, scene.sizes[:, None], scene.targets[:, None]), axis=1)
+
+
+def seen_scene(objects: NDArray, viewpoint: str = "robot") -> Scene:
+    """The scene of observed object rows (K, D), as words see it: the inverse of what `attributes` writes."""
+    colors, shapes = objects[:, 7:11], objects[:, 11 : 11 + len(NOUNS)]
+    return Scene.from_arrays(
+        nouns=shapes.argmax(1),
+        colors=[list(COLORS).index(color_name(color)) for color in colors],
+        positions=objects[:, :3],
+        size=objects[:, -2],
+        targets=objects[:, -1] > 0.5,
+        viewpoint=viewpoint,
+    )
 
 
 def clipped(values: NDArray[np.float64], bounds: NDArray[np.float32]) -> Tensor:

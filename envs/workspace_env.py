@@ -5,6 +5,7 @@ What it observes is told in `envs/observation.py`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from operator import itemgetter
 from typing import Any
 
@@ -22,7 +23,7 @@ from envs.controls import CONTROLS
 from envs.observation import ATTRIBUTES, OBJECT_WIDTH, SENTENCE_BYTES, Bounds, attributes, clipped, observation_spec
 from envs.robot import read_chain
 from envs.tasks import TASKS, Episode, State
-from envs.world import PARKED, World
+from envs.world import PARKED, Hold, World
 from language import NOUNS, Tokenizer
 
 _angle_and_speed = itemgetter(0, 1)
@@ -47,6 +48,7 @@ class WorkspaceEnv(EnvBase):
         super().__init__(batch_size=[num_worlds])
         self.config, self.tokenizer = config, Tokenizer.default()
         task = config.task
+        task.objects.check(config.workspace.bounds)
         self.task = TASKS[task.name](task, config.workspace.object_area, num_worlds)
         self.task.draw(np.random.default_rng(0))  # raises now where no episode can be drawn
         self.chain = read_chain(config.robot)
@@ -56,7 +58,7 @@ class WorkspaceEnv(EnvBase):
                 config.workspace,
                 config.physics,
                 tuple(NOUNS),
-                task.num_objects,
+                self.task.bodies,
                 task.object_size,
                 render,
             )
@@ -163,6 +165,51 @@ class WorkspaceEnv(EnvBase):
         if len(worlds):
             self._read(worlds)
             self.task.reset(worlds, self._state)
+        return self._begun()
+
+    def start(self, episodes: Sequence[Episode], seed: int) -> TensorDictBase:
+        """Begin these episodes, one a world (worlds beyond them repeat the last), instead of drawn ones.
+
+        All else, slots and joint noise, is drawn from the same seed in every world: two worlds with the same episode
+        begin as the same bits. Raises ValueError for none, or more than there are worlds.
+        """
+        if not 0 < len(episodes) <= len(self._worlds):
+            raise ValueError(f"{len(episodes)} episodes for {len(self._worlds)} worlds")
+        self._generators = [np.random.default_rng(seed) for _ in self._worlds]
+        for i in range(len(self._worlds)):
+            self._begin(i, episodes[min(i, len(episodes) - 1)])
+        self._read(self._index)
+        self.task.reset(self._index, self._state)
+        return self._begun()
+
+    def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
+        """(count,) what could be asked: objects, objects_mask, instruction and privileged/referent of fresh episodes.
+
+        They are drawn and described like any other, but never simulated: half a millisecond each.
+        """
+        rng, slots = np.random.default_rng(seed), self._rows.shape[1]
+        rows = np.zeros((count, slots, OBJECT_WIDTH))
+        shown = np.zeros((count, slots), bool)
+        words = np.zeros((count, self.tokenizer.length), np.int64)
+        referents = np.zeros(count, np.int64)
+        for i in range(count):
+            episode = self.task.draw(rng)
+            order = rng.permutation(slots)[: len(episode.scene)]
+            rows[i, order], shown[i, order] = lasting_rows(episode), True
+            words[i], referents[i] = self._tokens(episode), order[episode.referent]
+        values = {
+            "objects": clipped(rows, self._bounds.objects),
+            "objects_mask": torch.from_numpy(shown),
+            "instruction": torch.from_numpy(words),
+            "privileged": TensorDict({"referent": torch.from_numpy(referents)}, [count]),
+        }
+        return TensorDict(values, [count])
+
+    def _tokens(self, episode: Episode) -> NDArray[np.int64]:
+        return self.tokenizer.encode(episode.sentence if episode.heard is None else episode.heard)
+
+    def _begun(self) -> TensorDictBase:
+        """What is observed where nothing has been done yet."""
         values = self._observation()
         values["reward_terms"] = torch.zeros(*self.batch_size, len(self.reward_names))
         values |= {name: torch.zeros(*self.batch_size, 1, dtype=torch.bool) for name in FLAGS}
@@ -182,14 +229,20 @@ class WorkspaceEnv(EnvBase):
         self._state.shown[i] = False
         self._state.shown[i, order] = True
         self._state.referent[i] = order[episode.referent]
-        self._instruction[i] = self.tokenizer.encode(episode.sentence)
+        self._instruction[i] = self._tokens(episode)
         self._kind[i], self._steps[i] = episode.kind, 0
         text = episode.sentence.encode()[:SENTENCE_BYTES]
         self._sentence[i] = 0
         self._sentence[i, : len(text)] = np.frombuffer(text, np.uint8)
-        colors = self._rows[i, np.sort(order), 7:11]
+        yaw = np.zeros(len(scene)) if episode.yaw is None else episode.yaw
         self._worlds[i].reset(
-            joints.tolist(), 0.0, scene.nouns[by_slot].tolist(), scene.positions[by_slot].tolist(), colors
+            joints.tolist(),
+            0.0,
+            scene.nouns[by_slot].tolist(),
+            _holds(episode)[by_slot].tolist(),
+            scene.positions[by_slot].tolist(),
+            yaw[by_slot].tolist(),
+            self._rows[i, np.sort(order), 7:11],
         )
 
     def _read(self, worlds: NDArray[np.int64]) -> None:
@@ -252,6 +305,11 @@ class WorkspaceEnv(EnvBase):
         seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(len(self._worlds))]
         self._generators = [np.random.default_rng(sequence) for sequence in seeds]
 
+    @property
+    def elapsed(self) -> NDArray[np.int64]:
+        """(N,) control steps since each episode began."""
+        return self._steps.copy()
+
     def sentence(self, world: int = 0) -> str:
         """The instruction that world `world` is under."""
         return bytes(self._sentence[world]).rstrip(b"\0").decode()
@@ -273,3 +331,17 @@ class WorkspaceEnv(EnvBase):
         for world in self._worlds:
             world.close()
         self.is_closed = True
+
+
+def lasting_rows(episode: Episode) -> NDArray[np.float64]:
+    """(K, OBJECT_WIDTH) the objects' rows as they would be if nothing moved."""
+    scene = episode.scene
+    half = (np.zeros(len(scene)) if episode.yaw is None else episode.yaw) / 2
+    turned = np.stack((np.zeros_like(half), np.zeros_like(half), np.sin(half), np.cos(half)), axis=1)
+    return np.concatenate((scene.positions, turned, attributes(scene)), axis=1)
+
+
+def _holds(episode: Episode) -> NDArray[np.int64]:
+    """(K,) the `Hold` of each object."""
+    fixed = False if episode.fixed is None else episode.fixed
+    return np.where(episode.scene.targets, Hold.GHOST, np.where(fixed, Hold.FIXED, Hold.FREE))

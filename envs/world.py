@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import partial
 
 import numpy as np
@@ -20,6 +22,14 @@ SLEEP_STEPS = 3  # physics steps until a body told to sleep is asleep
 OBJECT_MASS = 0.1  # kg
 
 
+class Hold(IntEnum):
+    """What an object does when something runs into it."""
+
+    FREE = 0  # is pushed
+    FIXED = 1  # stays put
+    GHOST = 2  # is not there: see-through, stays put
+
+
 @dataclass(frozen=True, kw_only=True)
 class PhysicsConfig(Checked):
     """time_step in seconds; a control step is `substeps` of them."""
@@ -33,7 +43,8 @@ class PhysicsConfig(Checked):
 class World:
     """joint angles in radians, fingers and positions in metres, workspace frame.
 
-    nouns: the shapes of the object pool ("cube", "sphere", "cylinder"), `slots` bodies of each.
+    nouns: the shapes of the object pool ("cube", "sphere", "cylinder").
+    slots: how many bodies of each noun are made of each `Hold`, in its order.
     visuals: load what is drawn, for `render`; a world without them takes half the memory.
     """
 
@@ -43,7 +54,7 @@ class World:
         workspace: WorkspaceConfig,
         physics: PhysicsConfig,
         nouns: Sequence[str],
-        slots: int,
+        slots: Sequence[int],
         object_size: float,
         visuals: bool = False,
     ) -> None:
@@ -55,7 +66,7 @@ class World:
             self.close()
             raise
 
-    def _build(self, robot: RobotConfig, nouns: Sequence[str], slots: int, object_size: float) -> None:
+    def _build(self, robot: RobotConfig, nouns: Sequence[str], slots: Sequence[int], object_size: float) -> None:
         self._set_up_physics()
         self.robot = Robot(robot, self._client, self._visuals)
         boxes = self._workspace.furniture.values()
@@ -64,8 +75,15 @@ class World:
             for link in self.robot.fixed_links():
                 bullet.setCollisionFilterPair(self.robot.body, body, link, -1, 0, self._client)
         self._step = partial(bullet.stepSimulation, self._client)
-        self._pool = [[self._object(noun, object_size) for _ in range(slots)] for noun in nouns]
-        self._shown = [body for bodies in self._pool for body in bodies]
+        # A body keeps its hold for good: one that switches is put behind the others in Bullet's lists, and the same
+        # seed would give other bits than on a fresh world.
+        self._pool = [
+            [[self._object(noun, object_size, hold) for _ in range(count)] for noun in nouns]
+            for hold, count in zip(Hold, slots, strict=True)
+        ]
+        self._shown = [body for pool in self._pool for bodies in pool for body in bodies]
+        self._ghosts: dict[int, list[float]] = {}  # what is shown see-through, with its RGBA
+        self._resting = object_size / 2 + 1e-3
         self._pose = partial(bullet.getBasePositionAndOrientation, physicsClientId=self._client)
 
     def _set_up_physics(self) -> None:
@@ -89,15 +107,17 @@ class World:
             )
         return bullet.createMultiBody(0, shape, visual, box.position, physicsClientId=self._client)
 
-    def _object(self, noun: str, size: float) -> int:
+    def _object(self, noun: str, size: float, hold: Hold) -> int:
         kind, sides = _shape(noun, size)
-        shape = bullet.createCollisionShape(kind, **sides, physicsClientId=self._client)
-        visual = -1
+        shape = visual = -1
+        if hold != Hold.GHOST:
+            shape = bullet.createCollisionShape(kind, **sides, physicsClientId=self._client)
         if self._visuals:
             if "height" in sides:
                 sides = {"radius": sides["radius"], "length": sides["height"]}
             visual = bullet.createVisualShape(kind, **sides, physicsClientId=self._client)
-        body = bullet.createMultiBody(OBJECT_MASS, shape, visual, PARKED, physicsClientId=self._client)
+        mass = OBJECT_MASS if hold == Hold.FREE else 0
+        body = bullet.createMultiBody(mass, shape, visual, PARKED, physicsClientId=self._client)
         bullet.changeDynamics(
             body,
             -1,
@@ -116,8 +136,12 @@ class World:
             state = bullet.ACTIVATION_STATE_DISABLE_SLEEPING
         bullet.changeDynamics(body, -1, activationState=state, physicsClientId=self._client)
 
-    def _move(self, body: int, position: Sequence[float]) -> None:
-        bullet.resetBasePositionAndOrientation(body, position, (0, 0, 0, 1), self._client)
+    def _wake(self, body: int) -> None:
+        bullet.changeDynamics(body, -1, activationState=bullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=self._client)
+
+    def _move(self, body: int, position: Sequence[float], yaw: float = 0.0) -> None:
+        upright = (0, 0, math.sin(yaw / 2), math.cos(yaw / 2))
+        bullet.resetBasePositionAndOrientation(body, position, upright, self._client)
         bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
         self._rest(body)
 
@@ -137,19 +161,32 @@ class World:
         joints: Sequence[float],
         opening: float,
         nouns: Sequence[int],
+        holds: Sequence[int],
         positions: Sequence[Sequence[float]],
+        yaw: Sequence[float],
         colors: NDArray[np.float64],
     ) -> None:
-        """Put the arm at `joints` and show one object a slot: nouns index the pool, colors (slots, 4) RGBA."""
+        """Put the arm at `joints` and show one object a slot: nouns and holds index the pool, colors (slots, 4) RGBA.
+
+        A free object rests until something touches it, but one above the table falls.
+        """
         self._put_to_sleep()
         self.robot.place(joints, opening)
-        unused = [list(reversed(bodies)) for bodies in self._pool]
-        self._shown = [unused[noun].pop() for noun in nouns]
-        for body, position in zip(self._shown, positions, strict=True):
-            self._move(body, position)
+        unused = [[list(reversed(bodies)) for bodies in pool] for pool in self._pool]
+        self._shown = [unused[hold][noun].pop() for hold, noun in zip(holds, nouns, strict=True)]
+        for body, hold, position, angle in zip(self._shown, holds, positions, yaw, strict=True):
+            self._move(body, position, angle)
+            if hold == Hold.FREE and position[2] > self._resting:
+                self._wake(body)
         if self._visuals:
-            for body, color in zip(self._shown, colors, strict=True):
-                bullet.changeVisualShape(body, -1, rgbaColor=color.tolist(), physicsClientId=self._client)
+            self._ghosts = {}
+            for body, hold, color in zip(self._shown, holds, colors.tolist(), strict=True):
+                self._paint(body, color)
+                if hold == Hold.GHOST:
+                    self._ghosts[body] = color
+
+    def _paint(self, body: int, color: Sequence[float]) -> None:
+        bullet.changeVisualShape(body, -1, rgbaColor=color, physicsClientId=self._client)
 
     def advance(self, targets: Sequence[float]) -> None:
         """One control step towards these motor targets (arm joints, then fingers)."""
@@ -164,6 +201,18 @@ class World:
     def render(self, camera: Camera | None = None) -> NDArray[np.uint8]:
         """What the camera sees, (height, width, 3). The world must have been made with visuals."""
         camera = camera or self._workspace.camera
+        picture = self._picture(camera)
+        if not self._ghosts:
+            return picture
+        for body, color in self._ghosts.items():  # the renderer shows every opacity but 0 in full
+            self._paint(body, [*color[:3], 0])
+        behind = self._picture(camera)
+        for body, color in self._ghosts.items():
+            self._paint(body, color)
+        opacity = max(color[3] for color in self._ghosts.values())
+        return np.rint(opacity * picture + (1 - opacity) * behind).astype(np.uint8)
+
+    def _picture(self, camera: Camera) -> NDArray[np.uint8]:
         view = bullet.computeViewMatrixFromYawPitchRoll(camera.target, camera.distance, camera.yaw, camera.pitch, 0, 2)
         lens = bullet.computeProjectionMatrixFOV(45, camera.width / camera.height, 0.05, 10)
         pixels = bullet.getCameraImage(

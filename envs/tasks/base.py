@@ -2,25 +2,124 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from conf.schema import Checked, ConfigError, one_of, within
-from language import KINDS, Scene
+from language import KINDS, SPLITS, VIEWPOINTS, HeldOut, LanguageError, Layout, ObjectSpec, Scene, Split, from_lists
 
 Array = NDArray[np.float64]
+SLOTS = 8  # at most
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectConfig(Checked):
+    """One object that a task lists, as in `ObjectSpec`; area in metres. A noun or color left out is drawn."""
+
+    noun: str | None = None
+    color: str | None = None
+    area: list[float]  # x0, x1, y0, y1, z0, z1 of its centre
+    fixed: bool = False
+    random_rotation: bool = False
+    role: str | None = None  # left out: "real" for an init, "target" for a goal
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        try:
+            self.spec(0.05, "real")
+        except LanguageError as error:
+            raise ConfigError(str(error)) from None
+
+    def spec(self, size: float, role: str) -> ObjectSpec:
+        """The same, `size` metres wide, in this role where it names none."""
+        role = self.role or role
+        return ObjectSpec(self.noun, self.color, self.area, size, self.fixed, self.random_rotation, role)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectsConfig(Checked):
+    """The objects that stand in every episode: init may be brought to goal. None listed: the task draws its own."""
+
+    init: list[ObjectConfig]
+    goal: list[ObjectConfig]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self) > SLOTS:
+            raise ConfigError(f"init and goal list {len(self)} objects: at most {SLOTS} can be shown")
+        self.layout(0.05)
+
+    def __len__(self) -> int:
+        return len(self.init) + len(self.goal)
+
+    def layout(self, size: float) -> Layout | None:
+        """The listed objects, each `size` metres wide, init first; None where none is listed. Raises ConfigError."""
+        if not len(self):
+            return None
+        try:
+            return from_lists(
+                [each.spec(size, "real") for each in self.init], [each.spec(size, "target") for each in self.goal]
+            )
+        except LanguageError as error:
+            raise ConfigError(f"init: {error}") from None
+
+    def check(self, bounds: Sequence[float]) -> None:
+        """Raises ConfigError for an area that reaches out of bounds (x0, x1, y0, y1, z0, z1), metres."""
+        low, high = np.reshape(bounds, (3, 2)).T
+        for name, listed in (("init", self.init), ("goal", self.goal)):
+            for index, each in enumerate(listed):
+                area = np.reshape(each.area, (3, 2))
+                if (area < low[:, None]).any() or (area > high[:, None]).any():
+                    raise ConfigError(
+                        f"task.objects.{name}.{index}.area={each.area} must lie in workspace.bounds={list(bounds)}"
+                    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldOutConfig(Checked):
+    """What training never says, as in `language.HeldOut`."""
+
+    color_noun: list[list[str]]
+    relation_noun: list[list[str]]
+    phrases: list[str]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.held_out()
+
+    def held_out(self) -> HeldOut:
+        """The same, as the language knows it. Raises ConfigError."""
+        for name in ("color_noun", "relation_noun"):
+            for pair in getattr(self, name):
+                if len(pair) != 2:
+                    raise ConfigError(f"{name}={pair} must be pairs, like [red, cube] or [left of, cube]")
+        pairs = {name: tuple((a, b) for a, b in getattr(self, name)) for name in ("color_noun", "relation_noun")}
+        try:
+            return HeldOut(**pairs, phrases=tuple(self.phrases))
+        except LanguageError as error:
+            raise ConfigError(str(error)) from None
 
 
 @dataclass(frozen=True, kw_only=True)
 class TaskConfig(Checked):
-    """Lengths in metres, angles in radians, steps in control steps."""
+    """Lengths in metres, angles in radians, steps in control steps.
+
+    Where objects are listed, num_objects and min_objects are as many, whatever was given for them.
+    """
 
     name: str
-    num_objects: int = within(1, 8)  # slots
-    min_objects: int = within(1, 8)  # an episode shows this many to num_objects
+    objects: ObjectsConfig
+    num_objects: int = within(1, SLOTS)  # slots
+    min_objects: int = within(1, SLOTS)  # an episode shows this many to num_objects
     kinds: list[str] = one_of(*KINDS)  # of sentences; none: no words
+    viewpoint: str = one_of(*VIEWPOINTS)  # whose left is left
+    split: str = one_of(*SPLITS)  # what of all that can be said is said
+    held_out: HeldOutConfig
+    varied: bool  # said in all the words there are, not in our own alone
+    rephrased: bool  # the policy reads each sentence in our own words, after the parser
     radius: float = within(0.001, 1)
     hold_steps: int = within(1, 1000)
     max_steps: int = within(1, 100_000)
@@ -30,7 +129,14 @@ class TaskConfig(Checked):
     reward: dict[str, float] = within(-1000, 1000)  # the weight of each named term
 
     def __post_init__(self) -> None:
+        if len(self.objects):
+            object.__setattr__(self, "num_objects", len(self.objects))
+            object.__setattr__(self, "min_objects", len(self.objects))
         super().__post_init__()
+        try:
+            self.says()
+        except LanguageError as error:
+            raise ConfigError(str(error)) from None
         if self.min_objects > self.num_objects:
             raise ConfigError(f"min_objects={self.min_objects} must be at most num_objects={self.num_objects}")
         if self.spacing < 2 * self.radius and self.num_objects > 1:
@@ -44,15 +150,22 @@ class TaskConfig(Checked):
                 "or objects would stand in each other"
             )
 
+    def says(self) -> Split:
+        """The split, with what it holds out. Raises LanguageError for one that has nothing to say."""
+        return Split(self.split, self.held_out.held_out())
+
 
 @dataclass(frozen=True)
 class Episode:
-    """What one world starts from. Only the first `len(scene)` slots are shown."""
+    """What one world starts from, a scene of K objects. Only the first K slots are shown."""
 
-    scene: Scene
+    scene: Scene  # its targets are see-through: they touch nothing, and stay where they are
     referent: int  # slot of the object that is meant
     kind: int  # index into the task's kind_names
     sentence: str
+    heard: str | None = None  # what the policy reads; none: the sentence itself
+    yaw: Array | None = None  # (K,) radians; none: not turned
+    fixed: NDArray[np.bool_] | None = None  # (K,) objects that never move when touched; none: all move
 
 
 @dataclass

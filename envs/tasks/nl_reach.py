@@ -4,40 +4,69 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from numpy.random import Generator
 
 from conf.schema import ConfigError
 from envs.tasks.base import Episode, TaskConfig
 from envs.tasks.reach import Reach
-from language import Describer, say
+from language import KINDS, Describer, Instruction, LanguageError, Placed, Wording, parse, say
 
 TRIES = 1000
+EVERYBODY = ("all", "train", "test_paraphrase")  # splits in which every object of a scene can be named
 
 
 class NLReach(Reach):
     """Reach the object that a sentence names.
 
     Scenes are drawn until every object in them can be named, and the referent is then drawn evenly among them:
-    so nothing but the words tells which one is meant.
+    so nothing but the words tells which one is meant. The splits test_composition and test_length, which can name
+    but few, draw evenly among those.
     """
+
+    kind_names = KINDS
 
     def __init__(self, config: TaskConfig, object_area: Sequence[float], num_worlds: int) -> None:
         if not config.kinds:
             raise ConfigError("task.kinds=[] must name at least one kind of sentence")
         super().__init__(config, object_area, num_worlds)
-        self.kind_names = tuple(config.kinds)
-        self._describer = Describer(config.kinds)
+        split = config.says()
+        self._describer = Describer(["nested"] if split.name == "test_length" else config.kinds, split)
+        self._wording = Wording(split) if config.varied or split.name == "test_paraphrase" else None
 
     def draw(self, rng: Generator) -> Episode:
+        placed, nameable = self._nameable_scene(rng)
+        return self.episode(placed, int(rng.choice(np.flatnonzero(nameable))), rng)
+
+    def each_in_turn(self, rng: Generator) -> list[Episode]:
+        """One scene, and an episode for each of its objects that can be named."""
+        placed, nameable = self._nameable_scene(rng)
+        return [self.episode(placed, referent, rng) for referent in np.flatnonzero(nameable).tolist()]
+
+    def episode(self, placed: Placed, referent: int, rng: Generator) -> Episode:
+        """The episode in which this object of the scene is named. Raises LanguageError where it cannot be."""
+        instruction = self._describer.describe(placed.scene, referent, rng)
+        sentence = self._say(instruction, rng)
+        heard = say(parse(sentence)) if self.config.rephrased else None
+        kind = self.kind_names.index(instruction.kind)
+        return Episode(placed.scene, referent, kind, sentence, heard, yaw=placed.yaw, fixed=placed.fixed)
+
+    def _nameable_scene(self, rng: Generator) -> tuple[Placed, np.ndarray]:
+        """A scene, and which of its objects can be named, (K,) bool."""
         for _ in range(TRIES):
-            scene = self._scene(rng)
-            if self._describer.nameable(scene).all():
-                break
-        else:
-            raise ConfigError(
-                f"task.kinds={list(self.config.kinds)} cannot name each of {self.config.num_objects} objects"
-            )
-        referent = int(rng.integers(len(scene)))
-        instruction = self._describer.describe(scene, referent, rng)
-        kind = self.kind_names.index(instruction.phrase.kind)
-        return Episode(scene, referent, kind, say(instruction))
+            placed = self._placed(rng)
+            nameable = self._describer.nameable(placed.scene)
+            if nameable.all() if self.config.split in EVERYBODY else nameable.any():
+                return placed, nameable
+        within = "" if self.config.split == "all" else f" in task.split={self.config.split}"
+        raise ConfigError(
+            f"task.kinds={list(self.config.kinds)} cannot name each of {self.config.num_objects} objects{within}"
+        )
+
+    def _say(self, instruction: Instruction, rng: Generator) -> str:
+        if self._wording is None:
+            return say(instruction)
+        try:
+            return self._wording.say(instruction, rng)
+        except LanguageError as error:
+            raise ConfigError(f"task.split={self.config.split}: {error}; hold out a template of reach") from None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from conf.schema import ConfigError, did_you_mean
 from envs.tasks.base import Array, Episode, Outcome, State, TaskConfig
 from envs.tasks.layout import scatter
-from language import COLORS, NOUNS, Scene
+from language import COLORS, NOUNS, LanguageError, Placed, Scene
 
 
 class Reach:
@@ -35,14 +35,34 @@ class Reach:
                 "or nothing would tell which object is meant; try task=nl_reach"
             )
         self.config, self._area = config, object_area
+        self._layout = config.objects.layout(config.object_size)
         self._distance = np.zeros(num_worlds)
         self._held = np.zeros(num_worlds, np.int64)
         self._held_other = np.zeros(num_worlds, np.int64)
         self._rows = np.arange(num_worlds)
 
+    @property
+    def bodies(self) -> tuple[int, int, int]:
+        """How many objects an episode shows at most that are free, fixed, and see-through."""
+        specs = self._layout.specs if self._layout else ()
+        targets = sum(spec.role == "target" for spec in specs)
+        fixed = sum(spec.role == "real" and spec.fixed for spec in specs)
+        return self.config.num_objects - fixed - targets, fixed, targets
+
     def draw(self, rng: Generator) -> Episode:
         """A fresh episode for one world. All chance comes from rng."""
-        return Episode(self._scene(rng), referent=0, kind=0, sentence="")
+        placed = self._placed(rng)
+        return Episode(placed.scene, 0, 0, "", yaw=placed.yaw, fixed=placed.fixed)
+
+    def _placed(self, rng: Generator) -> Placed:
+        """The listed objects where there are any, else a scene of the task's own."""
+        if self._layout is None:
+            scene = self._scene(rng)
+            return Placed(scene, np.zeros(len(scene)), np.zeros(len(scene), bool))
+        try:
+            return self._layout.draw(rng, self.config.spacing)
+        except LanguageError as error:
+            raise ConfigError(f"task.objects: {error}") from None
 
     def _scene(self, rng: Generator) -> Scene:
         config = self.config
@@ -51,7 +71,7 @@ class Reach:
             count = int(rng.integers(config.min_objects, count + 1))
         places = scatter(rng, count, self._area, config.spacing, config.object_size / 2)
         nouns, colors = rng.integers(len(NOUNS), size=count), rng.integers(len(COLORS), size=count)
-        return Scene.from_arrays(nouns, colors, places, size=config.object_size)
+        return Scene.from_arrays(nouns, colors, places, size=config.object_size, viewpoint=config.viewpoint)
 
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
         """Start these worlds' episodes anew."""

@@ -36,7 +36,7 @@ def make(robot="kuka", control="step", task="nl_reach", *more, worlds=1, seed=0,
 def task_of(name, *overrides, worlds=1):
     config = compose([f"task={name}", *overrides])
     task = read(TaskConfig, config["task"], "task")
-    return KNOWN[name](task, config["workspace"]["object_area"], worlds)
+    return KNOWN[task.name](task, config["workspace"]["object_area"], worlds)
 
 
 def act(env, td, action):
