@@ -16,21 +16,27 @@ from trainers.ppo import PPO
 from trainers.sac import SAC
 
 
-def build_algorithm(plan: Plan, observation_spec: Composite, unit: Sequence[float]) -> tuple[Policy, Algorithm]:
-    """Networks on run.device, with the learner around them. unit: the environment's action_unit."""
+def build_algorithm(
+    plan: Plan, observation_spec: Composite, unit: Sequence[float], vocabulary: Sequence[str] = ()
+) -> tuple[Policy, Algorithm]:
+    """Networks on run.device, with the learner around them.
+
+    unit: the environment's action_unit. vocabulary: the tokenizer's words, which only policy.encoder=sentence reads.
+    """
     config, device = plan.policy, find_device(plan.run.device)
     if isinstance(plan.algo, PPOConfig):
-        policy = build(config, observation_spec, unit).to(device)
+        policy = build(config, observation_spec, unit, vocabulary=vocabulary).to(device)
         value = build_value(config, policy, observation_spec).to(device)
         return policy, PPO(plan.algo, policy, value)
-    policy = build(config, observation_spec, unit, squash=True).to(device)
+    policy = build(config, observation_spec, unit, squash=True, vocabulary=vocabulary).to(device)
     critic = build_q(config, policy, observation_spec).to(device)
     return policy, SAC(plan.algo, policy, critic, aim_key(config, policy))
 
 
 def restore_policy(plan: Plan, observation_spec: Composite, unit: Sequence[float], payload: dict[str, Any]) -> Policy:
     """The policy of a checkpoint (`checkpoint.load`, then `check_fits`), to act on the CPU."""
-    policy = build(plan.policy, observation_spec, unit, squash=not isinstance(plan.algo, PPOConfig))
+    squash = not isinstance(plan.algo, PPOConfig)
+    policy = build(plan.policy, observation_spec, unit, squash, payload["vocabulary"])
     policy.load_state_dict(payload["algorithm"]["policy"])
     return policy
 

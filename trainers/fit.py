@@ -70,7 +70,9 @@ class Run:
         self.began, self.before = time.perf_counter(), 0.0
         torch.manual_seed(plan.run.seed)
         self.judge = make_env(plan.eval.worlds, derive_seed(plan.run.seed, 0, evaluation=True))
-        self.policy, self.algorithm = build_algorithm(plan, self.judge.observation_spec, self.judge.action_unit)
+        self.policy, self.algorithm = build_algorithm(
+            plan, self.judge.observation_spec, self.judge.action_unit, vocabulary
+        )
         self.widths = checkpoint.widths(self.judge.observation_spec, self.judge.action_spec)
         self.episodes = Episodes(self.judge.reward_names)
 
@@ -130,6 +132,7 @@ class Run:
         collected = time.perf_counter()
         torch.set_num_threads(self.plan.run.update_threads or cores())  # the workers are idle now
         progress = self.counters["frames"] / self.plan.run.total_frames
+        self.imagine()
         learned = self.algorithm.update(batch, min(progress, 1.0))
         updated = time.perf_counter()
         torch.set_num_threads(1)
@@ -141,6 +144,12 @@ class Run:
         self.counters["seconds"] = self.seconds()
         times = (collected - began, updated - collected, ended - updated, self.counters["seconds"])
         return row | dict(zip(TIMINGS, (*times, batch.numel() / (updated - began)), strict=True))
+
+    def imagine(self) -> None:
+        """Give the algorithm what it wants to read beside what the workers met: none of it costs a frame."""
+        if self.algorithm.wants_scenes:
+            seed = derive_seed(self.plan.run.seed, 2**30 + self.counters["iteration"])
+            self.algorithm.study(self.judge.draw_scenes(self.algorithm.wants_scenes, seed))
 
     def spent(self) -> bool:
         """Whether no batch is left that would stay within total_frames."""

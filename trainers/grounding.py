@@ -16,20 +16,21 @@ from trainers.networks import Normalise, mlp
 
 SEEN = ["objects", "objects_mask", "instruction"]
 REFERENT = ("privileged", "referent")
+MAPS = 4  # ways to look at a position, of three numbers each; with 8 of them, fresh scenes were read worse
 FAR = -1e9  # the logit of what is not there: finite, so that an empty sentence or scene gives no NaN
 
 
 class Asker(nn.Module):
-    """An instruction (N, L) int64, 0 = pad, to three queries (N, 3, E): the referent, its anchor, the relation."""
+    """An instruction (N, L) int64, 0 = pad, to queries (N, 4, E): the referent, its two anchors, the relation."""
 
     hash: Tensor
 
-    def __init__(self, vocabulary: int, length: int, width: int) -> None:
+    def __init__(self, embed: nn.Module, length: int, width: int) -> None:
         super().__init__()
-        self.embed = nn.Embedding(vocabulary, width, padding_idx=0)
+        self.embed = embed  # (N, L) to (N, L, E)
         self.place = nn.Parameter(0.1 * torch.randn(length, width))
         self.near = nn.ModuleList(nn.Linear(3 * width, width) for _ in range(2))
-        self.roles = nn.Linear(width, 3)
+        self.roles = nn.Linear(width, 4)
         self.register_buffer("hash", torch.randint(2**62, (length,), generator=torch.Generator().manual_seed(1)))
 
     def forward(self, tokens: Tensor) -> Tensor:
@@ -41,18 +42,28 @@ class Asker(nn.Module):
         return self.encode(tokens[first])[copy]
 
     def encode(self, tokens: Tensor) -> Tensor:
+        """Which words belong to which query is read from the whole sentence; what they say, from each word alone.
+
+        So a known word says the same beside an unknown one, and pairs of words that were never heard together mean
+        what their parts do: 98 instead of 97 % of them in fresh scenes, where queries were sums of mixed words.
+        """
         said = (tokens != 0).unsqueeze(-1)
-        x = (self.embed(tokens) + self.place) * said
+        words = self.embed(tokens) * said
+        x = words + self.place * said
         for near in self.near:
             # A convolution of width 3, written as one product: PyTorch's own takes 3 times as long at these sizes.
             before, after = F.pad(x, (0, 0, 1, 0))[:, :-1], F.pad(x, (0, 0, 0, 1))[:, 1:]
             x = x + F.relu(near(torch.cat([before, x, after], -1))) * said
-        heed = self.roles(x).masked_fill(~said, FAR).softmax(1)
-        return heed.transpose(1, 2) @ x
+        heed = self.roles(x).sigmoid() * said
+        return heed.transpose(1, 2) @ words
 
 
 class Grounder(nn.Module):
     """objects (N, K, D), mask (N, K), instruction (N, L) to attention logits (N, K) and the referent's row (N, D).
+
+    A slot's logit has three parts: how well its row matches the words for the referent; how it lies to the two things
+    that the words for the anchors attend to ("left of *that*", "between *that* and *that*"); and how it compares with
+    every other slot that fits so far ("leftmost", "nearest to *that*").
 
     The referent is the attention-weighted sum of the normalised rows, so the arm's part of the network has the same
     input whatever the number of objects, and never sees a word.
@@ -60,33 +71,59 @@ class Grounder(nn.Module):
 
     writes = ("attention_logits", "referent")
 
-    def __init__(self, objects: Normalise, vocabulary: int, length: int, embedding: int, width: int) -> None:
+    def __init__(self, objects: Normalise, embed: nn.Module, length: int, embedding: int, width: int) -> None:
         super().__init__()
         row = objects.shape[-1]
         self.objects, self.outputs = objects, row
-        self.ask = Asker(vocabulary, length, embedding)
+        self.ask = Asker(embed, length, embedding)
         self.slot = mlp(row, [width], width)
-        self.linear = nn.Linear(row, width)  # positions pass unbent, so that "left of" is one subtraction away
+        self.linear = nn.Linear(row, width)
         self.match = nn.Linear(embedding, width)
-        self.relate = mlp(3 * width + embedding, [width], 1)
         self.scale = width**-0.5
+        # A row begins with its position (m). Shown the whole row, the network has to find out first that colours are
+        # no places: fresh scenes were then read right in 85 instead of 97 % after 1000 steps.
+        self.places = nn.Linear(3, 3 * MAPS, bias=False)
+        self.origin = nn.Parameter(torch.zeros(3 * MAPS))  # "nearest" has no anchor: it is seen from here
+        self.relate = mlp(9 * MAPS + 4 * MAPS + embedding, [width], 1)
+        self.compare = mlp(6 * MAPS + embedding, [width // 2], 1)
 
     def forward(self, objects: Tensor, mask: Tensor, instruction: Tensor) -> tuple[Tensor, ...]:
         return self.point(objects, mask, self.ask(instruction))
 
     def point(self, objects: Tensor, mask: Tensor, asked: Tensor) -> tuple[Tensor, ...]:
-        """The same, of queries (N, 3, E) that `ask` has made of the words."""
+        """The same, of queries (N, 4, E) that `ask` has made of the words."""
         rows = self.objects(objects)
-        referent, anchor, relation = asked.unbind(1)
         slots = self.slot(rows) + self.linear(rows)
-        keys = self.match(torch.stack([referent, anchor], 1))
-        scores = (slots @ keys.transpose(1, 2) * self.scale).masked_fill(~mask.unsqueeze(-1), FAR)
-        that = scores[..., 1].softmax(-1).unsqueeze(1) @ slots
-        that = that.expand_as(slots)
-        how = relation.unsqueeze(1).expand(-1, slots.shape[1], -1)
-        logits = scores[..., 0] + self.relate(torch.cat([slots, that, slots - that, how], -1)).squeeze(-1)
+        scores = (slots @ self.match(asked[:, :3]).transpose(1, 2) * self.scale).masked_fill(~mask.unsqueeze(-1), FAR)
+        places = self.places(rows[..., :3])
+        anchors = scores[..., 1:].softmax(1).transpose(1, 2) @ places  # (N, 2, 3 * MAPS)
+        how = asked[:, 3].unsqueeze(1).expand(-1, rows.shape[1], -1)
+        one, other = places - anchors[:, :1], places - anchors[:, 1:]
+        far_from_one, far_from_other, far = _lengths(one), _lengths(other), _lengths(places + self.origin)
+        apart = _lengths(one - other)
+        lies = torch.cat([places, one, other, far_from_one, far_from_other, apart, far, how], -1)
+        fits = (scores[..., 0] + self.relate(lies).squeeze(-1)).masked_fill(~mask, FAR)
+        beats = self.beats(torch.cat([places, far_from_one, far_from_other, far], -1), how)
+        logits = fits + (beats * fits.sigmoid().unsqueeze(1)).sum(-1)
         logits = logits.masked_fill(~mask, FAR)
         return logits, (logits.softmax(-1).unsqueeze(1) @ rows).squeeze(1)
+
+    def decide(self, frames: TensorDictBase) -> None:
+        """Take the likeliest slot for the referent, not the mean of all: an arm between two objects is at neither."""
+        rows = self.objects(frames["objects"])
+        slot = frames["attention_logits"].argmax(-1)
+        frames.set("referent", rows[torch.arange(len(rows), device=rows.device), slot])
+
+    def beats(self, slots: Tensor, how: Tensor) -> Tensor:
+        """How far each slot (N, K, F) is ahead of each other one in what `how` (N, K, E) asks for: (N, K, K)."""
+        lead = slots.unsqueeze(2) - slots.unsqueeze(1)
+        asked = how.unsqueeze(2).expand(-1, -1, slots.shape[1], -1)
+        return self.compare(torch.cat([lead, asked], -1)).squeeze(-1)
+
+
+def _lengths(places: Tensor) -> Tensor:
+    """(..., 3 * MAPS) to the length of each three, (..., MAPS)."""
+    return (places.unflatten(-1, (MAPS, 3)).square().sum(-1) + 1e-6).sqrt()  # a gradient even where it is 0
 
 
 class Flattener(nn.Module):
@@ -102,6 +139,9 @@ class Flattener(nn.Module):
 
     def forward(self, objects: Tensor, mask: Tensor, instruction: Tensor) -> tuple[Tensor, ...]:
         return self.point(objects, mask, self.ask(instruction))
+
+    def decide(self, frames: TensorDictBase) -> None:
+        """Nothing: there is no choice to be made."""
 
     def point(self, objects: Tensor, mask: Tensor, asked: Tensor) -> tuple[Tensor, ...]:
         """The same, of the embedding (N, E) that `ask` has made of the words."""
@@ -125,8 +165,12 @@ class Scenes:
         begins = torch.ones(batch.shape, dtype=torch.bool)
         begins[:, 1:] = batch["next", "done"][:, :-1, 0].cpu()
         scenes = batch.select(*SEEN, REFERENT)[begins]
-        self.memory.extend(scenes)
+        self.extend(scenes)
         return scenes
+
+    def extend(self, scenes: TensorDictBase) -> None:
+        """Keep scenes (count,)."""
+        self.memory.extend(scenes)
 
     def sample(self, count: int) -> TensorDictBase:
         """Scenes (count,) drawn evenly, with replacement."""

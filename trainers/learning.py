@@ -28,6 +28,13 @@ class Algorithm(Protocol):
     def metrics(self) -> tuple[str, ...]:
         """The names that `update` may return."""
 
+    @property
+    def wants_scenes(self) -> int:
+        """How many scenes to give to `study` before each update."""
+
+    def study(self, scenes: TensorDictBase) -> None:
+        """Take scenes (count,) of `draw_scenes`, that nobody acted in, to learn what words mean."""
+
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
         """Learn from a batch (worlds, steps). progress: the part of the run that is over, in [0, 1]."""
 

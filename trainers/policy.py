@@ -22,6 +22,7 @@ from torchrl.envs.utils import ExplorationType, exploration_type
 from trainers.config import GroundedConfig, PolicyConfig
 from trainers.grounding import SEEN, Flattener, Grounder
 from trainers.networks import Critic, Gaussian, Normalise, Value, normal_log_prob
+from trainers.sentence import SentenceWords
 
 GOAL = ("privileged", "goal")
 
@@ -87,9 +88,11 @@ class Act(TensorDictModuleBase):
         self.out_keys = [*policy.words.writes, "move", *([] if policy.squash else ["move_log_prob"]), "action"]
 
     def forward(self, frames: TensorDictBase) -> TensorDictBase:
-        self.policy.encode(frames)
-        loc, scale = self.policy.gaussian(frames["robot"], frames[self.policy.context])
         explores = exploration_type() not in (ExplorationType.DETERMINISTIC, ExplorationType.MODE, ExplorationType.MEAN)
+        self.policy.encode(frames)
+        if not explores:
+            self.policy.words.decide(frames)
+        loc, scale = self.policy.gaussian(frames["robot"], frames[self.policy.context])
         noise = torch.randn_like(loc) if explores else torch.zeros_like(loc)
         move = loc + scale * noise
         if self.policy.squash:
@@ -100,9 +103,18 @@ class Act(TensorDictModuleBase):
         return frames.set("action", (frames["hold"] + self.policy.unit * move).clamp(-1.0, 1.0))
 
 
-def build(config: PolicyConfig, observation_spec: Composite, unit: Sequence[float], squash: bool = False) -> Policy:
-    """A policy for these observations and actions of these units, squashed for SAC."""
-    words = _words(config, observation_spec)
+def build(
+    config: PolicyConfig,
+    observation_spec: Composite,
+    unit: Sequence[float],
+    squash: bool = False,
+    vocabulary: Sequence[str] = (),
+) -> Policy:
+    """A policy for these observations and actions of these units, squashed for SAC.
+
+    vocabulary: the tokenizer's words, which only `encoder=sentence` reads.
+    """
+    words = _words(config, observation_spec, vocabulary)
     gaussian = Gaussian(
         robot=Normalise(observation_spec["robot"]),
         context=words.outputs,
@@ -138,11 +150,20 @@ def _judged(config: PolicyConfig, policy: Policy, spec: Composite) -> tuple[Norm
     return Normalise(spec["robot"]), aim
 
 
-def _words(config: PolicyConfig, spec: Composite) -> Grounder | Flattener:
+def _words(config: PolicyConfig, spec: Composite, vocabulary: Sequence[str]) -> Grounder | Flattener:
     objects, said = Normalise(spec["objects"]), spec["instruction"]
     if isinstance(config, GroundedConfig):
-        return Grounder(objects, said.space.n, said.shape[-1], config.embedding, config.width)
+        embed = _embed(config, said.space.n, vocabulary)
+        return Grounder(objects, embed, said.shape[-1], config.embedding, config.width)
     return Flattener(objects, spec["objects"].shape[-2], said.space.n, config.embedding)
+
+
+def _embed(config: GroundedConfig, count: int, vocabulary: Sequence[str]) -> nn.Module:
+    if config.encoder == "tokens":
+        return nn.Embedding(count, config.embedding, padding_idx=0)
+    if len(vocabulary) != count:
+        raise ValueError(f"encoder=sentence must be given the {count} words of the instructions, not {len(vocabulary)}")
+    return SentenceWords(vocabulary, config.embedding)
 
 
 def parameters(*modules: nn.Module) -> list[Tensor]:

@@ -1,7 +1,8 @@
 """PPO, Schulman et al. 2017 (arXiv:1707.06347), with the clipped surrogate of TorchRL.
 
-The words are grounded once a minibatch, with gradients, before the loss: the surrogate then sees a small actor on
-(robot, referent), and the cross-entropy of the attention, over scenes of the whole run, is added to it.
+The words are grounded once a minibatch, before the loss: the surrogate then sees a small actor on (robot, referent).
+The cross-entropy of the attention, over scenes of the whole run, is added to it and alone teaches the words; without it
+(grounding_weight=0) they are learned through the actor.
 """
 
 from __future__ import annotations
@@ -67,6 +68,15 @@ class PPO:
                 break
         return learning.averages(rows) | fresh | {"explained_variance": explained, "lr": rate}
 
+    @property
+    def wants_scenes(self) -> int:
+        """How many scenes to give to `study` before each update."""
+        return self.config.grounding_scenes if self.teaches else 0
+
+    def study(self, scenes: TensorDictBase) -> None:
+        """Keep scenes (count,) that nobody acted in, to learn grounding from."""
+        self.scenes.extend(scenes)
+
     @torch.no_grad()
     def understood(self, scenes: TensorDictBase) -> dict[str, float]:
         """The share of scenes, not learned from yet, in which the words are grounded right."""
@@ -93,7 +103,8 @@ class PPO:
 
     def step(self, frames: TensorDictBase) -> dict[str, Tensor]:
         """One step of the optimizer on a minibatch (B,)."""
-        frames = self.policy.encode(frames)
+        with torch.set_grad_enabled(not self.teaches):  # taught words learn from scenes: reward is noise beside that
+            frames = self.policy.encode(frames)
         out = self.loss(frames)
         loss = sum(out[name] for name in LOSSES)
         measured = {

@@ -119,6 +119,14 @@ class SAC:
         """Actions (B, A), differentiable, and their log-probability (B, 1)."""
         return squashed(*self.policy.gaussian(frames["robot"], frames[self.policy.context]))
 
+    @property
+    def wants_scenes(self) -> int:
+        """None: its replay buffer has them all."""
+        return 0
+
+    def study(self, scenes: TensorDictBase) -> None:
+        """Nothing is learned from scenes that nobody acted in."""
+
     def state_dict(self) -> dict:
         """Everything that learning goes on from, without the memory."""
         parts = {name: getattr(self, name).state_dict() for name in ("policy", "critic", "target", "optimizer")}

@@ -47,6 +47,10 @@ class FakeEnv(EnvBase):
             "step": torch.zeros(n, dtype=torch.int64),
         }
 
+    def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
+        scenes = FakeEnv(count, seed).reset()
+        return scenes.select("objects", "objects_mask", "instruction", ("privileged", "referent"))
+
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: object) -> TensorDictBase:
         fresh = self._fresh()
         mask = torch.ones(self.batch_size, dtype=torch.bool)
