@@ -4,6 +4,10 @@
     episodes=500      fresh episodes, deterministic policy
     seed=0            of the evaluation, apart from every training run's own episodes
     worlds=20         that run side by side
+    splits=false      true: a row for each of train, test_composition, test_paraphrase and test_length
+    words=said        blank, swapped: judge the policy with no words, or with another episode's
+    reader=policy     oracle: the parser finds the object and a scripted arm goes there, on the same episodes
+    in_turn=0         scenes in which each object is named in turn, all else the same; instead of episodes
     video=0           episodes to film as well, with the sentence on the frame
     out=<file>        where the result goes; a numbered file in the run directory otherwise
     task.num_objects=6 ...   any key of the run's config, to judge it elsewhere than it was trained
@@ -20,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from conf.overrides import apply
-from conf.schema import Checked, ConfigError, read, within
+from conf.schema import Checked, ConfigError, one_of, read, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,10 +34,25 @@ class EvaluateConfig(Checked):
     seed: int = within(0, 2**31 - 1)
     worlds: int = within(1, 4096)
     video: int = within(0, 100)
+    splits: bool
+    words: str = one_of("said", "blank", "swapped")
+    reader: str = one_of("policy", "oracle")
+    in_turn: int = within(0, 100_000)
     out: str | None
 
 
-DEFAULTS = {"episodes": 500, "seed": 0, "worlds": 20, "video": 0, "out": None}
+DEFAULTS = {
+    "episodes": 500,
+    "seed": 0,
+    "worlds": 20,
+    "video": 0,
+    "out": None,
+    "splits": False,
+    "words": "said",
+    "reader": "policy",
+    "in_turn": 0,
+}
+SPLITS = ("train", "test_composition", "test_paraphrase", "test_length")
 
 
 def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
@@ -59,53 +78,112 @@ def main(arguments: list[str]) -> dict[str, Any]:
     config, overrides = parse(arguments)
 
     from trainers import checkpoint
+    from trainers.report import write_json
 
     path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path)
+    out = Path(config.out) if config.out else _numbered(path)
+    named = {
+        split: _judge(config, saved, [*overrides, f"task.split={split}"], None) for split in SPLITS * config.splits
+    }
+    result = named["train"] if named else _judge(config, saved, overrides, out)
+    report = {"checkpoint": str(path), "seed": config.seed, "words": config.words, "reader": config.reader}
+    report |= {"overrides": overrides, **result}
+    if named:
+        report["by_split"] = named
+    write_json(out, report)
+    print(describe(report, out))
+    return report
+
+
+def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], film: Path | None) -> dict[str, Any]:
+    """One evaluation with these overrides, and a film beside `film` where there is one."""
     cfg = apply(saved["config"], overrides)
 
     from envs.config import read_env
     from train import build_env
+    from trainers import checkpoint
     from trainers.build import restore_policy
     from trainers.collection import derive_seed
     from trainers.config import read_plan
     from trainers.evaluation import evaluate
-    from trainers.report import write_json
     from trainers.video import record
 
     make = partial(build_env, read_env(cfg))
     seed = derive_seed(config.seed, 2**20, evaluation=True)
-    env = make(min(config.worlds, config.episodes), seed)
+    worlds = cfg["task"]["num_objects"] if config.in_turn else min(config.worlds, config.episodes)
+    env = make(worlds, seed)
     try:
         checkpoint.check_fits(
             saved, list(env.tokenizer.vocabulary), checkpoint.widths(env.observation_spec, env.action_spec)
         )
         policy = restore_policy(read_plan(cfg), env.observation_spec, env.action_unit, saved).act
-        result = evaluate(env, policy, config.episodes, seed)
+        actor = _actor(config, env, policy)
+        if config.in_turn:
+            return _in_turn(env, actor, config.in_turn, seed)
+        result = evaluate(env, actor, config.episodes, seed).as_dict()
     finally:
         env.close()
-    out = Path(config.out) if config.out else _numbered(path)
-    report = {"checkpoint": str(path), "seed": config.seed, "overrides": overrides, **result.as_dict()}
-    write_json(out, report)
-    if config.video:
-        film = make(1, seed, render=True)
-        record(film, policy, out.with_suffix(".mp4"), config.video)
-        film.close()
-    print(describe(report, out))
-    return report
+    if config.video and film:
+        stage = make(1, seed, render=True)
+        record(stage, policy, film.with_suffix(".mp4"), config.video)
+        stage.close()
+    return result
+
+
+def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
+    """Who acts: the policy, the policy with other words, or the parser with a scripted arm."""
+    from envs.expert import Oracle
+    from trainers.probes import Misheard
+
+    if config.reader == "oracle":
+        if not env.config.task.kinds:
+            raise ConfigError(f"reader=oracle needs a task with words; {env.config.task.name} has none")
+        return Oracle(env)
+    if config.words == "swapped" and env.batch_size[0] < 2:
+        raise ConfigError(f"words=swapped needs worlds of at least 2; worlds={env.batch_size[0]}")
+    return policy if config.words == "said" else Misheard(policy, config.words)
+
+
+def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
+    """The share of objects that the arm goes to when each object of a scene is named in turn, all else the same."""
+    import numpy as np
+
+    from trainers.evaluation import wilson
+    from trainers.probes import run_to_end
+
+    if not env.config.task.kinds:
+        raise ConfigError(f"in_turn needs a task with words; {env.config.task.name} has none")
+    reached: list[bool] = []
+    for scene in range(scenes):
+        episodes = env.task.each_in_turn(np.random.default_rng([seed, scene]))
+        success = run_to_end(env, actor, env.start(episodes, seed + scene))
+        reached += success[: len(episodes)].tolist()
+    return {
+        "scenes": scenes,
+        "episodes": len(reached),
+        "success_at_end": sum(reached) / len(reached),
+        "ci95": list(wilson(sum(reached), len(reached))),
+    }
 
 
 def describe(report: dict[str, Any], out: Path) -> str:
-    """The result as a person reads it, overall and by kind of instruction."""
+    """The result as a person reads it: overall, by kind of instruction and by split."""
     lines = [_line(kind, part) for kind, part in report.get("by_kind", {}).items()]
-    return "\n".join([*lines, _line("all", report), f"saved in {out}"])
+    whole = [_line(split, part) for split, part in report.get("by_split", {"all": report}).items()]
+    return "\n".join([*lines, *whole, f"saved in {out}"])
 
 
 def _line(name: str, part: dict[str, Any]) -> str:
     low, high = part["ci95"]
-    return (
-        f"{name:12} success_at_end {part['success_at_end']:.3f} (95 %: {low:.3f}-{high:.3f}), "
-        f"success_once {part['success_once']:.3f}, wrong object {part['wrong_object']:.3f}, {part['episodes']} episodes"
+    others = [("success_once", "success_once"), ("wrong object", "wrong_object")]
+    rest = [f"{words} {part[key]:.3f}" for words, key in others if key in part]
+    return ", ".join(
+        [
+            f"{name:16} success_at_end {part['success_at_end']:.3f} (95 %: {low:.3f}-{high:.3f})",
+            *rest,
+            f"{part['episodes']} episodes",
+        ]
     )
 
 

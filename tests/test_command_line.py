@@ -137,6 +137,30 @@ def test_a_policy_trained_on_three_objects_is_judged_on_six(trained):
     assert evaluate.main([f"checkpoint={trained}", "episodes=20", "task.num_objects=6"])["episodes"] == 20
 
 
+def test_evaluate_can_take_the_words_away_or_name_each_object_in_turn(trained):
+    said = evaluate.main([f"checkpoint={trained}", "episodes=100"])["success_at_end"]
+    for words in ("blank", "swapped"):
+        assert evaluate.main([f"checkpoint={trained}", "episodes=100", f"words={words}"])["success_at_end"] < said - 0.2
+    in_turn = evaluate.main([f"checkpoint={trained}", "in_turn=20"])
+    assert (in_turn["scenes"], in_turn["episodes"]) == (20, 60)
+    assert in_turn["success_at_end"] > 0.6  # by chance, a third
+
+
+def test_the_oracle_understands_every_sentence(trained):
+    assert evaluate.main([f"checkpoint={trained}", "episodes=60", "reader=oracle"])["success_at_end"] >= 0.95
+
+
+def test_evaluate_reports_each_split(trained, capsys):
+    held_out = ["color_noun=[[red,cube]]", "relation_noun=[[behind,cube]]", "phrases=['touch {object}']"]
+    short = [f"checkpoint={trained}", "episodes=8", "worlds=4", "splits=true"]
+    report = evaluate.main([*short, *(f"task.held_out.{pair}" for pair in held_out)])
+    assert set(report["by_split"]) == {"train", "test_composition", "test_paraphrase", "test_length"}
+    assert all(part["episodes"] == 8 for part in report["by_split"].values())
+    assert "test_paraphrase" in capsys.readouterr().out
+    with pytest.raises(ConfigError, match="held out"):
+        evaluate.main(short)
+
+
 def test_resume_goes_on_in_the_same_folder(trained, tmp_path):
     config, folder = train.resumed(str(trained), ["total_frames=57_344", "eval.episodes=4", "eval.video_episodes=0"])
     assert folder == trained
@@ -196,6 +220,9 @@ def test_bad_input_gets_one_clear_message(arguments, said, tmp_path):
         (["checkpoint={run}", "episodes=0"], "episodes=0"),
         (["checkpoint={run}", "epsiodes=3"], "epsiodes"),
         (["checkpoint={run}/eval.json"], "no checkpoint of ours"),
+        (["checkpoint={run}", "words=loud"], "words=loud is not known"),
+        (["checkpoint={run}", "words=swapped", "worlds=1"], "worlds of at least 2"),
+        (["checkpoint={run}", "reader=parrot"], "reader=parrot"),
     ],
 )
 def test_evaluate_refuses_what_does_not_fit(trained, overrides, said):
