@@ -77,7 +77,7 @@ def test_a_run_leaves_its_report(trained):
 def test_a_short_run_has_learned_what_words_mean(trained):
     result = json.loads((trained / "eval.json").read_text())
     assert result["success_at_end"] > 0.6
-    assert read_metrics(trained / "metrics.csv")[-1]["grounding/accuracy"] > 0.95
+    assert read_metrics(trained / "metrics.csv")[-1]["grounding/accuracy"] > 0.9
 
 
 def test_without_the_words_a_trained_policy_falls_to_chance(trained):
