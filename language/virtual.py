@@ -8,7 +8,7 @@ import numpy as np
 
 from language.describing import Describer
 from language.errors import LanguageError, check_known
-from language.instruction import Chain, Command, Instruction, ObjectPhrase
+from language.instruction import Chain, Command, Instruction
 from language.objects import Scene
 from language.tasks import LIFTED, TASKS
 
@@ -115,7 +115,4 @@ def _instruction(
     first = goal if init is None else init
     assert first is not None
     phrase = describer.phrase(scene, first, rng)
-    place: ObjectPhrase | None = None
-    if init is not None and goal is not None:
-        place = describer.phrase(scene, goal, rng)
-    return Instruction(task, phrase, place)
+    return Instruction(task, phrase, None if init is None or goal is None else describer.phrase(scene, goal, rng))
