@@ -17,6 +17,7 @@ import dataclasses
 import math
 from collections.abc import Iterable
 from difflib import get_close_matches
+from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 T = TypeVar("T")
@@ -121,12 +122,14 @@ def _required(field: dataclasses.Field) -> bool:
 
 
 def _dataclass_of(kind: Any) -> Any:
-    """The dataclass that a field is, lists, or maps names to; None for plain values."""
-    inner = get_args(kind)[-1] if get_args(kind) else kind
+    """The dataclass that a field is, may be, lists, or maps names to; None for plain values."""
+    inner = next((each for each in get_args(kind) if dataclasses.is_dataclass(each)), kind)
     return inner if dataclasses.is_dataclass(inner) else None
 
 
 def _nested(kind: Any, node: Any, key: str) -> Any:
+    if isinstance(kind, UnionType):
+        return None if node is None else read(_dataclass_of(kind), node, key)
     if dataclasses.is_dataclass(kind):
         return read(kind, node, key)  # type: ignore[arg-type]
     if get_origin(kind) is list:

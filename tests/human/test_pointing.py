@@ -1,0 +1,132 @@
+"""What a ray singles out: distances, angles, likelihoods, and what cannot be meant."""
+
+import numpy as np
+import pytest
+
+from human import NothingPointedAt, beside, pointed_object, posterior, strayed, visibility
+from human.pointing import HIDDEN, WIDEST
+
+ORIGIN = np.array([0.8, 0.1, 0.3])
+
+
+def rays(rng, *batch):
+    direction = rng.normal(size=(*batch, 3))
+    return rng.normal(size=(*batch, 3)), direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+
+
+def test_distance_and_angle_are_those_of_the_right_triangle_between_ray_and_object():
+    rng = np.random.default_rng(0)
+    origin, direction = rays(rng, 50)
+    positions = rng.normal(size=(50, 4, 3))
+    lies = beside(origin, direction, positions)
+    offset = positions - origin[:, None]
+    cross = np.linalg.norm(np.cross(offset, direction[:, None]), axis=-1)
+    np.testing.assert_allclose(lies.distance, cross, atol=1e-12)
+    np.testing.assert_allclose(lies.along**2 + lies.distance**2, (offset**2).sum(-1), atol=1e-12)
+    np.testing.assert_allclose(np.cos(lies.angle), lies.along / np.linalg.norm(offset, axis=-1), atol=1e-12)
+
+
+def test_an_object_on_the_ray_is_beside_it_by_nothing_however_far_the_ray_has_run():
+    """The original took the norm of the projection: it would prefer the object nearest to the hand."""
+    direction = np.array([-0.6, 0.0, -0.8])
+    near_but_aside = ORIGIN + 0.1 * direction + [0.0, 0.05, 0.0]
+    far_but_on_it = ORIGIN + 0.5 * direction
+    assert pointed_object(ORIGIN, direction, [near_but_aside, far_but_on_it]) == 1
+
+
+def test_the_index_has_the_batch_shape_and_agrees_with_one_ray_at_a_time():
+    rng = np.random.default_rng(1)
+    origin, direction = rays(rng, 5, 3)
+    steps = rng.uniform(0.2, 1.0, size=(5, 3, 6, 1))
+    positions = origin[..., None, :] + steps * direction[..., None, :] + 0.05 * rng.normal(size=(5, 3, 6, 3))
+    found = pointed_object(origin, direction, positions)
+    assert found.shape == (5, 3)
+    for index in np.ndindex(5, 3):
+        assert found[index] == pointed_object(origin[index], direction[index], positions[index])
+
+
+def test_what_lies_behind_the_hand_is_never_meant_however_near_it_is():
+    direction = np.array([-1.0, 0.0, 0.0])
+    behind, before = ORIGIN + [0.05, 0.0, 0.0], ORIGIN + [-0.3, 0.1, 0.0]
+    assert pointed_object(ORIGIN, direction, [behind, before]) == 1
+    assert posterior(ORIGIN, direction, [behind, before], 10.0).tolist() == [0.0, 1.0]
+
+
+def test_an_object_that_is_not_shown_is_never_meant():
+    direction = np.array([-1.0, 0.0, 0.0])
+    positions = [ORIGIN + [-0.3, 0.0, 0.0], ORIGIN + [-0.3, 0.1, 0.0]]
+    assert pointed_object(ORIGIN, direction, positions, shown=[False, True]) == 1
+    assert posterior(ORIGIN, direction, positions, 2.0, shown=[False, True]).tolist() == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("judge", [pointed_object, lambda *ray: posterior(*ray, 2.0)])
+def test_a_ray_along_which_nothing_lies_says_by_how_much_it_misses(judge):
+    aside = ORIGIN + [-0.1, 0.3, 0.0]
+    with pytest.raises(NothingPointedAt, match=r"72 degrees beside it, and less than 45"):
+        judge(ORIGIN, np.array([-1.0, 0.0, 0.0]), [aside])
+    with pytest.raises(NothingPointedAt, match="there is no object"):
+        judge(ORIGIN, np.array([-1.0, 0.0, 0.0]), np.zeros((0, 3)))
+
+
+@pytest.mark.parametrize("direction", [[0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]])
+def test_a_direction_of_no_length_is_refused(direction):
+    with pytest.raises(ValueError, match="not all 0"):
+        pointed_object(ORIGIN, direction, [[0.0, 0.0, 0.0]])
+
+
+def test_the_length_of_a_direction_tells_nothing():
+    positions = [ORIGIN + [-0.3, 0.02, 0.0], ORIGIN + [-0.5, 0.1, 0.0]]
+    one, other = (posterior(ORIGIN, np.array([-1.0, 0.05, 0.0]) * scale, positions, 3.0) for scale in (1, 7))
+    np.testing.assert_allclose(one, other)
+
+
+def test_the_posterior_is_as_often_right_as_it_says():
+    """Calibration: of objects drawn evenly and pointed at with this noise, those given p are meant in a share p."""
+    rng = np.random.default_rng(2)
+    count, noise = 20_000, 5.0
+    positions = ORIGIN + [-0.5, 0.0, -0.2] + rng.uniform(-0.08, 0.08, (count, 4, 3))
+    meant = rng.integers(4, size=count)
+    direction = strayed(positions[np.arange(count), meant] - ORIGIN, noise, rng)
+    said = posterior(np.broadcast_to(ORIGIN, (count, 3)), direction, positions, noise)
+    np.testing.assert_allclose(said.sum(-1), 1.0)
+    for low in np.arange(0.0, 1.0, 0.2):
+        chosen = (said >= low) & (said < low + 0.2)
+        right = (np.arange(4) == meant[:, None])[chosen]
+        assert abs(said[chosen].mean() - right.mean()) < 0.02
+
+
+def test_without_noise_only_the_nearest_object_is_possible():
+    positions = [ORIGIN + [-0.3, 0.02, 0.0], ORIGIN + [-0.5, 0.01, 0.0]]
+    assert posterior(ORIGIN, np.array([-1.0, 0.0, 0.0]), positions, 0.0).tolist() == [0.0, 1.0]
+
+
+def test_the_finger_strays_by_the_noise_in_both_directions_across_it():
+    rng = np.random.default_rng(3)
+    direction = np.array([0.0, 0.6, -0.8])
+    turned = strayed(np.broadcast_to(direction, (50_000, 3)), 4.0, rng)
+    np.testing.assert_allclose(np.linalg.norm(turned, axis=-1), 1.0)
+    across = np.stack(([1.0, 0.0, 0.0], np.cross(direction, [1.0, 0.0, 0.0])))
+    spread = np.rad2deg(np.std(turned @ across.T, axis=0))
+    np.testing.assert_allclose(spread, 4.0, rtol=0.02)
+    np.testing.assert_array_equal(strayed(direction, 0.0, rng), direction)
+
+
+def test_an_object_that_another_hides_from_the_eyes_is_less_likely():
+    eyes = np.array([1.5, 0.0, 0.9])
+    sight = np.array([0.5, 0.0, 0.0]) - eyes
+    hidden, hider, plain = eyes + sight, eyes + 0.9 * sight, eyes + sight + [0.0, 0.2, 0.0]
+    assert visibility(eyes, [hidden, hider, plain], size=0.05).tolist() == [HIDDEN, 1.0, 1.0]
+    prior = visibility(eyes, [hidden, plain, hider], size=0.05)
+    between = (hidden + plain) / 2 - ORIGIN
+    evenly, knowing = (posterior(ORIGIN, between, [hidden, plain, hider], 5.0, each) for each in (None, prior))
+    assert knowing[0] < 0.3 * evenly[0]
+
+
+def test_nothing_is_meant_at_the_widest_angle_or_beyond():
+    for angle, meant in ((WIDEST - 0.01, True), (WIDEST + 0.01, False)):
+        place = ORIGIN + 0.3 * np.array([-np.cos(angle), np.sin(angle), 0.0])
+        if meant:
+            assert pointed_object(ORIGIN, [-1.0, 0.0, 0.0], [place]) == 0
+        else:
+            with pytest.raises(NothingPointedAt):
+                pointed_object(ORIGIN, [-1.0, 0.0, 0.0], [place])
