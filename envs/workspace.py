@@ -1,20 +1,26 @@
-"""A workspace: the furniture, where objects and the gripper may be, and where the camera stands.
+"""A workspace: the furniture, where objects and the gripper may be, where the camera stands, and who else is there.
 
-The workspace frame of every position in the project: metres; origin on the table top where the robot is mounted;
+The workspace frame of every position in the project: metres; origin on the table top where the robot is mounted: a
+robot stands elsewhere at a table by where the workspace puts all else, and its URDF's own origin by `robot.base`;
 x away from the robot, y to the robot's left, z up.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from conf.schema import Checked, ConfigError, within
+from conf.schema import Checked, ConfigError, one_of, within
+from human import Camera, HumanConfig
 
 
 @dataclass(frozen=True, kw_only=True)
 class Box(Checked):
-    """A box that never moves. size and position of its centre in metres; color RGB in [0, 1]."""
+    """A box that never moves, or a part of a fitting. size and position of its centre in metres; color RGB in [0, 1].
+
+    contact: whether anything touches it; else it is only drawn.
+    """
 
     size: list[float] = within(0.001, 20, count=3)
     position: list[float] = within(-20, 20, count=3)
@@ -23,15 +29,33 @@ class Box(Checked):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Camera(Checked):
-    """target and distance in metres, yaw and pitch in degrees, width and height in pixels."""
+class Fitting(Checked):
+    """What slides or turns when it is pushed, and stays where it is left: a drawer, a door.
 
-    target: list[float] = within(-20, 20, count=3)
-    distance: float = within(0.1, 20)
-    yaw: float
-    pitch: float = within(-90, 90)
-    width: int = within(16, 4096)
-    height: int = within(16, 4096)
+    Its joint goes from low to high, metres along the axis or radians about it, right-handed. origin: metres, a point of
+    the axis. friction: what holds it back, in N or N m; mass in kg. parts stand as they do where the joint is at 0.
+    """
+
+    joint: str = one_of("slide", "turn")
+    origin: list[float] = within(-20, 20, count=3)
+    axis: list[float] = within(-1, 1, count=3)
+    low: float = within(-10, 10)
+    high: float = within(-10, 10)
+    start: float = within(-10, 10)
+    friction: float = within(0, 1000)
+    mass: float = within(0.01, 1000)
+    parts: dict[str, Box]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.low >= self.high:
+            raise ConfigError(f"low={self.low} must be less than high={self.high}")
+        if not self.low <= self.start <= self.high:
+            raise ConfigError(f"start={self.start} must be between low={self.low} and high={self.high}")
+        if abs(math.hypot(*self.axis) - 1) > 1e-3:
+            raise ConfigError(f"axis={self.axis} must be of length 1")
+        if not self.parts:
+            raise ConfigError("parts={} must name at least one box")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,10 +64,12 @@ class WorkspaceConfig(Checked):
 
     name: str
     furniture: dict[str, Box]
+    fittings: dict[str, Fitting]
     object_area: list[float] = within(-5, 5)
     gripper_box: list[float] = within(-5, 5)
     bounds: list[float] = within(-10, 10)
     camera: Camera
+    human: HumanConfig | None  # who stands there; none: nobody
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -3,7 +3,7 @@
 import numpy as np
 import pybullet as bullet
 import pytest
-from env_cases import COMBINATIONS, act, make, name_of, partial_reset
+from env_cases import COMBINATIONS, ROBOTS, act, make, name_of, options, partial_reset
 
 from envs.expert import ReachExpert
 
@@ -39,3 +39,16 @@ def test_the_expert_solves_the_task_without_touching_the_table(combination):
     env.close()
     assert np.mean(solved) >= 0.95
     assert lowest > 0
+
+
+@pytest.mark.parametrize("workspace", options("workspace"))
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_the_expert_reaches_every_goal_in_every_workspace(robot, workspace):
+    for task in ("reach", "nl_reach"):
+        env = make(robot, "step", task, f"workspace={workspace}", worlds=8, seed=22)
+        expert, td, reached, steps = ReachExpert(env), env.reset(), np.zeros(8, bool), 0
+        while not reached.all() and steps < env.config.task.max_steps:
+            td, steps = act(env, td, expert(td.clone())["action"]), steps + 1
+            reached |= td["success"][:, 0].numpy()
+        env.close()
+        assert reached.all()
