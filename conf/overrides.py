@@ -73,7 +73,9 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
         key, _, value = word.partition("=")
         if key in TRAINED and fresh[key].get("name") != changed[key].get("name"):
             raise ConfigError(f"{word}: the checkpoint was trained with {key}={changed[key].get('name')}, and keeps it")
-        if key in groups():
+        if key == "gesture" and key in changed:
+            changed[key].source = fresh[key].source  # all that its options differ in: the rest is the run's own
+        elif key in groups():
             OmegaConf.update(changed, key, fresh[key], merge=False)
         elif OmegaConf.select(changed, key, default=ROOT) is ROOT:
             raise ConfigError(f"{word}: {key} is not a key of this run's config" + did_you_mean(key, _keys(changed)))

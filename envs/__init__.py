@@ -6,5 +6,10 @@ from envs.config import EnvConfig, make_env, read_env
 
 __all__ = ["EnvConfig", "make_env", "read_env"]
 
-for _id, _task in (("Deixis/Reach-v0", "reach"), ("Deixis/NLReach-v0", "nl_reach")):
-    gymnasium.register(_id, entry_point="envs.gym_env:GymEnv", kwargs={"task": _task})
+for _id, _task in (
+    ("Reach", "reach"),
+    ("NLReach", "nl_reach"),
+    ("ReachGesture", "reach_gesture"),
+    ("NLReachGesture", "nl_reach_gesture"),
+):
+    gymnasium.register(f"Deixis/{_id}-v0", entry_point="envs.gym_env:GymEnv", kwargs={"task": _task})

@@ -13,6 +13,7 @@ from envs.robot import RobotConfig, urdf_path
 from envs.tasks import TASKS, TaskConfig
 from envs.workspace import WorkspaceConfig
 from envs.world import PhysicsConfig
+from human import GestureConfig
 
 if TYPE_CHECKING:
     from envs.workspace_env import WorkspaceEnv
@@ -27,10 +28,13 @@ class EnvConfig:
     workspace: WorkspaceConfig
     task: TaskConfig
     physics: PhysicsConfig
+    gesture: GestureConfig
 
 
 def read_env(config: Any) -> EnvConfig:
     """The composed config's groups, checked. Raises ConfigError before anything is loaded."""
+    if "gesture" not in config:
+        raise ConfigError("gesture is missing: this config is from before there were any; give gesture=none")
     robot = read(RobotConfig, config["robot"], "robot")
     urdf_path(robot)
     task = read(TaskConfig, config["task"], "task")
@@ -42,6 +46,7 @@ def read_env(config: Any) -> EnvConfig:
         read(WorkspaceConfig, config["workspace"], "workspace"),
         task,
         read(PhysicsConfig, config["physics"], "physics"),
+        read(GestureConfig, config["gesture"], "gesture"),
     )
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Bounded
 
-OBSERVED = ("robot", "objects", "objects_mask", "instruction")
+OBSERVED = ("robot", "objects", "objects_mask", "instruction", "gesture")  # the last where a person points
 
 
 class GymEnv(gym.Env):
@@ -45,9 +45,10 @@ class GymEnv(gym.Env):
         self._env = make_env(groups, num_worlds=1, render=render_mode is not None)
         spec = self._env.observation_spec
         words, length = spec["instruction"].space.n, spec["instruction"].shape[-1]
+        bounded = [name for name in ("robot", "objects", "gesture") if name in spec.keys()]
+        boxes: dict[str, spaces.Space] = {name: _box(spec[name]) for name in bounded}
         self.observation_space = spaces.Dict(
-            robot=_box(spec["robot"]),
-            objects=_box(spec["objects"]),
+            boxes,
             objects_mask=spaces.MultiBinary(spec["objects_mask"].shape[-1]),
             instruction=spaces.MultiDiscrete([words] * length),
         )
@@ -80,7 +81,7 @@ class GymEnv(gym.Env):
             self._env.close()
 
     def _observation(self, values: TensorDictBase) -> dict[str, NDArray]:
-        observation = {name: values[name][0].numpy() for name in OBSERVED}
+        observation = {name: values[name][0].numpy() for name in OBSERVED if name in values.keys()}
         observation["objects_mask"] = observation["objects_mask"].astype(np.int8)
         return observation
 

@@ -11,10 +11,13 @@ The observation, each with a leading N:
 | objects_mask | (K,) bool | which slots show an object |
 | hold | (A,) float32 | the action that keeps the arm where it is |
 | instruction | (L,) int64 | the sentence's tokens, 0 = pad |
+| gesture | (7,) float32 | only where a person points: the fingertip (m), the unit direction of its ray, and 1 where a
+|   | | gesture is shown; all 0 where none is |
 | success, wrong_object | (1,) bool | whether the episode ended so at this step |
 | at_goal | (1,) bool | whether the gripper is at the referent |
 | reward_terms | (T,) float32 | weighted terms by `reward_names`; their sum is the reward |
-| privileged | | for losses and tests alone: referent (slot), goal (m), kind (of sentence), sentence (UTF-8 bytes) |
+| privileged | | for losses and tests alone: referent (slot), goal (m), kind (of sentence), sentence (UTF-8 bytes), and
+|   | | pointing (3,) where a person points, as `Gestures.measures` has it |
 """
 
 from __future__ import annotations
@@ -23,14 +26,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torchrl.data import Binary, Bounded, Categorical, Composite
+from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 
 from envs.kinematics import Kinematics
 from envs.robot import RobotConfig
+from envs.tasks import Reach
 from envs.workspace import WorkspaceConfig
 from language import COLORS, NOUNS, SEE_THROUGH, Scene, Tokenizer, color_name, color_table
 
 SENTENCE_BYTES = 160
+FARTHEST = 3.0  # metres from the origin that a fingertip is looked for
 OBJECT_WIDTH = 3 + 4 + 4 + len(NOUNS) + 1 + 1
 ATTRIBUTES = slice(7, OBJECT_WIDTH)  # what an object keeps all along: colour, shape, size, role
 
@@ -47,18 +52,19 @@ class Bounds:
             [chain.low - 0.1, -speed, low, -ones, [0.0]],
             [chain.high + 0.1, speed, high, ones, [1.0]],
         )
+        tip, tilt = np.full(3, FARTHEST), np.ones(3)
+        self.gesture = _pair([-tip, -tilt, [0.0]], [tip, tilt, [1.0]])
+        self.pointing = _pair([np.zeros(3)], [[np.pi, np.pi, 2 * FARTHEST]])
         self.objects = _pair(
             [low, -np.ones(4), np.zeros(rest), [0.0, 0.0]],
             [high, np.ones(4), np.ones(rest), [0.2, 1.0]],
         )
 
 
-def observation_spec(
-    bounds: Bounds, worlds: int, slots: int, tokenizer: Tokenizer, actions: int, kinds: tuple[str, ...]
-) -> Composite:
-    """The spec of the table above, for `worlds` worlds of `slots` slots, without what a step comes to."""
-    words = len(tokenizer.vocabulary)
-    return Composite(
+def observation_spec(bounds: Bounds, worlds: int, task: Reach, tokenizer: Tokenizer, actions: int) -> Composite:
+    """The spec of the table above, for `worlds` worlds of this task and as many numbers an action."""
+    slots, words = task.config.num_objects, len(tokenizer.vocabulary)
+    spec = Composite(
         robot=_bounded(bounds.robot, worlds),
         objects=_bounded(bounds.objects, worlds, slots),
         objects_mask=Binary(slots, shape=(worlds, slots), dtype=torch.bool),
@@ -67,12 +73,19 @@ def observation_spec(
         privileged=Composite(
             referent=Categorical(slots, shape=(worlds,), dtype=torch.int64),
             goal=_bounded(bounds.position, worlds),
-            kind=Categorical(len(kinds), shape=(worlds,), dtype=torch.int64),
+            kind=Categorical(len(task.kind_names), shape=(worlds,), dtype=torch.int64),
             sentence=Bounded(0, 255, shape=(worlds, SENTENCE_BYTES), dtype=torch.uint8),
             shape=(worlds,),
         ),
+        reward_terms=Unbounded(shape=(worlds, len(task.terms)), dtype=torch.float32),
         shape=(worlds,),
     )
+    for name in ("success", "wrong_object", "at_goal"):
+        spec[name] = Binary(1, shape=(worlds, 1), dtype=torch.bool)
+    if task.points:
+        spec["gesture"] = _bounded(bounds.gesture, worlds)
+        spec["privileged", "pointing"] = _bounded(bounds.pointing, worlds)
+    return spec
 
 
 def attributes(scene: Scene) -> NDArray[np.float64]:
@@ -81,6 +94,13 @@ def attributes(scene: Scene) -> NDArray[np.float64]:
     colors = color_table()[scene.colors]
     colors[scene.targets, 3] = SEE_THROUGH
     return np.concatenate((colors, shape, scene.sizes[:, None], scene.targets[:, None]), axis=1)
+
+
+def lasting_rows(scene: Scene, yaw: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """(K, OBJECT_WIDTH) the objects' rows as they would be if nothing moved. yaw: (K,) radians."""
+    half = (np.zeros(len(scene)) if yaw is None else yaw) / 2
+    turned = np.stack((np.zeros_like(half), np.zeros_like(half), np.sin(half), np.cos(half)), axis=1)
+    return np.concatenate((scene.positions, turned, attributes(scene)), axis=1)
 
 
 def seen_scene(objects: NDArray, viewpoint: str = "robot") -> Scene:
@@ -94,6 +114,11 @@ def seen_scene(objects: NDArray, viewpoint: str = "robot") -> Scene:
         targets=objects[:, -1] > 0.5,
         viewpoint=viewpoint,
     )
+
+
+def in_bytes(sentence: str) -> NDArray[np.uint8]:
+    """(SENTENCE_BYTES,) the sentence in UTF-8, cut or filled with zeros."""
+    return np.frombuffer(sentence.encode()[:SENTENCE_BYTES].ljust(SENTENCE_BYTES, b"\0"), np.uint8)
 
 
 def clipped(values: NDArray[np.float64], bounds: NDArray[np.float32]) -> Tensor:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from envs.quiet import quiet
+from human.quiet import quiet
 
 with quiet():
     import pybullet as bullet

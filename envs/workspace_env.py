@@ -20,9 +20,21 @@ from torchrl.envs import EnvBase
 from conf.schema import ConfigError
 from envs.config import EnvConfig
 from envs.controls import CONTROLS
-from envs.observation import ATTRIBUTES, OBJECT_WIDTH, SENTENCE_BYTES, Bounds, attributes, clipped, observation_spec
+from envs.described import described, encoded
+from envs.gestures import Gestures, meet, watch
+from envs.observation import (
+    ATTRIBUTES,
+    OBJECT_WIDTH,
+    SENTENCE_BYTES,
+    Bounds,
+    attributes,
+    clipped,
+    in_bytes,
+    observation_spec,
+)
 from envs.robot import read_chain
 from envs.tasks import TASKS, Episode, State
+from envs.window import Window
 from envs.world import PARKED, Hold, World
 from language import NOUNS, Tokenizer
 
@@ -49,21 +61,11 @@ class WorkspaceEnv(EnvBase):
         self.config, self.tokenizer = config, Tokenizer.default()
         task = config.task
         task.objects.check(config.workspace.bounds)
-        self.task = TASKS[task.name](task, config.workspace.object_area, num_worlds)
+        self._person = meet(config.workspace.human, config.gesture)
+        self.task = TASKS[task.name](task, config.workspace.object_area, num_worlds, self._person)
         self.task.draw(np.random.default_rng(0))  # raises now where no episode can be drawn
         self.chain = read_chain(config.robot)
-        self._worlds = [
-            World(
-                config.robot,
-                config.workspace,
-                config.physics,
-                tuple(NOUNS),
-                self.task.bodies,
-                task.object_size,
-                render,
-            )
-            for _ in range(num_worlds)
-        ]
+        self._worlds = [self._world(render) for _ in range(num_worlds)]
         period = config.physics.time_step * config.physics.substeps
         box = np.reshape(config.workspace.gripper_box, (3, 2)).T
         self.control = CONTROLS[config.control.name](
@@ -71,6 +73,7 @@ class WorkspaceEnv(EnvBase):
         )
         self._weights = np.array([task.reward.get(name, 0.0) for name in self.reward_names])
         self._allocate(num_worlds, len(config.robot.joints), task.num_objects)
+        self._gestures = Gestures(config.gesture, self._worlds, watch(config.workspace, config.gesture))
         self._bounds = Bounds(config.workspace, config.robot, self.chain)
         self._make_specs()
         self._set_seed(seed)
@@ -90,15 +93,15 @@ class WorkspaceEnv(EnvBase):
         """How far each of the A numbers may be from `hold` to be carried out within one control step."""
         return tuple(self.control.unit.tolist())
 
+    def _world(self, render: bool, window: Window | None = None) -> World:
+        config, pool = self.config, (tuple(NOUNS), self.task.bodies, self.config.task.object_size)
+        return World(config.robot, config.workspace, config.physics, *pool, render, window)
+
     def _make_specs(self) -> None:
-        (n,), flag = self.batch_size, Binary(1, shape=(*self.batch_size, 1), dtype=torch.bool)
-        spec = observation_spec(
-            self._bounds, n, self.config.task.num_objects, self.tokenizer, len(self.control.unit), self.kind_names
-        )
-        spec.update({name: flag.clone() for name in ("success", "wrong_object", "at_goal")})
-        spec["reward_terms"] = Unbounded(shape=(n, len(self.reward_names)), dtype=torch.float32)
-        self.observation_spec = spec
-        self.action_spec = Bounded(-1, 1, shape=(n, len(self.control.unit)), dtype=torch.float32)
+        n, flag = self.batch_size[0], Binary(1, shape=(*self.batch_size, 1), dtype=torch.bool)
+        actions = len(self.control.unit)
+        self.observation_spec = observation_spec(self._bounds, n, self.task, self.tokenizer, actions)
+        self.action_spec = Bounded(-1, 1, shape=(n, actions), dtype=torch.float32)
         self.reward_spec = Unbounded(shape=(n, 1), dtype=torch.float32)
         self.full_done_spec = Composite(
             {name: flag.clone() for name in ("done", "terminated", "truncated")}, shape=(n,)
@@ -111,13 +114,10 @@ class WorkspaceEnv(EnvBase):
         self._fingers = np.full((worlds, fingers), 0.0)  # closed: reaching needs no grip
         self._rows = np.zeros((worlds, slots, OBJECT_WIDTH))
         self._rows[..., :3] = PARKED
-        self._state = State(
-            np.zeros((worlds, 3)),
-            self._rows[..., :3],
-            np.zeros((worlds, slots), bool),
-            np.zeros(worlds, np.int64),
-        )
+        shown, referent = np.zeros((worlds, slots), bool), np.zeros(worlds, np.int64)
+        self._state = State(np.zeros((worlds, 3)), self._rows[..., :3], shown, referent)
         self._index = np.arange(worlds)
+        self._slots = [np.arange(slots) for _ in range(worlds)]  # of each world's objects
         self._instruction = np.zeros((worlds, self.tokenizer.length), np.int64)
         self._kind = np.zeros(worlds, np.int64)
         self._sentence = np.zeros((worlds, SENTENCE_BYTES), np.uint8)
@@ -128,13 +128,24 @@ class WorkspaceEnv(EnvBase):
         if not np.isfinite(action).all():
             raise ValueError("an action is not a finite number")
         np.clip(action, -1.0, 1.0, out=action)
+        self._turn()
         self._commanded = self.control.targets(action, self._commanded, self._angles)
         targets = np.concatenate((self._commanded, self._fingers), axis=1).tolist()
         for world, target in zip(self._worlds, targets, strict=True):
             world.advance(target)
         self._read(self._index)
+        self._gestures.follow()
         self._steps += 1
         return TensorDict(self._observation() | self._judge(), self.batch_size)
+
+    def _turn(self) -> None:
+        """Fingers move on to another object where it is time, and what is meant with them."""
+        for i, referent in self._gestures.turn(self._steps):
+            self._mean(i, self._slots[i][referent])
+
+    def _mean(self, i: int, slot: int) -> None:
+        self._state.referent[i] = slot
+        self.task.reset(np.array([i]), self._state)
 
     def _judge(self) -> dict[str, Tensor]:
         """What the step came to: weighted reward terms, their sum, and the ends of episodes."""
@@ -163,9 +174,14 @@ class WorkspaceEnv(EnvBase):
         for i in worlds.tolist():
             self._begin(i, self.task.draw(self._generators[i]))
         if len(worlds):
-            self._read(worlds)
-            self.task.reset(worlds, self._state)
+            self._see(worlds)
         return self._begun()
+
+    def _see(self, worlds: NDArray[np.int64]) -> None:
+        """Read worlds whose episodes have just been laid out."""
+        self._read(worlds)
+        self.task.reset(worlds, self._state)
+        self._gestures.read(worlds.tolist())
 
     def start(self, episodes: Sequence[Episode], seed: int) -> TensorDictBase:
         """Begin these episodes, one a world (worlds beyond them repeat the last), instead of drawn ones.
@@ -178,35 +194,15 @@ class WorkspaceEnv(EnvBase):
         self._generators = [np.random.default_rng(seed) for _ in self._worlds]
         for i in range(len(self._worlds)):
             self._begin(i, episodes[min(i, len(episodes) - 1)])
-        self._read(self._index)
-        self.task.reset(self._index, self._state)
+        self._see(self._index)
         return self._begun()
 
     def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
-        """(count,) what could be asked: objects, objects_mask, instruction and privileged/referent of fresh episodes.
+        """(count,) what could be asked: objects, objects_mask, instruction, gesture and privileged/referent.
 
-        They are drawn and described like any other, but never simulated: half a millisecond each.
+        Such episodes are drawn and described like any other, but never simulated: about a millisecond each.
         """
-        rng, slots = np.random.default_rng(seed), self._rows.shape[1]
-        rows = np.zeros((count, slots, OBJECT_WIDTH))
-        shown = np.zeros((count, slots), bool)
-        words = np.zeros((count, self.tokenizer.length), np.int64)
-        referents = np.zeros(count, np.int64)
-        for i in range(count):
-            episode = self.task.draw(rng)
-            order = rng.permutation(slots)[: len(episode.scene)]
-            rows[i, order], shown[i, order] = lasting_rows(episode), True
-            words[i], referents[i] = self._tokens(episode), order[episode.referent]
-        values = {
-            "objects": clipped(rows, self._bounds.objects),
-            "objects_mask": torch.from_numpy(shown),
-            "instruction": torch.from_numpy(words),
-            "privileged": TensorDict({"referent": torch.from_numpy(referents)}, [count]),
-        }
-        return TensorDict(values, [count])
-
-    def _tokens(self, episode: Episode) -> NDArray[np.int64]:
-        return self.tokenizer.encode(episode.sentence if episode.heard is None else episode.heard)
+        return described(self.task, self.tokenizer, self._bounds, self._rows.shape[1], count, seed)
 
     def _begun(self) -> TensorDictBase:
         """What is observed where nothing has been done yet."""
@@ -220,6 +216,7 @@ class WorkspaceEnv(EnvBase):
         generator, scene, slots = self._generators[i], episode.scene, self._rows.shape[1]
         order = generator.permutation(slots)[: len(scene)]  # object -> slot
         by_slot = np.argsort(order, kind="stable")
+        self._slots[i] = order
         noise = self.config.task.reset_noise
         joints = self.chain.rest + generator.uniform(-noise, noise, len(self.chain.rest))
         self._commanded[i] = joints
@@ -229,21 +226,20 @@ class WorkspaceEnv(EnvBase):
         self._state.shown[i] = False
         self._state.shown[i, order] = True
         self._state.referent[i] = order[episode.referent]
-        self._instruction[i] = self._tokens(episode)
+        self._instruction[i] = encoded(self.tokenizer, episode)
         self._kind[i], self._steps[i] = episode.kind, 0
-        text = episode.sentence.encode()[:SENTENCE_BYTES]
-        self._sentence[i] = 0
-        self._sentence[i, : len(text)] = np.frombuffer(text, np.uint8)
+        self._sentence[i] = in_bytes(episode.sentence)
         yaw = np.zeros(len(scene)) if episode.yaw is None else episode.yaw
         self._worlds[i].reset(
             joints.tolist(),
             0.0,
             scene.nouns[by_slot].tolist(),
-            _holds(episode)[by_slot].tolist(),
+            Hold.of(scene.targets, episode.fixed)[by_slot].tolist(),
             scene.positions[by_slot].tolist(),
             yaw[by_slot].tolist(),
             self._rows[i, np.sort(order), 7:11],
         )
+        self._gestures.begin(i, episode)
 
     def _read(self, worlds: NDArray[np.int64]) -> None:
         """Take the measured state of these worlds from PyBullet into the arrays."""
@@ -285,7 +281,12 @@ class WorkspaceEnv(EnvBase):
             "kind": torch.from_numpy(self._kind.copy()),
             "sentence": torch.from_numpy(self._sentence.copy()),
         }
-        return {
+        seen = {}
+        if self._gestures.points:
+            seen["gesture"] = clipped(self._gestures.rays, self._bounds.gesture)
+            measures = self._gestures.measures(self._rows[..., :3], self._state.shown, self._state.referent)
+            privileged["pointing"] = clipped(measures, self._bounds.pointing)
+        return seen | {
             "robot": clipped(robot, self._bounds.robot),
             "objects": clipped(rows, self._bounds.objects),
             "objects_mask": torch.from_numpy(self._state.shown.copy()),
@@ -319,6 +320,19 @@ class WorkspaceEnv(EnvBase):
         """(N, 3) gripper centres, metres."""
         return self._state.gripper.copy()
 
+    @property
+    def fittings(self) -> dict[str, NDArray[np.float64]]:
+        """How far each of the workspace's fittings has moved: name to (N,) joint values, metres or radians."""
+        values = np.array([world.fittings() for world in self._worlds]).T
+        return dict(zip(self.config.workspace.fittings, values, strict=True))
+
+    @property
+    def eyes(self) -> NDArray[np.float64]:
+        """(3,) between the eyes of the person who points, metres. Raises ConfigError where nobody does."""
+        if self._person is None:
+            raise ConfigError(f"gesture.source=none: nobody points in workspace={self.config.workspace.name}")
+        return self._person.eyes
+
     def towards(self, position: NDArray[np.float64]) -> Tensor:
         """The action (N, A) that brings each gripper nearer to position (N, 3): for scripted experts."""
         return torch.from_numpy(self.control.towards(position, self._commanded).astype(np.float32))
@@ -328,20 +342,7 @@ class WorkspaceEnv(EnvBase):
         return self._worlds[0].render()
 
     def close(self, *, raise_if_closed: bool = True) -> None:
+        self._gestures.close()
         for world in self._worlds:
             world.close()
         self.is_closed = True
-
-
-def lasting_rows(episode: Episode) -> NDArray[np.float64]:
-    """(K, OBJECT_WIDTH) the objects' rows as they would be if nothing moved."""
-    scene = episode.scene
-    half = (np.zeros(len(scene)) if episode.yaw is None else episode.yaw) / 2
-    turned = np.stack((np.zeros_like(half), np.zeros_like(half), np.sin(half), np.cos(half)), axis=1)
-    return np.concatenate((scene.positions, turned, attributes(scene)), axis=1)
-
-
-def _holds(episode: Episode) -> NDArray[np.int64]:
-    """(K,) the `Hold` of each object."""
-    fixed = False if episode.fixed is None else episode.fixed
-    return np.where(episode.scene.targets, Hold.GHOST, np.where(fixed, Hold.FIXED, Hold.FREE))

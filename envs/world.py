@@ -14,12 +14,17 @@ import pybullet_data
 from numpy.typing import NDArray
 
 from conf.schema import Checked, within
+from envs.furniture import Furniture
 from envs.robot import Robot, RobotConfig
-from envs.workspace import Box, Camera, WorkspaceConfig
+from envs.window import Window
+from envs.workspace import WorkspaceConfig
+from human import Arm, Body, Camera, read_arm
+from language import SEE_THROUGH
 
 PARKED = (0.0, 0.0, -5.0)  # where objects wait that this episode does not show, asleep
 SLEEP_STEPS = 3  # physics steps until a body told to sleep is asleep
 OBJECT_MASS = 0.1  # kg
+CONE = (1.0, 1.0, 1.0, SEE_THROUGH)
 
 
 class Hold(IntEnum):
@@ -28,6 +33,11 @@ class Hold(IntEnum):
     FREE = 0  # is pushed
     FIXED = 1  # stays put
     GHOST = 2  # is not there: see-through, stays put
+
+    @classmethod
+    def of(cls, targets: NDArray[np.bool_], fixed: NDArray[np.bool_] | None) -> NDArray[np.int64]:
+        """(K,) how targets, and objects that are fixed (none: no others), are held; each (K,) bool."""
+        return np.where(targets, cls.GHOST, np.where(False if fixed is None else fixed, cls.FIXED, cls.FREE))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +56,7 @@ class World:
     nouns: the shapes of the object pool ("cube", "sphere", "cylinder").
     slots: how many bodies of each noun are made of each `Hold`, in its order.
     visuals: load what is drawn, for `render`; a world without them takes half the memory.
+    window: where it is shown; the world closes it.
     """
 
     def __init__(
@@ -57,11 +68,14 @@ class World:
         slots: Sequence[int],
         object_size: float,
         visuals: bool = False,
+        window: Window | None = None,
     ) -> None:
-        self._client = bullet.connect(bullet.DIRECT)
-        self._physics, self._workspace, self._visuals = physics, workspace, visuals
+        self._client = bullet.connect(bullet.DIRECT) if window is None else window.client
+        self._physics, self._workspace, self._visuals = physics, workspace, visuals or window is not None
+        self._window = window
         try:
             self._build(robot, nouns, slots, object_size)
+            self._show(True)
         except BaseException:
             self.close()
             raise
@@ -69,11 +83,7 @@ class World:
     def _build(self, robot: RobotConfig, nouns: Sequence[str], slots: Sequence[int], object_size: float) -> None:
         self._set_up_physics()
         self.robot = Robot(robot, self._client, self._visuals)
-        boxes = self._workspace.furniture.values()
-        furniture = [self._furnish(box) for box in boxes if self._visuals or box.contact]
-        for body in furniture:
-            for link in self.robot.fixed_links():
-                bullet.setCollisionFilterPair(self.robot.body, body, link, -1, 0, self._client)
+        self._furniture = Furniture(self._workspace, self.robot, self._client, self._visuals)
         self._step = partial(bullet.stepSimulation, self._client)
         # A body keeps its hold for good: one that switches is put behind the others in Bullet's lists, and the same
         # seed would give other bits than on a fresh world.
@@ -81,8 +91,13 @@ class World:
             [[self._object(noun, object_size, hold) for _ in range(count)] for noun in nouns]
             for hold, count in zip(Hold, slots, strict=True)
         ]
+        # After all that moves, or those would come in another order where somebody looks, and give other bits.
+        human = self._workspace.human
+        self.person: Arm | None = None  # nothing touches a person: one whom nobody sees needs no body
+        if human is not None:
+            self.person = Body(human, self._client, visuals=True) if self._visuals else read_arm(human)
         self._shown = [body for pool in self._pool for bodies in pool for body in bodies]
-        self._ghosts: dict[int, list[float]] = {}  # what is shown see-through, with its RGBA
+        self._ghosts: dict[tuple[int, int], Sequence[float]] = {}  # bodies and links that are see-through, with RGBA
         self._resting = object_size / 2 + 1e-3
         self._pose = partial(bullet.getBasePositionAndOrientation, physicsClientId=self._client)
 
@@ -95,17 +110,6 @@ class World:
             deterministicOverlappingPairs=1,  # same seed, same bits
             physicsClientId=self._client,
         )
-
-    def _furnish(self, box: Box) -> int:
-        half = [side / 2 for side in box.size]
-        shape = visual = -1
-        if box.contact:
-            shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client)
-        if self._visuals:
-            visual = bullet.createVisualShape(
-                bullet.GEOM_BOX, halfExtents=half, rgbaColor=[*box.color, 1], physicsClientId=self._client
-            )
-        return bullet.createMultiBody(0, shape, visual, box.position, physicsClientId=self._client)
 
     def _object(self, noun: str, size: float, hold: Hold) -> int:
         kind, sides = _shape(noun, size)
@@ -153,8 +157,12 @@ class World:
         """
         for body in self._shown:
             self._move(body, (PARKED[0] + body, PARKED[1], PARKED[2]))
-        for _ in range(SLEEP_STEPS):
-            self._step()
+        if self.person is not None:
+            self.person.relax()
+        self._furniture.park()
+        for _ in range(max(SLEEP_STEPS, self._furniture.parting)):
+            self.pass_time()
+        self._furniture.reset()
 
     def reset(
         self,
@@ -170,6 +178,7 @@ class World:
 
         A free object rests until something touches it, but one above the table falls.
         """
+        self._show(False)
         self._put_to_sleep()
         self.robot.place(joints, opening)
         unused = [[list(reversed(bodies)) for bodies in pool] for pool in self._pool]
@@ -180,23 +189,48 @@ class World:
                 self._wake(body)
         if self._visuals:
             self._ghosts = {}
+            self.show_finger(False)
             for body, hold, color in zip(self._shown, holds, colors.tolist(), strict=True):
                 self._paint(body, color)
                 if hold == Hold.GHOST:
-                    self._ghosts[body] = color
+                    self._ghosts[body, -1] = color
+        self._show(True)
 
-    def _paint(self, body: int, color: Sequence[float]) -> None:
-        bullet.changeVisualShape(body, -1, rgbaColor=color, physicsClientId=self._client)
+    def _show(self, now: bool) -> None:
+        if self._window is not None:
+            self._window.show(now)
+
+    def show_finger(self, shown: bool) -> None:
+        """Draw the cone along the person's finger, or don't: it tells where they point."""
+        if isinstance(self.person, Body) and self.person.cone is not None:
+            cone = (self.person.body, self.person.cone)
+            self._ghosts.pop(cone, None)
+            self._paint(cone[0], CONE if shown else (0, 0, 0, 0), cone[1])
+            if shown:
+                self._ghosts[cone] = CONE
+
+    def _paint(self, body: int, color: Sequence[float], link: int = -1) -> None:
+        bullet.changeVisualShape(body, link, rgbaColor=color, physicsClientId=self._client)
 
     def advance(self, targets: Sequence[float]) -> None:
         """One control step towards these motor targets (arm joints, then fingers)."""
         self.robot.drive(targets)
         for _ in range(self._physics.substeps):
-            self._step()
+            self.pass_time()
+
+    def pass_time(self) -> None:
+        """One physics step."""
+        self._step()
+        if self.person is not None and self.person.moving:
+            self.person.stepped()
 
     def objects(self) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
         """(position, quaternion) of the object in each slot."""
         return [self._pose(body) for body in self._shown]
+
+    def fittings(self) -> list[float]:
+        """The joint value of each of the workspace's fittings, metres or radians."""
+        return self._furniture.values()
 
     def render(self, camera: Camera | None = None) -> NDArray[np.uint8]:
         """What the camera sees, (height, width, 3). The world must have been made with visuals."""
@@ -204,17 +238,17 @@ class World:
         picture = self._picture(camera)
         if not self._ghosts:
             return picture
-        for body, color in self._ghosts.items():  # the renderer shows every opacity but 0 in full
-            self._paint(body, [*color[:3], 0])
+        for (body, link), color in self._ghosts.items():  # the renderer shows every opacity but 0 in full
+            self._paint(body, [*color[:3], 0], link)
         behind = self._picture(camera)
-        for body, color in self._ghosts.items():
-            self._paint(body, color)
+        for (body, link), color in self._ghosts.items():
+            self._paint(body, color, link)
         opacity = max(color[3] for color in self._ghosts.values())
         return np.rint(opacity * picture + (1 - opacity) * behind).astype(np.uint8)
 
     def _picture(self, camera: Camera) -> NDArray[np.uint8]:
         view = bullet.computeViewMatrixFromYawPitchRoll(camera.target, camera.distance, camera.yaw, camera.pitch, 0, 2)
-        lens = bullet.computeProjectionMatrixFOV(45, camera.width / camera.height, 0.05, 10)
+        lens = bullet.computeProjectionMatrixFOV(camera.fov, camera.width / camera.height, 0.05, 10)
         pixels = bullet.getCameraImage(
             camera.width,
             camera.height,
@@ -228,9 +262,11 @@ class World:
 
     def close(self) -> None:
         """Free the client. Twice is once."""
-        if self._client >= 0:
+        if self._client >= 0 and self._window is not None:
+            self._window.close()
+        elif self._client >= 0:
             bullet.disconnect(self._client)
-            self._client = -1
+        self._client = -1
 
 
 def _shape(noun: str, size: float) -> tuple[int, dict]:

@@ -79,8 +79,9 @@ def find(path: Path, name: str = "last") -> Path:
 
 def widths(observation_spec: Any, action_spec: Any) -> dict[str, list[int]]:
     """The shapes of one world that a network is built for."""
-    names = ("robot", "objects", "instruction")
-    return {name: list(observation_spec[name].shape[1:]) for name in names} | {"action": list(action_spec.shape[1:])}
+    names, there = ("robot", "objects", "instruction", "gesture"), set(observation_spec.keys())
+    shapes = {name: list(observation_spec[name].shape[1:]) if name in there else [] for name in names}
+    return shapes | {"action": list(action_spec.shape[1:])}
 
 
 def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str, list[int]]) -> None:
@@ -102,7 +103,7 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
         if theirs[free:] != shape[free:]:
             raise CheckpointError(
                 f"the checkpoint was trained for another environment: {name} is {theirs} there "
-                f"and {shape} here; use the robot, control and task it was trained with"
+                f"and {shape} here; use the robot, control, task and gesture it was trained with"
             )
 
 

@@ -47,7 +47,8 @@ class Algorithm(Protocol):
 
 def check_batch(batch: TensorDictBase) -> None:
     """Raise DivergedError, with its name, for an observation, reward or action that is not finite."""
-    for key in ("robot", "objects", "action", ("next", "robot"), ("next", "objects"), ("next", "reward")):
+    pointed = ["gesture"] if "gesture" in batch.keys() else []
+    for key in ("robot", "objects", *pointed, "action", ("next", "robot"), ("next", "objects"), ("next", "reward")):
         if not torch.isfinite(batch[key].sum()) and not batch[key].isfinite().all():
             name = key if isinstance(key, str) else "/".join(key)
             raise DivergedError(f"{name} is not finite in a collected batch", batch)

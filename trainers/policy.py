@@ -1,6 +1,6 @@
 """Policies and critics, built from specs.
 
-    objects, mask, instruction ─► words ─► attention_logits, context ┐
+    objects, mask, instruction, gesture ─► words ─► attention_logits, context ┐
                                                             robot ───┴─► gaussian ─► action
                                            robot, privileged/goal ─────► critic (losses only)
 
@@ -20,7 +20,7 @@ from torchrl.data import Composite
 from torchrl.envs.utils import ExplorationType, exploration_type
 
 from trainers.config import GroundedConfig, PolicyConfig
-from trainers.grounding import SEEN, Flattener, Grounder
+from trainers.grounding import GESTURE, Flattener, Grounder
 from trainers.networks import Critic, Gaussian, Normalise, Value, normal_log_prob
 from trainers.sentence import SentenceWords
 
@@ -30,7 +30,8 @@ GOAL = ("privileged", "goal")
 class Policy(nn.Module):
     """Words choose what the arm is told; the arm's network never sees a word.
 
-    words: reads `SEEN`; its last output is the context. gaussian: robot and context to a move's loc and scale.
+    words: reads the words and what is seen; its last output is the context. gaussian: robot and context to a move's loc
+    and scale.
     unit: (A,), from the environment. A "move" of 1 is as far as the arm gets in one control step: the action is
     hold + unit * move, so that one network and one exploration noise fit every control mode.
     squash: a move is the tanh of a normal (SAC) instead of a normal (PPO).
@@ -50,13 +51,18 @@ class Policy(nn.Module):
         return "attention_logits" in self.words.writes
 
     @property
+    def reads(self) -> tuple[str, ...]:
+        """The keys of an observation that tell what is meant: the words first."""
+        return ("instruction", *self.words.sees)
+
+    @property
     def act(self) -> Act:
         """The whole way from an observation to "action"; shares the parameters. Reads nothing privileged."""
         return Act(self)
 
     def encode(self, frames: TensorDictBase) -> TensorDictBase:
         """Write what the words mean (N, ...) to frames (N,), and return them."""
-        return self._write(frames, self.words(*(frames[key] for key in SEEN)))
+        return self._write(frames, self.words(*(frames[key] for key in self.reads)))
 
     def encode_step(self, before: TensorDictBase, after: TensorDictBase) -> None:
         """`encode` a step's two ends, the later one without gradients.
@@ -64,9 +70,9 @@ class Policy(nn.Module):
         The words are the same at both, so they are read once: half the cost of two calls.
         """
         asked = self.words.ask(before["instruction"])
-        self._write(before, self.words.point(before["objects"], before["objects_mask"], asked))
+        self._write(before, self.words.point(asked, *(before[key] for key in self.words.sees)))
         with torch.no_grad():
-            self._write(after, self.words.point(after["objects"], after["objects_mask"], asked))
+            self._write(after, self.words.point(asked, *(after[key] for key in self.words.sees)))
 
     def _write(self, frames: TensorDictBase, values: tuple[Tensor, ...]) -> TensorDictBase:
         for key, value in zip(self.words.writes, values, strict=True):
@@ -84,7 +90,7 @@ class Act(TensorDictModuleBase):
     def __init__(self, policy: Policy) -> None:
         super().__init__()
         self.policy = policy
-        self.in_keys = [*SEEN, "robot", "hold"]
+        self.in_keys = [*policy.reads, "robot", "hold"]
         self.out_keys = [*policy.words.writes, "move", *([] if policy.squash else ["move_log_prob"]), "action"]
 
     def forward(self, frames: TensorDictBase) -> TensorDictBase:
@@ -152,10 +158,11 @@ def _judged(config: PolicyConfig, policy: Policy, spec: Composite) -> tuple[Norm
 
 def _words(config: PolicyConfig, spec: Composite, vocabulary: Sequence[str]) -> Grounder | Flattener:
     objects, said = Normalise(spec["objects"]), spec["instruction"]
+    ray = spec[GESTURE].shape[-1] if GESTURE in spec.keys() else 0
     if isinstance(config, GroundedConfig):
         embed = _embed(config, said.space.n, vocabulary)
-        return Grounder(objects, embed, said.shape[-1], config.embedding, config.width)
-    return Flattener(objects, spec["objects"].shape[-2], said.space.n, config.embedding)
+        return Grounder(objects, embed, said.shape[-1], config.embedding, config.width, points=ray > 0)
+    return Flattener(objects, spec["objects"].shape[-2], said.space.n, config.embedding, ray)
 
 
 def _embed(config: GroundedConfig, count: int, vocabulary: Sequence[str]) -> nn.Module:

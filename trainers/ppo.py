@@ -17,7 +17,7 @@ from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from trainers import learning
 from trainers.config import PPOConfig
-from trainers.grounding import SEEN, Scenes, grounding
+from trainers.grounding import Scenes, grounding
 from trainers.policy import Policy, parameters
 
 LOSSES = ("loss_objective", "loss_critic", "loss_entropy")
@@ -48,8 +48,8 @@ class PPO:
         self.optimizer = torch.optim.Adam(self.parameters, lr=config.lr, fused=True)
         self.device = self.parameters[0].device
         self.teaches = config.grounding_weight > 0 and policy.attends
-        self.scenes = Scenes(config.grounding_memory, self.device)
-        self.kept = dict.fromkeys([*SEEN, "robot", "move", "move_log_prob", *critic.in_keys])
+        self.scenes = Scenes(config.grounding_memory, self.device, policy.reads)
+        self.kept = dict.fromkeys([*policy.reads, "robot", "move", "move_log_prob", *critic.in_keys])
         self.kept.pop(policy.context, None)
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
@@ -96,7 +96,7 @@ class PPO:
         """State values (worlds, steps, 1), in one pass over all frames."""
         reads_words = self.policy.context in self.critic.in_keys
         keys = [key for key in self.critic.in_keys if key != self.policy.context]
-        flat = batch.select(*keys, *(SEEN if reads_words else ())).reshape(-1)
+        flat = batch.select(*keys, *(self.policy.reads if reads_words else ())).reshape(-1)
         if reads_words:
             flat = self.policy.encode(flat)
         return self.critic(flat)["state_value"].reshape(*batch.shape, 1)

@@ -72,7 +72,7 @@ class SAC:
         """Add frames (worlds, steps), with only the keys that learning reads."""
         aim = [] if self.aim == self.policy.context else [self.aim]
         taught = [REFERENT] if self.teaches else []
-        seen = ["objects", "objects_mask", "robot", *aim]
+        seen = [*self.policy.words.sees, "robot", *aim]
         after = [("next", *(key if isinstance(key, tuple) else (key,))) for key in [*seen, "reward", "terminated"]]
         self.memory.extend(batch.select(*seen, "instruction", "move", *taught, *after).reshape(-1))
 

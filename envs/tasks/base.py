@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conf.schema import Checked, ConfigError, one_of, within
+from human import Gesture
 from language import KINDS, SPLITS, VIEWPOINTS, HeldOut, LanguageError, Layout, ObjectSpec, Scene, Split, from_lists
 
 Array = NDArray[np.float64]
@@ -166,6 +167,17 @@ class Episode:
     heard: str | None = None  # what the policy reads; none: the sentence itself
     yaw: Array | None = None  # (K,) radians; none: not turned
     fixed: NDArray[np.bool_] | None = None  # (K,) objects that never move when touched; none: all move
+    gesture: Gesture | None = None  # how the person points at the referent; none: nobody points
+    turn: Turn | None = None  # the finger moves on in mid-episode; none: it stays
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The finger moves on to another object. at: the control step before which it does; referent: its slot."""
+
+    at: int
+    referent: int
+    gesture: Gesture
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from numpy.random import Generator
@@ -9,6 +10,8 @@ from numpy.random import Generator
 from conf.schema import ConfigError
 
 TRIES = 200
+GROUP = 0.06  # metres from a group's middle to its farthest centres
+APART = 0.25  # metres at least between the middles of two groups
 
 
 def scatter(
@@ -30,3 +33,39 @@ def scatter(
     raise ConfigError(
         f"task.num_objects={count} objects with task.spacing={spacing} do not fit workspace.object_area={list(area)}"
     )
+
+
+def groups(
+    rng: Generator, count: int, area: Sequence[float], spacing: float, height: float
+) -> list[tuple[float, float, float]]:
+    """`count` places in two groups that stand apart: even numbers in one, odd ones in the other; as `scatter` else."""
+    x0, x1, y0, y1 = area
+    for _ in range(TRIES):
+        one, other = rng.uniform([x0, y0], [x1, y1], (2, 2)).tolist()
+        if math.dist(one, other) < APART:
+            continue
+        sizes = ((count + 1) // 2, count // 2)
+        members = [_around(rng, middle, size, area, spacing) for middle, size in zip((one, other), sizes, strict=True)]
+        if all(members):
+            places = [members[k % 2][k // 2] for k in range(count)]
+            return [(x, y, height) for x, y in places]
+    raise ConfigError(
+        f"task.num_objects={count} objects with task.spacing={spacing} do not fit in two groups into "
+        f"workspace.object_area={list(area)}"
+    )
+
+
+def _around(
+    rng: Generator, middle: Sequence[float], count: int, area: Sequence[float], spacing: float
+) -> list[tuple[float, float]]:
+    """`count` places around a middle, none where darts find no room."""
+    x0, x1, y0, y1 = area
+    placed: list[tuple[float, float]] = []
+    for dx, dy in rng.uniform(-GROUP, GROUP, (20 * count, 2)).tolist():
+        x, y = middle[0] + dx, middle[1] + dy
+        inside = x0 <= x <= x1 and y0 <= y <= y1 and math.hypot(dx, dy) <= GROUP
+        if inside and all(math.dist((x, y), other) >= spacing for other in placed):
+            placed.append((x, y))
+            if len(placed) == count:
+                return placed
+    return []

@@ -10,6 +10,7 @@ from numpy.random import Generator
 from conf.schema import ConfigError
 from envs.tasks.base import Episode, TaskConfig
 from envs.tasks.reach import Reach
+from human import Person
 from language import KINDS, Describer, Instruction, LanguageError, Placed, Wording, parse, say
 
 TRIES = 1000
@@ -25,23 +26,30 @@ class NLReach(Reach):
     """
 
     kind_names = KINDS
+    speaks = True
 
-    def __init__(self, config: TaskConfig, object_area: Sequence[float], num_worlds: int) -> None:
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
         if not config.kinds:
             raise ConfigError("task.kinds=[] must name at least one kind of sentence")
-        super().__init__(config, object_area, num_worlds)
+        super().__init__(config, object_area, num_worlds, person)
         split = config.says()
         self._describer = Describer(["nested"] if split.name == "test_length" else config.kinds, split)
         self._wording = Wording(split) if config.varied or split.name == "test_paraphrase" else None
 
-    def draw(self, rng: Generator) -> Episode:
+    def _draw(self, rng: Generator) -> Episode:
         placed, nameable = self._nameable_scene(rng)
         return self.episode(placed, int(rng.choice(np.flatnonzero(nameable))), rng)
 
     def each_in_turn(self, rng: Generator) -> list[Episode]:
         """One scene, and an episode for each of its objects that can be named."""
+        return self._tried(lambda: self._each_in_turn(rng))
+
+    def _each_in_turn(self, rng: Generator) -> list[Episode]:
         placed, nameable = self._nameable_scene(rng)
-        return [self.episode(placed, referent, rng) for referent in np.flatnonzero(nameable).tolist()]
+        named = np.flatnonzero(nameable).tolist()
+        return [self._pointed(self.episode(placed, referent, rng), rng) for referent in named]
 
     def episode(self, placed: Placed, referent: int, rng: Generator) -> Episode:
         """The episode in which this object of the scene is named. Raises LanguageError where it cannot be."""

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError, did_you_mean
-from envs.tasks.base import Array, Episode, Outcome, State, TaskConfig
+from envs.tasks.base import Array, Episode, Outcome, State, TaskConfig, Turn
 from envs.tasks.layout import scatter
+from human import Gesture, Person, Unreachable
 from language import COLORS, NOUNS, LanguageError, Placed, Scene
+
+T = TypeVar("T")
+TRIES = 200
+TURNS = (4, 16)  # control steps before which a finger that moves on does so
 
 
 class Reach:
@@ -24,22 +31,35 @@ class Reach:
 
     terms = ("progress", "success", "wrong_object", "time")
     kind_names: tuple[str, ...] = ("none",)
+    speaks = False  # are there words?
 
-    def __init__(self, config: TaskConfig, object_area: Sequence[float], num_worlds: int) -> None:
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
         for name in config.reward:
             if name not in self.terms:
                 raise ConfigError(f"task.reward.{name} is not a known term" + did_you_mean(name, self.terms))
-        if not config.kinds and config.num_objects > 1:
+        if not config.kinds and config.num_objects > 1 and person is None:
             raise ConfigError(
                 f"task.num_objects={config.num_objects} must be 1 in a task without words, "
-                "or nothing would tell which object is meant; try task=nl_reach"
+                "or nothing would tell which object is meant; try task=nl_reach or task=reach_gesture"
             )
-        self.config, self._area = config, object_area
+        if person is not None and person.config.switch and type(self)._elsewhere is Reach._elsewhere:
+            raise ConfigError(
+                f"gesture.switch={person.config.switch} needs words that fit another object as well, and those of "
+                f"task.name={config.name} do not; take reach_gesture or nl_reach_gesture"
+            )
+        self.config, self._area, self._person = config, object_area, person
         self._layout = config.objects.layout(config.object_size)
         self._distance = np.zeros(num_worlds)
         self._held = np.zeros(num_worlds, np.int64)
         self._held_other = np.zeros(num_worlds, np.int64)
         self._rows = np.arange(num_worlds)
+
+    @property
+    def points(self) -> bool:
+        """Whether a person points at the referent."""
+        return self._person is not None
 
     @property
     def bodies(self) -> tuple[int, int, int]:
@@ -50,9 +70,40 @@ class Reach:
         return self.config.num_objects - fixed - targets, fixed, targets
 
     def draw(self, rng: Generator) -> Episode:
-        """A fresh episode for one world. All chance comes from rng."""
+        """A fresh episode for one world, with what the person shows in it. All chance comes from rng."""
+        return self._tried(lambda: self._pointed(self._draw(rng), rng))
+
+    def _tried(self, draw: Callable[[], T]) -> T:
+        """What `draw` gives, once the person can show all that is in it."""
+        for _ in range(TRIES):
+            try:
+                return draw()
+            except Unreachable:
+                continue
+        area = list(self._area)
+        raise ConfigError(f"task.name={self.config.name}: the person cannot point into workspace.object_area={area}")
+
+    def _draw(self, rng: Generator) -> Episode:
+        """The scene, its referent and the words. Raises Unreachable where the person cannot show it."""
         placed = self._placed(rng)
         return Episode(placed.scene, 0, 0, "", yaw=placed.yaw, fixed=placed.fixed)
+
+    def _pointed(self, episode: Episode, rng: Generator) -> Episode:
+        """The episode with a finger that shows the referent, and sometimes moves on to another."""
+        person = self._person
+        if person is None:
+            return episode
+        if episode.gesture is None:
+            episode = replace(episode, gesture=person.show(episode.scene.positions[episode.referent], rng))
+        assert episode.gesture is not None
+        if rng.random() >= person.config.switch or not episode.gesture.shown:
+            return episode
+        other, at = self._elsewhere(episode, rng), int(rng.integers(*TURNS))
+        return episode if other is None else replace(episode, turn=Turn(at, *other))
+
+    def _elsewhere(self, episode: Episode, rng: Generator) -> tuple[int, Gesture] | None:
+        """Another object that the same words can mean, and how the person points at it; none: there is no other."""
+        return None
 
     def _placed(self, rng: Generator) -> Placed:
         """The listed objects where there are any, else a scene of the task's own."""
@@ -74,7 +125,7 @@ class Reach:
         return Scene.from_arrays(nouns, colors, places, size=config.object_size, viewpoint=config.viewpoint)
 
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
-        """Start these worlds' episodes anew."""
+        """Start these worlds' episodes anew, or go on with another referent."""
         self._distance[worlds] = self._distances(state)[worlds, state.referent[worlds]]
         self._held[worlds] = 0
         self._held_other[worlds] = 0

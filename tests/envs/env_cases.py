@@ -7,10 +7,9 @@ import torch
 
 import conf
 from conf.overrides import compose
-from conf.schema import read
-from envs import make_env
+from envs import make_env, read_env
+from envs.gestures import meet
 from envs.tasks import TASKS as KNOWN
-from envs.tasks import TaskConfig
 
 CONF = Path(conf.__file__).parent
 
@@ -34,9 +33,9 @@ def make(robot="kuka", control="step", task="nl_reach", *more, worlds=1, seed=0,
 
 
 def task_of(name, *overrides, worlds=1):
-    config = compose([f"task={name}", *overrides])
-    task = read(TaskConfig, config["task"], "task")
-    return KNOWN[task.name](task, config["workspace"]["object_area"], worlds)
+    config = read_env(compose([f"task={name}", *overrides]))
+    person = meet(config.workspace.human, config.gesture)
+    return KNOWN[config.task.name](config.task, config.workspace.object_area, worlds, person)
 
 
 def act(env, td, action):

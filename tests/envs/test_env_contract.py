@@ -168,10 +168,11 @@ def constant_elements(env, task):
     rows = {f"objects[{k},{d}]" for k in range(slots) for d in (10, 14, 15)}  # opacity, size, role
     gripper = {f"robot[{2 * joints + 9}]"}  # reaching needs no grip
     mask = {f"objects_mask[{k}]" for k in range(slots)}
-    longest = 0 if task == "reach" else len(["reach", "the", "red", "cube", "left", "of", "the", "red", "cube"])
+    sentences = {"reach": "", "reach_gesture": "reach this", "nl_reach_gesture": "reach that red cube"}
+    longest = len(sentences.get(task, "reach the red cube left of the red cube").split())
     said = {0, 1} | set(range(longest, env.tokenizer.length))  # "reach the ...", and padding
     words = {f"instruction[{i}]" for i in said}
-    return rows | gripper | mask | words
+    return rows | gripper | mask | words | {"gesture[6]"}  # that a gesture is shown
 
 
 def test_every_element_of_the_observation_says_something(env, request):
@@ -185,7 +186,7 @@ def test_every_element_of_the_observation_says_something(env, request):
             seen.append(td.clone())
     seen += [env.reset() for _ in range(20)]
     constant = set()
-    for key in ("robot", "objects", "objects_mask", "instruction"):
+    for key in {"robot", "objects", "objects_mask", "instruction", "gesture"} & set(env.observation_spec.keys()):
         values = torch.stack([each[key] for each in seen]).flatten(0, 1)
         for place in np.argwhere((values == values[0]).all(0).numpy()).tolist():
             constant.add(f"{key}[{','.join(map(str, place))}]")

@@ -6,7 +6,7 @@ from tests.trainers.fake_env import make_env
 from tests.trainers.plans import plan
 from trainers.build import build_algorithm
 from trainers.grounding import grounding
-from trainers.policy import SEEN, build
+from trainers.policy import build
 from trainers.ppo import surrogate_actor
 
 
@@ -27,10 +27,12 @@ def test_the_fake_environment_keeps_the_contract(env):
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 @pytest.mark.parametrize("squash", [False, True])
 def test_it_acts_on_what_anyone_may_see(env, policy, squash):
-    state = env.reset().select(*SEEN, "robot", "hold")
+    act = make(env, policy, squash).act
+    state = env.reset().select(*act.in_keys)
+    assert not any("privileged" in key for key in act.in_keys)
     for mode in (ExplorationType.RANDOM, ExplorationType.DETERMINISTIC):
         with set_exploration_type(mode), torch.no_grad():
-            action = make(env, policy, squash).act(state.clone())["action"]
+            action = act(state.clone())["action"]
         assert action.shape == (8, 3)
         assert action.abs().max() <= 1
 

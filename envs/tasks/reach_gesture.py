@@ -1,0 +1,79 @@
+"""Reach gesture: several objects, and a finger that points at the one to reach."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from numpy.random import Generator
+
+from conf.schema import ConfigError
+from envs.tasks.base import Episode, TaskConfig
+from envs.tasks.reach import TRIES, Reach
+from human import Gesture, NothingPointedAt, Person, Unreachable, pointed_object
+from language import Instruction, ObjectPhrase, Placed, Wording, say
+
+SPOTS = ("there", "here", "this", "that")  # words that leave everything to the finger
+
+
+class ReachGesture(Reach):
+    """The person points in a random direction over the table, and means the object nearest to that line.
+
+    The words ("reach there") tell nothing. Raises ConfigError without a person who points.
+    """
+
+    kind_names: tuple[str, ...] = SPOTS
+    speaks = True
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        if person is None:
+            raise ConfigError(f"task.name={config.name} needs a person who points: gesture=ray or gesture=camera")
+        super().__init__(config, object_area, num_worlds, person)
+        self._person: Person = person
+        self._wording = Wording(config.says()) if config.varied else None
+
+    def _draw(self, rng: Generator) -> Episode:
+        placed = self._placed(rng)
+        return self._spoken(placed, *self._somewhere(placed, rng), rng)
+
+    def each_in_turn(self, rng: Generator) -> list[Episode]:
+        """One scene, and an episode for each object that the words fit, with a finger that aims at its centre."""
+        return self._tried(lambda: self._each_in_turn(rng))
+
+    def _each_in_turn(self, rng: Generator) -> list[Episode]:
+        placed = self._placed(rng)
+        shown = [self._person.show(place, rng) for place in placed.scene.positions]
+        return [self._spoken(placed, referent, gesture, rng) for referent, gesture in enumerate(shown)]
+
+    def _spoken(self, placed: Placed, referent: int, gesture: Gesture, rng: Generator) -> Episode:
+        kind = int(rng.integers(len(SPOTS)))
+        sentence = self._words(ObjectPhrase(determiner=SPOTS[kind]), rng)
+        return Episode(placed.scene, referent, kind, sentence, yaw=placed.yaw, fixed=placed.fixed, gesture=gesture)
+
+    def _elsewhere(self, episode: Episode, rng: Generator) -> tuple[int, Gesture] | None:
+        others = [k for k in range(len(episode.scene)) if k != episode.referent]
+        if not others:
+            return None
+        other = int(rng.choice(others))
+        return other, self._person.show(episode.scene.positions[other], rng, always=True)
+
+    def _somewhere(self, placed: Placed, rng: Generator) -> tuple[int, Gesture]:
+        """The object nearest to a line to some place over the table, and a finger that shows that place.
+
+        Aims along which nothing lies are drawn again.
+        """
+        x0, x1, y0, y1 = self._area
+        for _ in range(TRIES):
+            aim = rng.uniform([x0, y0, 0.0], [x1, y1, self.config.object_size])
+            exact = self._person.aim(aim)
+            try:
+                referent = int(pointed_object(exact.origin, exact.direction, placed.scene.positions))
+            except NothingPointedAt:
+                continue
+            return referent, self._person.show(aim, rng, exact)
+        raise Unreachable(f"no object of this scene can be pointed at from {exact.origin.tolist()}")
+
+    def _words(self, phrase: ObjectPhrase, rng: Generator) -> str:
+        instruction = Instruction("reach", phrase)
+        return say(instruction) if self._wording is None else self._wording.say(instruction, rng)

@@ -1,0 +1,94 @@
+"""Gestures that are missing, on their way, far astray or asked for where they make no sense."""
+
+import numpy as np
+import pytest
+import torch
+
+from conf.overrides import apply, compose
+from conf.schema import ConfigError
+from envs import make_env, read_env
+from envs.expert import Oracle
+from envs.tasks import Episode
+from tests.envs.env_cases import act, make
+from trainers.checkpoint import CheckpointError, check_fits, widths
+from trainers.probes import run_to_end
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["task=nl_reach_gesture", "gesture.switch=1", "gesture.frames=30", "gesture.noise_deg=0"],
+        ["task=reach_gesture", "gesture.noise_deg=30"],
+        ["task=nl_reach_gesture", "gesture.dropout=0.5", "gesture.switch=1"],
+    ],
+)
+def test_the_oracle_goes_on_where_the_finger_shows_nothing_that_the_words_fit(words):
+    env = make_env(words, num_worlds=16)
+    successes = sum(int(run_to_end(env, Oracle(env), env.reset()).sum()) for _ in range(2))
+    env.close()
+    assert successes > 8  # of 32: better than going for any of three or six
+
+
+def test_a_finger_that_was_never_shown_does_not_move_on_and_one_that_was_is_shown_again():
+    env = make("kuka", "step", "nl_reach_gesture", "gesture.dropout=0.5", "gesture.switch=1", worlds=24)
+    before = env.reset()
+    td = before
+    for _ in range(20):
+        td = act(env, td, torch.zeros(24, 3))
+    shown = before["gesture"][:, 6] > 0
+    assert 0 < shown.sum() < 24
+    assert torch.equal(td["gesture"][:, 6] > 0, shown)
+    assert torch.equal(td["privileged", "referent"] != before["privileged", "referent"], shown)
+    env.close()
+
+
+def test_an_episode_without_a_gesture_shows_none_whatever_was_shown_before():
+    env = make("kuka", "step", "nl_reach_gesture", "gesture.switch=1", worlds=1)
+    env.reset()
+    drawn = env.task.draw(np.random.default_rng(0))
+    td = env.start([Episode(drawn.scene, drawn.referent, drawn.kind, drawn.sentence)], seed=0)
+    for _ in range(20):
+        assert (td["gesture"] == 0).all()
+        assert td["privileged", "referent"][0] == env._state.referent[0]
+        td = act(env, td, torch.zeros(1, 3))
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["workspace=collabtable", "gesture=ray", "gesture.switch=0.5"], r"gesture.switch=0.5 needs words that fit"),
+        (["task=reach_gesture", "gesture.weights=my.npz"], r"gesture.weights=my.npz is read by source=camera alone"),
+    ],
+)
+def test_what_would_do_nothing_is_refused(words, message):
+    with pytest.raises(ConfigError, match=message):
+        make_env(words)
+
+
+def test_another_source_keeps_the_hand_as_steady_as_it_was():
+    trained = compose(["task=nl_reach_gesture", "gesture.noise_deg=3"])
+    for word in ("gesture=camera", "gesture.source=camera"):
+        changed = apply(trained, [word]).gesture
+        assert (changed.source, changed.noise_deg) == ("camera", 3)
+
+
+def test_a_config_from_before_there_were_gestures_is_told_what_to_give():
+    old = {key: value for key, value in compose().items() if key != "gesture"}
+    with pytest.raises(ConfigError, match=r"gesture is missing.*gesture=none"):
+        read_env(old)
+    assert read_env(apply(old, ["gesture=none"])).gesture.source == "none"
+
+
+@pytest.mark.parametrize(("trained", "judged"), [("none", "ray"), ("ray", "none")])
+def test_a_policy_is_not_judged_with_a_finger_it_never_saw_or_without_the_one_it_did(trained, judged):
+    shapes, words = {}, []
+    for source in (trained, judged):
+        env = make("kuka", "step", "nl_reach", "workspace=collabtable", f"gesture={source}")
+        shapes[source] = widths(env.observation_spec, env.action_spec)
+        words = list(env.tokenizer.vocabulary)
+        env.close()
+    saved = {"config": {"policy": {"name": "grounded"}}, "vocabulary": words, "widths": shapes[trained]}
+    check_fits(saved, words, shapes[trained])
+    with pytest.raises(CheckpointError, match=r"another environment: gesture is .* and gesture it was trained with"):
+        check_fits(saved, words, shapes[judged])

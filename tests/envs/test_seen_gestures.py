@@ -1,0 +1,117 @@
+"""gesture=camera: what is observed of a finger is read from a picture, in every world the same."""
+
+import numpy as np
+import pytest
+import torch
+from env_cases import differences, hold, make, partial_reset
+
+from conf.schema import ConfigError
+from human import pointed_object
+from human.sight import Block, Light, Sight, draw
+
+CAMERA = ("kuka", "step", "reach_gesture", "gesture=camera")
+
+
+def observed(env):
+    return env.reset()["gesture"].numpy()
+
+
+@pytest.fixture(scope="module")
+def seen():
+    env = make(*CAMERA, "task.num_objects=6", worlds=3, seed=4)
+    yield env
+    env.close()
+
+
+def test_the_ray_comes_from_the_picture_and_is_near_the_fingers_own(seen):
+    env = make("kuka", "step", "reach_gesture", "task.num_objects=6", worlds=3, seed=4)
+    true, read = observed(env), observed(seen)
+    env.close()
+    assert (true[:, 6] == 1).all()
+    assert (read[:, 6] == 1).all()
+    cosine = (true[:, 3:6] * read[:, 3:6]).sum(1)
+    assert (cosine > np.cos(np.deg2rad(4))).all()
+    assert (np.linalg.norm(true[:, :3] - read[:, :3], axis=1) < 0.04).all()
+    assert (true[:, :6] != read[:, :6]).all()
+
+
+def test_all_but_the_ray_is_as_without_a_camera():
+    read, true = make(*CAMERA), make("kuka", "step", "reach_gesture")
+    assert set(differences(read.reset(), true.reset())) <= {"gesture", ("privileged", "pointing")}
+    read.close()
+    true.close()
+
+
+def test_the_same_seed_gives_the_same_bits_however_many_worlds(seen):
+    seen.set_seed(4)
+    three = seen.reset()
+    one = make(*CAMERA, "task.num_objects=6", worlds=1, seed=4)
+    assert not differences(one.reset(), three[:1])
+    one.close()
+
+
+def test_worlds_that_go_on_keep_what_was_seen(seen):
+    td = seen.reset()
+    again = partial_reset(seen, td, [1])
+    assert torch.equal(td["gesture"][[0, 2]], again["gesture"][[0, 2]])
+    assert not torch.equal(td["gesture"][1], again["gesture"][1])
+
+
+def test_a_gesture_that_is_not_shown_is_not_seen():
+    env = make(*CAMERA, "gesture.dropout=1")
+    assert not observed(env).any()
+    env.close()
+
+
+def test_a_finger_that_moves_on_is_followed():
+    env = make(*CAMERA, "gesture.switch=1", "gesture.frames=60", "task.num_objects=3", seed=1)
+    td = env.reset()
+    rays = []
+    for _ in range(40):
+        td = env.step(td.set("action", hold(env, td)))["next"]
+        rays.append(td["gesture"][0].numpy())
+        if td["done"].any():
+            break
+    env.close()
+    assert len(np.unique(np.array(rays), axis=0)) > 3
+    assert (rays[-1] == rays[-2]).all()
+
+
+def test_what_is_seen_mostly_finds_what_is_meant():
+    env = make(*CAMERA, "task.num_objects=3", worlds=16)
+    right = []
+    for td in (env.reset() for _ in range(4)):
+        rays, places = td["gesture"].double().numpy(), td["objects"][..., :3].double().numpy()
+        right.append(pointed_object(rays[:, :3], rays[:, 3:6], places) == td["privileged", "referent"].numpy())
+    assert np.mean(right) > 0.88  # the finger is often between two: `python -m human.camera evaluate aim=area`
+    env.close()
+
+
+def test_the_camera_sees_what_it_would_see_in_the_whole_world():
+    """Robot and objects, which it is not shown, are out of its view as an episode begins."""
+    env = make(*CAMERA, "task.num_objects=6", render=True)
+    env.reset()
+    world, workspace = env._worlds[0], env.config.workspace
+    blocks = [Block(box.size, box.position, box.color) for box in workspace.furniture.values()]
+    sight = Sight(workspace.human, blocks)
+    world.show_finger(False)  # the cone that a film shows
+    whole, _ = draw(world._client, sight.camera, Light())
+    assert np.array_equal(sight.picture(world.person.angles), whole)
+    sight.close()
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("workspace.human.camera=null", "needs workspace.human.camera"),
+        ("gesture.weights=nowhere.npz", "gesture.weights=nowhere.npz is not a file"),
+        ("gesture.style=wrist", "gesture.style=wrist can't be read from the camera"),
+        ("workspace.human.camera.fov=60", "gesture.weights="),
+    ],
+)
+def test_what_cannot_be_seen_is_refused(override, message):
+    with pytest.raises(ConfigError) as caught:
+        make(*CAMERA, override)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
