@@ -8,11 +8,15 @@
     words=said        blank, swapped: judge the policy with no words, or with another episode's
     reader=policy     oracle: the parser finds the object and a scripted arm goes there, on the same episodes
     in_turn=0         scenes in which each object is named in turn, all else the same; instead of episodes
+    by_hand=false     true: a window opens in which you move the person's finger with keys and watch the robot;
+                      Escape ends it, or episodes=3 does; noise_deg, dropout and switch of the gesture are left out
     video=0           episodes to film as well, with the sentence on the frame
     out=<file>        where the result goes; a numbered file in the run directory otherwise
     task.num_objects=6 ...   any key of the run's config, to judge it elsewhere than it was trained
 
-Prints success with its 95 % Wilson interval, overall and by kind of instruction, and saves it as JSON.
+Prints success with its 95 % Wilson interval, overall and by kind of instruction, and saves it as JSON. Where somebody
+points, also by angle to the nearest rival, number of objects, distance, and how far the ray strays, in the bins of
+`trainers.evaluation.BINS`, with a picture beside the JSON. For more numbers: task.min_objects=2 task.num_objects=8.
 """
 
 from __future__ import annotations
@@ -38,6 +42,7 @@ class EvaluateConfig(Checked):
     words: str = one_of("said", "blank", "swapped")
     reader: str = one_of("policy", "oracle")
     in_turn: int = within(0, 100_000)
+    by_hand: bool
     out: str | None
 
 
@@ -51,6 +56,7 @@ DEFAULTS = {
     "words": "said",
     "reader": "policy",
     "in_turn": 0,
+    "by_hand": False,
 }
 SPLITS = ("train", "test_composition", "test_paraphrase", "test_length")
 
@@ -70,7 +76,10 @@ def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
             overrides.append(word)
     if "checkpoint" not in own:
         raise ConfigError("checkpoint=<run dir or file> is missing")
-    return read(EvaluateConfig, own, ""), overrides
+    config = read(EvaluateConfig, own, "")
+    if config.by_hand and (config.splits or config.in_turn or config.video):
+        raise ConfigError("by_hand=true needs splits=false, in_turn=0 and video=0: every episode is chosen by hand")
+    return config, overrides
 
 
 def main(arguments: list[str]) -> dict[str, Any]:
@@ -78,7 +87,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
     config, overrides = parse(arguments)
 
     from trainers import checkpoint
-    from trainers.report import write_json
+    from trainers.report import pointing_plot, write_json
 
     path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path)
@@ -87,11 +96,19 @@ def main(arguments: list[str]) -> dict[str, Any]:
         split: _judge(config, saved, [*overrides, f"task.split={split}"], None) for split in SPLITS * config.splits
     }
     result = named["train"] if named else _judge(config, saved, overrides, out)
-    report = {"checkpoint": str(path), "seed": config.seed, "words": config.words, "reader": config.reader}
+    report: dict[str, Any] = {
+        "checkpoint": str(path),
+        "seed": config.seed,
+        "words": config.words,
+        "reader": config.reader,
+    }
     report |= {"overrides": overrides, **result}
     if named:
         report["by_split"] = named
     write_json(out, report)
+    if "by_pointing" in report:
+        title = f"success of {report['episodes']} episodes by what they point at"
+        pointing_plot(report["by_pointing"], out.with_suffix(".png"), title)
     print(describe(report, out))
     return report
 
@@ -100,6 +117,7 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
     """One evaluation with these overrides, and a film beside `film` where there is one."""
     cfg = apply(saved["config"], overrides)
 
+    from envs.by_hand import HandEnv
     from envs.config import read_env
     from train import build_env
     from trainers import checkpoint
@@ -112,13 +130,15 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
     make = partial(build_env, read_env(cfg))
     seed = derive_seed(config.seed, 2**20, evaluation=True)
     worlds = cfg["task"]["num_objects"] if config.in_turn else min(config.worlds, config.episodes)
-    env = make(worlds, seed)
+    env = HandEnv(read_env(cfg), seed) if config.by_hand else make(worlds, seed)
     try:
         checkpoint.check_fits(
             saved, list(env.tokenizer.vocabulary), checkpoint.widths(env.observation_spec, env.action_spec)
         )
         policy = restore_policy(read_plan(cfg), env.observation_spec, env.action_unit, saved).act
         actor = _actor(config, env, policy)
+        if config.by_hand:
+            return _by_hand(env, actor, config.episodes)
         if config.in_turn:
             return _in_turn(env, actor, config.in_turn, seed)
         result = evaluate(env, actor, config.episodes, seed).as_dict()
@@ -137,12 +157,31 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
     from trainers.probes import Misheard
 
     if config.reader == "oracle":
-        if not env.config.task.kinds:
+        if not env.task.speaks:
             raise ConfigError(f"reader=oracle needs a task with words; {env.config.task.name} has none")
         return Oracle(env)
     if config.words == "swapped" and env.batch_size[0] < 2:
         raise ConfigError(f"words=swapped needs worlds of at least 2; worlds={env.batch_size[0]}")
     return policy if config.words == "said" else Misheard(policy, config.words)
+
+
+def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
+    """What came of the episodes in which a person at the window chose what is meant."""
+    from envs.by_hand import play
+    from human.quiet import quiet
+    from trainers.evaluation import wilson
+
+    with quiet():  # Bullet's window talks as it is closed
+        played = play(env, actor, episodes, *env.face())
+    successes = sum(each.success for each in played)
+    return {
+        "by_hand": True,
+        "episodes": len(played),
+        "success_at_end": successes / max(len(played), 1),
+        "wrong_object": sum(each.wrong_object for each in played) / max(len(played), 1),
+        "ci95": list(wilson(successes, len(played))),
+        "played": [vars(each) for each in played],
+    }
 
 
 def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
@@ -152,7 +191,7 @@ def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
     from trainers.evaluation import wilson
     from trainers.probes import run_to_end
 
-    if not env.config.task.kinds:
+    if not env.task.speaks:
         raise ConfigError(f"in_turn needs a task with words; {env.config.task.name} has none")
     reached: list[bool] = []
     for scene in range(scenes):
@@ -168,8 +207,15 @@ def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
 
 
 def describe(report: dict[str, Any], out: Path) -> str:
-    """The result as a person reads it: overall, by kind of instruction and by split."""
+    """The result as a person reads it: overall, by kind of instruction, by what makes a gesture hard, and by split."""
+    from trainers.report import bin_name
+
     lines = [_line(kind, part) for kind, part in report.get("by_kind", {}).items()]
+    lines += [
+        _line(f"{name} {bin_name(name, part['range'])}", part)
+        for name, bins in report.get("by_pointing", {}).items()
+        for part in bins
+    ]
     whole = [_line(split, part) for split, part in report.get("by_split", {"all": report}).items()]
     return "\n".join([*lines, *whole, f"saved in {out}"])
 

@@ -294,10 +294,10 @@ def _told(value: Any) -> str:
     return f"{value:,}" if isinstance(value, int | float) else str(value)
 
 
-def write(path: Path, section: str, result: dict[str, Any]) -> None:
-    """Put the section into the JSON file, which is made where there is none."""
+def write(path: Path, module: str, section: str, result: dict[str, Any]) -> None:
+    """Put the section that the module measured into the JSON file, which is made where there is none."""
     known = json.loads(path.read_text()) if path.exists() else {}
-    command = " ".join(["python -m benchmarks.language", *sys.argv[1:]])
+    command = " ".join(["python -m", module, *sys.argv[1:]])
     known[section] = {"command": command, "machine": machine(), **result}
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(known, indent=1, ensure_ascii=True) + "\n")
@@ -326,7 +326,7 @@ def main() -> None:
     for name, value in rows(result):
         print(f"{name:32} {value}")
     if args.out:
-        write(args.out, args.what, result)
+        write(args.out, "benchmarks.language", args.what, result)
     sys.exit(failed(args.what, result))
 
 
