@@ -7,7 +7,7 @@ from env_cases import COMBINATIONS, ROBOTS, act, make, name_of, options, partial
 
 from envs.expert import ReachExpert
 
-WORLDS, EPISODES = 4, 60
+WORLDS, EPISODES = 4, 40
 
 
 def arm_touches_furniture(env):
