@@ -21,12 +21,12 @@ points, also by angle to the nearest rival, number of objects, distance, and how
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from conf.arguments import run, split
 from conf.overrides import apply
 from conf.schema import Checked, ConfigError, one_of, read, within
 
@@ -63,20 +63,11 @@ SPLITS = ("train", "test_composition", "test_paraphrase", "test_length")
 
 def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
     """Our own keys, and the overrides of the run's config that are left. Raises ConfigError."""
-    own: dict[str, Any] = dict(DEFAULTS)
-    overrides: list[str] = []
     names = [field.name for field in fields(EvaluateConfig)]
-    for word in arguments:
-        key, equals, value = word.partition("=")
-        if not equals:
-            raise ConfigError(f"{word}: arguments are written key=value, like checkpoint=<run dir>")
-        if key in names:
-            own[key] = value
-        else:
-            overrides.append(word)
+    own, overrides = split(arguments, names, "checkpoint=<run dir>")
     if "checkpoint" not in own:
         raise ConfigError("checkpoint=<run dir or file> is missing")
-    config = read(EvaluateConfig, own, "")
+    config = read(EvaluateConfig, DEFAULTS | own, "")
     if config.by_hand and (config.splits or config.in_turn or config.video):
         raise ConfigError("by_hand=true needs splits=false, in_turn=0 and video=0: every episode is chosen by hand")
     return config, overrides
@@ -240,15 +231,5 @@ def _numbered(path: Path) -> Path:
     return next(name for name in names if not name.exists())
 
 
-def cli() -> None:
-    if any(word in ("-h", "--help") for word in sys.argv[1:]):
-        print(__doc__)
-        return
-    try:
-        main(sys.argv[1:])
-    except ConfigError as error:
-        sys.exit(f"error: {error}")
-
-
 if __name__ == "__main__":
-    cli()
+    run(main, __doc__)

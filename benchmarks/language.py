@@ -80,7 +80,11 @@ class Tally(NamedTuple):
 
 def random_scene(rng: Generator, counts: tuple[int, int] = (2, 8)) -> Scene:
     """Things of three sizes and several heights, a fifth of them targets, seen by the robot or the human."""
-    number = int(rng.integers(counts[0], counts[1] + 1))
+    return scene_of(int(rng.integers(counts[0], counts[1] + 1)), rng)
+
+
+def scene_of(number: int, rng: Generator) -> Scene:
+    """The same, of so many things."""
     return Scene.from_arrays(
         nouns=rng.integers(len(NOUNS), size=number),
         colors=rng.integers(len(COLORS), size=number),

@@ -19,9 +19,9 @@ from envs.observation import seen_scene
 from envs.window import Window
 from envs.workspace_env import WorkspaceEnv
 from envs.world import World
-from human import Hand, Keys, View, choose, meant, pointed_object, posterior
+from human import Hand, Keys, View, choose, meant, named, pointed_object, posterior
 from human.window import WindowKeys, WindowView
-from language import Correction, LanguageError, Scene, describe, parse
+from language import LanguageError, Scene, describe
 
 Array = NDArray[np.float64]
 NEXT = "Enter: next scene; Escape: leave"
@@ -77,9 +77,7 @@ class Pointing:
     def __init__(self, env: HandEnv) -> None:
         self._env, self._scene = env, env.scene()
         sentence = env.sentence()
-        meaning = parse(sentence) if sentence else None
-        assert not isinstance(meaning, Correction)  # a task never begins with one
-        self._phrase = None if meaning is None else meaning.steps[-1].phrase
+        self._phrase = named(sentence) if sentence else None
         self._ray = np.zeros(3), np.zeros(3)
 
     def point(self, target: Array) -> Array:

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from envs.observation import seen_scene
 from envs.workspace_env import WorkspaceEnv
-from human import NothingPointedAt, meant, posterior, visibility
-from language import Correction, Scene, parse
+from human import NothingPointedAt, meant, named, posterior, visibility
+from language import Scene, parse
 
 HOVER = 0.10  # metres above the goal until the gripper is over it, so that nothing is pushed aside
 TOUCH = 0.005  # metres above the goal's top at the end
@@ -71,9 +71,7 @@ class Oracle:
 
     def _shown(self, world: int, sentence: str, scene: Scene, ray: NDArray) -> int | None:
         """The likeliest object by words and finger; None while a finger on its way shows nothing that they fit."""
-        meaning = parse(sentence)
-        assert not isinstance(meaning, Correction)  # a task never begins with one
-        phrase = meaning.steps[-1].phrase
+        phrase = named(sentence)
         try:
             return int(meant(phrase, scene, self._weights(scene, ray)).argmax())
         except NothingPointedAt:

@@ -63,7 +63,7 @@ class Arm:
     @property
     def eyes(self) -> Array:
         """(3,) metres, between the eyes."""
-        return self._place(REARS["eye"])
+        return self._places(REARS["eye"])[0]
 
     # ------------------------------------------------------------------------------------------------- where to
 
@@ -90,10 +90,12 @@ class Arm:
 
     def ray(self, style: str = "finger") -> tuple[Array, Array]:
         """The fingertip (3,), metres, and the unit direction (3,) of the style's line, as the arm is now."""
-        return line(self._place(TIP), self._place(rear(style)))
+        return line(*self._places(TIP, rear(style)))
 
-    def _place(self, link: str) -> Array:
-        return self._chain.place(self._points[link], self._chain.frames(self.angles))
+    def _places(self, *links: str) -> list[Array]:
+        """(3,) metres each, where these links are now."""
+        frames = self._chain.frames(self.angles)
+        return [self._chain.place(self._points[link], frames) for link in links]
 
     # -------------------------------------------------------------------------------------------------- motions
 

@@ -20,7 +20,6 @@ how often the object nearest to the ray is the one that was pointed at.
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -31,6 +30,7 @@ import numpy as np
 import torch
 from numpy.random import Generator
 
+from conf.arguments import run, split
 from conf.overrides import check, compose
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 from human.arm import Unreachable
@@ -225,32 +225,16 @@ def main(arguments: Sequence[str]) -> Any:
     command = arguments[0] if arguments else ""
     if command not in COMMANDS:
         raise ConfigError(f"{command or 'nothing'} is not a command" + did_you_mean(command, COMMANDS))
-    kind, run = COMMANDS[command]
-    own, overrides = dict(DEFAULTS[kind]), []
+    kind, carry_out = COMMANDS[command]
     names = [field.name for field in fields(kind)]
-    for word in arguments[1:]:
-        key, equals, value = word.partition("=")
-        if not equals:
-            raise ConfigError(f"{word}: arguments are written key=value, like seed=1")
-        if key in names:
-            own[key] = value
-        elif key.split(".")[0] in ("workspace", "task"):
-            overrides.append(word)
-        else:
+    own, overrides = split(arguments[1:], names, "seed=1")
+    for word in overrides:
+        key = word.partition("=")[0]
+        if key.split(".")[0] not in ("workspace", "task"):
             raise ConfigError(f"{word}: {key} is not a known key" + did_you_mean(key, names))
-    return run(read(kind, own, ""), Place.of(overrides))
-
-
-def cli() -> None:
-    if any(word in ("-h", "--help") for word in sys.argv[1:]):
-        print(__doc__)
-        return
-    torch.set_num_threads(1)
-    try:
-        main(sys.argv[1:])
-    except ConfigError as error:
-        sys.exit(f"error: {error}")
+    return carry_out(read(kind, DEFAULTS[kind] | own, ""), Place.of(overrides))
 
 
 if __name__ == "__main__":
-    cli()
+    torch.set_num_threads(1)
+    run(main, __doc__)

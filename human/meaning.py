@@ -5,7 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from human.pointing import Array, NothingPointedAt
-from language import ObjectPhrase, Scene, matches
+from language import Correction, ObjectPhrase, Scene, matches, parse
+
+
+def named(sentence: str) -> ObjectPhrase:
+    """The words for the object, in a sentence that a task begins with: never a correction. Raises NotUnderstood."""
+    meaning = parse(sentence)
+    assert not isinstance(meaning, Correction)
+    return meaning.steps[-1].phrase
 
 
 def meant(phrase: ObjectPhrase, scene: Scene, weights: Array) -> Array:

@@ -11,7 +11,7 @@ from conf.schema import ConfigError
 from envs.tasks.base import Episode, TaskConfig
 from envs.tasks.reach import Reach
 from human import Person
-from language import KINDS, Describer, Instruction, LanguageError, Placed, Wording, parse, say
+from language import KINDS, Describer, Placed
 
 TRIES = 1000
 EVERYBODY = ("all", "train", "test_paraphrase")  # splits in which every object of a scene can be named
@@ -34,17 +34,12 @@ class NLReach(Reach):
         if not config.kinds:
             raise ConfigError("task.kinds=[] must name at least one kind of sentence")
         super().__init__(config, object_area, num_worlds, person)
-        split = config.says()
-        self._describer = Describer(["nested"] if split.name == "test_length" else config.kinds, split)
-        self._wording = Wording(split) if config.varied or split.name == "test_paraphrase" else None
+        kinds = ["nested"] if self._split.name == "test_length" else config.kinds
+        self._describer = Describer(kinds, self._split)
 
     def _draw(self, rng: Generator) -> Episode:
         placed, nameable = self._nameable_scene(rng)
         return self.episode(placed, int(rng.choice(np.flatnonzero(nameable))), rng)
-
-    def each_in_turn(self, rng: Generator) -> list[Episode]:
-        """One scene, and an episode for each of its objects that can be named."""
-        return self._tried(lambda: self._each_in_turn(rng))
 
     def _each_in_turn(self, rng: Generator) -> list[Episode]:
         placed, nameable = self._nameable_scene(rng)
@@ -55,9 +50,8 @@ class NLReach(Reach):
         """The episode in which this object of the scene is named. Raises LanguageError where it cannot be."""
         instruction = self._describer.describe(placed.scene, referent, rng)
         sentence = self._say(instruction, rng)
-        heard = say(parse(sentence)) if self.config.rephrased else None
         kind = self.kind_names.index(instruction.kind)
-        return Episode(placed.scene, referent, kind, sentence, heard, yaw=placed.yaw, fixed=placed.fixed)
+        return self._episode(placed, referent, kind, sentence)
 
     def _nameable_scene(self, rng: Generator) -> tuple[Placed, np.ndarray]:
         """A scene, and which of its objects can be named, (K,) bool."""
@@ -70,11 +64,3 @@ class NLReach(Reach):
         raise ConfigError(
             f"task.kinds={list(self.config.kinds)} cannot name each of {self.config.num_objects} objects{within}"
         )
-
-    def _say(self, instruction: Instruction, rng: Generator) -> str:
-        if self._wording is None:
-            return say(instruction)
-        try:
-            return self._wording.say(instruction, rng)
-        except LanguageError as error:
-            raise ConfigError(f"task.split={self.config.split}: {error}; hold out a template of reach") from None

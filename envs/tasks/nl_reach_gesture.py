@@ -10,9 +10,10 @@ from numpy.random import Generator
 from conf.schema import ConfigError, did_you_mean
 from envs.tasks.base import Episode, TaskConfig
 from envs.tasks.layout import groups
+from envs.tasks.reach import loose
 from envs.tasks.reach_gesture import ReachGesture
 from human import Gesture, Person, visibility
-from language import COLORS, NOUNS, ObjectPhrase, Scene
+from language import COLORS, NOUNS, Instruction, ObjectPhrase, Scene
 
 SAID = {"color": [False, True], "shape": [True, False], "color_shape": [True, True]}  # are noun and colour said?
 SHOWING = ("this", "that")
@@ -47,18 +48,18 @@ class NLReachGesture(ReachGesture):
         kind = self.config.kinds[rng.integers(len(self.config.kinds))]
         scene = self._groups(SAID[kind], rng)
         seen = visibility(self._person.eyes, scene.positions, self.config.object_size)[:2]
-        sentence = self._words(self._phrase(scene, kind, rng), rng)
+        sentence = self._say(Instruction("reach", self._phrase(scene, kind, rng)), rng)
         return self._shown(scene, kind, sentence, int(rng.choice(2, p=seen / seen.sum())), rng)
 
     def _each_in_turn(self, rng: Generator) -> list[Episode]:
         kind = self.config.kinds[rng.integers(len(self.config.kinds))]
         scene = self._groups(SAID[kind], rng)
-        sentence = self._words(self._phrase(scene, kind, rng), rng)
+        sentence = self._say(Instruction("reach", self._phrase(scene, kind, rng)), rng)
         return [self._shown(scene, kind, sentence, referent, rng) for referent in range(2)]
 
     def _shown(self, scene: Scene, kind: str, sentence: str, referent: int, rng: Generator) -> Episode:
         gesture = self._person.show(scene.positions[referent], rng)
-        return Episode(scene, referent, self.kind_names.index(kind), sentence, gesture=gesture)
+        return self._episode(loose(scene), referent, self.kind_names.index(kind), sentence, gesture)
 
     def _elsewhere(self, episode: Episode, rng: Generator) -> tuple[int, Gesture] | None:
         other = 1 - episode.referent

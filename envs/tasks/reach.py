@@ -14,11 +14,16 @@ from conf.schema import ConfigError, did_you_mean
 from envs.tasks.base import Array, Episode, Outcome, State, TaskConfig, Turn
 from envs.tasks.layout import scatter
 from human import Gesture, Person, Unreachable
-from language import COLORS, NOUNS, LanguageError, Placed, Scene
+from language import COLORS, NOUNS, Instruction, LanguageError, Placed, Scene, Wording, parse, say
 
 T = TypeVar("T")
 TRIES = 200
 TURNS = (4, 16)  # control steps before which a finger that moves on does so
+
+
+def loose(scene: Scene) -> Placed:
+    """The scene with nothing turned or held in place."""
+    return Placed(scene, np.zeros(len(scene)), np.zeros(len(scene), bool))
 
 
 class Reach:
@@ -50,6 +55,8 @@ class Reach:
                 f"task.name={config.name} do not; take reach_gesture or nl_reach_gesture"
             )
         self.config, self._area, self._person = config, object_area, person
+        self._split = config.says()
+        self._wording = Wording(self._split) if config.varied or self._split.name == "test_paraphrase" else None
         self._layout = config.objects.layout(config.object_size)
         self._distance = np.zeros(num_worlds)
         self._held = np.zeros(num_worlds, np.int64)
@@ -73,6 +80,14 @@ class Reach:
         """A fresh episode for one world, with what the person shows in it. All chance comes from rng."""
         return self._tried(lambda: self._pointed(self._draw(rng), rng))
 
+    def each_in_turn(self, rng: Generator) -> list[Episode]:
+        """One scene, and an episode for each of its objects that words or finger can tell from the others."""
+        return self._tried(lambda: self._each_in_turn(rng))
+
+    def _each_in_turn(self, rng: Generator) -> list[Episode]:
+        """The same, but raises Unreachable where the person cannot show one of them."""
+        return [self._pointed(self._draw(rng), rng)]
+
     def _tried(self, draw: Callable[[], T]) -> T:
         """What `draw` gives, once the person can show all that is in it."""
         for _ in range(TRIES):
@@ -86,7 +101,7 @@ class Reach:
     def _draw(self, rng: Generator) -> Episode:
         """The scene, its referent and the words. Raises Unreachable where the person cannot show it."""
         placed = self._placed(rng)
-        return Episode(placed.scene, 0, 0, "", yaw=placed.yaw, fixed=placed.fixed)
+        return self._episode(placed, referent=0, kind=0, sentence="")
 
     def _pointed(self, episode: Episode, rng: Generator) -> Episode:
         """The episode with a finger that shows the referent, and sometimes moves on to another."""
@@ -101,6 +116,22 @@ class Reach:
         other, at = self._elsewhere(episode, rng), int(rng.integers(*TURNS))
         return episode if other is None else replace(episode, turn=Turn(at, *other))
 
+    def _say(self, instruction: Instruction, rng: Generator) -> str:
+        """The instruction in our own words, or in drawn ones where the config wants those."""
+        if self._wording is None:
+            return say(instruction)
+        try:
+            return self._wording.say(instruction, rng)
+        except LanguageError as error:
+            raise ConfigError(f"task.split={self.config.split}: {error}; hold out a template of reach") from None
+
+    def _episode(
+        self, placed: Placed, referent: int, kind: int, sentence: str, gesture: Gesture | None = None
+    ) -> Episode:
+        """These objects, one of which is meant, with what the policy hears of the sentence."""
+        heard = say(parse(sentence)) if sentence and self.config.rephrased else None
+        return Episode(placed.scene, referent, kind, sentence, heard, placed.yaw, placed.fixed, gesture)
+
     def _elsewhere(self, episode: Episode, rng: Generator) -> tuple[int, Gesture] | None:
         """Another object that the same words can mean, and how the person points at it; none: there is no other."""
         return None
@@ -109,7 +140,7 @@ class Reach:
         """The listed objects where there are any, else a scene of the task's own."""
         if self._layout is None:
             scene = self._scene(rng)
-            return Placed(scene, np.zeros(len(scene)), np.zeros(len(scene), bool))
+            return loose(scene)
         try:
             return self._layout.draw(rng, self.config.spacing)
         except LanguageError as error:

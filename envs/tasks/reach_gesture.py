@@ -10,7 +10,7 @@ from conf.schema import ConfigError
 from envs.tasks.base import Episode, TaskConfig
 from envs.tasks.reach import TRIES, Reach
 from human import Gesture, NothingPointedAt, Person, Unreachable, pointed_object
-from language import Instruction, ObjectPhrase, Placed, Wording, say
+from language import Instruction, ObjectPhrase, Placed
 
 SPOTS = ("there", "here", "this", "that")  # words that leave everything to the finger
 
@@ -31,15 +31,10 @@ class ReachGesture(Reach):
             raise ConfigError(f"task.name={config.name} needs a person who points: gesture=ray or gesture=camera")
         super().__init__(config, object_area, num_worlds, person)
         self._person: Person = person
-        self._wording = Wording(config.says()) if config.varied else None
 
     def _draw(self, rng: Generator) -> Episode:
         placed = self._placed(rng)
         return self._spoken(placed, *self._somewhere(placed, rng), rng)
-
-    def each_in_turn(self, rng: Generator) -> list[Episode]:
-        """One scene, and an episode for each object that the words fit, with a finger that aims at its centre."""
-        return self._tried(lambda: self._each_in_turn(rng))
 
     def _each_in_turn(self, rng: Generator) -> list[Episode]:
         placed = self._placed(rng)
@@ -48,8 +43,8 @@ class ReachGesture(Reach):
 
     def _spoken(self, placed: Placed, referent: int, gesture: Gesture, rng: Generator) -> Episode:
         kind = int(rng.integers(len(SPOTS)))
-        sentence = self._words(ObjectPhrase(determiner=SPOTS[kind]), rng)
-        return Episode(placed.scene, referent, kind, sentence, yaw=placed.yaw, fixed=placed.fixed, gesture=gesture)
+        sentence = self._say(Instruction("reach", ObjectPhrase(determiner=SPOTS[kind])), rng)
+        return self._episode(placed, referent, kind, sentence, gesture)
 
     def _elsewhere(self, episode: Episode, rng: Generator) -> tuple[int, Gesture] | None:
         others = [k for k in range(len(episode.scene)) if k != episode.referent]
@@ -73,7 +68,3 @@ class ReachGesture(Reach):
                 continue
             return referent, self._person.show(aim, rng, exact)
         raise Unreachable(f"no object of this scene can be pointed at from {exact.origin.tolist()}")
-
-    def _words(self, phrase: ObjectPhrase, rng: Generator) -> str:
-        instruction = Instruction("reach", phrase)
-        return say(instruction) if self._wording is None else self._wording.say(instruction, rng)

@@ -9,7 +9,8 @@ from conf.schema import ConfigError
 from envs import make_env, read_env
 from envs.expert import Oracle
 from envs.tasks import Episode
-from tests.envs.env_cases import act, make
+from language import parse, say
+from tests.envs.env_cases import act, make, task_of
 from trainers.checkpoint import CheckpointError, check_fits, widths
 from trainers.probes import run_to_end
 
@@ -92,3 +93,10 @@ def test_a_policy_is_not_judged_with_a_finger_it_never_saw_or_without_the_one_it
     check_fits(saved, words, shapes[trained])
     with pytest.raises(CheckpointError, match=r"another environment: gesture is .* and gesture it was trained with"):
         check_fits(saved, words, shapes[judged])
+
+
+def test_a_sentence_with_a_finger_is_heard_in_our_own_words_where_that_is_asked_for():
+    task, rng = task_of("nl_reach_gesture", "task.rephrased=true"), np.random.default_rng(0)
+    for _ in range(30):
+        episode = task.draw(rng)
+        assert episode.heard == say(parse(episode.sentence))

@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import strategies as st
 
+from benchmarks.language import scene_of
 from language import (
     COLORS,
     NOUNS,
@@ -10,7 +11,6 @@ from language import (
     SIZES,
     SUPERLATIVES,
     TASKS,
-    VIEWPOINTS,
     Chain,
     Correction,
     Instruction,
@@ -45,21 +45,9 @@ PLACES = Scene(
 )
 
 
-def random_scene(rng, count):
-    """Things of three sizes, some in the air, a fifth of them targets, seen by the robot or the human."""
-    return Scene.from_arrays(
-        nouns=rng.integers(len(NOUNS), size=count),
-        colors=rng.integers(len(COLORS), size=count),
-        positions=rng.uniform([0.3, -0.3, 0.0], [0.7, 0.3, 0.2], size=(count, 3)),
-        size=rng.choice([0.03, 0.05, 0.07], size=count),
-        targets=rng.random(count) < 0.2,
-        viewpoint=list(VIEWPOINTS)[rng.integers(len(VIEWPOINTS))],
-    )
-
-
 def random_scenes(number, counts=range(2, 9), seed=0):
     rng = np.random.default_rng(seed)
-    return [random_scene(rng, count) for count in rng.choice(list(counts), size=number)]
+    return [scene_of(int(count), rng) for count in rng.choice(list(counts), size=number)]
 
 
 def scene(*things):

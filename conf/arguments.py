@@ -1,0 +1,36 @@
+"""Programs that take key=value: what is theirs, what is left for the config, and how they end on bad input."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Collection, Sequence
+
+from conf.schema import ConfigError
+
+
+def split(words: Sequence[str], names: Collection[str], example: str) -> tuple[dict[str, str], list[str]]:
+    """The program's own keys, `names`, with their values, and the other words as they are.
+
+    Raises ConfigError for a word that is not key=value; `example` shows one that is.
+    """
+    own, others = {}, []
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals:
+            raise ConfigError(f"{word}: arguments are written key=value, like {example}")
+        if key in names:
+            own[key] = value
+        else:
+            others.append(word)
+    return own, others
+
+
+def run(main: Callable[[list[str]], object], help_text: str | None) -> None:
+    """Call main with what was typed; print the help where that is asked for, and bad input in one line."""
+    if any(word in ("-h", "--help") for word in sys.argv[1:]):
+        print(help_text)
+        return
+    try:
+        main(sys.argv[1:])
+    except ConfigError as error:
+        sys.exit(f"error: {error}")
