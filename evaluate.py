@@ -78,7 +78,8 @@ def main(arguments: list[str]) -> dict[str, Any]:
     config, overrides = parse(arguments)
 
     from trainers import checkpoint
-    from trainers.report import pointing_plot, write_json
+    from trainers.metrics import write_json
+    from trainers.plots import pointing_plot
 
     path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path)
@@ -118,10 +119,15 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
     from trainers.evaluation import evaluate
     from trainers.video import record
 
-    make = partial(build_env, read_env(cfg))
+    config_of_env = read_env(cfg).judged()
+    make = partial(build_env, config_of_env)
     seed = derive_seed(config.seed, 2**20, evaluation=True)
-    worlds = cfg["task"]["num_objects"] if config.in_turn else min(config.worlds, config.episodes)
-    env = HandEnv(read_env(cfg), seed) if config.by_hand else make(worlds, seed)
+    worlds = (
+        cfg["task"]["num_objects"] * max(1, cfg["task"].get("num_targets", 0))
+        if config.in_turn
+        else min(config.worlds, config.episodes)
+    )
+    env = HandEnv(config_of_env, seed) if config.by_hand else make(worlds, seed)
     try:
         checkpoint.check_fits(
             saved, list(env.tokenizer.vocabulary), checkpoint.widths(env.observation_spec, env.action_spec)
@@ -144,7 +150,7 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
 
 def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
     """Who acts: the policy, the policy with other words, or the parser with a scripted arm."""
-    from envs.expert import Oracle
+    from envs.experts import Oracle
     from trainers.probes import Misheard
 
     if config.reader == "oracle":
@@ -199,7 +205,7 @@ def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
 
 def describe(report: dict[str, Any], out: Path) -> str:
     """The result as a person reads it: overall, by kind of instruction, by what makes a gesture hard, and by split."""
-    from trainers.report import bin_name
+    from trainers.plots import bin_name
 
     lines = [_line(kind, part) for kind, part in report.get("by_kind", {}).items()]
     lines += [

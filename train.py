@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import hydra
 
-from conf.overrides import apply, check
+from conf.overrides import apply, check, quoted
 from conf.schema import ConfigError, RunError
+from trainers.sweep import arguments
 
 if TYPE_CHECKING:
     from envs.config import EnvConfig
@@ -48,11 +49,12 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     return fit(
         plan,
         make_env=partial(build_env, env_config),
+        make_judge=partial(build_env, env_config.judged()),
         folder=folder,
         config=plain,
         vocabulary=list(Tokenizer.default().vocabulary),
         resume=find(folder) if config.resume else None,
-        make_video_env=partial(build_env, env_config, 1, plan.run.seed, True),
+        make_video_env=partial(build_env, env_config.judged(), 1, plan.run.seed, True),
     )
 
 
@@ -68,22 +70,23 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path]:
 
 
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")
-def main(config: Any) -> dict[str, Any]:
+def main(config: Any) -> dict[str, Any] | None:
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
 
     job = HydraConfig.get()
-    sweeping = job.mode == RunMode.MULTIRUN
     fresh = folder = Path(job.runtime.output_dir)
+    if job.mode == RunMode.MULTIRUN:
+        from trainers.job import work
+
+        work(Path(__file__), config, list(job.overrides.task), folder)
+        return None
     try:
         if config.resume:
             config, folder = resumed(config.resume, list(job.overrides.task))
         result = run(config, folder)
     except (ConfigError, RunError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        if sweeping:
-            return {"error": str(error).splitlines()[0]}
-        sys.exit(1)
+        sys.exit(f"error: {error}")
     finally:
         if fresh.is_dir() and not any(fresh.iterdir()):
             fresh.rmdir()  # Hydra's, which a refused or a resumed run does not use
@@ -103,9 +106,11 @@ def summary(result: dict[str, Any], folder: Path) -> str:
 def cli() -> None:
     """Check what was typed, then hand it to Hydra."""
     try:
-        check(sys.argv[1:])
+        words = arguments(sys.argv[1:])
+        check(words)
     except ConfigError as error:
         sys.exit(f"error: {error}")
+    sys.argv[1:] = quoted(words)
     main()
 
 

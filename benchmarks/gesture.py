@@ -28,7 +28,7 @@ from benchmarks.ours import WORLDS, actions
 from conf.overrides import compose
 from envs import make_env, read_env
 from envs.config import EnvConfig
-from envs.expert import ReachExpert
+from envs.experts import ReachExpert
 from envs.gestures import meet
 from envs.tasks import TASKS, Episode
 from envs.tasks.layout import scatter

@@ -29,7 +29,7 @@ from benchmarks.hostile import WRITERS
 from language import (
     COLORS,
     KINDS,
-    NOUNS,
+    SHAPES,
     SPOKEN,
     TASKS,
     VIEWPOINTS,
@@ -86,7 +86,7 @@ def random_scene(rng: Generator, counts: tuple[int, int] = (2, 8)) -> Scene:
 def scene_of(number: int, rng: Generator) -> Scene:
     """The same, of so many things."""
     return Scene.from_arrays(
-        nouns=rng.integers(len(NOUNS), size=number),
+        nouns=rng.integers(len(SHAPES), size=number),
         colors=rng.integers(len(COLORS), size=number),
         positions=rng.uniform([0.3, -0.3, 0.0], [0.7, 0.3, 0.2], size=(number, 3)),
         size=rng.choice([0.03, 0.05, 0.07], size=number),

@@ -113,7 +113,7 @@ def collector(steps: int, overrides: Sequence[str], workers: int) -> dict[str, A
     env = make(1, 0)
     policy, _ = build_algorithm(plan, env.observation_spec, env.action_unit)
     horizon = 64
-    rollouts = Rollouts(make, policy, CollectorConfig(workers=workers, worlds=WORLDS), horizon, 0)
+    rollouts = Rollouts(make, policy, CollectorConfig(workers=workers, worlds=WORLDS * workers), horizon, 0)
     batches = max(steps // (WORLDS * horizon * workers), 1)
 
     def work() -> None:
@@ -173,7 +173,7 @@ def memory_per_world(worlds: int) -> dict[str, Any]:
 
 def _peak_memory(worlds: int) -> float:
     """MiB of a training run with `worlds` in each of two workers, at the end of its third batch."""
-    config = compose([f"collector.worlds={worlds}", "collector.workers=2", "algo.minibatch=16"])
+    config = compose([f"collector.worlds={2 * worlds}", "collector.workers=2", "algo.minibatch=16"])
     plan = read_plan(config)
     make = partial(build_env, read_env(config))
     env = make(1, 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,12 @@ ROOT = Path(__file__).parent
 def groups() -> dict[str, list[str]]:
     """Each config group with its options."""
     return {f.name: sorted(y.stem for y in f.glob("*.yaml")) for f in sorted(ROOT.iterdir()) if any(f.glob("*.yaml"))}
+
+
+def quoted(arguments: Iterable[str]) -> list[str]:
+    """The arguments, with options that are numbers (scenario=1,2) in quotes: Hydra takes only words for an option."""
+    names = set(groups())
+    return [re.sub(r"(?<=[=,])\d+(?=,|$)", r"'\g<0>'", w) if w.split("=")[0] in names else w for w in arguments]
 
 
 def check(arguments: Sequence[str]) -> None:
@@ -51,7 +58,7 @@ def compose(overrides: Iterable[str] = ()) -> Any:
     GlobalHydra.instance().clear()
     try:
         with initialize_config_module("conf", version_base="1.3"):
-            return hydra_compose("config", list(overrides))
+            return hydra_compose("config", quoted(overrides))
     except HydraException as error:
         raise ConfigError(str(error)) from None
 
@@ -71,6 +78,8 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
     changed = OmegaConf.create(config)
     for word in overrides:
         key, _, value = word.partition("=")
+        if key == "scenario":
+            raise ConfigError(f"{word}: a checkpoint keeps the scenario that it was trained in")
         if key in TRAINED and fresh[key].get("name") != changed[key].get("name"):
             raise ConfigError(f"{word}: the checkpoint was trained with {key}={changed[key].get('name')}, and keeps it")
         if key == "gesture" and key in changed:
@@ -87,10 +96,11 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
 def _check_choice(override: Any) -> str:
     group, value = override.key_or_group, override.value()
     options = groups()[group]
-    choices = list(override.sweep_iterator()) if override.is_sweep_override() else [value]
+    given = list(override.sweep_iterator()) if override.is_sweep_override() else [value]
+    choices = [str(getattr(choice, "text", choice)).strip("'\"") for choice in given]  # text: of a quoted string
     for choice in choices:
-        if str(choice).strip("'\"") not in options:
-            raise ConfigError(f"{group}={choice} is not known" + did_you_mean(str(choice), options))
+        if choice not in options:
+            raise ConfigError(f"{group}={choice} is not known" + did_you_mean(choice, options))
     return f"{group}={choices[0]}" if choices else ""
 
 

@@ -62,13 +62,13 @@ class HandEnv(WorkspaceEnv):
 
     def mean(self, index: int) -> TensorDictBase:
         """The scene's object `index` is meant from now on. Returns what is observed, nothing having been done yet."""
-        self._read(self._index)
+        self._arrays.read(self._arrays.index)
         self._mean(0, int(np.flatnonzero(self._state.shown[0])[index]))
         return self._begun()
 
     def scene(self) -> Scene:
         """The objects, as words see them."""
-        return seen_scene(self._rows[0, self._state.shown[0]], self.config.task.viewpoint)
+        return seen_scene(self._arrays.rows[0, self._state.shown[0]], self.config.task.viewpoint, self.task.operates)
 
 
 class Pointing:

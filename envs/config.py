@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from conf.overrides import check, compose
 from conf.schema import ConfigError, did_you_mean, read
 from envs.controls import ControlConfig
+from envs.gripper import GripperConfig
 from envs.robot import RobotConfig, urdf_path
-from envs.tasks import TASKS, TaskConfig
+from envs.tasks import TASKS, CurriculumConfig, TaskConfig
 from envs.workspace import WorkspaceConfig
 from envs.world import PhysicsConfig
 from human import GestureConfig
@@ -29,17 +30,25 @@ class EnvConfig:
     task: TaskConfig
     physics: PhysicsConfig
     gesture: GestureConfig
+    gripper: GripperConfig
+
+    def judged(self) -> EnvConfig:
+        """The same without the curriculum: every episode from its start."""
+        return replace(self, task=replace(self.task, curriculum=CurriculumConfig(near=0.0, held=0.0)))
 
 
 def read_env(config: Any) -> EnvConfig:
     """The composed config's groups, checked. Raises ConfigError before anything is loaded."""
-    if "gesture" not in config:
-        raise ConfigError("gesture is missing: this config is from before there were any; give gesture=none")
+    for name, least in (("gesture", "none"), ("gripper", "own")):
+        if name not in config:
+            raise ConfigError(f"{name} is missing: this config is from before there were any; give {name}={least}")
     robot = read(RobotConfig, config["robot"], "robot")
     urdf_path(robot)
     task = read(TaskConfig, config["task"], "task")
     if task.name not in TASKS:
         raise ConfigError(f"task.name={task.name} is not a task" + did_you_mean(task.name, TASKS))
+    gripper = read(GripperConfig, config["gripper"], "gripper")
+    gripper.of(robot)
     return EnvConfig(
         robot,
         read(ControlConfig, config["control"], "control"),
@@ -47,6 +56,7 @@ def read_env(config: Any) -> EnvConfig:
         task,
         read(PhysicsConfig, config["physics"], "physics"),
         read(GestureConfig, config["gesture"], "gesture"),
+        gripper,
     )
 
 

@@ -26,17 +26,23 @@ class Furniture:
     """
 
     def __init__(self, workspace: WorkspaceConfig, robot: Robot, client: int, visuals: bool) -> None:
-        self._client, self._visuals = client, visuals
+        self._client, self._visuals, self._robot = client, visuals, robot
         self._boxes = [self._box(box) for box in workspace.furniture.values() if visuals or box.contact]
         self._pass_through(robot.body, robot.fixed_links())
         self._fittings = {self._fitting(fitting): fitting for fitting in workspace.fittings.values()}
+        self._stands: dict[int, tuple] = {}
+        self.parting = 0
         for body in self._fittings:
-            self._pass_through(body, [LINK])  # the joint alone guides it: no drawer rubs on its cabinet
-            self._tie(body, robot)
-        movable = [robot.body, *self._fittings] if self._fittings else []
-        self._stands = {body: bullet.getBasePositionAndOrientation(body, client) for body in movable}
-        self.parting = PARTING if self._fittings else 0
+            self.join(body)
         self.reset()
+
+    def join(self, body: int) -> None:
+        """Let this body, whose one link its joint alone guides, part from all else between episodes as fittings do."""
+        self._pass_through(body, [LINK])  # no drawer rubs on its cabinet
+        self._tie(body)
+        for each in (self._robot.body, body):
+            self._stands[each] = bullet.getBasePositionAndOrientation(each, self._client)
+        self.parting = PARTING
 
     def _pass_through(self, body: int, links: Iterable[int]) -> None:
         """Let these links of a body go through the boxes that never move."""
@@ -44,16 +50,16 @@ class Furniture:
             for link in links:
                 bullet.setCollisionFilterPair(body, box, link, -1, 0, self._client)
 
-    def _tie(self, body: int, robot: Robot) -> None:
-        """Join them by a gear that turns nothing, and Bullet solves them together."""
-        ends = (robot.body, robot.arm[0], body, LINK)
+    def _tie(self, body: int) -> None:
+        """Join it and the robot by a gear that turns nothing, and Bullet solves them together."""
+        ends = (self._robot.body, self._robot.arm[0], body, LINK)
         gear = bullet.createConstraint(
             *ends, bullet.JOINT_GEAR, (0, 0, 1), (0, 0, 0), (0, 0, 0), physicsClientId=self._client
         )
         bullet.changeConstraint(gear, gearRatio=0, maxForce=0, physicsClientId=self._client)
 
     def park(self) -> None:
-        """Where there are fittings, put them and the robot where none touches anything."""
+        """Where there are fittings or the like, put them and the robot where none touches anything."""
         for i, (body, (_, turned)) in enumerate(self._stands.items()):
             bullet.resetBasePositionAndOrientation(body, (0, APART * i, PARKED), turned, self._client)
 

@@ -20,7 +20,7 @@ Load = Callable[[int], int]  # client -> body, its links not merged
 
 
 @cache
-def _folder() -> Path:
+def scratch() -> Path:
     """This process's own, gone when it ends."""
     folder = Path(tempfile.mkdtemp(prefix="deixis-hulls-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -53,7 +53,7 @@ def _write(tree: Any, meshes: dict, urdf: Path, load: Load) -> Path:
         for link in range(bullet.getNumJoints(body, client)):
             name = bullet.getJointInfo(body, link, client)[12].decode()
             for i, mesh in enumerate(meshes.get(name, ())):
-                hull = _folder() / f"{urdf.stem}_{name}_{i}.obj"
+                hull = scratch() / f"{urdf.stem}_{name}_{i}.obj"
                 hull.write_text(_obj(_vertices(body, link, i, client)))
                 mesh.set("filename", hull.name)
     finally:
@@ -61,7 +61,7 @@ def _write(tree: Any, meshes: dict, urdf: Path, load: Load) -> Path:
     for element in tree.iter("link"):
         for visual in element.findall("visual"):
             element.remove(visual)
-    target = _folder() / urdf.name
+    target = scratch() / urdf.name
     tree.write(target)
     return target
 

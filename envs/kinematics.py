@@ -85,7 +85,7 @@ class Kinematics:
         seen: tuple[Pose, Array] | None = None,
         damping: float = 0.02,
     ) -> Array:
-        """One damped least-squares step (N, J) from joints (N, J) towards position (N, 3) and rotation (3, 3).
+        """One damped least-squares step (N, J) from joints (N, J) towards position (N, 3) and rotation (..., 3, 3).
 
         The gripper moves at most max_move metres; what the task leaves free is drawn to the rest pose. seen: what
         `jacobian` gives for these joints, where it is known already.
@@ -96,7 +96,7 @@ class Kinematics:
         move = position - pose.position
         length = np.sqrt((move * move).sum(1, keepdims=True))
         move *= np.minimum(1.0, max_move / np.maximum(length, 1e-9))
-        turn = 0.5 * _cross(pose.rotation.transpose(0, 2, 1), rotation.T).sum(1)
+        turn = 0.5 * _cross(pose.rotation.transpose(0, 2, 1), np.swapaxes(rotation, -1, -2)).sum(1)
         task = np.concatenate((move, turn), axis=1)[..., None]
         transposed = jacobian.transpose(0, 2, 1)
         idle = 0.1 * (self.rest - joints)[..., None]
@@ -105,7 +105,7 @@ class Kinematics:
         return delta[..., 0]
 
     def solve(self, joints: Array, position: Array, rotation: Array, iterations: int = 30) -> Array:
-        """Joints (N, J) that bring the gripper to position (N, 3) and rotation (3, 3), from `joints` on."""
+        """Joints (N, J) that bring the gripper to position (N, 3) and rotation (..., 3, 3), from `joints` on."""
         for _ in range(iterations):
             step = self.step(joints, position, rotation, max_move=0.2)
             joints = np.clip(joints + step, self.low, self.high)

@@ -5,19 +5,27 @@ The observation, each with a leading N:
 | key | shape | what it holds |
 |---|---|---|
 | robot | (R,) float32 | joint angles (rad) and speeds (rad/s), gripper centre (m), the first two columns of its
-|   | | rotation matrix (Zhou et al. 2019: continuous, where quaternions jump), gripper state (0 closed or idle, 1) |
+|   | | rotation matrix (Zhou et al. 2019: continuous, where quaternions jump), how far the fingers are open in [0, 1];
+|   | | then, where the task grips, how far it is told to be shut and whether anything is held |
 | objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA (A of a target: 0.5), shape
-|   | | one-hot, size (m), role (1: target) |
+|   | | one-hot (where the task operates devices: of DEVICES, and of where their handles are), size (m), role (1:
+|   | | target); then, where the task moves objects, the offset from the gripper, within `NEAR` (m); then, of devices,
+|   | | the unit vector to where each faces (x, y), and the share of its way that it has gone, in [-1, 1] |
 | objects_mask | (K,) bool | which slots show an object |
 | hold | (A,) float32 | the action that keeps the arm where it is |
 | instruction | (L,) int64 | the sentence's tokens, 0 = pad |
 | gesture | (7,) float32 | only where a person points: the fingertip (m), the unit direction of its ray, and 1 where a
 |   | | gesture is shown; all 0 where none is |
-| success, wrong_object | (1,) bool | whether the episode ended so at this step |
-| at_goal | (1,) bool | whether the gripper is at the referent |
+| stage | () int64 | only where objects are moved: 0 going, 1 holding something (or near it, where nothing is gripped),
+|   | | 2 beside a target with it |
+| success, wrong_object, wrong_target | (1,) bool | whether the episode ended so at this step |
+| at_goal | (1,) bool | whether the gripper is at the referent, or the referent where it is to go |
 | reward_terms | (T,) float32 | weighted terms by `reward_names`; their sum is the reward |
-| privileged | | for losses and tests alone: referent (slot), goal (m), kind (of sentence), sentence (UTF-8 bytes), and
-|   | | pointing (3,) where a person points, as `Gestures.measures` has it |
+| privileged | | for losses and tests alone: referent (slot), target (slot, where there are any), goal (m), kind (of
+|   | | sentence), sentence (UTF-8 bytes), and pointing (3,) where a person points, as `Gestures.measures` has it.
+|   | | goal is the referent's place; where objects are moved, also the target's, and the offsets, within `NEAR`, from
+|   | | gripper to referent and from there to the target (without one: the referent's place, and 0), and what the
+|   | | task remembers, in [0, 1]. There, also held (the slot of what is held, -1 for nothing) and movable (K,) |
 """
 
 from __future__ import annotations
@@ -30,40 +38,57 @@ from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 
 from envs.kinematics import Kinematics
 from envs.robot import RobotConfig
-from envs.tasks import Reach
+from envs.tasks import Task
 from envs.workspace import WorkspaceConfig
-from language import COLORS, NOUNS, SEE_THROUGH, Scene, Tokenizer, color_name, color_table
+from language import COLORS, DEVICES, NOUNS, SEE_THROUGH, SHAPES, Scene, Tokenizer, color_name, color_table
 
 SENTENCE_BYTES = 160
+NEAR = 0.2  # metres in which one place is seen finely from another
 FARTHEST = 3.0  # metres from the origin that a fingertip is looked for
-OBJECT_WIDTH = 3 + 4 + 4 + len(NOUNS) + 1 + 1
+OBJECT_WIDTH = 3 + 4 + 4 + len(SHAPES) + 1 + 1
+OFFSET = slice(OBJECT_WIDTH, OBJECT_WIDTH + 3)  # where the offset from the gripper is, if any
+FACING = slice(OBJECT_WIDTH + 3, OBJECT_WIDTH + 5)  # where devices face
+# A task is about shapes or about devices: each noun's column in the one-hot of its kind.
+_COLUMNS = np.array([(SHAPES if noun in SHAPES else DEVICES).index(noun) for noun in NOUNS])
 ATTRIBUTES = slice(7, OBJECT_WIDTH)  # what an object keeps all along: colour, shape, size, role
 
 
 class Bounds:
     """Least and greatest values, (2, width) float32 each, of what varies: position (m), robot and objects rows."""
 
-    def __init__(self, workspace: WorkspaceConfig, robot: RobotConfig, chain: Kinematics) -> None:
+    def __init__(self, workspace: WorkspaceConfig, robot: RobotConfig, chain: Kinematics, task: Task) -> None:
         low, high = np.reshape(workspace.bounds, (3, 2)).T
         speed, ones = 2 * np.array(robot.max_speed), np.ones(6)  # a joint that is struck can exceed its own speed
         rest = OBJECT_WIDTH - 7 - 2
         self.position = _pair([low], [high])
+        goal = [low], [high]
+        gripper = 3 if task.grips else 1
         self.robot = _pair(
-            [chain.low - 0.1, -speed, low, -ones, [0.0]],
-            [chain.high + 0.1, speed, high, ones, [1.0]],
+            [chain.low - 0.1, -speed, low, -ones, np.zeros(gripper)],
+            [chain.high + 0.1, speed, high, ones, np.ones(gripper)],
         )
         tip, tilt = np.full(3, FARTHEST), np.ones(3)
         self.gesture = _pair([-tip, -tilt, [0.0]], [tip, tilt, [1.0]])
         self.pointing = _pair([np.zeros(3)], [[np.pi, np.pi, 2 * FARTHEST]])
-        self.objects = _pair(
-            [low, -np.ones(4), np.zeros(rest), [0.0, 0.0]],
-            [high, np.ones(4), np.ones(rest), [0.2, 1.0]],
-        )
+        row = [low, -np.ones(4), np.zeros(rest), [0.0, 0.0]], [high, np.ones(4), np.ones(rest), [0.2, 1.0]]
+        if task.moves:
+            offset = np.full(3, NEAR)
+            for side, sign in ((row[0], -1), (row[1], 1)):
+                side.append(sign * offset)
+            if task.operates:
+                row[0].append(-np.ones(3))
+                row[1].append(np.ones(3))
+            memory = task.memory[0]
+            goal = (
+                [low, low, -offset, -offset, np.zeros_like(memory)],
+                [high, high, offset, offset, np.ones_like(memory)],
+            )
+        self.objects, self.goal = _pair(*row), _pair(*goal)
 
 
-def observation_spec(bounds: Bounds, worlds: int, task: Reach, tokenizer: Tokenizer, actions: int) -> Composite:
+def observation_spec(bounds: Bounds, worlds: int, task: Task, tokenizer: Tokenizer, actions: int) -> Composite:
     """The spec of the table above, for `worlds` worlds of this task and as many numbers an action."""
-    slots, words = task.config.num_objects, len(tokenizer.vocabulary)
+    slots, words = task.config.slots, len(tokenizer.vocabulary)
     spec = Composite(
         robot=_bounded(bounds.robot, worlds),
         objects=_bounded(bounds.objects, worlds, slots),
@@ -72,7 +97,7 @@ def observation_spec(bounds: Bounds, worlds: int, task: Reach, tokenizer: Tokeni
         instruction=Categorical(words, shape=(worlds, tokenizer.length), dtype=torch.int64),
         privileged=Composite(
             referent=Categorical(slots, shape=(worlds,), dtype=torch.int64),
-            goal=_bounded(bounds.position, worlds),
+            goal=_bounded(bounds.goal, worlds),
             kind=Categorical(len(task.kind_names), shape=(worlds,), dtype=torch.int64),
             sentence=Bounded(0, 255, shape=(worlds, SENTENCE_BYTES), dtype=torch.uint8),
             shape=(worlds,),
@@ -80,8 +105,15 @@ def observation_spec(bounds: Bounds, worlds: int, task: Reach, tokenizer: Tokeni
         reward_terms=Unbounded(shape=(worlds, len(task.terms)), dtype=torch.float32),
         shape=(worlds,),
     )
-    for name in ("success", "wrong_object", "at_goal"):
+    if task.places:
+        spec["privileged", "target"] = Categorical(slots, shape=(worlds,), dtype=torch.int64)
+    if task.moves:
+        spec["privileged", "held"] = Bounded(-1, slots - 1, shape=(worlds,), dtype=torch.int64)
+        spec["privileged", "movable"] = Binary(slots, shape=(worlds, slots), dtype=torch.bool)
+    for name in ("success", "wrong_object", "wrong_target", "at_goal"):
         spec[name] = Binary(1, shape=(worlds, 1), dtype=torch.bool)
+    if task.stages > 1:
+        spec["stage"] = Categorical(task.stages, shape=(worlds,), dtype=torch.int64)
     if task.points:
         spec["gesture"] = _bounded(bounds.gesture, worlds)
         spec["privileged", "pointing"] = _bounded(bounds.pointing, worlds)
@@ -90,7 +122,7 @@ def observation_spec(bounds: Bounds, worlds: int, task: Reach, tokenizer: Tokeni
 
 def attributes(scene: Scene) -> NDArray[np.float64]:
     """(K, OBJECT_WIDTH - 7) the lasting part of each object's row."""
-    shape = np.eye(len(NOUNS))[scene.nouns]
+    shape = np.eye(len(SHAPES))[_COLUMNS[scene.nouns]]
     colors = color_table()[scene.colors]
     colors[scene.targets, 3] = SEE_THROUGH
     return np.concatenate((colors, shape, scene.sizes[:, None], scene.targets[:, None]), axis=1)
@@ -103,15 +135,19 @@ def lasting_rows(scene: Scene, yaw: NDArray[np.float64] | None) -> NDArray[np.fl
     return np.concatenate((scene.positions, turned, attributes(scene)), axis=1)
 
 
-def seen_scene(objects: NDArray, viewpoint: str = "robot") -> Scene:
-    """The scene of observed object rows (K, D), as words see it: the inverse of what `attributes` writes."""
-    colors, shapes = objects[:, 7:11], objects[:, 11 : 11 + len(NOUNS)]
+def seen_scene(objects: NDArray, viewpoint: str = "robot", devices: bool = False) -> Scene:
+    """The scene of observed object rows (K, D), as words see it: the inverse of what `attributes` writes.
+
+    devices: whether it is they that are seen, or shapes.
+    """
+    among = DEVICES if devices else SHAPES
+    colors, shapes = objects[:, 7:11], objects[:, 11 : 11 + len(among)]
     return Scene.from_arrays(
-        nouns=shapes.argmax(1),
+        nouns=[list(NOUNS).index(among[column]) for column in shapes.argmax(1)],
         colors=[list(COLORS).index(color_name(color)) for color in colors],
         positions=objects[:, :3],
-        size=objects[:, -2],
-        targets=objects[:, -1] > 0.5,
+        size=objects[:, OBJECT_WIDTH - 2],
+        targets=objects[:, OBJECT_WIDTH - 1] > 0.5,
         viewpoint=viewpoint,
     )
 

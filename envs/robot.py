@@ -20,6 +20,7 @@ with quiet():
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, within
 from envs.hulls import lean
 from envs.kinematics import Array, Kinematics
+from envs.magnet import with_magnet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +36,11 @@ class RobotConfig(Checked):
     rest: list[float]  # joint angles at reset: the gripper points down and keeps this orientation
     tip: str  # the link that carries the gripper
     tip_offset: list[float] = within(-1, 1, count=3)  # gripper centre in that link's frame
-    gripper: str = one_of("magnet", "fingers")
+    approach: list[float] = within(-1, 1, count=3)  # unit vector: where the gripper points, in that link's frame
+    grippers: list[str] = one_of("magnet", "fingers")  # what it may grip with; the first is its own
+    magnet: list[float] = within(
+        0.001, 0.2
+    )  # radius and length of the cylinder that ends at the gripper centre, if any
     fingers: list[str]  # prismatic finger joints; empty for a magnet
     finger_opening: float = within(0, 0.2)  # of each finger, fully open
 
@@ -46,10 +51,14 @@ class RobotConfig(Checked):
         for key in ("rest", "max_speed"):
             if len(getattr(self, key)) != len(self.joints):
                 raise ConfigError(f"{key}={getattr(self, key)} must be {len(self.joints)} numbers, one for each joint")
-        if self.gripper == "fingers" and not (self.fingers and self.finger_opening):
-            raise ConfigError("gripper=fingers needs names in fingers and a finger_opening above 0")
-        if self.gripper == "magnet" and (self.fingers or self.finger_opening):
-            raise ConfigError("gripper=magnet has no fingers: give fingers=[] and finger_opening=0")
+        if not self.grippers:
+            raise ConfigError("grippers=[] must name magnet, fingers or both")
+        if "fingers" in self.grippers and not (self.fingers and self.finger_opening):
+            raise ConfigError(f"grippers={self.grippers} needs names in fingers and a finger_opening above 0")
+        if "fingers" not in self.grippers and (self.fingers or self.finger_opening):
+            raise ConfigError(f"grippers={self.grippers} has no fingers: give fingers=[] and finger_opening=0")
+        if len(self.magnet) not in (0, 2):
+            raise ConfigError(f"magnet={self.magnet} must be a radius and a length, or [] for none that is seen")
 
 
 def urdf_path(config: RobotConfig) -> Path:
@@ -80,17 +89,20 @@ class Robot:
     """The arm in one client.
 
     Its fixed links are merged into their parents, which saves 15 % of a panda's physics and 30 % of a jaco's.
+    magnet: whether one is mounted on it.
     """
 
-    def __init__(self, config: RobotConfig, client: int, visuals: bool) -> None:
+    def __init__(self, config: RobotConfig, client: int, visuals: bool, magnet: bool = False) -> None:
         self.config, self._client = config, client
-        self.body = load(config, client, visuals, bullet.URDF_MERGE_FIXED_LINKS)
+        self.body = load(config, client, visuals, bullet.URDF_MERGE_FIXED_LINKS, magnet)
         info = [bullet.getJointInfo(self.body, j, client) for j in range(bullet.getNumJoints(self.body, client))]
         names = [i[1].decode() for i in info]
         self.arm = [_index(names, name, "robot.joints") for name in config.joints]
         self.fingers = [_index(names, name, "robot.fingers") for name in config.fingers]
+        self.hand = self.arm[-1]  # the link that has all of the gripper but the fingers
         self._check(info)
-        self._bind([info[j][10] for j in self.arm + self.fingers])
+        self._forces = [info[j][10] for j in self.arm + self.fingers]
+        self._bind(self._forces)
 
     def _check(self, info: list[tuple]) -> None:
         """PyBullet loads masses and limits that are no numbers without a word."""
@@ -123,6 +135,10 @@ class Robot:
         )
         self._states = partial(bullet.getJointStates, self.body, motors, physicsClientId=self._client)
 
+    def limit_fingers(self, force: float) -> None:
+        """Let each finger close with so many N."""
+        self._bind(self._forces[: len(self.arm)] + [force] * len(self.fingers))
+
     def drive(self, targets: Sequence[float]) -> None:
         """Set the motors' position targets: arm joints in radians, then fingers in metres."""
         self._motors(targetPositions=targets)
@@ -143,14 +159,19 @@ class Robot:
         return list(range(-1, self.arm[0]))
 
 
-def load(config: RobotConfig, client: int, visuals: bool, flags: int = 0) -> int:
+def load(config: RobotConfig, client: int, visuals: bool, flags: int = 0, magnet: bool = False) -> int:
     """The URDF as a body of the client, its base fixed. Raises ConfigError where it does not load."""
     path = urdf_path(config)
     if visuals:
-        return _load_file(path, config, client, flags | bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES)
-    flags |= bullet.URDF_IGNORE_VISUAL_SHAPES
-    hulls = lean(path, lambda scratch: _load_file(path, config, scratch, bullet.URDF_IGNORE_VISUAL_SHAPES))
-    return _load_file(hulls, config, client, flags)
+        flags |= bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES
+    else:
+        flags |= bullet.URDF_IGNORE_VISUAL_SHAPES
+        path = lean(
+            path, lambda scratch: _load_file(urdf_path(config), config, scratch, bullet.URDF_IGNORE_VISUAL_SHAPES)
+        )
+    if magnet and config.magnet:
+        path = with_magnet(path, config.tip, tuple(config.tip_offset), tuple(config.approach), *config.magnet)
+    return _load_file(path, config, client, flags)
 
 
 def _load_file(path: Path, config: RobotConfig, client: int, flags: int) -> int:

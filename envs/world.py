@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import partial
 
 import numpy as np
@@ -15,7 +14,11 @@ from numpy.typing import NDArray
 
 from conf.schema import Checked, within
 from envs.furniture import Furniture
+from envs.gripper import GRIPPERS, Gripper, GripperConfig
+from envs.mechanisms import Mechanisms
 from envs.robot import Robot, RobotConfig
+from envs.shapes import Hold, solid
+from envs.tasks.base import NOTHING
 from envs.window import Window
 from envs.workspace import WorkspaceConfig
 from human import Arm, Body, Camera, read_arm
@@ -25,19 +28,6 @@ PARKED = (0.0, 0.0, -5.0)  # where objects wait that this episode does not show,
 SLEEP_STEPS = 3  # physics steps until a body told to sleep is asleep
 OBJECT_MASS = 0.1  # kg
 CONE = (1.0, 1.0, 1.0, SEE_THROUGH)
-
-
-class Hold(IntEnum):
-    """What an object does when something runs into it."""
-
-    FREE = 0  # is pushed
-    FIXED = 1  # stays put
-    GHOST = 2  # is not there: see-through, stays put
-
-    @classmethod
-    def of(cls, targets: NDArray[np.bool_], fixed: NDArray[np.bool_] | None) -> NDArray[np.int64]:
-        """(K,) how targets, and objects that are fixed (none: no others), are held; each (K,) bool."""
-        return np.where(targets, cls.GHOST, np.where(False if fixed is None else fixed, cls.FIXED, cls.FREE))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +47,9 @@ class World:
     slots: how many bodies of each noun are made of each `Hold`, in its order.
     visuals: load what is drawn, for `render`; a world without them takes half the memory.
     window: where it is shown; the world closes it.
+    gripper: what the robot grips with; none: with nothing.
+    devices: the noun of each that an episode shows at most; where there are any, they are all that it shows, and what
+    would grip only touches them.
     """
 
     def __init__(
@@ -69,21 +62,40 @@ class World:
         object_size: float,
         visuals: bool = False,
         window: Window | None = None,
+        gripper: GripperConfig | None = None,
+        devices: Sequence[str] = (),
     ) -> None:
         self._client = bullet.connect(bullet.DIRECT) if window is None else window.client
         self._physics, self._workspace, self._visuals = physics, workspace, visuals or window is not None
         self._window = window
         try:
-            self._build(robot, nouns, slots, object_size)
+            self._build(robot, gripper, nouns, slots, object_size, devices)
             self._show(True)
         except BaseException:
             self.close()
             raise
 
-    def _build(self, robot: RobotConfig, nouns: Sequence[str], slots: Sequence[int], object_size: float) -> None:
+    def _build(
+        self,
+        robot: RobotConfig,
+        gripper: GripperConfig | None,
+        nouns: Sequence[str],
+        slots: Sequence[int],
+        object_size: float,
+        devices: Sequence[str],
+    ) -> None:
         self._set_up_physics()
-        self.robot = Robot(robot, self._client, self._visuals)
+        name = gripper and gripper.of(robot)
+        self.robot = Robot(robot, self._client, self._visuals, name == "magnet")
+        self._gripper: Gripper | None = None
+        self._fingers: Sequence[float] = ()  # where they were told to go, metres
+        self._letting_go = 0  # physics steps into the next control step, after which it does
+        if gripper and name and not devices:
+            self._gripper = GRIPPERS[name](gripper, self.robot, self._client)
         self._furniture = Furniture(self._workspace, self.robot, self._client, self._visuals)
+        self._mechanisms = Mechanisms(devices, object_size, self._client, self._visuals)
+        for body in self._mechanisms.bodies:
+            self._furniture.join(body)
         self._step = partial(bullet.stepSimulation, self._client)
         # A body keeps its hold for good: one that switches is put behind the others in Bullet's lists, and the same
         # seed would give other bits than on a fresh world.
@@ -112,7 +124,7 @@ class World:
         )
 
     def _object(self, noun: str, size: float, hold: Hold) -> int:
-        kind, sides = _shape(noun, size)
+        kind, sides = solid(noun, size)
         shape = visual = -1
         if hold != Hold.GHOST:
             shape = bullet.createCollisionShape(kind, **sides, physicsClientId=self._client)
@@ -163,6 +175,7 @@ class World:
         for _ in range(max(SLEEP_STEPS, self._furniture.parting)):
             self.pass_time()
         self._furniture.reset()
+        self._mechanisms.reset()
 
     def reset(
         self,
@@ -176,25 +189,47 @@ class World:
     ) -> None:
         """Put the arm at `joints` and show one object a slot: nouns and holds index the pool, colors (slots, 4) RGBA.
 
-        A free object rests until something touches it, but one above the table falls.
+        A free object rests until something touches it, but one above the table falls. Devices are those that were made,
+        whatever nouns and holds say, and positions are those of their handles.
         """
         self._show(False)
+        if self._gripper is not None:
+            self._gripper.open()
+            self._letting_go = 0
         self._put_to_sleep()
         self.robot.place(joints, opening)
+        self._fingers = [opening] * len(self.robot.fingers)
+        if self._visuals:
+            self._ghosts = {}
+            self.show_finger(False)
+        if self._mechanisms.bodies:
+            self._mechanisms.show(positions, yaw, colors.tolist())
+        else:
+            self._stand(nouns, holds, positions, yaw)
+            if self._visuals:
+                self._color(holds, colors.tolist())
+        self._show(True)
+
+    def _stand(
+        self,
+        nouns: Sequence[int],
+        holds: Sequence[int],
+        positions: Sequence[Sequence[float]],
+        yaw: Sequence[float],
+    ) -> None:
+        """Take objects from the pool and stand them there."""
         unused = [[list(reversed(bodies)) for bodies in pool] for pool in self._pool]
         self._shown = [unused[hold][noun].pop() for hold, noun in zip(holds, nouns, strict=True)]
         for body, hold, position, angle in zip(self._shown, holds, positions, yaw, strict=True):
             self._move(body, position, angle)
             if hold == Hold.FREE and position[2] > self._resting:
                 self._wake(body)
-        if self._visuals:
-            self._ghosts = {}
-            self.show_finger(False)
-            for body, hold, color in zip(self._shown, holds, colors.tolist(), strict=True):
-                self._paint(body, color)
-                if hold == Hold.GHOST:
-                    self._ghosts[body, -1] = color
-        self._show(True)
+
+    def _color(self, holds: Sequence[int], colors: Sequence[Sequence[float]]) -> None:
+        for body, hold, color in zip(self._shown, holds, colors, strict=True):
+            self._paint(body, color)
+            if hold == Hold.GHOST:
+                self._ghosts[body, -1] = color
 
     def _show(self, now: bool) -> None:
         if self._window is not None:
@@ -212,11 +247,44 @@ class World:
     def _paint(self, body: int, color: Sequence[float], link: int = -1) -> None:
         bullet.changeVisualShape(body, link, rgbaColor=color, physicsClientId=self._client)
 
+    def seize(self, number: int, centre: Sequence[float]) -> None:
+        """Let the gripper, its centre at this place (m), begin with this of the shown objects, which stands in it."""
+        assert self._gripper is not None
+        self._gripper.seize(self._shown[number], centre)
+
+    def held(self, near: Sequence[int], centre: Sequence[float]) -> int:
+        """Which of the shown objects the closed gripper holds, or NOTHING.
+
+        near: those that it could hold. centre: the gripper's, metres.
+        """
+        assert self._gripper is not None
+        body = self._gripper.feel([self._shown[number] for number in near], centre)
+        return NOTHING if body == NOTHING else self._shown.index(body)
+
+    def let_go(self, after: int = 0) -> None:
+        """Let go of what is held, so many physics steps into the next control step."""
+        assert self._gripper is not None
+        if after:
+            self._letting_go = after
+        else:
+            self._gripper.open()
+
     def advance(self, targets: Sequence[float]) -> None:
         """One control step towards these motor targets (arm joints, then fingers)."""
+        first, self._letting_go = self._letting_go, 0
+        if first:
+            self._hold_on(targets, first)
         self.robot.drive(targets)
-        for _ in range(self._physics.substeps):
+        for _ in range(self._physics.substeps - first):
             self.pass_time()
+        self._fingers = targets[len(self.robot.arm) :]
+
+    def _hold_on(self, targets: Sequence[float], steps: int) -> None:
+        """Let the arm go ahead by so many physics steps before the gripper lets go."""
+        self.robot.drive([*targets[: len(self.robot.arm)], *self._fingers])
+        for _ in range(steps):
+            self.pass_time()
+        self.let_go()
 
     def pass_time(self) -> None:
         """One physics step."""
@@ -225,8 +293,8 @@ class World:
             self.person.stepped()
 
     def objects(self) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
-        """(position, quaternion) of the object in each slot."""
-        return [self._pose(body) for body in self._shown]
+        """(position, quaternion) of the object, or of the device's handle, in each slot."""
+        return [self._pose(body) for body in self._shown] + self._mechanisms.poses()
 
     def fittings(self) -> list[float]:
         """The joint value of each of the workspace's fittings, metres or radians."""
@@ -267,13 +335,3 @@ class World:
         elif self._client >= 0:
             bullet.disconnect(self._client)
         self._client = -1
-
-
-def _shape(noun: str, size: float) -> tuple[int, dict]:
-    """An object of this noun, `size` metres across and high."""
-    shapes: dict[str, tuple[int, dict]] = {
-        "cube": (bullet.GEOM_BOX, {"halfExtents": [size / 2] * 3}),
-        "sphere": (bullet.GEOM_SPHERE, {"radius": size / 2}),
-        "cylinder": (bullet.GEOM_CYLINDER, {"radius": size / 2, "height": size}),
-    }
-    return shapes[noun]

@@ -11,11 +11,11 @@ from language.errors import LanguageError, NothingFits, NotUnderstood, SeveralFi
 from language.generator import KINDS
 from language.grounding import ground, matches
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase, say
-from language.objects import NOUNS, ROLES, SIZES, Object, Scene
+from language.objects import DEVICES, NOUNS, ROLES, SHAPES, SIZES, Object, Scene
 from language.placement import Layout, ObjectSpec, Placed, from_all, from_lists, from_pairs
 from language.relations import HOLDS, RELATIONS, SUPERLATIVES, Relation, Superlative, relation, superlative, unregister
 from language.splits import SPLITS, HeldOut, Split
-from language.tasks import TASKS, Task
+from language.tasks import LIFTED, TASKS, Task
 from language.tokenizer import Tokenizer
 from language.understanding import Step, Understood, parse, revise, understand
 from language.viewpoint import VIEWPOINTS, Viewpoint
@@ -24,13 +24,16 @@ from language.wording import Wording
 
 __all__ = [
     "COLORS",
+    "DEVICES",
     "HOLDS",
     "KINDS",
+    "LIFTED",
     "NOUNS",
     "RELATIONS",
     "RGBA",
     "ROLES",
     "SEE_THROUGH",
+    "SHAPES",
     "SIZES",
     "SPLITS",
     "SPOKEN",

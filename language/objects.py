@@ -17,12 +17,17 @@ from language.colors import COLORS
 from language.errors import LanguageError, check_known
 from language.viewpoint import seen_from
 
-# Each noun with its synonyms.
+# Each noun with its synonyms: first shapes, then devices.
 NOUNS: dict[str, tuple[str, ...]] = {
     "cube": ("block", "box"),
     "sphere": ("ball",),
     "cylinder": ("tube", "tin"),
+    "button": ("knob",),
+    "lever": ("handle",),
+    "wheel": ("dial",),
 }
+SHAPES = ("cube", "sphere", "cylinder")  # what a noun that is left open is drawn from
+DEVICES = ("button", "lever", "wheel")  # what stands fast and is pressed, switched or turned
 ANY_NOUN = ("object", "one", "thing")  # what may be said for any noun; the first is what we say
 ROLES = ("real", "target")  # a target only marks a place
 ROLE_WORDS: dict[str, tuple[str, ...]] = {  # what is said of each role, ours first

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from language.colors import COLORS, draw_colors
 from language.errors import LanguageError, check_known
-from language.objects import NOUNS, ROLES, Scene
+from language.objects import NOUNS, ROLES, SHAPES, Scene
 
 TRIES = 200  # to lay out all objects
 DARTS = 20  # thrown for one of them before all begin anew
@@ -29,7 +29,7 @@ Place = tuple[float, float, float]
 class ObjectSpec:
     """One object yet to be drawn. Raises LanguageError.
 
-    noun, color: None where they are to be drawn.
+    noun, color: None where they are to be drawn; a noun from SHAPES.
     area: where its centre may be; any sequence of 6 numbers, kept as a tuple.
     size: its width, metres.
     fixed: it never moves when touched.
@@ -89,7 +89,7 @@ class Layout:
         Drawn colours differ from all others of the same role while there are colours left.
         Raises LanguageError where the areas are too small for that.
         """
-        nouns = rng.integers(len(NOUNS), size=len(self.specs))
+        nouns = rng.integers(len(SHAPES), size=len(self.specs))
         yaw = rng.uniform(-math.pi, math.pi, len(self.specs))
         for index, spec in enumerate(self.specs):
             if spec.noun is not None:

@@ -18,7 +18,7 @@ import evaluate
 import train
 from conf.overrides import compose
 from conf.schema import ConfigError
-from trainers.report import read_metrics
+from trainers.metrics import read_metrics
 
 ROOT = Path(train.__file__).parent
 SHORT = [
@@ -197,6 +197,9 @@ def test_the_same_seed_gives_the_same_training_bit_for_bit(tmp_path):
         (["nonsense"], ["nonsense", "key=value"]),
         (["logger=[books]"], ["logger=books", "tensorboard"]),
         (["algo.minibatch=100_000"], ["algo.minibatch=100000"]),
+        (["collector.workers=3"], ["collector.worlds=64", "collector.workers=3"]),
+        (["scenario=7"], ["scenario=7 is not known", "1, 2, 3, 4, 5, none"]),
+        (["sweep.resume=/nowhere"], ["/nowhere is not the directory of a sweep"]),
     ],
 )
 def test_bad_input_gets_one_clear_message(arguments, said, tmp_path):
@@ -236,12 +239,6 @@ def test_help_needs_neither_torch_nor_pybullet():
     assert "robot" in command("--help").stdout
 
 
-def test_a_sweep_ends_with_a_table(tmp_path):
-    done = command("-m", "algo=ppo,sac", *TINY, "algo.lr=1e-3", f"hydra.sweep.dir={tmp_path}")
-    rows = [line for line in done.stdout.splitlines() if line.startswith(("algo=ppo", "algo=sac"))]
-    assert len(rows) == 2, done.stdout + done.stderr
-
-
 def processes(group: int) -> list[int]:
     """Living processes of a process group, after the second or two that multiprocessing's own tracker takes to end."""
     deadline = time.monotonic() + 10
@@ -266,7 +263,7 @@ def _living(group: int) -> list[int]:
 @pytest.fixture
 def running(tmp_path):
     """A training run with two workers, past its first batch."""
-    words = ["collector.workers=2", "collector.worlds=4", "eval.worlds=4", "logger=[]", "algo.horizon=32"]
+    words = ["collector.workers=2", "collector.worlds=8", "eval.worlds=4", "logger=[]", "algo.horizon=32"]
     process = subprocess.Popen(
         [sys.executable, str(ROOT / "train.py"), *words, f"hydra.run.dir={tmp_path}"],
         cwd=ROOT,

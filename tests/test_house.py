@@ -61,11 +61,11 @@ def test_tasks_controls_and_environments_know_no_pybullet():
     users = {path.relative_to(ROOT).as_posix() for path in written() if "pybullet" in imported(path)}
     users = {user for user in users if not user.startswith(("tests/", "benchmarks/"))}
     assert users <= {path.relative_to(ROOT).as_posix() for room in ("envs", "human") for path in sources(room)}
-    above = ("controls", "kinematics", "workspace", "workspace_env", "gym_env", "expert", "config", "gestures")
+    above = ("controls", "kinematics", "workspace", "workspace_env", "gym_env", "config", "gestures")
     assert not users & {f"envs/{name}.py" for name in above}
     numbers = ("pointing", "meaning", "chain", "arm", "by_hand", "person", "model", "shapes", "config")
     assert not users & {f"human/{name}.py" for name in numbers}
-    assert not any(user.startswith("envs/tasks/") for user in users)
+    assert not any(user.startswith(("envs/tasks/", "envs/experts/")) for user in users)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ PROGRAM = """
 from conf.overrides import compose
 from envs import read_env
 from envs.by_hand import HandEnv, play
-from envs.expert import Oracle
+from envs.experts import Oracle
 from human.window import WindowView
 
 class Told(WindowView):

@@ -4,8 +4,9 @@
     policy       networks from specs          grounding   which object do the words mean
     ppo, sac     one algorithm each
     collection   worlds ─► batches            evaluation  how often does it do what it was told
-    checkpoint   files that survive a kill    report      metrics.csv, curves, loggers
+    checkpoint   files that survive a kill    metrics     metrics.csv, loggers, eval.json
     fit          collect ─► update ─► evaluate ─► report
+    sweep, job   several runs at a time       report      what they came to: report.html, report.md
 
 This file stays free of torch so that the command line answers at once.
 """

@@ -10,6 +10,7 @@ from torchrl.data import Composite
 
 from conf.schema import ConfigError
 from trainers.config import Plan, PPOConfig
+from trainers.hindsight import Relabel
 from trainers.learning import Algorithm
 from trainers.policy import Policy, aim_key, build, build_q, build_value
 from trainers.ppo import PPO
@@ -17,11 +18,16 @@ from trainers.sac import SAC
 
 
 def build_algorithm(
-    plan: Plan, observation_spec: Composite, unit: Sequence[float], vocabulary: Sequence[str] = ()
+    plan: Plan,
+    observation_spec: Composite,
+    unit: Sequence[float],
+    vocabulary: Sequence[str] = (),
+    relabel: Relabel | None = None,
 ) -> tuple[Policy, Algorithm]:
     """Networks on run.device, with the learner around them.
 
     unit: the environment's action_unit. vocabulary: the tokenizer's words, which only policy.encoder=sentence reads.
+    relabel: the environment's hindsight, which only SAC asks for.
     """
     config, device = plan.policy, find_device(plan.run.device)
     if isinstance(plan.algo, PPOConfig):
@@ -30,7 +36,7 @@ def build_algorithm(
         return policy, PPO(plan.algo, policy, value)
     policy = build(config, observation_spec, unit, squash=True, vocabulary=vocabulary).to(device)
     critic = build_q(config, policy, observation_spec).to(device)
-    return policy, SAC(plan.algo, policy, critic, aim_key(config, policy))
+    return policy, SAC(plan.algo, policy, critic, aim_key(config, policy), relabel)
 
 
 def restore_policy(plan: Plan, observation_spec: Composite, unit: Sequence[float], payload: dict[str, Any]) -> Policy:

@@ -21,6 +21,7 @@ from conf.schema import RunError
 from trainers.config import CollectorConfig, workers
 from trainers.policy import Policy
 
+DIED = "collecting in worker processes failed: one of them died (exit code -9, if it was killed)"
 GRACE = 5.0  # seconds in which TorchRL may notice by itself that a worker is gone
 MakeEnv = Callable[[int, int], EnvBase]  # worlds, seed
 
@@ -47,17 +48,18 @@ class Rollouts:
     def __init__(self, make_env: MakeEnv, policy: Policy, config: CollectorConfig, horizon: int, seed: int) -> None:
         self.acting = copy.deepcopy(policy).cpu()
         count = workers(config)
+        share = config.worlds // count
         common: dict[str, Any] = {
-            "frames_per_batch": count * config.worlds * horizon,
+            "frames_per_batch": config.worlds * horizon,
             "total_frames": -1,
             "auto_register_policy_transforms": False,
         }
         act = self.acting.act
         if count == 1:
-            make = partial(make_env, config.worlds, derive_seed(seed, 0))
+            make = partial(make_env, share, derive_seed(seed, 0))
             self.collector = Collector(make, act, use_buffers=False, **common)
         else:
-            makes = [partial(_in_worker, make_env, config.worlds, derive_seed(seed, i)) for i in range(count)]
+            makes = [partial(_in_worker, make_env, share, derive_seed(seed, i)) for i in range(count)]
             self.collector = MultiSyncCollector(makes, act, cat_results=0, use_buffers=True, num_threads=1, **common)
         self.processes = list(getattr(self.collector, "procs", []))
         self.batches = iter(self.collector)
@@ -76,7 +78,9 @@ class Rollouts:
             return next(self.batches)
         try:
             return next(self.batches)
-        except (RuntimeError, OSError, EOFError, ValueError) as error:  # ValueError: from its own cleaning up
+        except ValueError as error:  # from its own cleaning up, where another worker takes long to end
+            raise CollectionError(f"{DIED}: {error}") from error
+        except (RuntimeError, OSError, EOFError) as error:
             raise CollectionError(f"collecting in worker processes failed: {error}") from error
 
     def close(self) -> None:
@@ -121,9 +125,7 @@ class Watch:
             signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
 
     def _interrupt(self, *_: object) -> None:
-        raise CollectionError(
-            "collecting in worker processes failed: one of them died (exit code -9, if it was killed)"
-        )
+        raise CollectionError(DIED)
 
 
 def _in_worker(make_env: MakeEnv, worlds: int, seed: int) -> EnvBase:

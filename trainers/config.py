@@ -16,6 +16,7 @@ class NetworkConfig(Checked):
 
     privileged_critic: bool  # the critic is shown the goal itself; only losses ever ask it
     state_dependent_std: bool
+    networks: int = within(1, 3)  # one for each stage of the task, the last for all later ones
     hidden: list[int] = within(1, 4096)
     critic_hidden: list[int] = within(1, 4096)
     activation: str = one_of("tanh", "relu", "elu")
@@ -56,6 +57,7 @@ class PPOConfig(Checked):
     entropy: float = within(0.0, 1.0)  # weight of the entropy bonus
     critic_weight: float = within(0.0, 100.0)
     max_grad_norm: float = within(1e-3)
+    final_std: float = within(0.01, 2.0)  # the exploration noise at most at the end, after a linear decline
     target_kl: float = within(0.0)  # an update ends early beyond 1.5 times this; 0 = never
     grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
     grounding_batch: int = within(1)  # scenes to learn grounding from, at each step
@@ -79,13 +81,29 @@ class SACConfig(Checked):
     initial_alpha: float = within(1e-4, 10.0)  # temperature
     target_entropy: float = within(-10.0, 10.0)  # nats for each dimension of the action
     max_grad_norm: float = within(1e-3)
-    grounding_weight: float = within(0.0, 100.0)
+    grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
+    grounding_batch: int = within(1)  # scenes to learn grounding from
+    grounding_every: int = within(1)  # steps of an update, of which the first learns grounding
+    grounding_memory: int = within(1)  # scenes that grounding is learned from, the latest ones
+    grounding_scenes: int = within(0)  # scenes added at each update that are drawn and described but never simulated
+    hindsight: float = within(0.0, 100.0)  # relabelled copies of each episode; 0 = none, a fraction is a probability
 
 
 @dataclass(frozen=True)
 class CollectorConfig(Checked):
-    workers: int = within(0, 256)  # processes; 0 = one per core, 1 = none beside the main one
-    worlds: int = within(1, 4096)  # in each worker
+    workers: int = within(0, 256)  # processes; 0 = one per core as far as they share evenly, 1 = none but the main one
+    worlds: int = within(1, 4096)  # over all workers
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.workers and self.worlds % self.workers:
+            raise ConfigError(f"worlds={self.worlds} cannot be shared evenly by collector.workers={self.workers}")
+
+
+@dataclass(frozen=True)
+class SweepConfig(Checked):
+    resume: str | None  # the directory of a sweep to go on with
+    jobs: int = within(1, 256)  # runs at a time
 
 
 @dataclass(frozen=True)
@@ -134,9 +152,10 @@ def read_plan(config: Any) -> Plan:
     return plan
 
 
-def workers(config: CollectorConfig) -> int:
-    """How many processes collect."""
-    return config.workers or cores()
+def workers(config: CollectorConfig, runs: int = 1) -> int:
+    """How many processes collect, each in as many of the worlds. runs: by how many runs the cores are shared."""
+    most = max(1, cores() // runs)
+    return config.workers or next(count for count in range(most, 0, -1) if config.worlds % count == 0)
 
 
 def cores() -> int:
@@ -146,7 +165,7 @@ def cores() -> int:
 
 def frames_per_batch(plan: Plan) -> int:
     """Control steps over all worlds between two updates."""
-    return workers(plan.collector) * plan.collector.worlds * plan.algo.horizon
+    return plan.collector.worlds * plan.algo.horizon
 
 
 def _by_name(node: Any, key: str, classes: dict[str, Any]) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 import signal
 import time
 from collections.abc import Callable
@@ -13,7 +12,6 @@ from typing import Any
 import torch
 from tensordict.nn import TensorDictModuleBase
 from torchrl.envs import EnvBase
-from tqdm import tqdm
 
 from trainers import checkpoint
 from trainers.build import build_algorithm
@@ -21,8 +19,10 @@ from trainers.collection import Episodes, MakeEnv, Rollouts, derive_seed
 from trainers.config import Plan, cores, frames_per_batch
 from trainers.evaluation import EvalResult, Interrupted, evaluate
 from trainers.learning import DivergedError
+from trainers.metrics import EVALUATED, Metrics, write_json
+from trainers.plots import learning_curve
 from trainers.policy import Policy
-from trainers.report import EVALUATED, Metrics, learning_curve, write_json
+from trainers.progress import Progress
 from trainers.video import record
 
 TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/total", "time/frames_per_s")
@@ -56,7 +56,13 @@ class Run:
     """
 
     def __init__(
-        self, plan: Plan, make_env: MakeEnv, folder: Path, config: dict[str, Any], vocabulary: list[str]
+        self,
+        plan: Plan,
+        make_env: MakeEnv,
+        folder: Path,
+        config: dict[str, Any],
+        vocabulary: list[str],
+        make_judge: MakeEnv | None = None,
     ) -> None:
         self.plan, self.make_env, self.folder = plan, make_env, folder
         self.config, self.vocabulary = config, vocabulary
@@ -69,9 +75,9 @@ class Run:
         }
         self.began, self.before = time.perf_counter(), 0.0
         torch.manual_seed(plan.run.seed)
-        self.judge = make_env(plan.eval.worlds, derive_seed(plan.run.seed, 0, evaluation=True))
+        self.judge = (make_judge or make_env)(plan.eval.worlds, derive_seed(plan.run.seed, 0, evaluation=True))
         self.policy, self.algorithm = build_algorithm(
-            plan, self.judge.observation_spec, self.judge.action_unit, vocabulary
+            plan, self.judge.observation_spec, self.judge.action_unit, vocabulary, self.judge.hindsight
         )
         self.widths = checkpoint.widths(self.judge.observation_spec, self.judge.action_spec)
         self.episodes = Episodes(self.judge.reward_names)
@@ -107,7 +113,7 @@ class Run:
         checkpoint.save(path, payload)
         return path
 
-    def train(self, metrics: Metrics, stop: Stop, bar: tqdm) -> None:
+    def train(self, metrics: Metrics, stop: Stop, progress: Progress) -> None:
         """As many whole batches as total_frames holds, but one at least.
 
         Raises Interrupted between two updates, DivergedError, CollectionError.
@@ -118,7 +124,7 @@ class Run:
             while not self.spent():
                 row = self.iterate(rollouts, stop)
                 metrics.write(row)
-                show(bar, row)
+                progress.show(row)
                 if stop():
                     raise Interrupted
         finally:
@@ -201,18 +207,19 @@ def fit(
     resume: Path | None = None,
     make_video_env: Callable[[], EnvBase] | None = None,
     progress: bool = True,
+    make_judge: MakeEnv | None = None,
 ) -> dict[str, Any]:
     """Train by `plan`, leave the report in `folder`, return what eval.json holds.
 
     make_env(worlds, seed): picklable, called in worker processes too. config: the composed config as plain values,
     kept in checkpoints. vocabulary: the tokenizer's words. resume: a checkpoint file to go on from. make_video_env:
-    builds an environment that renders.
+    builds an environment that renders. make_judge: what evaluations are done in, where not in the same worlds.
 
     Raises SystemExit (128 + signal) after SIGINT and SIGTERM, once `last` is saved and the workers are gone;
     DivergedError once the offending batch is saved; CollectionError for a worker lost; CheckpointError.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    run = Run(plan, make_env, folder, config, vocabulary)
+    run = Run(plan, make_env, folder, config, vocabulary, make_judge)
     try:
         if resume is not None:
             run.resume(resume)
@@ -224,10 +231,9 @@ def fit(
             *TIMINGS,
         )
         metrics = Metrics(folder, columns, plan.run.logger, run.counters["frames"] if resume else None)
-        bar = tqdm(total=plan.run.total_frames, initial=run.counters["frames"], unit="frames", disable=not progress)
-        with Stop() as stop, bar:
+        with Stop() as stop, Progress(plan.run.total_frames, run.counters["frames"], progress) as shown:
             try:
-                run.train(metrics, stop, bar)
+                run.train(metrics, stop, shown)
                 return run.finish(stop, make_video_env)
             except Exception as error:
                 _leave(run, error, stop)
@@ -256,13 +262,6 @@ def film(make_video_env: Callable[[], EnvBase], policy: Any, path: Path, episode
         record(env, policy, path, episodes)
     finally:
         env.close()
-
-
-def show(bar: tqdm, row: dict[str, float]) -> None:
-    """Success in training and grounding accuracy beside the bar's own frames and frames/s."""
-    shown = {"success": row["train/success"], "grounding": row.get("grounding/accuracy", math.nan)}
-    bar.set_postfix({name: f"{value:.2f}" for name, value in shown.items() if math.isfinite(value)}, refresh=False)
-    bar.update(int(row["frames"]) - bar.n)
 
 
 def _on_cpu(policy: Policy) -> TensorDictModuleBase:

@@ -19,22 +19,28 @@ from trainers.networks import Normalise, mlp
 SEEN = ("objects", "objects_mask")
 GESTURE = "gesture"
 AIMED = 5  # numbers that tell how an object lies to a ray
-REFERENT = ("privileged", "referent")
+REFERENT, TARGET = ("privileged", "referent"), ("privileged", "target")
+CHOICES = {"attention_logits": REFERENT, "target_logits": TARGET}  # what attention chooses, and what it should
 MAPS = 4  # ways to look at a position, of three numbers each; with 8 of them, fresh scenes were read worse
 FAR = -1e9  # the logit of what is not there: finite, so that an empty sentence or scene gives no NaN
 
 
 class Asker(nn.Module):
-    """An instruction (N, L) int64, 0 = pad, to queries (N, 4, E): the referent, its two anchors, the relation."""
+    """An instruction (N, L) int64, 0 = pad, to queries (N, 4 * things, E): a thing, its two anchors, the relation.
+
+    things: how many the words name: the referent and, if that is to be brought somewhere, its target.
+    """
 
     hash: Tensor
 
-    def __init__(self, embed: nn.Module, length: int, width: int) -> None:
+    def __init__(self, embed: nn.Module, length: int, width: int, things: int = 1) -> None:
         super().__init__()
         self.embed = embed  # (N, L) to (N, L, E)
         self.place = nn.Parameter(0.1 * torch.randn(length, width))
         self.near = nn.ModuleList(nn.Linear(3 * width, width) for _ in range(2))
-        self.roles = nn.Linear(width, 4)
+        self.roles = nn.Linear(width, 4 * things)
+        # Two things differ even where nothing is said of them: one can be moved, the other marks a place.
+        self.unsaid = nn.Parameter(0.1 * torch.randn(4 * things, width)) if things > 1 else None
         self.register_buffer("hash", torch.randint(2**62, (length,), generator=torch.Generator().manual_seed(1)))
 
     def forward(self, tokens: Tensor) -> Tensor:
@@ -59,11 +65,14 @@ class Asker(nn.Module):
             before, after = F.pad(x, (0, 0, 1, 0))[:, :-1], F.pad(x, (0, 0, 0, 1))[:, 1:]
             x = x + F.relu(near(torch.cat([before, x, after], -1))) * said
         heed = self.roles(x).sigmoid() * said
-        return heed.transpose(1, 2) @ words
+        asked = heed.transpose(1, 2) @ words
+        return asked if self.unsaid is None else asked + self.unsaid
 
 
 class Grounder(nn.Module):
     """Instruction (N, L) and what is seen to attention logits (N, K) and the referent's row (N, D).
+
+    things: 2 where the words name a target as well: then two logits, and both rows, (N, 2 * D).
 
     Seen are objects (N, K, D), mask (N, K) and, where a person points, gesture (N, 7): `sees` has their keys.
 
@@ -75,16 +84,23 @@ class Grounder(nn.Module):
     input whatever the number of objects, and never sees a word.
     """
 
-    writes = ("attention_logits", "referent")
-
     def __init__(
-        self, objects: Normalise, embed: nn.Module, length: int, embedding: int, width: int, points: bool = False
+        self,
+        objects: Normalise,
+        embed: nn.Module,
+        length: int,
+        embedding: int,
+        width: int,
+        points: bool = False,
+        things: int = 1,
     ) -> None:
         super().__init__()
         self.sees = (*SEEN, GESTURE) if points else SEEN
+        self.chooses = tuple(CHOICES)[:things]
+        self.writes = (*self.chooses, "referent")
         row = objects.shape[-1]
-        self.objects, self.outputs = objects, row
-        self.ask = Asker(embed, length, embedding)
+        self.objects, self.outputs = objects, row * things
+        self.ask = Asker(embed, length, embedding, things)
         self.slot = mlp(row, [width], width)
         self.linear = nn.Linear(row, width)
         self.match = nn.Linear(embedding, width)
@@ -102,9 +118,16 @@ class Grounder(nn.Module):
         return self.point(self.ask(instruction), *seen)
 
     def point(self, asked: Tensor, objects: Tensor, mask: Tensor, gesture: Tensor | None = None) -> tuple[Tensor, ...]:
-        """The same, of queries (N, 4, E) that `ask` has made of the words."""
+        """The same, of queries (N, 4 * things, E) that `ask` has made of the words."""
         rows = self.objects(objects)
         slots = self.slot(rows) + self.linear(rows)
+        logits = [self.choose(each, rows, slots, objects, mask, gesture) for each in asked.split(4, dim=1)]
+        return *logits, torch.cat([(each.softmax(-1).unsqueeze(1) @ rows).squeeze(1) for each in logits], -1)
+
+    def choose(
+        self, asked: Tensor, rows: Tensor, slots: Tensor, objects: Tensor, mask: Tensor, gesture: Tensor | None
+    ) -> Tensor:
+        """Attention logits (N, K) of one thing's queries (N, 4, E), with what has been made of the rows."""
         scores = (slots @ self.match(asked[:, :3]).transpose(1, 2) * self.scale).masked_fill(~mask.unsqueeze(-1), FAR)
         places = self.places(rows[..., :3])
         anchors = scores[..., 1:].softmax(1).transpose(1, 2) @ places  # (N, 2, 3 * MAPS)
@@ -119,14 +142,20 @@ class Grounder(nn.Module):
         fits = fits.masked_fill(~mask, FAR)
         beats = self.beats(torch.cat([places, far_from_one, far_from_other, far], -1), how)
         logits = fits + (beats * fits.sigmoid().unsqueeze(1)).sum(-1)
-        logits = logits.masked_fill(~mask, FAR)
-        return logits, (logits.softmax(-1).unsqueeze(1) @ rows).squeeze(1)
+        return logits.masked_fill(~mask, FAR)
 
     def decide(self, frames: TensorDictBase) -> None:
-        """Take the likeliest slot for the referent, not the mean of all: an arm between two objects is at neither."""
+        """Take the likeliest slot for each thing, not the mean of all: an arm between two objects is at neither."""
+        self._take(frames, [frames[key].argmax(-1) for key in self.chooses])
+
+    def tell(self, frames: TensorDictBase) -> None:
+        """Take the slots that are truly meant, without a look at the words."""
+        self._take(frames, [frames[CHOICES[key]] for key in self.chooses])
+
+    def _take(self, frames: TensorDictBase, slots: Sequence[Tensor]) -> None:
         rows = self.objects(frames["objects"])
-        slot = frames["attention_logits"].argmax(-1)
-        frames.set("referent", rows[torch.arange(len(rows), device=rows.device), slot])
+        each = torch.arange(len(rows), device=rows.device)
+        frames.set("referent", torch.cat([rows[each, slot] for slot in slots], -1))
 
     def beats(self, slots: Tensor, how: Tensor) -> Tensor:
         """How far each slot (N, K, F) is ahead of each other one in what `how` (N, K, E) asks for: (N, K, K)."""
@@ -162,6 +191,7 @@ class Flattener(nn.Module):
     """
 
     writes = ("scene",)
+    chooses = ()
 
     def __init__(self, objects: Normalise, slots: int, vocabulary: int, embedding: int, gesture: int = 0) -> None:
         super().__init__()
@@ -176,6 +206,8 @@ class Flattener(nn.Module):
     def decide(self, frames: TensorDictBase) -> None:
         """Nothing: there is no choice to be made."""
 
+    tell = decide
+
     def point(self, asked: Tensor, objects: Tensor, mask: Tensor, *gesture: Tensor) -> tuple[Tensor, ...]:
         """The same, of the embedding (N, E) that `ask` has made of the words."""
         there = mask.to(objects.dtype)
@@ -189,11 +221,11 @@ class Scenes:
     A batch of PPO holds a hundred or two scenes, each at many steps, and is forgotten: relations learned from that
     alone reached 92 % of fresh sentences. Drawn from all scenes met so far they reach more than 99 %.
 
-    keys: what the policy reads of a scene.
+    keys: what the policy reads of a scene, and what it should choose.
     """
 
-    def __init__(self, capacity: int, device: torch.device, keys: Sequence[str]) -> None:
-        self.keys = [*keys, REFERENT]
+    def __init__(self, capacity: int, device: torch.device, keys: Sequence[str | tuple[str, str]]) -> None:
+        self.keys = list(keys)
         self.memory = TensorDictReplayBuffer(storage=LazyTensorStorage(capacity, device=device))
 
     def remember(self, batch: TensorDictBase) -> TensorDictBase:
@@ -214,9 +246,11 @@ class Scenes:
 
 
 def grounding(batch: TensorDictBase) -> tuple[Tensor, Tensor]:
-    """Cross-entropy of the attention against the true referent, and its accuracy, scalars.
+    """Cross-entropy of the attention against what is truly meant, and how often all of that is right, scalars.
 
-    batch: 1-D, with attention_logits (N, K), from a policy that `attends`, and privileged/referent (N,).
+    batch: 1-D, with the logits (N, K) of a policy that `attends`, and the slots (N,) that it should choose.
     """
-    logits, referent = batch["attention_logits"], batch[REFERENT]
-    return F.cross_entropy(logits, referent), (logits.argmax(-1) == referent).float().mean()
+    keys = [key for key in CHOICES if key in batch.keys()]
+    loss = torch.stack([F.cross_entropy(batch[key], batch[CHOICES[key]]) for key in keys]).sum()
+    right = torch.stack([batch[key].argmax(-1) == batch[CHOICES[key]] for key in keys])
+    return loss, right.all(0).float().mean()

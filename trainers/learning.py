@@ -61,7 +61,6 @@ def check_loss(loss: Tensor, batch: TensorDictBase) -> None:
 
 
 def averages(rows: list[dict[str, Tensor]]) -> dict[str, float]:
-    """The mean of each measured name over the steps of an update."""
-    if not rows:
-        return {}
-    return {name: torch.stack([row[name] for row in rows]).mean().item() for name in rows[0]}
+    """The mean of each measured name over those steps of an update that measured it."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: torch.stack([row[name] for row in rows if name in row]).mean().item() for name in names}

@@ -85,6 +85,29 @@ class Gaussian(nn.Module):
         return loc, (self.log_std + offset).clamp(*LOG_STD).exp()
 
 
+class Staged(nn.Module):
+    """Several networks, one at a time: which one acts is told by the stage (N,) that the task is in.
+
+    The last one also acts in all later stages.
+    """
+
+    def __init__(self, stages: Sequence[Gaussian]) -> None:
+        super().__init__()
+        self.stages = nn.ModuleList(stages)
+
+    @property
+    def log_std(self) -> Tensor:
+        """(stages, A) of the exploration noise."""
+        return torch.stack([each.log_std for each in self.stages])  # type: ignore[misc]
+
+    def forward(self, robot: Tensor, context: Tensor, stage: Tensor) -> tuple[Tensor, Tensor]:
+        each = [network(robot, context) for network in self.stages]
+        rows = torch.arange(len(robot), device=robot.device)
+        stage = stage.clamp(max=len(each) - 1)
+        loc, scale = (torch.stack(parts)[stage, rows] for parts in zip(*each, strict=True))
+        return loc, scale
+
+
 class Critic(nn.Module):
     """`heads` independent networks on robot, aim and, for Q, the action; their values stacked, (heads, N, 1).
 

@@ -19,19 +19,21 @@ from torch import Tensor, nn
 from torchrl.data import Composite
 from torchrl.envs.utils import ExplorationType, exploration_type
 
+from conf.schema import ConfigError
 from trainers.config import GroundedConfig, PolicyConfig
-from trainers.grounding import GESTURE, Flattener, Grounder
-from trainers.networks import Critic, Gaussian, Normalise, Value, normal_log_prob
+from trainers.grounding import CHOICES, GESTURE, TARGET, Flattener, Grounder
+from trainers.networks import Critic, Gaussian, Normalise, Staged, Value, normal_log_prob
 from trainers.sentence import SentenceWords
 
 GOAL = ("privileged", "goal")
+STAGE = "stage"
 
 
 class Policy(nn.Module):
     """Words choose what the arm is told; the arm's network never sees a word.
 
-    words: reads the words and what is seen; its last output is the context. gaussian: robot and context to a move's loc
-    and scale.
+    words: reads the words and what is seen; its last output is the context. gaussian: robot, context and, if it is of
+    several networks, the stage to a move's loc and scale.
     unit: (A,), from the environment. A "move" of 1 is as far as the arm gets in one control step: the action is
     hold + unit * move, so that one network and one exploration noise fit every control mode.
     squash: a move is the tanh of a normal (SAC) instead of a normal (PPO).
@@ -39,16 +41,24 @@ class Policy(nn.Module):
 
     unit: Tensor
 
-    def __init__(self, words: Grounder | Flattener, gaussian: Gaussian, unit: Sequence[float], squash: bool) -> None:
+    def __init__(
+        self, words: Grounder | Flattener, gaussian: Gaussian | Staged, unit: Sequence[float], squash: bool
+    ) -> None:
         super().__init__()
         self.register_buffer("unit", torch.as_tensor(unit, dtype=torch.float32))
         self.words, self.gaussian, self.squash = words, gaussian, squash
         self.context: str = words.writes[-1]
+        self.feels = ("robot", STAGE) if isinstance(gaussian, Staged) else ("robot",)
 
     @property
     def attends(self) -> bool:
         """Whether the words choose among object slots, so that the choice can be taught."""
-        return "attention_logits" in self.words.writes
+        return bool(self.words.chooses)
+
+    @property
+    def meant(self) -> tuple[tuple[str, str], ...]:
+        """The keys of the slots that it should choose."""
+        return tuple(CHOICES[key] for key in self.words.chooses)
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -59,6 +69,17 @@ class Policy(nn.Module):
     def act(self) -> Act:
         """The whole way from an observation to "action"; shares the parameters. Reads nothing privileged."""
         return Act(self)
+
+    @property
+    def noise(self) -> list[nn.Parameter]:
+        """The logarithms of the exploration noise, (A,) for each network."""
+        stages = self.gaussian.stages if isinstance(self.gaussian, Staged) else [self.gaussian]
+        return [stage.log_std for stage in stages]  # type: ignore[union-attr,misc]
+
+    def steer(self, frames: TensorDictBase) -> tuple[Tensor, Tensor]:
+        """The loc and scale (N, A) of a move, once the words are encoded."""
+        robot, *stage = (frames[key] for key in self.feels)
+        return self.gaussian(robot, frames[self.context], *stage)
 
     def encode(self, frames: TensorDictBase) -> TensorDictBase:
         """Write what the words mean (N, ...) to frames (N,), and return them."""
@@ -90,7 +111,7 @@ class Act(TensorDictModuleBase):
     def __init__(self, policy: Policy) -> None:
         super().__init__()
         self.policy = policy
-        self.in_keys = [*policy.reads, "robot", "hold"]
+        self.in_keys = [*policy.reads, *policy.feels, "hold"]
         self.out_keys = [*policy.words.writes, "move", *([] if policy.squash else ["move_log_prob"]), "action"]
 
     def forward(self, frames: TensorDictBase) -> TensorDictBase:
@@ -98,7 +119,7 @@ class Act(TensorDictModuleBase):
         self.policy.encode(frames)
         if not explores:
             self.policy.words.decide(frames)
-        loc, scale = self.policy.gaussian(frames["robot"], frames[self.policy.context])
+        loc, scale = self.policy.steer(frames)
         noise = torch.randn_like(loc) if explores else torch.zeros_like(loc)
         move = loc + scale * noise
         if self.policy.squash:
@@ -116,21 +137,26 @@ def build(
     squash: bool = False,
     vocabulary: Sequence[str] = (),
 ) -> Policy:
-    """A policy for these observations and actions of these units, squashed for SAC.
+    """A policy for these observations and actions of these units, squashed for SAC. Raises ConfigError.
 
     vocabulary: the tokenizer's words, which only `encoder=sentence` reads.
     """
     words = _words(config, observation_spec, vocabulary)
-    gaussian = Gaussian(
-        robot=Normalise(observation_spec["robot"]),
-        context=words.outputs,
-        hidden=config.hidden,
-        actions=len(unit),
-        activation=config.activation,
-        std=config.initial_std,
-        by_state=config.state_dependent_std,
-    )
-    return Policy(words, gaussian, unit, squash)
+    if config.networks > 1 and STAGE not in observation_spec.keys():
+        raise ConfigError(f"policy.networks={config.networks} needs a task that has stages, like nl_pick_and_place")
+    stages = [
+        Gaussian(
+            robot=Normalise(observation_spec["robot"]),
+            context=words.outputs,
+            hidden=config.hidden,
+            actions=len(unit),
+            activation=config.activation,
+            std=config.initial_std,
+            by_state=config.state_dependent_std,
+        )
+        for _ in range(config.networks)
+    ]
+    return Policy(words, Staged(stages) if len(stages) > 1 else stages[0], unit, squash)
 
 
 def build_value(config: PolicyConfig, policy: Policy, observation_spec: Composite) -> TensorDictModule:
@@ -161,7 +187,8 @@ def _words(config: PolicyConfig, spec: Composite, vocabulary: Sequence[str]) -> 
     ray = spec[GESTURE].shape[-1] if GESTURE in spec.keys() else 0
     if isinstance(config, GroundedConfig):
         embed = _embed(config, said.space.n, vocabulary)
-        return Grounder(objects, embed, said.shape[-1], config.embedding, config.width, points=ray > 0)
+        things = 1 + (TARGET in spec.keys(include_nested=True))
+        return Grounder(objects, embed, said.shape[-1], config.embedding, config.width, ray > 0, things)
     return Flattener(objects, spec["objects"].shape[-2], said.space.n, config.embedding, ray)
 
 

@@ -7,6 +7,8 @@ The cross-entropy of the attention, over scenes of the whole run, is added to it
 
 from __future__ import annotations
 
+import math
+
 import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModule
@@ -47,9 +49,10 @@ class PPO:
         self.parameters = parameters(policy, critic)
         self.optimizer = torch.optim.Adam(self.parameters, lr=config.lr, fused=True)
         self.device = self.parameters[0].device
+        self.first_std = math.exp(max(log_std.max().item() for log_std in policy.noise))
         self.teaches = config.grounding_weight > 0 and policy.attends
-        self.scenes = Scenes(config.grounding_memory, self.device, policy.reads)
-        self.kept = dict.fromkeys([*policy.reads, "robot", "move", "move_log_prob", *critic.in_keys])
+        self.scenes = Scenes(config.grounding_memory, self.device, [*policy.reads, *policy.meant])
+        self.kept = dict.fromkeys([*policy.reads, *policy.feels, "move", "move_log_prob", *critic.in_keys])
         self.kept.pop(policy.context, None)
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
@@ -57,6 +60,7 @@ class PPO:
         learning.check_batch(batch)
         rate = self.config.lr * (1 - progress if self.config.anneal_lr else 1.0)
         self.optimizer.param_groups[0]["lr"] = rate
+        self.calm(progress)
         batch = batch.to(self.device)
         fresh = self.understood(self.scenes.remember(batch)) if self.teaches else {}
         frames, explained = self.judge(batch)
@@ -67,6 +71,13 @@ class PPO:
             if self.config.target_kl and float(rows[-1]["kl"]) > 1.5 * self.config.target_kl:
                 break
         return learning.averages(rows) | fresh | {"explained_variance": explained, "lr": rate}
+
+    @torch.no_grad()
+    def calm(self, progress: float) -> None:
+        """Bring the exploration noise down: what only noise ever does (let go of something) the mean must learn."""
+        most = self.first_std * (1 - progress) + self.config.final_std * progress
+        for log_std in self.policy.noise:
+            log_std.clamp_(max=math.log(most))
 
     @property
     def wants_scenes(self) -> int:
@@ -151,8 +162,9 @@ def advantages(
 
 def surrogate_actor(policy: Policy) -> ProbabilisticActor:
     """The policy's second half, (robot, context) to the distribution of "move", as TorchRL's losses take it."""
+    robot, *stage = policy.feels
     return ProbabilisticActor(
-        TensorDictModule(policy.gaussian, in_keys=["robot", policy.context], out_keys=["loc", "scale"]),
+        TensorDictModule(policy.gaussian, in_keys=[robot, policy.context, *stage], out_keys=["loc", "scale"]),
         in_keys=["loc", "scale"],
         out_keys=["move"],
         distribution_class=IndependentNormal,

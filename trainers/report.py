@@ -1,156 +1,179 @@
-"""What a run leaves behind: metrics.csv, events for TensorBoard and W&B, the learning curve, eval.json."""
+"""What a sweep came to, in pictures and tables: `python -m trainers.report <sweep dir>`.
+
+Writes report.html, one file with everything in it, and report.md, with its pictures beside it, into the directory. All
+curves come from evaluation episodes of the deterministic policy. A directory of several sweeps, or a single run's, will
+do as well.
+"""
 
 from __future__ import annotations
 
-import csv
-import json
 import math
-import os
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-EVALUATED = ("success_at_end", "success_once", "wrong_object", "mean_return", "mean_length")
+from conf.schema import ConfigError
+from trainers import figures, page
+from trainers.figures import MAIN_TASKS
+from trainers.machine import machine
+from trainers.page import Heading, Paragraph, Part, Picture, Table
+from trainers.runs import Run, find_runs, groups, typed
+from trainers.scores import LEVELS, bootstrap, iqm, kept, reached, result, score
+from trainers.sweep import starts
+
+SEEDS = "The line is the mean over seeds, the band goes from the worst to the best one."
 
 
-class Metrics:
-    """metrics.csv, one row an iteration, with a header that never changes, and the loggers beside it.
-
-    Columns named time/... are timings: two runs of one seed agree in all others. A cell is empty where there was
-    nothing to measure. after: on resuming, rows of more frames than this are dropped, since they come again.
-    """
-
-    def __init__(
-        self, folder: Path, columns: Sequence[str], loggers: Iterable[str] = (), after: int | None = None
-    ) -> None:
-        self.path, self.columns = folder / "metrics.csv", list(columns)
-        kept = [] if after is None else [row for row in read_metrics(self.path) if row["frames"] <= after]
-        self.file = open(self.path, "w", newline="")  # noqa: SIM115
-        self.writer = csv.DictWriter(self.file, self.columns)
-        self.writer.writeheader()
-        for row in kept:
-            self.writer.writerow({name: _cell(row.get(name, math.nan)) for name in self.columns})
-        self.loggers = [_logger(name, folder) for name in loggers]
-
-    def write(self, row: Mapping[str, float]) -> None:
-        """One iteration. Raises ValueError for a column that was not announced."""
-        self.writer.writerow({name: _cell(value) for name, value in row.items()})
-        self.file.flush()
-        for name, value in row.items():
-            for logger in self.loggers if math.isfinite(value) and name != "frames" else ():
-                logger.log_scalar(name, value, step=int(row["frames"]))
-
-    def close(self) -> None:
-        self.file.close()
-        for logger in self.loggers:
-            close = getattr(logger.experiment, "close", None) or getattr(logger.experiment, "finish", None)
-            if close is not None:
-                close()
-
-
-def read_metrics(path: Path) -> list[dict[str, float]]:
-    """The rows of a metrics.csv; an empty cell is NaN. No rows where there is no file."""
-    if not path.is_file():
-        return []
-    with open(path, newline="") as file:
-        rows = list(csv.DictReader(file))
-    # A kill may have cut the last line short.
-    return [{k: float(v or "nan") for k, v in row.items()} for row in rows if None not in row.values()]
-
-
-def write_json(path: Path, values: Mapping[str, Any]) -> None:
-    """Plain values, written whole or not at all."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(json.dumps(values, indent=2) + "\n")
-    os.replace(beside, path)
-
-
-def learning_curve(metrics: Path, target: Path) -> None:
-    """A picture of success over frames: in training, with its noise, and of the deterministic policy."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    rows = read_metrics(metrics)
-    figure = Figure(figsize=(7, 4))
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    for name, label, style in (
-        ("train/success", "success in training", "-"),
-        ("eval/success_at_end", "success of the deterministic policy", "o-"),
-        ("eval/wrong_object", "at the wrong object", "x--"),
-        ("grounding/accuracy", "grounding accuracy", ":"),
-    ):
-        points = [(row["frames"], row[name]) for row in rows if math.isfinite(row.get(name, math.nan))]
-        if points:
-            axes.plot(*zip(*points, strict=True), style, label=label)
-    axes.set(xlabel="frames", ylim=(-0.02, 1.02))
-    axes.grid(alpha=0.3)
-    if axes.lines:
-        axes.legend(loc="lower right")
-    figure.savefig(target, dpi=120, bbox_inches="tight")
-
-
-PANELS = {  # of the measures in a result's "by_pointing": what the axis says, and how its bins are told
-    "angle": "to the nearest rival, from the fingertip (degrees)",
-    "objects": "objects shown",
-    "distance": "from the fingertip (cm)",
-    "stray": "the ray's error / the way to the nearest rival",
-}
-
-
-def pointing_plot(by_pointing: Mapping[str, Sequence[Mapping[str, Any]]], target: Path, title: str) -> None:
-    """A picture of success by angle, number of objects, distance and error, with 95 % intervals and episodes per bin.
-
-    by_pointing: as a result's JSON has it; measures that it lacks are left out.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    names = [name for name in PANELS if name in by_pointing]
-    figure = Figure(figsize=(4.5 * min(len(names), 2), 3.6 * -(-len(names) // 2)), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(-(-len(names) // 2), min(len(names), 2), squeeze=False).flat
-    for axes, name in zip(panels, names, strict=False):
-        _panel(axes, name, by_pointing[name])
-    for axes in list(panels)[len(names) :]:
-        axes.set_axis_off()
-    figure.suptitle(f"{title}\n95 % intervals, and the number of episodes above", fontsize="medium")
-    figure.savefig(target, dpi=120)
-
-
-def _panel(axes: Any, name: str, bins: Sequence[Mapping[str, Any]]) -> None:
-    places, shares = range(len(bins)), [part["success_at_end"] for part in bins]
-    low, high = zip(*(part["ci95"] for part in bins), strict=True)
-    errors = [
-        [max(share - end, 0) for share, end in zip(shares, low, strict=True)],
-        [max(end - share, 0) for share, end in zip(shares, high, strict=True)],
+def write(folder: Path) -> Path:
+    """The report of the runs in `folder`, as report.html and report.md there. The HTML file. Raises ConfigError."""
+    runs = find_runs(folder)
+    begun = groups([run for run in runs if run.config])
+    grouped = {label: done for label, each in begun.items() if (done := [run for run in each if run.result])}
+    if not grouped:
+        raise ConfigError(f"no run in {folder} has finished" + failures(runs))
+    parts: list[Part] = [
+        Heading("Success ratio"),
+        *_success(grouped, folder),
+        Heading("How good, and how soon"),
+        *_configurations(grouped, {label: len(each) for label, each in begun.items()}),
+        Heading("Every seed"),
+        _seeds(grouped),
+        *_main_tasks(grouped, folder),
+        *_losses(grouped, folder),
+        *_unfinished(runs),
+        *_circumstances(folder),
     ]
-    axes.bar(places, shares, color="tab:blue", alpha=0.35)
-    axes.errorbar(places, shares, errors, fmt="o", color="tab:blue", markersize=4, capsize=3)
-    for place, part in zip(places, bins, strict=True):
-        axes.text(place, 1.04, f"{part['episodes']}", ha="center", fontsize="small", color="gray")
-    axes.set(xlabel=PANELS[name], ylabel="success at end", ylim=(0, 1.12), xlim=(-0.6, len(bins) - 0.4))
-    axes.set_xticks(places, [bin_name(name, part["range"]) for part in bins], fontsize="small")
-    axes.grid(axis="y", alpha=0.3)
+    count = sum(map(len, grouped.values()))
+    return page.write(folder, f"{count} runs of {len(grouped)} configurations", parts)
 
 
-def bin_name(name: str, ends: Sequence[float | None]) -> str:
-    """A bin's ends as a person reads them: "2-3", "30+", and "6" for a count."""
-    low, high = ends
-    if name == "objects":
-        return f"{low:g}"
-    return f"{low:g}+" if high is None else f"{low:g}-{high:g}"
+def failures(runs: Sequence[Run]) -> str:
+    """The first error, to end a message with."""
+    errors = [run.reason for run in runs if run.error]
+    return f"; {len(errors)} failed: {errors[0]}" if errors else ""
 
 
-def _cell(value: float) -> str:
-    return repr(float(value)) if math.isfinite(value) else ""
+def _success(grouped: dict[str, list[Run]], folder: Path) -> list[Part]:
+    figures.success(grouped, folder / "success.png")
+    episodes = "Evaluation episodes of the deterministic policy, none of which was trained on. "
+    return [Picture("success.png", "Success ratio against frames"), Paragraph(episodes + SEEDS)]
 
 
-def _logger(name: str, folder: Path) -> Any:
-    if name == "tensorboard":
-        from torchrl.record.loggers.tensorboard import TensorboardLogger
+def _configurations(grouped: dict[str, list[Run]], begun: dict[str, int]) -> list[Part]:
+    """begun: how many runs of each there are, those that did not finish included."""
+    levels = [f"{level:.0%}".replace("%", " %") for level in LEVELS]
+    header = ["configuration", "seeds", "success (95 %)", "worst seed (95 %)", "wrong object", "final / best"]
+    header += [f"frames to {level}" for level in levels] + [f"seconds to {level}" for level in levels]
+    rows = []
+    for label, runs in grouped.items():
+        s = score(runs)
+        seeds = f"{s.seeds}" if s.seeds == begun[label] else f"{s.seeds} of {begun[label]}"
+        row = [label, seeds, _within(s.success, s.interval), f"seed {s.worst.seed}: {_success_of(s.worst)}"]
+        row += [f"{s.wrong:.3f}", _number(s.kept, ".2f")]
+        rows.append(row + [_number(x, ",.0f") for x in (*s.frames, *s.seconds)])
+    if len(grouped) > 1:
+        rows.append(_together(grouped, len(header)))
+    return [Table(header, rows), Paragraph(HOW)]
 
-        return TensorboardLogger(exp_name="tensorboard", log_dir=str(folder))
-    from torchrl.record.loggers.wandb import WandbLogger
 
-    return WandbLogger(exp_name=folder.name, project="deixis", save_dir=str(folder))
+HOW = (
+    "Success: interquartile mean of the seeds' final success (of fewer than four seeds, their mean), with a bootstrap "
+    "interval over seeds, drawn again within each configuration. The worst seed's interval is Wilson's, over its "
+    "episodes. Wrong object: share of the final episodes, mean over seeds. Final / best: final success over the best "
+    "evaluation along the way, of the seed that kept least. Frames and seconds: to the first evaluation with that "
+    "success, median over seeds; '-' where it was never reached. Seconds are wall-clock, with start-up and evaluations."
+)
+
+
+def _together(grouped: dict[str, list[Run]], width: int) -> list[str]:
+    """The row of all configurations."""
+    import numpy as np
+
+    strata = [[result(run)["success_at_end"] for run in runs] for runs in grouped.values()]
+    scores = [x for each in strata for x in each]
+    row = ["all", f"{len(scores)}", _within(float(iqm(np.array(scores))), bootstrap(strata))]
+    return row + [""] * (width - len(row))
+
+
+def _seeds(grouped: dict[str, list[Run]]) -> Table:
+    header = ["configuration", "seed", "success (95 %)", "episodes", "wrong object", "final / best"]
+    header += ["frames", "seconds"]
+    header += [f"to {level:.0%}".replace("%", " %") for level in LEVELS]
+    return Table(header, [_seed(label, run) for label, runs in grouped.items() for run in runs])
+
+
+def _seed(label: str, run: Run) -> list[str]:
+    final = result(run)
+    row = [label, f"{run.seed}", _success_of(run), f"{final['episodes']}", f"{final['wrong_object']:.3f}"]
+    row += [_number(kept(run), ".2f"), f"{final['frames']:,}", f"{final['wall_s']:,.0f}"]
+    for level in LEVELS:
+        frames, seconds = reached(run.evaluated, level)
+        row.append(f"{frames:,.0f} ({seconds:,.0f} s)" if math.isfinite(frames) else "-")
+    return row
+
+
+def _main_tasks(grouped: dict[str, list[Run]], folder: Path) -> list[Part]:
+    """Figure of the tasks that the original was judged on, where the runs have any."""
+    main = {label: runs for label, runs in grouped.items() if _task(runs[0]) in MAIN_TASKS}
+    if not main:
+        return []
+    figures.tasks(main, folder / "tasks.png")
+    names = ", ".join(task for task in MAIN_TASKS if any(_task(runs[0]) == task for runs in main.values()))
+    picture = Picture("tasks.png", f"Mean reward and success ratio: {names}")
+    return [Heading("Main tasks"), picture, Paragraph(f"Evaluation episodes of {names}. {SEEDS}")]
+
+
+def _task(run: Run) -> str:
+    return str(run.config.get("task", {}).get("name"))
+
+
+def _losses(grouped: dict[str, list[Run]], folder: Path) -> list[Part]:
+    if not figures.losses(grouped, folder / "losses.png"):
+        return []
+    said = Paragraph(f"As measured at each update, averaged over {figures.BINS} stretches of the run. {SEEDS}")
+    return [Heading("Losses"), Picture("losses.png", "Losses against frames"), said]
+
+
+def _unfinished(runs: Sequence[Run]) -> list[Part]:
+    """What is in none of the numbers above."""
+    rows = [[run.folder.name, run.command, run.ending] for run in runs if not run.result]
+    return [Heading("Runs that did not finish"), Table(["run", "command", "why"], rows)] if rows else []
+
+
+def _circumstances(folder: Path) -> list[Part]:
+    """Commands and machine: as each sweep's own file tells, or as they are now."""
+    files = [folder / "sweep.yaml", *sorted(folder.glob("*/sweep.yaml"))]
+    begun = [start for file in files if file.is_file() for start in starts(file.parent)]
+    if not begun:
+        return [Heading("Machine of this report"), Table(["", ""], [list(item) for item in machine().items()])]
+    commands = [[f"{start.get('time', '-')}", typed(start["overrides"], "-m")] for start in begun]
+    known: dict[str, Any] = begun[-1].get("machine", {})
+    parts: list[Part] = [Heading("Commands"), Table(["started", "command"], commands)]
+    return [*parts, Heading("Machine"), Table(["", ""], [[name, str(value)] for name, value in known.items()])]
+
+
+def _success_of(run: Run) -> str:
+    return _within(result(run)["success_at_end"], result(run)["ci95"])
+
+
+def _within(value: float, interval: Sequence[float]) -> str:
+    return f"{value:.3f} ({interval[0]:.3f}-{interval[1]:.3f})"
+
+
+def _number(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "-"
+
+
+def main(words: Sequence[str]) -> None:
+    """Raises ConfigError."""
+    if len(words) != 1 or words[0] in ("-h", "--help"):
+        raise ConfigError("give one directory of runs: python -m trainers.report <sweep dir>")
+    print(write(Path(words[0])))
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1:])
+    except ConfigError as error:
+        sys.exit(f"error: {error}")

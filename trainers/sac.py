@@ -3,13 +3,16 @@
 TorchRL's SACLoss computes the same three losses in 17 ms a step at batch 256 and 256 x 256 on one core (12 ms
 compiled); the lines below take about 7 ms. The difference is in swapping parameters in and out of modules, vmap over
 the two critics, TensorDict copies and, in distributions, transforms and their caches. The replay buffer is TorchRL's.
+
+Words that are taught learn from scenes of the whole run, as in PPO, and frames are remembered with the rows of what was
+truly meant: to steer, no word has to be read, and whatever is learned of them later fits frames recorded before.
 """
 
 from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 import torch
@@ -20,13 +23,17 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from trainers import learning
 from trainers.config import SACConfig
-from trainers.grounding import REFERENT, grounding
+from trainers.grounding import Scenes, grounding
+from trainers.hindsight import Hindsight, Relabel
 from trainers.networks import Critic, normal_log_prob
 from trainers.policy import Policy, parameters
 
 
 class SAC:
-    """critic: two action values on (robot, aim, move). aim: the key of what it judges by."""
+    """critic: two action values on (robot, aim, move). aim: the key of what it judges by.
+
+    relabel: tells episodes again in hindsight; none: there is nobody who can.
+    """
 
     metrics = (
         "loss/actor",
@@ -36,10 +43,18 @@ class SAC:
         "alpha",
         "q",
         "updates",
+        "relabelled",
         *learning.METRICS,
     )
 
-    def __init__(self, config: SACConfig, policy: Policy, critic: Critic, aim: str | tuple[str, str]) -> None:
+    def __init__(
+        self,
+        config: SACConfig,
+        policy: Policy,
+        critic: Critic,
+        aim: str | tuple[str, str],
+        relabel: Relabel | None = None,
+    ) -> None:
         self.config, self.policy, self.critic, self.aim = config, policy, critic, aim
         self.target = copy.deepcopy(critic).requires_grad_(False)
         self.actor_parameters, self.critic_parameters = parameters(policy), parameters(critic)
@@ -48,39 +63,68 @@ class SAC:
         self.log_alpha = torch.tensor(math.log(config.initial_alpha), device=self.device, requires_grad=True)
         learned = [*self.actor_parameters, *self.critic_parameters, self.log_alpha]
         self.optimizer = torch.optim.Adam(learned, lr=config.lr, fused=True)
-        self.wanted_entropy = config.target_entropy * policy.gaussian.log_std.numel()
+        self.wanted_entropy = config.target_entropy * len(policy.unit)
         self.memory = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer, device=self.device))
         self.teaches = config.grounding_weight > 0 and policy.attends
+        self.scenes = Scenes(config.grounding_memory, self.device, [*policy.reads, *policy.meant])
+        self.hindsight = Hindsight(relabel, config.hindsight)
+        self.begins: Tensor | None = None  # (worlds, 1) whether the next frame begins an episode
         self.owed = 0.0  # gradient steps earned by frames and not yet taken
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
         """Remember a batch (worlds, steps), then take `updates_per_frame` steps for each frame. progress is unused."""
         learning.check_batch(batch)
-        self.remember(batch)
+        relabelled = self.hindsight(batch)
+        for frames in (batch, *relabelled):
+            self.remember(frames)
+        self.meet(batch, relabelled)
         if len(self.memory) < max(self.config.learning_starts, self.config.batch):
             return {"updates": 0.0}
         self.owed += batch.numel() * self.config.updates_per_frame
         steps, self.owed = int(self.owed), self.owed % 1.0
         if not steps:
             return {"updates": 0.0}
-        # One draw for all steps: the buffer's own cost is then paid once.
-        frames = self.memory.sample(steps * self.config.batch)
-        rows = [self.step(part) for part in frames.split(self.config.batch)]
-        return learning.averages(rows) | {"updates": float(steps)}
+        counts = {"updates": steps, "relabelled": sum(len(episode) for episode in relabelled)}
+        return learning.averages(self.learn(steps)) | {name: float(count) for name, count in counts.items()}
+
+    def learn(self, steps: int) -> list[dict[str, Tensor]]:
+        """So many gradient steps. Of frames and scenes there is one draw for all: its own cost is then paid once."""
+        frames = self.memory.sample(steps * self.config.batch).split(self.config.batch)
+        if not self.teaches:
+            return [self.step(part) for part in frames]
+        # Reading costs more than steering, and is learned in fewer steps.
+        every, count = self.config.grounding_every, self.config.grounding_batch
+        scenes = self.scenes.sample(-(-steps // every) * count).split(count)
+        return [self.step(part, None if i % every else scenes[i // every]) for i, part in enumerate(frames)]
 
     def remember(self, batch: TensorDictBase) -> None:
-        """Add frames (worlds, steps), with only the keys that learning reads."""
-        aim = [] if self.aim == self.policy.context else [self.aim]
-        taught = [REFERENT] if self.teaches else []
-        seen = [*self.policy.words.sees, "robot", *aim]
-        after = [("next", *(key if isinstance(key, tuple) else (key,))) for key in [*seen, "reward", "terminated"]]
-        self.memory.extend(batch.select(*seen, "instruction", "move", *taught, *after).reshape(-1))
+        """Add frames (...), with only the keys that learning reads."""
+        context = self.policy.context
+        steers = [*self.policy.feels, context] if self.teaches else [*self.policy.feels, *self.policy.words.sees]
+        kept = dict.fromkeys([*steers, *([] if self.aim == context else [self.aim])])
+        after = [("next", *(key if isinstance(key, tuple) else (key,))) for key in [*kept, "reward", "terminated"]]
+        frames = batch.reshape(-1)
+        if self.teaches:
+            frames = frames.copy().set("next", frames["next"].copy())
+            for end in (frames, frames["next"]):
+                self.policy.words.tell(end)
+        self.memory.extend(frames.select(*kept, *([] if self.teaches else ["instruction"]), "move", *after))
 
-    def step(self, frames: TensorDictBase) -> dict[str, Tensor]:
-        """One gradient step on frames (B,) for the critics, the actor with the grounding, and the temperature."""
+    def meet(self, batch: TensorDictBase, relabelled: Sequence[TensorDictBase]) -> None:
+        """Add the scenes that begin in a batch (worlds, steps), or that it begins with, and those told anew."""
+        done = batch["next", "done"][..., 0]
+        first = torch.ones_like(done[:, :1]) if self.begins is None else self.begins
+        begins, self.begins = torch.cat([first, done[:, :-1]], 1), done[:, -1:].clone()
+        for scenes in (batch[begins], *(episode[:1] for episode in relabelled)):
+            if self.teaches and len(scenes):
+                self.scenes.extend(scenes.select(*self.scenes.keys))
+
+    def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
+        """One gradient step on frames (B,) for critics, actor and temperature, and on scenes (G,) for the grounding."""
         measured = self.losses(frames)
         loss = measured["loss/critic"] + measured["loss/actor"] + measured["loss/alpha"]
-        if self.teaches:
+        if scenes is not None:
+            measured |= dict(zip(learning.METRICS, grounding(self.policy.encode(scenes)), strict=True))
             loss = loss + self.config.grounding_weight * measured["loss/grounding"]
         learning.check_loss(loss, frames)
         self.optimizer.zero_grad()
@@ -95,7 +139,8 @@ class SAC:
         """The three losses; no gradient of one reaches the parameters of another."""
         alpha = self.log_alpha.detach().exp()
         after = frames["next"]
-        self.policy.encode_step(frames, after)
+        if not self.teaches:
+            self.policy.encode_step(frames, after)
         with torch.no_grad():
             # terminated, not done: a frame that ended by time is worth what follows it.
             action, log_prob = self.act(after)
@@ -105,7 +150,7 @@ class SAC:
         action, log_prob = self.act(frames)
         with frozen(self.critic_parameters):  # and so no time is spent on their gradients
             worth = self.critic(frames["robot"], frames[self.aim], action).amin(0)
-        out = {
+        return {
             "loss/critic": F.mse_loss(q, wanted.expand_as(q)) * len(q),
             "loss/actor": (alpha * log_prob - worth).mean(),
             "loss/alpha": -self.log_alpha * (log_prob.detach().mean() + self.wanted_entropy),
@@ -113,19 +158,19 @@ class SAC:
             "alpha": alpha,
             "q": q.mean(),
         }
-        return out | dict(zip(learning.METRICS, grounding(frames), strict=True)) if self.teaches else out
 
     def act(self, frames: TensorDictBase) -> tuple[Tensor, Tensor]:
         """Actions (B, A), differentiable, and their log-probability (B, 1)."""
-        return squashed(*self.policy.gaussian(frames["robot"], frames[self.policy.context]))
+        return squashed(*self.policy.steer(frames))
 
     @property
     def wants_scenes(self) -> int:
-        """None: its replay buffer has them all."""
-        return 0
+        """How many scenes to give to `study` before each update."""
+        return self.config.grounding_scenes if self.teaches else 0
 
     def study(self, scenes: TensorDictBase) -> None:
-        """Nothing is learned from scenes that nobody acted in."""
+        """Keep scenes (count,) that nobody acted in, to learn grounding from."""
+        self.scenes.extend(scenes)
 
     def state_dict(self) -> dict:
         """Everything that learning goes on from, without the memory."""

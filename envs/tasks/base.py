@@ -3,17 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from conf.schema import Checked, ConfigError, one_of, within
 from human import Gesture
-from language import KINDS, SPLITS, VIEWPOINTS, HeldOut, LanguageError, Layout, ObjectSpec, Scene, Split, from_lists
+from language import (
+    DEVICES,
+    KINDS,
+    NOUNS,
+    SHAPES,
+    SPLITS,
+    VIEWPOINTS,
+    HeldOut,
+    LanguageError,
+    Layout,
+    ObjectSpec,
+    Scene,
+    Split,
+    from_lists,
+)
 
 Array = NDArray[np.float64]
 SLOTS = 8  # at most
+NOTHING = -1  # the slot of what an empty gripper holds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +44,8 @@ class ObjectConfig(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.noun in DEVICES:
+            raise ConfigError(f"noun={self.noun} cannot be listed: choose from {', '.join(SHAPES)}; devices are drawn")
         try:
             self.spec(0.05, "real")
         except LanguageError as error:
@@ -105,16 +122,31 @@ class HeldOutConfig(Checked):
 
 
 @dataclass(frozen=True, kw_only=True)
+class CurriculumConfig(Checked):
+    """Shares of training episodes that begin nearer to their end; judged ones never do."""
+
+    near: float = within(0, 1)  # the gripper is just over the object
+    held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.near + self.held > 1:
+            raise ConfigError(f"near={self.near} and held={self.held} must come to 1 at most")
+
+
+@dataclass(frozen=True, kw_only=True)
 class TaskConfig(Checked):
     """Lengths in metres, angles in radians, steps in control steps.
 
-    Where objects are listed, num_objects and min_objects are as many, whatever was given for them.
+    Where objects are listed, num_objects and min_objects are as many, whatever was given for them, and num_targets 0.
     """
 
     name: str
     objects: ObjectsConfig
-    num_objects: int = within(1, SLOTS)  # slots
+    num_objects: int = within(1, SLOTS)
     min_objects: int = within(1, SLOTS)  # an episode shows this many to num_objects
+    num_targets: int = within(0, SLOTS)  # see-through places, beside the objects
+    nouns: list[str] = one_of(*NOUNS)  # what objects are drawn as
     kinds: list[str] = one_of(*KINDS)  # of sentences; none: no words
     viewpoint: str = one_of(*VIEWPOINTS)  # whose left is left
     split: str = one_of(*SPLITS)  # what of all that can be said is said
@@ -127,29 +159,47 @@ class TaskConfig(Checked):
     object_size: float = within(0.01, 0.2)
     spacing: float = within(0, 1)  # between the centres of two objects, at reset
     reset_noise: float = within(0, 1)
-    reward: dict[str, float] = within(-1000, 1000)  # the weight of each named term
+    curriculum: CurriculumConfig
+    reward: dict[str, float | None] = within(-1000, 1000)  # the weight of each named term; null: there is no such term
 
     def __post_init__(self) -> None:
         if len(self.objects):
             object.__setattr__(self, "num_objects", len(self.objects))
             object.__setattr__(self, "min_objects", len(self.objects))
+            object.__setattr__(self, "num_targets", 0)
         super().__post_init__()
         try:
             self.says()
         except LanguageError as error:
             raise ConfigError(str(error)) from None
+        if not self.nouns:
+            raise ConfigError(f"nouns=[] must name at least one of {', '.join(NOUNS)}")
+        if self.slots > SLOTS:
+            raise ConfigError(
+                f"num_objects={self.num_objects} and num_targets={self.num_targets}: at most {SLOTS} can be shown"
+            )
         if self.min_objects > self.num_objects:
             raise ConfigError(f"min_objects={self.min_objects} must be at most num_objects={self.num_objects}")
-        if self.spacing < 2 * self.radius and self.num_objects > 1:
+        if self.spacing < 2 * self.radius and self.slots > 1:
             raise ConfigError(
                 f"spacing={self.spacing} must be at least {2 * self.radius:g}, twice the radius, "
                 "or the gripper could be at two objects at once"
             )
-        if self.spacing < 1.5 * self.object_size and self.num_objects > 1:
+        if self.spacing < 1.5 * self.object_size and self.slots > 1:
             raise ConfigError(
                 f"spacing={self.spacing} must be at least {1.5 * self.object_size:g}, 1.5 times the object_size, "
                 "or objects would stand in each other"
             )
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """The reward terms that there are."""
+        return {name: weight for name, weight in self.reward.items() if weight is not None}
+
+    @property
+    def slots(self) -> int:
+        """How many objects and targets an episode shows at most."""
+        return self.num_objects + self.num_targets
 
     def says(self) -> Split:
         """The split, with what it holds out. Raises LanguageError for one that has nothing to say."""
@@ -169,6 +219,16 @@ class Episode:
     fixed: NDArray[np.bool_] | None = None  # (K,) objects that never move when touched; none: all move
     gesture: Gesture | None = None  # how the person points at the referent; none: nobody points
     turn: Turn | None = None  # the finger moves on in mid-episode; none: it stays
+    target: int | None = None  # slot of the target that the referent is to be brought to; none: to none
+    start: Start | None = None  # where the gripper begins; none: at rest
+
+
+@dataclass(frozen=True)
+class Start:
+    """The gripper begins at the referent. offset: (3,) metres from where it would hold it; held: it does so."""
+
+    offset: Array
+    held: bool
 
 
 @dataclass(frozen=True)
@@ -182,19 +242,35 @@ class Turn:
 
 @dataclass
 class State:
-    """All worlds after a control step: gripper (N, 3), objects (N, K, 3), shown (N, K) bool, referent (N,) slots."""
+    """All worlds after a control step.
+
+    gripper: (N, 3) metres. objects: (N, K, 3) metres. shown: (N, K). referent: (N,) slots.
+    What follows is empty where a task moves nothing. target: (N,) slots. movable, targets: (N, K), what can be moved,
+    and what marks a place. turns: (N, K, 4) quaternions. held: (N,) slots, or -1.
+    """
 
     gripper: Array
     objects: Array
     shown: NDArray[np.bool_]
     referent: NDArray[np.int64]
+    target: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    movable: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))
+    targets: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))
+    turns: Array = field(default_factory=lambda: np.zeros((0, 0, 4)))
+    held: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a control step came to, each (N,). terms: unweighted reward terms by name."""
+    """What a control step came to, each (N,). terms: unweighted reward terms by name.
+
+    wrong_target: the referent was brought to another target; None where a task knows none.
+    failed: success has become impossible in another way, and the episode ends; None where that cannot be.
+    """
 
     terms: dict[str, Array]
     success: NDArray[np.bool_]
     wrong_object: NDArray[np.bool_]
     at_goal: NDArray[np.bool_]
+    wrong_target: NDArray[np.bool_] | None = None
+    failed: NDArray[np.bool_] | None = None

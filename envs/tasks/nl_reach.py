@@ -8,25 +8,15 @@ import numpy as np
 from numpy.random import Generator
 
 from conf.schema import ConfigError
-from envs.tasks.base import Episode, TaskConfig
+from envs.tasks.base import Episode, State, TaskConfig
+from envs.tasks.named import Named
 from envs.tasks.reach import Reach
 from human import Person
-from language import KINDS, Describer, Placed
-
-TRIES = 1000
-EVERYBODY = ("all", "train", "test_paraphrase")  # splits in which every object of a scene can be named
+from language import Placed
 
 
-class NLReach(Reach):
-    """Reach the object that a sentence names.
-
-    Scenes are drawn until every object in them can be named, and the referent is then drawn evenly among them:
-    so nothing but the words tells which one is meant. The splits test_composition and test_length, which can name
-    but few, draw evenly among those.
-    """
-
-    kind_names = KINDS
-    speaks = True
+class NLReach(Named, Reach):
+    """Reach the object that a sentence names."""
 
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
@@ -34,8 +24,6 @@ class NLReach(Reach):
         if not config.kinds:
             raise ConfigError("task.kinds=[] must name at least one kind of sentence")
         super().__init__(config, object_area, num_worlds, person)
-        kinds = ["nested"] if self._split.name == "test_length" else config.kinds
-        self._describer = Describer(kinds, self._split)
 
     def _draw(self, rng: Generator) -> Episode:
         placed, nameable = self._nameable_scene(rng)
@@ -53,14 +41,10 @@ class NLReach(Reach):
         kind = self.kind_names.index(instruction.kind)
         return self._episode(placed, referent, kind, sentence)
 
-    def _nameable_scene(self, rng: Generator) -> tuple[Placed, np.ndarray]:
-        """A scene, and which of its objects can be named, (K,) bool."""
-        for _ in range(TRIES):
-            placed = self._placed(rng)
-            nameable = self._describer.nameable(placed.scene)
-            if nameable.all() if self.config.split in EVERYBODY else nameable.any():
-                return placed, nameable
-        within = "" if self.config.split == "all" else f" in task.split={self.config.split}"
-        raise ConfigError(
-            f"task.kinds={list(self.config.kinds)} cannot name each of {self.config.num_objects} objects{within}"
-        )
+    def retold(self, placed: Placed, moments: State, rng: Generator) -> Episode | None:
+        """Where the gripper ended at another object, that one is named."""
+        apart = np.linalg.norm(moments.objects[-1] - moments.gripper[-1], axis=1)
+        nearest = int(apart.argmin())
+        if apart[nearest] > self.config.radius or nearest == moments.referent[-1]:
+            return None
+        return self.episode(placed, nearest, rng)

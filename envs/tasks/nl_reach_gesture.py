@@ -10,10 +10,10 @@ from numpy.random import Generator
 from conf.schema import ConfigError, did_you_mean
 from envs.tasks.base import Episode, TaskConfig
 from envs.tasks.layout import groups
-from envs.tasks.reach import loose
 from envs.tasks.reach_gesture import ReachGesture
+from envs.tasks.task import loose
 from human import Gesture, Person, visibility
-from language import COLORS, NOUNS, Instruction, ObjectPhrase, Scene
+from language import COLORS, NOUNS, SHAPES, Instruction, ObjectPhrase, Scene
 
 SAID = {"color": [False, True], "shape": [True, False], "color_shape": [True, True]}  # are noun and colour said?
 SHOWING = ("this", "that")
@@ -75,10 +75,10 @@ class NLReachGesture(ReachGesture):
         """A scene whose objects 0 and 1, one in each group, share what is said; nothing else has it."""
         config = self.config
         count = int(rng.integers(config.min_objects, config.num_objects + 1))
-        looks = np.stack((rng.integers(len(NOUNS), size=count), rng.integers(len(COLORS), size=count)), axis=1)
+        looks = np.stack((rng.integers(len(SHAPES), size=count), rng.integers(len(COLORS), size=count)), axis=1)
         looks[1, said] = looks[0, said]
         while (same := self._same(looks, said)).any():
-            fresh = np.stack((rng.integers(len(NOUNS), size=count), rng.integers(len(COLORS), size=count)), axis=1)
+            fresh = np.stack((rng.integers(len(SHAPES), size=count), rng.integers(len(COLORS), size=count)), axis=1)
             looks[2:][same] = fresh[2:][same]
         places = groups(rng, count, self._area, config.spacing, config.object_size / 2)
         nouns, colors = looks.T

@@ -8,7 +8,8 @@ from numpy.random import Generator
 
 from conf.schema import ConfigError
 from envs.tasks.base import Episode, TaskConfig
-from envs.tasks.reach import TRIES, Reach
+from envs.tasks.reach import Reach
+from envs.tasks.task import TRIES
 from human import Gesture, NothingPointedAt, Person, Unreachable, pointed_object
 from language import Instruction, ObjectPhrase, Placed
 

@@ -20,7 +20,24 @@ def options(group):
 
 
 ROBOTS, CONTROLS, TASKS = options("robot"), options("control"), options("task")
-COMBINATIONS = [(robot, control, task) for robot in ROBOTS for control in CONTROLS for task in TASKS]
+
+
+def class_of(task):
+    return KNOWN[read_env(compose([f"task={task}"])).task.name]
+
+
+def covering():
+    """(robot, control, task): every class of task with every robot and every control, every robot with every control;
+    of YAMLs that share a class, one so, and the others with one robot."""
+    combinations, seen = [], set()
+    for i, task in enumerate(sorted(TASKS, key=lambda name: ("nl_" not in name, name))):
+        robots = ROBOTS if class_of(task) not in seen else [ROBOTS[i % len(ROBOTS)]]
+        seen.add(class_of(task))
+        combinations += [(robot, CONTROLS[(i + ROBOTS.index(robot)) % len(CONTROLS)], task) for robot in robots]
+    return combinations
+
+
+COMBINATIONS = covering()
 
 
 def name_of(combination):

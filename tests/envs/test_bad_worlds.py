@@ -61,9 +61,9 @@ VALUES = [
     ("robot.max_speed=[1]", "robot.max_speed=[1.0] must be 7 numbers, one for each joint"),
     ("robot.base=[0,0]", "robot.base=[0.0, 0.0] must be 3 numbers"),
     ("robot.tip_offset=[0,0]", "robot.tip_offset=[0.0, 0.0] must be 3 numbers"),
-    ("robot.gripper=hand", "robot.gripper=hand is not known; choose from magnet, fingers"),
-    ("robot.gripper=fingers", "robot.gripper=fingers needs names in fingers and a finger_opening above 0"),
-    ("robot.finger_opening=0.1", "robot.gripper=magnet has no fingers: give fingers=[] and finger_opening=0"),
+    ("robot.grippers=[hand]", "robot.grippers=hand is not known; choose from magnet, fingers"),
+    ("robot.grippers=[fingers]", "robot.grippers=['fingers'] needs names in fingers and a finger_opening above 0"),
+    ("robot.finger_opening=0.1", "robot.grippers=['magnet'] has no fingers: give fingers=[] and finger_opening=0"),
     ("robot.urdf=no/such.urdf", "robot.urdf=no/such.urdf is not a file in "),
     ("robot.package=pybulletdata", "robot.package=pybulletdata is not known; did you mean 'pybullet_data'?"),
     (

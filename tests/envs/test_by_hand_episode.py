@@ -13,7 +13,7 @@ import evaluate
 from conf.schema import ConfigError
 from envs import read_env
 from envs.by_hand import HandEnv, play
-from envs.expert import Oracle, ReachExpert
+from envs.experts import Oracle, ReachExpert
 from human import NothingPointedAt, ScriptedKeys, Written
 
 STEPS = (0.10, 0.01)

@@ -8,7 +8,7 @@ import torch
 from env_cases import act, make, task_of
 
 from conf.overrides import compose
-from language import COLORS, NOUNS, Object, Scene, color_name, ground, parse
+from language import COLORS, NOUNS, SHAPES, Object, Scene, color_name, ground, parse
 
 DRAWS = 3000
 
@@ -73,7 +73,7 @@ def test_every_number_of_objects_kind_color_and_shape_occurs(drawn):
     assert set(kinds) == set(config.kinds)
     assert min(kinds.values()) > 0.05 * DRAWS
     looks = Counter((thing.color, thing.noun) for episode in episodes for thing in episode.scene)
-    assert len(looks) == len(COLORS) * len(NOUNS)
+    assert len(looks) == len(COLORS) * len(SHAPES)
     assert min(looks.values()) > 0.5 * max(looks.values())
 
 

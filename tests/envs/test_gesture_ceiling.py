@@ -5,7 +5,7 @@ import pytest
 from env_cases import make
 
 from benchmarks.gesture import told
-from envs.expert import Oracle
+from envs.experts import Oracle
 from trainers.evaluation import evaluate
 
 SCENES, NOISE = 200, 2.0

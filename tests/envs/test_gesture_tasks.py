@@ -9,7 +9,7 @@ import torch
 
 from conf.schema import ConfigError
 from envs import make_env
-from envs.expert import Oracle, ReachExpert
+from envs.experts import Oracle, ReachExpert
 from human import beside, pointed_object
 from language import matches, parse
 from tests.envs.env_cases import Poker, act, differences, make, rollout, task_of

@@ -7,7 +7,7 @@ import torch
 from conf.overrides import apply, compose
 from conf.schema import ConfigError
 from envs import make_env, read_env
-from envs.expert import Oracle
+from envs.experts import Oracle
 from envs.tasks import Episode
 from language import parse, say
 from tests.envs.env_cases import act, make, task_of

@@ -11,7 +11,7 @@ from torchrl.envs.utils import check_env_specs
 from conf.schema import ConfigError
 from envs.tasks import Episode
 from envs.tasks.layout import scatter
-from language import COLORS, NOUNS, Object, Scene, rgba
+from language import COLORS, SHAPES, Object, Scene, rgba
 
 CUBE = "{noun: cube, color: red, area: [0.35, 0.45, -0.3, -0.1, 0.025, 0.025], random_rotation: true}"
 POST = "{noun: cylinder, color: blue, area: [0.35, 0.5, 0.1, 0.3, 0.025, 0.025], fixed: true}"
@@ -109,7 +109,7 @@ def test_without_lists_the_draws_are_the_same_as_ever():
         scene = task._placed(one).scene
         count = int(other.integers(2, 6))
         places = scatter(other, count, task._area, task.config.spacing, task.config.object_size / 2)
-        nouns, colors = other.integers(len(NOUNS), size=count), other.integers(len(COLORS), size=count)
+        nouns, colors = other.integers(len(SHAPES), size=count), other.integers(len(COLORS), size=count)
         assert tuple(scene) == tuple(Scene.from_arrays(nouns, colors, places, size=task.config.object_size))
         assert one.bit_generator.state == other.bit_generator.state
 

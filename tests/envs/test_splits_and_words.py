@@ -6,7 +6,7 @@ import torch
 from env_cases import make, task_of
 
 from conf.schema import ConfigError
-from envs.expert import Oracle
+from envs.experts import Oracle
 from envs.observation import seen_scene
 from language import ground, parse, say
 

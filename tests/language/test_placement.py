@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from language import COLORS, NOUNS, LanguageError
+from language import COLORS, SHAPES, LanguageError
 from language.placement import ObjectSpec, from_all, from_lists, from_pairs
 
 LEFT, RIGHT = (0.3, 0.5, 0.1, 0.3, 0.025, 0.025), (0.3, 0.5, -0.3, -0.1, 0.025, 0.2)
@@ -37,7 +37,7 @@ def test_areas_are_filled_and_open_words_take_every_value():
     drawn = draws(from_all([BALL, PLACE]), 600)
     heights = np.array([placed.scene.positions[0, 2] for placed in drawn])
     assert heights.min() < 0.03 < 0.19 < heights.max()
-    assert {int(placed.scene.nouns[1]) for placed in drawn} == set(range(len(NOUNS)))
+    assert {int(placed.scene.nouns[1]) for placed in drawn} == set(range(len(SHAPES)))
     assert {int(placed.scene.colors[1]) for placed in drawn} == set(range(len(COLORS)))
 
 

@@ -7,8 +7,10 @@ import pytest
 from language_cases import answer, random_scenes, scene, steps
 
 from language import (
+    DEVICES,
     NOUNS,
     RELATIONS,
+    SHAPES,
     SUPERLATIVES,
     Describer,
     Instruction,
@@ -144,6 +146,19 @@ def test_nothing_is_beside_itself_even_where_a_relation_holds_both_ways():
     said = [str(phrase) for phrase in Describer(["relation"]).expressions(table).all("relation", 1)]
     assert "the cube near the red cube" in said
     assert not any("near the blue" in words for words in said)
+
+
+def test_every_noun_is_a_shape_or_a_device():
+    assert (*SHAPES, *DEVICES) == tuple(NOUNS)
+
+
+@pytest.mark.parametrize(("verb", "noun"), [("press", "button"), ("switch", "lever"), ("turn", "wheel")])
+def test_a_device_is_named_like_a_shape(verb, noun):
+    table = scene((f"red {noun}", 0.0), (f"blue {noun}", 0.2), ("red cube", 0.4))
+    for word in (noun, *NOUNS[noun]):
+        assert steps(f"{verb} the red {word}", table) == [(verb, None, 0)]
+        assert steps(f"{verb} the {word} left of the red {word}", table) == [(verb, None, 1)]
+    assert Tokenizer.default().unknown_words(" ".join(NOUNS[noun])) == ()
 
 
 def test_a_new_noun_is_one_line(monkeypatch):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -67,23 +68,28 @@ class FakeEnv(EnvBase):
         if self.nap:
             time.sleep(self.nap)
         self.steps += 1
-        world, rows = self.world, torch.arange(self.batch_size[0])
+        world = self.world
         action = tensordict["action"]
         assert action.abs().max() <= 1
         world["hand"] = (world["hand"] + MOVE * action).clamp(-1, 1)
         world["step"] = world["step"] + 1
-        distance = (world["places"] - world["hand"].unsqueeze(1)).norm(dim=-1)
-        wanted = distance[rows, world["referent"]].unsqueeze(-1)
-        success, nearest = wanted < NEAR, distance.argmin(-1)
-        wrong = (distance.min(-1).values < NEAR / 2).unsqueeze(-1) & (nearest != world["referent"]).unsqueeze(-1)
-        wrong &= ~success
+        success, wrong, reward = judged(world["places"], world["hand"], world["referent"])
         truncated = (world["step"] >= MAX_STEPS).unsqueeze(-1) & ~success & ~wrong
-        reward = success.float() - 0.1 * wanted
         if self.poison and self.steps >= self.poison:
             reward = reward * float("nan")
         out = self._observe(success, wrong, success, reward)
         ends = {"terminated": success | wrong, "truncated": truncated, "done": success | wrong | truncated}
         return out.update(ends).set("reward", reward)
+
+    def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:
+        """As if the colour had been named whose place each episode came nearest to, where that is another one."""
+        tales = []
+        for frames in episodes:
+            places, hand = frames["objects"][..., :3], frames["next", "robot"][:, :3]
+            nearest = (places[-1] - hand[-1]).norm(dim=-1).argmin()
+            if nearest != frames["privileged", "referent"][0]:
+                tales.append(_told(frames, *judged(places, hand, nearest.expand(len(frames))), nearest))
+        return tales
 
     def _observe(
         self, success: torch.Tensor, wrong: torch.Tensor, at_goal: torch.Tensor, reward: torch.Tensor
@@ -123,6 +129,29 @@ class FakeEnv(EnvBase):
         import numpy as np
 
         return np.full((96, 128, 3), 200, np.uint8)  # type: ignore[return-value]
+
+
+def judged(places: torch.Tensor, hand: torch.Tensor, referent: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    """Success, wrong object and reward, (N, 1) each, of hands (N, 3) at places (N, SLOTS, 3)."""
+    distance = (places - hand.unsqueeze(1)).norm(dim=-1)
+    wanted = distance[torch.arange(len(hand)), referent].unsqueeze(-1)
+    success, nearest = wanted < NEAR, distance.argmin(-1)
+    wrong = (distance.min(-1).values < NEAR / 2).unsqueeze(-1) & (nearest != referent).unsqueeze(-1) & ~success
+    return success, wrong, success.float() - 0.1 * wanted
+
+
+def _told(frames, success, wrong, reward, referent) -> TensorDictBase:
+    """The frames (T,) with another referent, up to where they end."""
+    over = (success | wrong).flatten().nonzero()
+    count = int(over[0]) + 1 if len(over) else len(frames)
+    frames = frames[:count].clone()
+    row = frames["objects"][0, referent]
+    frames["next"].update({"success": success[:count], "wrong_object": wrong[:count], "reward": reward[:count]})
+    frames["next", "terminated"] = (success | wrong)[:count]
+    for part in (frames, frames["next"]):
+        part["instruction"][:, 2] = 3 + row[3:6].argmax()
+        part["privileged", "referent"][:], part["privileged", "goal"][:] = referent, row[:3]
+    return frames
 
 
 def _observations(n: int) -> Composite:

@@ -7,7 +7,7 @@ import pytest
 
 from conf.schema import ConfigError
 from tests.trainers.plans import config, plan
-from trainers.config import frames_per_batch, read_plan
+from trainers.config import frames_per_batch, read_plan, workers
 
 ROOM = Path(__file__).parents[2] / "trainers"
 
@@ -42,6 +42,7 @@ def test_trainers_know_no_other_room(path):
         ("total_frames=0", "total_frames=0"),
         ("logger=[tensorbord]", "did you mean 'tensorboard'"),
         ("collector.worlds=many", "collector.worlds=many"),
+        ("collector.workers=3", "collector.worlds=8 cannot be shared evenly by collector.workers=3"),
     ],
 )
 def test_a_bad_value_is_named(override, message):
@@ -51,3 +52,11 @@ def test_a_bad_value_is_named(override, message):
 
 def test_frames_of_a_batch():
     assert frames_per_batch(plan()) == 8 * 16
+
+
+@pytest.mark.parametrize(("cores", "count"), [(1, 1), (2, 2), (3, 2), (6, 4), (64, 8)])
+def test_a_batch_is_the_same_on_any_number_of_cores(cores, count, monkeypatch):
+    monkeypatch.setattr("trainers.config.cores", lambda: cores)
+    plans = [plan(), plan(overrides=("collector.workers=0",)), plan(overrides=("collector.workers=4",))]
+    assert [frames_per_batch(each) for each in plans] == [8 * 16] * 3
+    assert [workers(each.collector) for each in plans] == [1, count, 4]

@@ -10,7 +10,7 @@ from torchrl.data import Unbounded
 import evaluate as program
 from tests.trainers.fake_env import FakeEnv, make_env
 from trainers.evaluation import BINS, Episode, by_pointing, evaluate
-from trainers.report import bin_name, pointing_plot
+from trainers.plots import bin_name, pointing_plot
 
 STILL = TensorDictModule(lambda robot: robot[:, :3] * 0, in_keys=["robot"], out_keys=["action"])
 

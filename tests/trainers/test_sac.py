@@ -39,11 +39,13 @@ def test_frozen_parameters_pass_gradients_on():
 
 def test_it_waits_learns_and_owes_no_step(learned):
     _, sac, batch = learned
-    assert sac.update(batch[:, :4], 0.0) == {"updates": 0.0}  # 32 frames, 64 are wanted first
-    taken = sum(sac.update(batch[:1, i : i + 3], 0.0).get("updates", 0) for i in range(0, 12, 3))
+    batch = batch.reshape(1, -1)
+    assert sac.update(batch[:, :32], 0.0) == {"updates": 0.0}  # 64 frames are wanted first
+    taken = sum(sac.update(batch[:, i : i + 3], 0.0)["updates"] for i in range(32, 62, 3))
     assert taken == 0
-    measured = sac.update(batch, 0.0)
-    assert measured["updates"] == 128 * 0.25
+    measured = sac.update(batch[:, 62:], 0.0)
+    assert measured["updates"] == 66 * 0.25 // 1
+    assert sac.owed == 0.5
     assert set(measured) <= set(sac.metrics)
 
 
@@ -56,8 +58,27 @@ def test_each_loss_moves_its_own_parameters(learned):
     sac.optimizer.zero_grad()
     losses["loss/actor"].backward()
     assert all(p.grad is None for p in sac.critic_parameters)
-    assert policy.words.ask.embed.weight.grad is not None
+    assert policy.words.ask.embed.weight.grad is None  # taught words learn from scenes alone
+    assert policy.gaussian.net[0].weight.grad is not None
     assert sac.log_alpha.grad is None
+
+
+def test_words_that_nobody_teaches_are_learned_by_steering():
+    env = make_env(8, 0)
+    policy, sac = build_algorithm(
+        plan("sac", overrides=("algo.grounding_weight=0.0",)), env.observation_spec, env.action_unit
+    )
+    with torch.no_grad():
+        sac.remember(env.rollout(5, policy.act))
+    sac.losses(sac.memory.sample(32))["loss/actor"].backward()
+    assert policy.words.ask.embed.weight.grad is not None
+
+
+def test_scenes_are_met_once_an_episode(learned):
+    _, sac, batch = learned
+    sac.meet(batch[:, :8], [])
+    sac.meet(batch[:, 8:], [])
+    assert len(sac.scenes.memory) == 8 + int(batch["next", "done"][:, :-1].sum())
 
 
 def test_the_end_by_time_is_worth_what_follows(learned):

@@ -1,50 +1,30 @@
-"""Scripted experts. One reads the privileged goal, so it shows that a task can be done, and how well; the other
-reads the sentence with the parser and weighs the finger, so it shows what understanding both fully would come to."""
+"""The expert that is told nothing: it understands the words and the finger."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 from tensordict import TensorDictBase
-from torch import Tensor
 
+from envs.experts.known import expert
 from envs.observation import seen_scene
 from envs.workspace_env import WorkspaceEnv
 from human import NothingPointedAt, meant, named, posterior, visibility
 from language import Scene, parse
 
-HOVER = 0.10  # metres above the goal until the gripper is over it, so that nothing is pushed aside
-TOUCH = 0.005  # metres above the goal's top at the end
 CAMERA_DEG = 2.0  # how far a ray that is read from a picture strays
-OVER = 0.02  # metres beside the goal that count as over it
-
-
-class ReachExpert:
-    """Goes over the goal, then down on it, in every control mode. Call it like a policy: it sets "action" (N, A)."""
-
-    def __init__(self, env: WorkspaceEnv) -> None:
-        self._env = env
-
-    def __call__(self, tensordict: TensorDictBase) -> TensorDictBase:
-        return tensordict.set("action", self.towards(tensordict["privileged", "goal"].numpy().astype(np.float64)))
-
-    def towards(self, goal: NDArray[np.float64]) -> Tensor:
-        """The action (N, A) that brings each gripper over its goal (N, 3), metres, and then down on it."""
-        goal = goal.copy()
-        beside = np.linalg.norm((goal - self._env.gripper)[:, :2], axis=1)
-        goal[:, 2] += np.where(beside < OVER, self._env.config.task.object_size / 2 + TOUCH, HOVER)
-        return self._env.towards(goal)
 
 
 class Oracle:
-    """Parses each sentence in the scene it was said in, weighs it with the finger, and goes where both say.
+    """Parses each sentence in the scene it was said in, weighs it with the finger, and does what both say.
 
-    It reads nothing privileged, and knows how far the person's finger strays.
+    It reads nothing privileged, and knows how far the person's finger strays. It shows what understanding both fully
+    would come to.
     """
 
     def __init__(self, env: WorkspaceEnv) -> None:
-        self._env, self._expert = env, ReachExpert(env)
-        self._slots = np.zeros(len(env.gripper), np.int64)
+        self._env, self._expert = env, expert(env)
+        self._slots = np.zeros((len(env.gripper), 2), np.int64)  # referent, target
         self._seen: NDArray | None = None  # the rays that were understood
 
     def __call__(self, tensordict: TensorDictBase) -> TensorDictBase:
@@ -52,8 +32,7 @@ class Oracle:
         rays = tensordict["gesture"].numpy() if "gesture" in tensordict.keys() else np.zeros((len(objects), 0))
         for world in np.flatnonzero(self._news(rays)).tolist():
             self._slots[world] = self._understood(world, objects[world], shown[world], rays[world])
-        goal = objects[np.arange(len(objects)), self._slots, :3].astype(np.float64)
-        return tensordict.set("action", self._expert.towards(goal))
+        return tensordict.set("action", self._expert.act(*self._slots.T))
 
     def _news(self, rays: NDArray) -> NDArray[np.bool_]:
         """(N,) which worlds begin an episode, or see another finger."""
@@ -61,13 +40,18 @@ class Oracle:
         self._seen = rays
         return (self._env.elapsed == 0) | moved
 
-    def _understood(self, world: int, objects: NDArray, shown: NDArray[np.bool_], ray: NDArray) -> int:
-        scene = seen_scene(objects[shown], self._env.config.task.viewpoint)
+    def _understood(self, world: int, objects: NDArray, shown: NDArray[np.bool_], ray: NDArray) -> tuple[int, int]:
+        """The slots of the referent, and of its target: itself where it has none."""
+        viewpoint, slots = self._env.config.task.viewpoint, np.flatnonzero(shown)
+        scene = seen_scene(objects[shown], viewpoint, self._env.task.operates)
         sentence = self._env.sentence(world)
         if len(ray):
             object_ = self._shown(world, sentence, scene, ray)
-            return int(self._slots[world] if object_ is None else np.flatnonzero(shown)[object_])
-        return int(np.flatnonzero(shown)[parse(sentence, scene).steps[-1].goal])
+            slot = int(self._slots[world, 0] if object_ is None else slots[object_])
+            return slot, slot
+        step = parse(sentence, scene).steps[-1]
+        both = [index for index in (step.init, step.goal) if index is not None]
+        return int(slots[both[0]]), int(slots[both[-1]])
 
     def _shown(self, world: int, sentence: str, scene: Scene, ray: NDArray) -> int | None:
         """The likeliest object by words and finger; None while a finger on its way shows nothing that they fit."""

@@ -1,0 +1,130 @@
+"""Devices: what stands fast on the table and is pressed, switched or turned. What each is made of, and no physics.
+
+Lengths are in widths of the device, the width being the task's object_size. Frame: the origin on the table under the
+joint's axis, z up, and x, where the device faces, turned by its yaw.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A box turned by yaw, or a cylinder along this axis (x, y or z); size and place of its middle along x, y and z."""
+
+    size: Point
+    place: Point
+    cylinder: str = ""
+    yaw: float = 0.0
+
+
+@dataclass(frozen=True)
+class Device:
+    """A base that never moves, and one part that slides along an axis ("slide") or turns about it ("turn").
+
+    pivot: a point of the axis. handle: what is touched. All stand as they do where the joint is at 0.
+    low, high: the joint's ends, widths or radians. start: where it begins. way: from there to where it is at its end.
+    spring: N with which it is pushed back to its start. friction: N or N m that hold it where it is.
+    drawn: what is seen of the part that moves, where that is not what is touched; Bullet takes 16 shapes at most.
+    """
+
+    joint: str
+    axis: Point
+    pivot: Point
+    handle: Point
+    low: float
+    high: float
+    way: float
+    base: tuple[Part, ...]
+    moving: tuple[Part, ...]
+    start: float = 0.0
+    spring: float = 0.0
+    friction: float = 0.0
+    drawn: tuple[Part, ...] = ()
+
+    def scale(self, width: float) -> float:
+        """What a joint value, widths or radians, is to be multiplied with to be in metres or radians."""
+        return width if self.joint == "slide" else 1.0
+
+    def grip(self, width: float) -> Array:
+        """(3,) where the handle is at the start, metres."""
+        arm = np.subtract(self.handle, self.pivot)
+        if self.joint == "turn":
+            arm = _turned(arm, self.axis, self.start)
+        return width * (np.array(self.pivot) + arm)
+
+
+def facing(turns: Array) -> Array:
+    """(..., 2) where devices face over the table, unit vectors: their handles are turned by quaternions (..., 4).
+
+    It follows from their y axes, which a lever's own motion leaves as they are.
+    """
+    x, y, z, w = np.moveaxis(turns, -1, 0)
+    return np.stack((1 - 2 * (x * x + z * z), 2 * (z * w - x * y)), axis=-1)
+
+
+def _turned(vector: Array, axis: Sequence[float], angle: float) -> Array:
+    """Source: Rodrigues' rotation formula."""
+    k = np.array(axis)
+    return vector * math.cos(angle) + np.cross(k, vector) * math.sin(angle) + k * (k @ vector) * (1 - math.cos(angle))
+
+
+def _rim(count: int, radius: float, size: tuple[float, float], height: float) -> tuple[Part, ...]:
+    """So many boxes in a ring about the z axis, each of this size from inside to outside, and up."""
+    angles = [2 * math.pi * i / count for i in range(count)]
+    sides = (size[0], 2 * (radius + size[0] / 2) * math.tan(math.pi / count), size[1])
+    return tuple(Part(sides, (radius * math.cos(a), radius * math.sin(a), height), yaw=a) for a in angles)
+
+
+_PEG = Part((0.28, 0.28, 0.54), (0.6, 0.0, 0.77), "z")
+_SPOKES = tuple(Part((1.3, 0.14, 0.16), (0.0, 0.0, 0.4), yaw=math.pi * i / 3) for i in range(3))
+
+DEVICES: dict[str, Device] = {
+    "button": Device(
+        joint="slide",
+        axis=(0.0, 0.0, -1.0),
+        pivot=(0.0, 0.0, 0.83),
+        handle=(0.0, 0.0, 0.83),
+        low=0.0,
+        high=0.33,
+        way=0.33,
+        base=(Part((1.0, 1.0, 0.44), (0.0, 0.0, 0.22)),),
+        moving=(Part((0.7, 0.7, 0.5), (0.0, 0.0, 0.58), "z"),),
+        spring=5.0,
+    ),
+    "lever": Device(
+        joint="turn",
+        axis=(0.0, 1.0, 0.0),
+        pivot=(0.0, 0.0, 0.3),
+        handle=(0.0, 0.0, 1.15),
+        low=-0.7,
+        high=0.7,
+        start=-0.7,
+        way=1.4,
+        base=(Part((1.0, 0.8, 0.25), (0.0, 0.0, 0.125)),),
+        moving=(Part((0.14, 0.14, 0.8), (0.0, 0.0, 0.7)), Part((0.28, 0.7, 0.28), (0.0, 0.0, 1.15), "y")),
+        friction=0.05,
+    ),
+    "wheel": Device(
+        joint="turn",
+        axis=(0.0, 0.0, 1.0),
+        pivot=(0.0, 0.0, 0.4),
+        handle=(0.6, 0.0, 0.8),
+        low=-math.radians(75),
+        high=math.radians(75),
+        way=math.radians(75),
+        base=(Part((0.6, 0.6, 0.3), (0.0, 0.0, 0.15), "z"),),
+        moving=(Part((1.5, 1.5, 0.2), (0.0, 0.0, 0.4), "z"), _PEG),
+        drawn=(*_rim(11, 0.66, (0.18, 0.2), 0.4), *_SPOKES, Part((0.36, 0.36, 0.2), (0.0, 0.0, 0.4), "z"), _PEG),
+        friction=0.03,
+    ),
+}

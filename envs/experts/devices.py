@@ -1,0 +1,106 @@
+"""Press, switch and turn: over to where a device is operated from, down, and on until it is operated."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from envs.devices import DEVICES, facing
+from envs.experts.base import OVER, Array, Expert, Slots, either
+from envs.tasks.ways import length
+from envs.workspace_env import WorkspaceEnv
+
+ABOVE = 0.13  # metres above the table at which a gripper travels: over every device
+ENOUGH = 0.92  # share of its way at which a device is left alone
+STEP = 0.015  # metres that a handle is pushed in a control step
+BEHIND = 0.046  # metres from the middle of a handle at which a gripper goes down beside it
+LOW = 0.004  # metres below the middle of a handle at which it is pushed: a wide flange passes over it
+ASIDE = 0.015  # metres beside the line that it pushes along at which a gripper goes back for another try
+LEAD = 0.35  # radians that a gripper goes ahead of itself round a wheel
+APART = 1.15  # radians round a wheel from the peg at which a gripper goes down
+REACHED = 0.012  # metres above the height that it pushes at at which a gripper begins to push
+
+
+class DeviceExpert(Expert):
+    """Operates the referent, then keeps still."""
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        state = self._env.state
+        way = self._env.task.ways(state)[self._rows, referent]
+        place, turn = self._place(referent), state.turns[self._rows, referent]
+        done = np.abs(way) >= ENOUGH
+        return self._env.towards(either(done, self._env.gripper, self._operate(place, turn, way)))
+
+    @abstractmethod
+    def _operate(self, place: Array, turn: Array, way: Array) -> Array:
+        """Where the gripper goes (N, 3). place, turn, way: (N, 3), (N, 4) and (N,) of the handles."""
+
+    def _down(self, start: Array) -> Array:
+        """Up, over the start (N, 3), and down to it."""
+        gripper = self._env.gripper
+        over = length((start - gripper)[:, :2]) < OVER
+        travel, up = start.copy(), gripper.copy()
+        travel[:, 2] = up[:, 2] = ABOVE
+        return either(over, start, either(gripper[:, 2] > ABOVE - 0.03, travel, up))
+
+
+class PressExpert(DeviceExpert):
+    """Down on the button, and on."""
+
+    def _operate(self, place: Array, turn: Array, way: Array) -> Array:
+        below = place.copy()
+        below[:, 2] = np.minimum(place, self._env.gripper)[:, 2] - STEP
+        return self._down(below)
+
+
+class SwitchExpert(DeviceExpert):
+    """Down behind the lever's knob, and along the way that it goes."""
+
+    def _operate(self, place: Array, turn: Array, way: Array) -> Array:
+        ahead, level = _flat(facing(turn)), place - [0.0, 0.0, LOW]
+        offset = self._env.gripper - level
+        along = (offset * ahead).sum(1)
+        aside = offset - along[:, None] * ahead
+        pushing = (np.abs(along + BEHIND) < 0.035) & (length(aside[:, :2]) < ASIDE) & (offset[:, 2] < REACHED)
+        onward = self._env.gripper - aside + STEP * ahead
+        return either(pushing, onward, self._down(level - BEHIND * ahead))
+
+
+class TurnExpert(DeviceExpert):
+    """Down beside the wheel's peg, and round with it."""
+
+    def __init__(self, env: WorkspaceEnv) -> None:
+        super().__init__(env)
+        device = DEVICES["wheel"]
+        self._radius = env.config.task.object_size * float(np.subtract(device.handle, device.pivot)[0])
+
+    def _operate(self, place: Array, turn: Array, way: Array) -> Array:
+        out, gripper = _flat(facing(turn)), self._env.gripper
+        centre = place - self._radius * out - [0.0, 0.0, LOW]
+        offset = gripper - centre
+        ahead = _angle(out, offset)  # of the peg; the gripper pushes it away from itself
+        side = -np.where(np.abs(way) > 0.02, np.sign(way), -np.sign(ahead + 1e-9))
+        behind = side * ahead
+        ring = np.abs(length(offset[:, :2]) - self._radius) < ASIDE
+        pushing = ring & (behind > 0.4) & (behind < 1.6) & (offset[:, 2] < REACHED)
+        angle = np.where(pushing, ahead - side * LEAD, side * APART)
+        return either(pushing, self._round(centre, out, angle), self._down(self._round(centre, out, angle)))
+
+    def _round(self, centre: Array, out: Array, angle: NDArray[np.float64]) -> Array:
+        """(N, 3) on the peg's circle, at this angle (N,) from the peg."""
+        across = np.stack((-out[:, 1], out[:, 0], out[:, 2]), axis=1)
+        return centre + self._radius * (np.cos(angle)[:, None] * out + np.sin(angle)[:, None] * across)
+
+
+def _flat(vectors: Array) -> Array:
+    """(N, 2) to (N, 3), none of it upwards."""
+    return np.column_stack((vectors, np.zeros(len(vectors))))
+
+
+def _angle(one: Array, other: Array) -> NDArray[np.float64]:
+    """(N,) radians from one (N, 3) to the other, seen from above."""
+    cross = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    return np.arctan2(cross, (one * other)[:, :2].sum(1))

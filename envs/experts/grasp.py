@@ -1,0 +1,33 @@
+"""Grasp and lift: take hold of the referent, keep it, and take it up."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+from envs.experts.base import Array, Slots, either
+from envs.experts.place import Fetch
+from language import LIFTED
+
+MORE = 0.03  # metres that it is lifted beyond what is asked
+
+
+class GraspExpert(Fetch):
+    """Takes hold of the referent, and stays."""
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        held = self._env.state.held == referent
+        place, close = self._fetch(self._place(referent))
+        return self._env.towards(either(held, self._keep(), place), held | close)
+
+    def _keep(self) -> Array:
+        """Where the gripper goes (N, 3) with what it holds."""
+        return self._env.gripper
+
+
+class LiftExpert(GraspExpert):
+    """Takes hold of the referent, and goes up with it."""
+
+    def _keep(self) -> Array:
+        place = self._env.gripper
+        place[:, 2] = self._env.config.task.object_size / 2 + self._env.below + LIFTED + MORE
+        return place

@@ -1,0 +1,50 @@
+"""Pick and place: take the referent up from above, carry it over its target, lower it and let go."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from envs.experts.base import HOVER, OVER, UP, Array, Expert, Slots, either
+
+GRASP = 0.012  # metres from where it is to grip, or to let go, at which a gripper does so
+PRESS = 0.005  # metres that a magnet goes deeper than to touch
+CARRY = 0.08  # metres above its target at which an object is carried
+THERE = 0.03  # metres from its target at which an object is left alone
+
+
+class Fetch(Expert):
+    """Takes hold of the referent."""
+
+    def _fetch(self, thing: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Where the gripper goes (N, 3) to take hold of the object, and whether it closes (N,)."""
+        grip = thing + self._env.below * UP
+        offset = grip - self._env.gripper
+        over = np.linalg.norm(offset[:, :2], axis=1) < OVER
+        close = over & (np.abs(offset[:, 2]) < GRASP)
+        grip[:, 2] += np.where(over, -PRESS * (self._env.below > 0), HOVER)
+        return grip, close
+
+
+class PlaceExpert(Fetch):
+    """Picks the referent up, and lets go of it at its target."""
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        thing, goal = self._place(referent), self._place(target)
+        held = self._env.state.held == referent
+        there = ~held & (np.linalg.norm(thing - goal, axis=1) < THERE)
+        fetch, close = self._fetch(thing)
+        carry, keep = self._carry(thing, goal)
+        place = either(there, self._env.gripper + HOVER * UP, either(held, carry, fetch))
+        return self._env.towards(place, np.where(held, keep, close) & ~there)
+
+    def _carry(self, thing: Array, goal: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Where the gripper goes (N, 3) with the object that it holds, and whether it keeps it (N,)."""
+        offset = goal - thing
+        over = np.linalg.norm(offset[:, :2], axis=1) < OVER
+        low = thing[:, 2] < goal[:, 2] + CARRY / 2
+        aim = either(over | ~low, goal, thing)
+        aim[:, 2] = np.where(over, goal[:, 2], goal[:, 2] + CARRY)
+        keep = ~(over & (np.abs(offset[:, 2]) < GRASP))
+        return self._env.gripper + aim - thing, keep

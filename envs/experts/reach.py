@@ -1,0 +1,24 @@
+"""Reach: over the goal, then down on it."""
+
+from __future__ import annotations
+
+import numpy as np
+from torch import Tensor
+
+from envs.experts.base import HOVER, OVER, Array, Expert, Slots
+
+TOUCH = 0.005  # metres above the goal's top at the end
+
+
+class ReachExpert(Expert):
+    """Goes over the referent, then down on it."""
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        return self.towards(self._place(referent))
+
+    def towards(self, goal: Array) -> Tensor:
+        """The action (N, A) that brings each gripper over its goal (N, 3), metres, and then down on it."""
+        goal = goal.copy()
+        beside = np.linalg.norm((goal - self._env.gripper)[:, :2], axis=1)
+        goal[:, 2] += np.where(beside < OVER, self._env.config.task.object_size / 2 + TOUCH, HOVER)
+        return self._env.towards(goal)

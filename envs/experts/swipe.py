@@ -1,0 +1,27 @@
+"""Swipe: take hold of the referent, draw it straight to its target, and let go."""
+
+from __future__ import annotations
+
+import numpy as np
+from torch import Tensor
+
+from envs.experts.base import HOVER, UP, Slots, either
+from envs.experts.place import GRASP, THERE, Fetch
+from envs.tasks.ways import length
+
+STEP = 0.02  # metres in a control step: slower than it could, so that it keeps to the line
+
+
+class SwipeExpert(Fetch):
+    """Keeps what it draws on the table."""
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        thing, goal = self._place(referent), self._place(target)
+        held = self._env.state.held == referent
+        left = length((goal - thing)[:, :2])
+        there = ~held & (left < THERE)
+        fetch, close = self._fetch(thing)
+        onward = self._env.gripper + (goal - thing) * np.minimum(1.0, STEP / np.maximum(left, 1e-9))[:, None]
+        onward[:, 2] = goal[:, 2] + self._env.below
+        place = either(there, self._env.gripper + HOVER * UP, either(held, onward, fetch))
+        return self._env.towards(place, np.where(held, left > GRASP, close) & ~there)

@@ -1,0 +1,81 @@
+"""Throw: take the referent up, run up to its target, and let go when it would fly there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from envs.experts.base import UP, Array, Slots, either
+from envs.experts.place import Fetch
+from envs.tasks.throw import SHORT
+from envs.tasks.ways import length
+from envs.workspace_env import WorkspaceEnv
+
+HEIGHT = 0.18  # metres above the table at which it is carried
+AT = 0.02  # metres from there that count as there
+FOLLOW = 3  # control steps for which it goes on, upwards: fingers that stood would be in the way
+SOONER = 0.005  # metres farther away than it must be that it lets go
+WINDOW = 1.2  # paces within which it lets go, or it would pass by that place between two of them
+
+
+class Style(NamedTuple):
+    """How a gripper throws.
+
+    run: metres from the target at which it begins to run. stride: metres that it runs in a control step. flight:
+    control steps for which what is let go of goes on as fast, in all. lead: control steps from the command until it
+    lets go.
+    """
+
+    run: float
+    stride: float
+    flight: float
+    lead: int
+
+
+STYLES = {"magnet": Style(0.31, 0.024, 10.0, 0), "fingers": Style(0.27, 0.03, 4.0, 2)}
+
+
+class ThrowExpert(Fetch):
+    """Runs along y, where there is most room, towards the target's side of the table."""
+
+    def __init__(self, env: WorkspaceEnv) -> None:
+        super().__init__(env)
+        self._style = STYLES[env.config.gripper.of(env.config.robot)]
+        self._running, self._letting_go = np.zeros((2, len(self._rows)), bool)
+        self._after = np.full(len(self._rows), FOLLOW)  # control steps since it let go
+        self._last = np.zeros((len(self._rows), 3))
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        thing, goal = self._place(referent), self._place(target)
+        held = self._env.state.held == referent
+        way = np.where(goal[:, 1:2] >= 0, 1.0, -1.0) * [0.0, 1.0, 0.0]
+        self._note(thing, goal, way, held)
+        fetch, close = self._fetch(thing)
+        carry = self._env.gripper + self._carry(thing, goal, way) - thing
+        follow = ~held & (self._after <= FOLLOW)
+        place = either(follow, self._env.gripper + self._style.stride * (way + UP), either(held, carry, fetch))
+        return self._env.towards(place, np.where(held, ~self._letting_go, close & ~follow))
+
+    def _note(self, thing: Array, goal: Array, way: Array, held: NDArray[np.bool_]) -> None:
+        """Whether it runs, and lets go."""
+        left, pace = ((goal - thing) * way).sum(1), ((thing - self._last) * way).sum(1)
+        start = goal - self._style.run * way
+        start[:, 2] = HEIGHT
+        self._running = held & ((self._running & (left > SHORT)) | (length(start - thing) < AT))
+        left -= self._style.lead * pace
+        far = np.maximum(self._style.flight * pace, SHORT + SOONER + WINDOW * pace)
+        self._letting_go = held & (self._letting_go | (self._running & (left > SHORT + SOONER) & (left < far)))
+        self._after = np.where(held, 0, self._after + 1)
+        self._last = thing
+
+    def _carry(self, thing: Array, goal: Array, way: Array) -> Array:
+        """Where the object goes (N, 3) that is held: up, to where the run begins, and on."""
+        start = goal - self._style.run * way
+        start[:, 2] = HEIGHT
+        up, run = thing.copy(), start.copy()
+        up[:, 2] = HEIGHT
+        run[:, 1] = thing[:, 1] + self._style.stride * way[:, 1]
+        return either(self._running, run, either(thing[:, 2] < HEIGHT / 2, up, start))

@@ -1,0 +1,86 @@
+"""What is seen now: the arrays of all worlds as the tensors of `envs/observation.py`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from tensordict import TensorDict
+
+from envs.arrays import Arrays
+from envs.devices import facing
+from envs.gestures import Gestures
+from envs.grips import Grips
+from envs.kinematics import Array
+from envs.observation import Bounds, clipped
+from envs.tasks import State, Task
+
+
+def observe(arrays: Arrays, grips: Grips, gestures: Gestures, task: Task, bounds: Bounds) -> dict[str, Any]:
+    """Fresh tensors, never views of what the next step overwrites; all but "hold"."""
+    state = arrays.state
+    rows = np.where(state.shown[..., None], _rows(arrays, task), 0.0)
+    told = asked(task, state, bounds)
+    privileged = told.pop("privileged") | {
+        "kind": torch.from_numpy(arrays.kind.copy()),
+        "sentence": torch.from_numpy(arrays.sentence.copy()),
+    }
+    if task.moves:
+        privileged["held"] = torch.from_numpy(state.held.copy())
+        privileged["movable"] = torch.from_numpy(state.movable.copy())
+    seen = told | {
+        "robot": clipped(_robot(arrays, grips), bounds.robot),
+        "objects": clipped(rows, bounds.objects),
+        "objects_mask": torch.from_numpy(state.shown.copy()),
+        "instruction": torch.from_numpy(arrays.instruction.copy()),
+    }
+    if gestures.points:
+        seen["gesture"] = clipped(gestures.rays, bounds.gesture)
+        measures = gestures.measures(state.objects, state.shown, state.referent)
+        privileged["pointing"] = clipped(measures, bounds.pointing)
+    return seen | {"privileged": TensorDict(privileged, [len(rows)])}
+
+
+def asked(task: Task, state: State, bounds: Bounds) -> dict[str, Any]:
+    """What is seen of N episodes that depends on what is meant in them, and "stage"."""
+    privileged = {
+        "referent": torch.from_numpy(state.referent.copy()),
+        "goal": clipped(_goal(task, state), bounds.goal),
+    }
+    if task.places:
+        privileged["target"] = torch.from_numpy(state.target.copy())
+    seen = {"stage": torch.from_numpy(task.stage(state))} if task.stages > 1 else {}
+    return seen | {"privileged": privileged}
+
+
+def offsets(places: Array, gripper: Array) -> Array:
+    """(N, K, 3) metres from each gripper (N, 3) to places (N, K, 3), as rows end with where objects are moved."""
+    return places - gripper[:, None]
+
+
+def _robot(arrays: Arrays, grips: Grips) -> Array:
+    pose, count = arrays.pose, arrays.angles.shape[1]
+    speeds, turned = arrays.joints[:, :count, 1], pose.rotation
+    held = grips.seen(arrays.joints[..., 0])
+    return np.concatenate((arrays.angles, speeds, pose.position, turned[:, :, 0], turned[:, :, 1], held), axis=1)
+
+
+def _rows(arrays: Arrays, task: Task) -> Array:
+    """(N, K, D)"""
+    if not task.moves:
+        return arrays.rows
+    rows = np.concatenate((arrays.rows, offsets(arrays.rows[..., :3], arrays.pose.position)), axis=2)
+    if not task.operates:
+        return rows
+    return np.concatenate((rows, facing(arrays.state.turns), task.ways(arrays.state)[..., None]), axis=2)
+
+
+def _goal(task: Task, state: State) -> Array:
+    """(N, G)"""
+    each = np.arange(len(state.referent))
+    referent = state.objects[each, state.referent]
+    if not task.moves:
+        return referent
+    target = state.objects[each, state.target]
+    return np.concatenate((referent, target, referent - state.gripper, target - referent, task.memory), axis=1)

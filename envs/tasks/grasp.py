@@ -1,0 +1,42 @@
+"""Grasp: take hold of an object."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.tasks.base import NOTHING, Array, State
+from envs.tasks.manipulation import Manipulation
+from envs.tasks.ways import length
+
+
+class Grasp(Manipulation):
+    """ "grasp the red cube".
+
+    Success: the referent is held for `hold_steps` steps. Another object held for as long is the wrong one.
+    Potentials: approach (metres from gripper to object, negative; 0 while it is held) and grasp (1 while it is held).
+    """
+
+    verb = "grasp"
+    grips = True
+    potentials: tuple[str, ...] = ("approach", "grasp")
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._other = np.zeros(worlds, np.int64)  # control steps that another object has been held
+
+    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
+        self._other[worlds] = 0
+
+    def _at_goal(self, state: State) -> NDArray[np.bool_]:
+        return state.held == state.referent
+
+    def _disturbed(self, state: State) -> NDArray[np.bool_]:
+        other = (state.held != NOTHING) & (state.held != state.referent)
+        self._other = np.where(other, self._other + 1, 0)
+        return super()._disturbed(state) | (self._other >= self.config.hold_steps)
+
+    def _potentials(self, state: State) -> dict[str, Array]:
+        held = state.held == state.referent
+        apart = length(self._referent(state) - state.gripper)
+        return {"approach": np.where(held, 0.0, -apart), "grasp": held.astype(np.float64)}

@@ -1,0 +1,248 @@
+"""What tasks that move objects have in common: what is to go where, and what counts as having spoilt it."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from conf.schema import ConfigError
+from envs.tasks.base import NOTHING, Array, Episode, Outcome, Start, State, TaskConfig
+from envs.tasks.hindsight import meant_by
+from envs.tasks.named import Named
+from envs.tasks.ways import length, lifted
+from human import Person
+from language import TASKS as VERBS
+from language import Instruction, Placed, Scene
+
+DISTURBED = 0.05  # metres that another object is moved before it counts as the wrong one
+NEAR = 0.1  # metres at which a gripper is near an object
+STILL = 0.002  # metres in a control step below which an object is at rest
+SCENES = 1000  # to draw one that fits
+OVER = np.array([[-0.04, -0.04, 0.06], [0.04, 0.04, 0.12]])  # from where to its object a gripper begins that is near it
+
+
+class Manipulation(Named):
+    """The referent is one of the real objects, and where there are targets, one of them tells where it goes.
+
+    Without kinds of sentences there are no words: one object, and one target at most. Another object moved by
+    `DISTURBED` ends the episode as the wrong object; the referent left at another target, as the wrong target. Where
+    `fails`, something else can spoil it for good, and that ends the episode as well.
+
+    Reward terms are differences of potentials, but for the ends of episodes and the time: what is gained on the way
+    to something is lost on the way back, so that going to and fro pays nothing.
+    """
+
+    verb: str  # a key of language.TASKS
+    potentials: tuple[str, ...]  # the names of what `_potentials` returns
+    fails = False
+    ends: tuple[str, ...] = ("success", "wrong_object", "wrong_target", "time")
+    moves = True
+    stages = 3
+
+    def __init_subclass__(cls) -> None:
+        cls.ends = (*cls.ends[:3], "failed", "time") if cls.fails else cls.ends
+        cls.terms = (*cls.potentials, *cls.ends)
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        self.speaks = bool(config.kinds)
+        self.kind_names: tuple[str, ...] = Named.kind_names if self.speaks else ("none",)
+        super().__init__(config, object_area, num_worlds, person)
+        real = len(config.objects.init) or config.num_objects
+        targets = len(config.objects.goal) or config.num_targets
+        self.places = targets > 0
+        verb = VERBS[self.verb]
+        if (verb.needs_goal and not targets) or (targets and not verb.takes_goal):
+            wanted = "at least 1" if verb.needs_goal else "0"
+            raise ConfigError(f"task.num_targets={targets} must be {wanted} in task.name={config.name}")
+        if not self.speaks and (real > 1 or targets > 1):
+            raise ConfigError(
+                f"task.num_objects={real} and task.num_targets={targets} must be 1 at most in a task without words, "
+                "or nothing would tell which is meant; give task.kinds"
+            )
+
+    def _allocate(self, worlds: int) -> None:
+        slots = self.config.slots
+        self._begun = np.zeros((worlds, slots, 3))  # where objects were as the episode began
+        self._last = np.zeros((worlds, 3))  # where the referent was a step ago
+        self._still = np.zeros(worlds, np.int64)  # control steps that the referent has been at rest
+        self._reached = np.zeros(worlds, np.int64)  # control steps that the goal has been reached
+        self._before = {name: np.zeros(worlds) for name in self.potentials}
+
+    # ---- judging
+
+    @abstractmethod
+    def _potentials(self, state: State) -> dict[str, Array]:
+        """How far each stage is done, (N,) each: higher is nearer to the goal."""
+
+    @abstractmethod
+    def _at_goal(self, state: State) -> NDArray[np.bool_]:
+        """(N,) whether all is as it should be; for `hold_steps` steps running, that is success."""
+
+    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
+        """Forget what these worlds' episodes have come to."""
+
+    def reset(self, worlds: NDArray[np.int64], state: State) -> None:
+        """Start these worlds' episodes anew, or go on with another referent."""
+        self._begun[worlds] = state.objects[worlds]
+        self._last[worlds] = self._referent(state)[worlds]
+        self._still[worlds] = self._reached[worlds] = 0
+        self._begin(worlds, state)
+        for name, values in self._potentials(state).items():
+            self._before[name][worlds] = values[worlds]
+
+    def step(self, state: State) -> Outcome:
+        """Judge one control step of all worlds."""
+        place = self._referent(state)
+        self._still = np.where(length(place - self._last) < STILL, self._still + 1, 0)
+        self._last = place
+        at_goal = self._at_goal(state)
+        self._reached = np.where(at_goal, self._reached + 1, 0)
+        success = self._reached >= self.config.hold_steps
+        wrong_object = self._disturbed(state) & ~success
+        wrong_target = self._misplaced(state) & ~success & ~wrong_object
+        failed = self._failed(state) & ~success & ~wrong_object & ~wrong_target
+        after = self._potentials(state)
+        terms = {name: after[name] - self._before[name] for name in self.potentials}
+        self._before = after
+        ends = {
+            "success": success,
+            "wrong_object": wrong_object,
+            "wrong_target": wrong_target,
+            "failed": failed,
+            "time": np.ones(len(place)),
+        }
+        terms |= {name: ends[name].astype(np.float64) for name in self.ends}
+        return Outcome(terms, success, wrong_object, at_goal, wrong_target, failed)
+
+    def _failed(self, state: State) -> NDArray[np.bool_]:
+        """(N,) whether success has become impossible in another way."""
+        return np.zeros(len(self._rows), bool)
+
+    def _referent(self, state: State) -> Array:
+        """(N, 3) where the object is that is to be moved."""
+        return state.objects[self._rows, state.referent]
+
+    def _goal(self, state: State) -> Array:
+        """(N, 3) the place where it is to go."""
+        return state.objects[self._rows, state.target]
+
+    def _disturbed(self, state: State) -> NDArray[np.bool_]:
+        """(N,) whether an object that was not meant has been moved."""
+        others = state.movable.copy()
+        others[self._rows, state.referent] = False
+        return np.any(others & (length(state.objects - self._begun) > DISTURBED), axis=1)
+
+    def _misplaced(self, state: State) -> NDArray[np.bool_]:
+        """(N,) whether the referent has been brought to another target, and left there."""
+        if not self.places:
+            return np.zeros(len(self._rows), bool)
+        others = state.targets.copy()
+        others[self._rows, state.target] = False
+        place = self._referent(state)
+        there = others & (length(state.objects - place[:, None]) <= self.config.radius)
+        moved = length(place - self._begun[self._rows, state.referent]) > DISTURBED
+        left = (state.held != state.referent) & (self._still >= self.config.hold_steps)
+        return there.any(1) & moved & left
+
+    def stage(self, state: State) -> NDArray[np.int64]:
+        """(N,) in [0, 3): on the way to something, holding something, and holding it beside a place that is marked.
+
+        Where nothing is gripped, near an object instead of holding it. None of it depends on what is meant.
+        """
+        offset = state.objects - state.gripper[:, None]
+        near = length(offset) < NEAR
+        has = state.held != NOTHING if self.grips else (near & state.movable).any(1)
+        beside = (state.targets & (length(offset[..., :2]) < 2 * self.config.radius)).any(1)
+        return np.where(has, np.where(beside, 2, 1), 0)
+
+    # ---- drawing
+
+    def _draw(self, rng: Generator) -> Episode:
+        placed, nameable = self._drawn(rng)
+        target = self._one_of(self._targets(placed) & nameable, rng) if self.places else None
+        referent = self._one_of(self._movable(placed) & nameable, rng)
+        start, scene = self._started(placed, referent, target, rng)
+        return replace(self.episode(placed._replace(scene=scene), referent, target, rng), start=start)
+
+    def _each_in_turn(self, rng: Generator) -> list[Episode]:
+        placed, nameable = self._drawn(rng)
+        movable = np.flatnonzero(self._movable(placed) & nameable).tolist()
+        targets = np.flatnonzero(self._targets(placed) & nameable).tolist() if self.places else [None]
+        pairs = [(referent, target) for referent in movable for target in targets]
+        return [self._pointed(self.episode(placed, referent, target, rng), rng) for referent, target in pairs]
+
+    def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> Episode:
+        """The episode in which these objects of the scene are named. Raises LanguageError where one cannot be."""
+        sentence, kind = "", 0
+        if self.speaks:
+            phrase = self._describer.phrase(placed.scene, referent, rng)
+            goal = None if target is None else self._describer.phrase(placed.scene, target, rng)
+            instruction = Instruction(self.verb, phrase, goal)
+            sentence, kind = self._say(instruction, rng), self.kind_names.index(instruction.kind)
+        return replace(self._episode(placed, referent, kind, sentence), target=target)
+
+    def _placed(self, rng: Generator) -> Placed:
+        for _ in range(SCENES):
+            placed = super()._placed(rng)
+            if self._fits(placed):
+                return placed
+        raise ConfigError(
+            f"task.name={self.config.name} does not fit its {self.config.slots} objects into "
+            f"workspace.object_area={list(self._area)}: take fewer, or list some that leave the way free"
+        )
+
+    def _fits(self, placed: Placed) -> bool:
+        """Whether whatever could be asked in this scene can be done."""
+        return True
+
+    def retold(self, placed: Placed, moments: State, rng: Generator) -> Episode | None:
+        """An object that was moved is named, and a target that stands, or could have stood, where it came to be."""
+        told = meant_by(moments, DISTURBED, STILL, self.config.radius, rng)
+        if told is None:
+            return None
+        return self.episode(placed._replace(scene=placed.scene.moved(told.places)), told.referent, told.target, rng)
+
+    def _drawn(self, rng: Generator) -> tuple[Placed, NDArray[np.bool_]]:
+        if self.speaks:
+            return self._nameable_scene(rng)
+        placed = self._placed(rng)
+        return placed, np.ones(len(placed.scene), bool)
+
+    def _movable(self, placed: Placed) -> NDArray[np.bool_]:
+        return ~placed.scene.targets & ~placed.fixed
+
+    def _targets(self, placed: Placed) -> NDArray[np.bool_]:
+        return placed.scene.targets
+
+    def _one_of(self, choices: NDArray[np.bool_], rng: Generator) -> int:
+        if not choices.any():
+            raise ConfigError(f"task.name={self.config.name} needs an object that can be moved, and named")
+        return int(rng.choice(np.flatnonzero(choices)))
+
+    def _started(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> tuple[Start | None, Scene]:
+        """Where the gripper begins, by the curriculum, and the scene as it then is."""
+        curriculum, chance = self.config.curriculum, rng.random()
+        if chance < curriculum.held and self.grips:
+            scene = self._lifted(placed.scene, referent, target, rng)
+            meant = [referent] if target is None else [referent, target]
+            if scene is not None and (not self.speaks or self._describer.nameable(scene)[meant].all()):
+                return Start(np.zeros(3), held=True), scene
+        if chance < curriculum.held + curriculum.near:
+            return Start(self._near(placed.scene, referent, target, rng), held=False), placed.scene
+        return None, placed.scene
+
+    def _near(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Array:
+        """(3,) from where a gripper would hold its object to where it begins near it, metres."""
+        return rng.random() * rng.uniform(*OVER)
+
+    def _lifted(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
+        """The scene with the referent where the gripper is to hold it; None where no place was found."""
+        config = self.config
+        return lifted(scene, referent, target, self._area, config.object_size, config.spacing, rng)

@@ -1,0 +1,79 @@
+"""Pick and place: take an object up, bring it to a place, and let go of it there."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.tasks.base import NOTHING, Array, State
+from envs.tasks.manipulation import Manipulation
+from envs.tasks.ways import length
+
+LIFT = 0.02  # metres over the table that an object must be held once to count as picked up
+MOUTH = 0.02  # metres: a funnel's radius at its lower end
+ABOVE, OVER_ALL = 0.06, 0.09  # metres: heights of the funnels to the object, and with it over others to its target
+CLEAR = 0.04  # metres over the table to which lifting it is rewarded: or policies would leave the last bit to noise
+
+
+class PickAndPlace(Manipulation):
+    """Such as "pick the green cube and place it to the same position as the transparent red cube".
+
+    Success: the referent has been picked up, lies within `radius` of its target, let go of, and at rest, for
+    `hold_steps` steps. Pushing it there is not enough.
+    Potentials: approach (metres that the gripper has to go to the object, along a funnel over it, negative; 0 while it
+    is held or placed), grasp (1 while it is held or placed), lift (the most that it has been held over the table, 1
+    being `CLEAR`), transport (metres that the object has to go to its target, along a higher funnel, negative) and
+    release (1 while it is placed: picked up, near its target, and let go of).
+    """
+
+    verb = "pick_and_place"
+    grips = True
+    potentials = ("approach", "grasp", "lift", "transport", "release")
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._raised = np.zeros(worlds)  # the most that the referent has been held over the table, in units of CLEAR
+
+    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
+        self._raised[worlds] = (state.held == state.referent)[worlds]  # who begins with it has no need to lift it
+
+    @property
+    def memory(self) -> NDArray[np.float64]:
+        """(N, 1) how far the referent has been picked up."""
+        return self._raised[:, None]
+
+    def _at_goal(self, state: State) -> NDArray[np.bool_]:
+        self._note(state)
+        return self._placed_there(state) & (self._still >= 1)
+
+    def _note(self, state: State) -> None:
+        """Remember how far the referent has been picked up."""
+        height = self._referent(state)[:, 2] - self.config.object_size / 2
+        raised = np.clip(height / CLEAR, 0.0, 1.0) * (state.held == state.referent)
+        self._raised = np.maximum(self._raised, raised)
+
+    def _placed_there(self, state: State) -> NDArray[np.bool_]:
+        near = length(self._goal(state) - self._referent(state)) <= self.config.radius
+        return (self._raised >= LIFT / CLEAR) & near & (state.held == NOTHING)
+
+    def _potentials(self, state: State) -> dict[str, Array]:
+        place = self._referent(state)
+        placed = self._placed_there(state)
+        has = (state.held == state.referent) | placed
+        return {
+            "approach": np.where(has, 0.0, -funnel(state.gripper - place, ABOVE)),
+            "grasp": has.astype(np.float64),
+            "lift": self._raised.copy(),
+            "transport": -funnel(place - self._goal(state), OVER_ALL),
+            "release": placed.astype(np.float64),
+        }
+
+
+def funnel(offset: Array, height: float) -> Array:
+    """(...,) metres to go from offset (..., 3) to the origin, from above, so that nothing on the way is pushed aside.
+
+    Metres beside it, and metres from the height that is wanted there: the farther beside, the higher, up to `height`.
+    """
+    beside = length(offset[..., :2])
+    wanted = np.clip(beside - MOUTH, 0.0, height)
+    return beside + np.abs(offset[..., 2] - wanted)

@@ -1,0 +1,18 @@
+"""Press: push a button down, and keep it down."""
+
+from __future__ import annotations
+
+from envs.tasks.base import Array, State
+from envs.tasks.operate import Operate
+
+
+class PressButton(Operate):
+    """ "press the red button"."""
+
+    verb, noun = "press", "button"
+
+    def _measure(self, state: State) -> Array:
+        return -state.objects[..., 2]
+
+    def _from(self, state: State, place: Array) -> Array:
+        return place

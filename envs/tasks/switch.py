@@ -1,0 +1,26 @@
+"""Switch: push a lever over, from its one end to the other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from envs.devices import facing
+from envs.tasks.base import Array, State
+from envs.tasks.operate import Operate
+
+BEHIND = 0.035  # metres from a lever's knob to the middle of a gripper that is about to push it
+
+
+class SwitchLever(Operate):
+    """ "switch the blue lever". It stays where it is left."""
+
+    verb, noun = "switch", "lever"
+
+    def _measure(self, state: State) -> Array:
+        """How far they lean to where they face."""
+        x, y, z, w = np.moveaxis(state.turns, -1, 0)
+        return np.arctan2(2 * (y * w - x * z), 1 - 2 * (x * x + y * y))
+
+    def _from(self, state: State, place: Array) -> Array:
+        ahead = facing(state.turns[self._rows, state.referent])
+        return place - BEHIND * np.column_stack((ahead, np.zeros(len(ahead))))

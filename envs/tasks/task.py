@@ -1,0 +1,204 @@
+"""What every task does alike: it draws episodes, with their words and fingers, and judges control steps."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from conf.schema import ConfigError, did_you_mean
+from envs.tasks.base import Episode, Outcome, State, TaskConfig, Turn
+from envs.tasks.layout import scatter
+from human import Gesture, Person, Unreachable
+from language import COLORS, NOUNS, SHAPES, Instruction, LanguageError, Placed, Scene, Wording, parse, say
+
+T = TypeVar("T")
+TRIES = 200
+TURNS = (4, 16)  # control steps before which a finger that moves on does so
+
+
+def loose(scene: Scene) -> Placed:
+    """The scene with nothing turned or held in place."""
+    return Placed(scene, np.zeros(len(scene)), np.zeros(len(scene), bool))
+
+
+class Task(ABC):
+    """N episodes at once. terms: the names of its reward terms, in their order."""
+
+    terms: tuple[str, ...]
+    kind_names: tuple[str, ...] = ("none",)
+    speaks = False  # are there words?
+    grips = False  # is closing the gripper one more number of the action?
+    turns = False  # is turning the gripper about the vertical one as well?
+    lag = 0  # physics steps after its command that a gripper lets go
+    moves = False  # is it about where objects are, rather than the gripper?
+    places = False  # is there a target that the referent is to be brought to?
+    operates = False  # are its objects devices, whose handles they are known by?
+    nouns: tuple[str, ...] = SHAPES  # what its objects can be
+    stages = 1  # how many stages can be told apart, whatever is meant
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        for name in config.weights:
+            if name not in self.terms:
+                raise ConfigError(f"task.reward.{name} is not a known term" + did_you_mean(name, self.terms))
+        if not config.kinds and config.num_objects > 1 and person is None:
+            raise ConfigError(
+                f"task.num_objects={config.num_objects} must be 1 in a task without words, "
+                "or nothing would tell which object is meant; try task=nl_reach or task=reach_gesture"
+            )
+        if person is not None and person.config.switch and type(self)._elsewhere is Task._elsewhere:
+            raise ConfigError(
+                f"gesture.switch={person.config.switch} needs words that fit another object as well, and those of "
+                f"task.name={config.name} do not; take reach_gesture or nl_reach_gesture"
+            )
+        if not set(config.nouns) <= set(self.nouns):
+            raise ConfigError(f"task.nouns={config.nouns} must be of {list(self.nouns)} in task.name={config.name}")
+        self.config, self._area, self._person = config, object_area, person
+        self._split = config.says()
+        self._wording = Wording(self._split) if config.varied or self._split.name == "test_paraphrase" else None
+        self._layout = config.objects.layout(config.object_size)
+        self._nouns = np.array([list(NOUNS).index(noun) for noun in config.nouns])
+        self._rows = np.arange(num_worlds)
+        self._allocate(num_worlds)
+
+    @abstractmethod
+    def _allocate(self, worlds: int) -> None:
+        """Make room for what is kept of each world from step to step."""
+
+    @abstractmethod
+    def reset(self, worlds: NDArray[np.int64], state: State) -> None:
+        """Start these worlds' episodes anew, or go on with another referent."""
+
+    @abstractmethod
+    def step(self, state: State) -> Outcome:
+        """Judge one control step of all worlds."""
+
+    def stage(self, state: State) -> NDArray[np.int64]:
+        """(N,) the stage that each world's episode is in; it tells nothing of what is meant."""
+        return np.zeros(len(self._rows), np.int64)
+
+    @property
+    def memory(self) -> NDArray[np.float64]:
+        """(N, M) in [0, 1]: what success depends on that cannot be seen; for critics."""
+        return np.zeros((len(self._rows), 0))
+
+    def ways(self, state: State) -> NDArray[np.float64]:
+        """(N, K) in [-1, 1]: how far each device has been operated; only where the task operates devices."""
+        raise NotImplementedError
+
+    def retold(self, placed: Placed, moments: State, rng: Generator) -> Episode | None:
+        """What an episode could have been asked to do, seeing what it did; None: nothing else than it was.
+
+        placed: its scene as it began. moments: the beginning and each control step after it in the place of worlds, and
+        the scene's K objects for slots. In the answer's scene targets alone may stand elsewhere: they touch nothing, so
+        all would have gone as it did. Raises LanguageError where that cannot be said.
+        """
+        return None
+
+    @property
+    def points(self) -> bool:
+        """Whether a person points at the referent."""
+        return self._person is not None
+
+    @property
+    def bodies(self) -> tuple[int, int, int]:
+        """How many objects an episode shows at most that are free, fixed, and see-through."""
+        if self._layout is None:
+            return self.config.num_objects, 0, self.config.num_targets
+        specs = self._layout.specs
+        targets = sum(spec.role == "target" for spec in specs)
+        fixed = sum(spec.role == "real" and spec.fixed for spec in specs)
+        return len(specs) - fixed - targets, fixed, targets
+
+    @property
+    def devices(self) -> tuple[str, ...]:
+        """The nouns of the devices that an episode shows at most."""
+        return ()
+
+    def draw(self, rng: Generator) -> Episode:
+        """A fresh episode for one world, with what the person shows in it. All chance comes from rng."""
+        return self._tried(lambda: self._pointed(self._draw(rng), rng))
+
+    def each_in_turn(self, rng: Generator) -> list[Episode]:
+        """One scene, and an episode for each of its objects that words or finger can tell from the others."""
+        return self._tried(lambda: self._each_in_turn(rng))
+
+    def _each_in_turn(self, rng: Generator) -> list[Episode]:
+        """The same, but raises Unreachable where the person cannot show one of them."""
+        return [self._pointed(self._draw(rng), rng)]
+
+    def _tried(self, draw: Callable[[], T]) -> T:
+        """What `draw` gives, once the person can show all that is in it."""
+        for _ in range(TRIES):
+            try:
+                return draw()
+            except Unreachable:
+                continue
+        area = list(self._area)
+        raise ConfigError(f"task.name={self.config.name}: the person cannot point into workspace.object_area={area}")
+
+    def _draw(self, rng: Generator) -> Episode:
+        """The scene, its referent and the words. Raises Unreachable where the person cannot show it."""
+        placed = self._placed(rng)
+        return self._episode(placed, referent=0, kind=0, sentence="")
+
+    def _pointed(self, episode: Episode, rng: Generator) -> Episode:
+        """The episode with a finger that shows the referent, and sometimes moves on to another."""
+        person = self._person
+        if person is None:
+            return episode
+        if episode.gesture is None:
+            episode = replace(episode, gesture=person.show(episode.scene.positions[episode.referent], rng))
+        assert episode.gesture is not None
+        if rng.random() >= person.config.switch or not episode.gesture.shown:
+            return episode
+        other, at = self._elsewhere(episode, rng), int(rng.integers(*TURNS))
+        return episode if other is None else replace(episode, turn=Turn(at, *other))
+
+    def _say(self, instruction: Instruction, rng: Generator) -> str:
+        """The instruction in our own words, or in drawn ones where the config wants those."""
+        if self._wording is None:
+            return say(instruction)
+        try:
+            return self._wording.say(instruction, rng)
+        except LanguageError as error:
+            raise ConfigError(f"task.split={self.config.split}: {error}; hold out a template of reach") from None
+
+    def _episode(
+        self, placed: Placed, referent: int, kind: int, sentence: str, gesture: Gesture | None = None
+    ) -> Episode:
+        """These objects, one of which is meant, with what the policy hears of the sentence."""
+        heard = say(parse(sentence)) if sentence and self.config.rephrased else None
+        return Episode(placed.scene, referent, kind, sentence, heard, placed.yaw, placed.fixed, gesture)
+
+    def _elsewhere(self, episode: Episode, rng: Generator) -> tuple[int, Gesture] | None:
+        """Another object that the same words can mean, and how the person points at it; none: there is no other."""
+        return None
+
+    def _placed(self, rng: Generator) -> Placed:
+        """The listed objects where there are any, else a scene of the task's own."""
+        if self._layout is None:
+            scene = self._scene(rng)
+            return loose(scene)
+        try:
+            return self._layout.draw(rng, self.config.spacing)
+        except LanguageError as error:
+            raise ConfigError(f"task.objects: {error}") from None
+
+    def _scene(self, rng: Generator) -> Scene:
+        config = self.config
+        count = config.num_objects
+        if config.min_objects < count:
+            count = int(rng.integers(config.min_objects, count + 1))
+        count += config.num_targets
+        places = scatter(rng, count, self._area, config.spacing, config.object_size / 2)
+        nouns, colors = self._nouns[rng.integers(len(self._nouns), size=count)], rng.integers(len(COLORS), size=count)
+        targets = np.arange(count) >= count - config.num_targets
+        return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)

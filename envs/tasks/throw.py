@@ -1,0 +1,73 @@
+"""Throw: let go of an object in the air, so that it comes to rest at a place further on."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.tasks.base import NOTHING, Array, State
+from envs.tasks.manipulation import Manipulation
+from envs.tasks.ways import length
+
+SHORT = 0.15  # metres over the table from its target at which the object is let go of, at least
+HIGH = 0.03  # metres above the table, at least
+LANDED = 0.1  # metres from its target within which it comes to rest
+
+
+class Throw(Manipulation):
+    """ "throw the red cube to the same position as the transparent blue cube".
+
+    Success: the referent, let go of in the air (`HIGH`) and `SHORT` of its target or further, lies within `LANDED` of
+    it, at rest, for `hold_steps` steps. Taken up again, it is no longer thrown.
+    Potentials: approach (metres from gripper to object, negative; 0 while it is held or thrown), grasp (1 while it is
+    held or thrown), lift (1 while it is held in the air or thrown), transport (metres over the table from object to
+    where it counts as landed, negative) and release (1 while it is thrown).
+    """
+
+    verb = "throw"
+    grips = True
+    lag = 3  # an arm is fastest early in a control step, and all but stands as one begins
+    potentials = ("approach", "grasp", "lift", "transport", "release")
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._thrown = np.zeros(worlds, bool)
+        self._carried = np.zeros((worlds, 3))  # where the object was last held
+
+    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
+        self._thrown[worlds] = False
+        self._carried[worlds] = np.nan
+        self._note(state)
+
+    @property
+    def memory(self) -> NDArray[np.float64]:
+        """(N, 1) whether the referent has been thrown."""
+        return self._thrown[:, None].astype(np.float64)
+
+    def _note(self, state: State) -> None:
+        """Remember from where the referent was let go of."""
+        place, held = self._referent(state), state.held == state.referent
+        short = length((self._goal(state) - self._carried)[:, :2]) >= SHORT
+        released = ~held & short & (self._carried[:, 2] - self.config.object_size / 2 >= HIGH)
+        self._thrown = ~held & (self._thrown | released)
+        self._carried = np.where(held[:, None], place, np.nan)
+
+    def _at_goal(self, state: State) -> NDArray[np.bool_]:
+        self._note(state)
+        return self._thrown & (self._left(state) == 0) & (self._still >= 1) & (state.held == NOTHING)
+
+    def _left(self, state: State) -> Array:
+        """(N,) metres over the table to where the referent counts as landed."""
+        return np.maximum(length((self._goal(state) - self._referent(state))[:, :2]) - LANDED, 0.0)
+
+    def _potentials(self, state: State) -> dict[str, Array]:
+        place, held = self._referent(state), state.held == state.referent
+        has = held | self._thrown
+        up = place[:, 2] - self.config.object_size / 2 >= HIGH
+        return {
+            "approach": np.where(has, 0.0, -length(place - state.gripper)),
+            "grasp": has.astype(np.float64),
+            "lift": ((held & up) | self._thrown).astype(np.float64),
+            "transport": -self._left(state),
+            "release": self._thrown.astype(np.float64),
+        }

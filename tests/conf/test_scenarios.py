@@ -1,0 +1,80 @@
+"""Scenarios compose to what they say, and what is typed wins over them."""
+
+import pytest
+
+from conf.overrides import apply, check, compose, quoted
+from conf.schema import ConfigError
+from envs import read_env
+from trainers.config import read_plan
+
+SCENARIOS = {
+    1: ("kuka", "absolute", "ppo"),
+    2: ("kuka", "step", "ppo"),
+    3: ("kuka", "joints", "ppo"),
+    4: ("panda", "step", "ppo"),
+    5: ("jaco", "step", "sac"),
+}
+
+
+@pytest.mark.parametrize("number", SCENARIOS)
+def test_a_scenario_is_a_robot_a_control_an_algorithm_and_one_task(number):
+    config = compose([f"scenario={number}"])
+    environment, plan = read_env(config), read_plan(config)
+    assert (environment.robot.name, environment.control.name, plan.algo.name) == SCENARIOS[number]
+    task = environment.task
+    assert (task.name, task.num_objects, task.num_targets) == ("nl_pick_and_place", 2, 2)
+    assert environment.gripper.of(environment.robot) == ("fingers" if number == 4 else "magnet")
+    assert plan.run.total_frames <= 1_000_000
+    assert config.scenario == number
+
+
+def test_scenarios_differ_in_nothing_else():
+    """One set of hyperparameters for each algorithm, whatever the robot and the control."""
+    first = compose(["scenario=1"])
+    for number in (2, 3, 4):
+        other = compose([f"scenario={number}"])
+        assert [other[key] for key in ("algo", "policy", "task", "collector", "total_frames")] == [
+            first[key] for key in ("algo", "policy", "task", "collector", "total_frames")
+        ]
+
+
+def test_without_a_scenario_nothing_changes():
+    assert compose(["scenario=none"]) == compose()
+    assert "scenario" not in compose()
+
+
+def test_what_is_typed_wins_over_the_scenario():
+    typed = ["scenario=2", "robot=panda", "algo=sac", "total_frames=1000", "task.num_objects=3"]
+    for words in (typed, typed[::-1]):
+        config = compose(words)
+        assert (config.robot.name, config.algo.name, config.control.name) == ("panda", "sac", "step")
+        assert (config.total_frames, config.task.num_objects, config.task.num_targets) == (1000, 3, 2)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["-m", "scenario=1,2,3,4,5", "seed=0,1,2"],
+        ["-m", "robot=kuka,panda,jaco", "control=joints,absolute,step", "algo=ppo,sac"],
+        ["-m", "scenario=none,2", "sweep.jobs=1"],
+        ["-m", "scenario='1','2'"],
+    ],
+)
+def test_the_sweeps_of_the_comparison_pass(words):
+    check(words)
+
+
+def test_options_that_are_numbers_are_quoted_for_hydra_and_other_numbers_are_not():
+    words = ["scenario=1,2", "scenario=none,3", "seed=1,2", "robot=kuka", "scenario='4'"]
+    assert quoted(words) == ["scenario='1','2'", "scenario=none,'3'", "seed=1,2", "robot=kuka", "scenario='4'"]
+
+
+@pytest.mark.parametrize("word", ["scenario=6", "scenario=1,7"])
+def test_an_unknown_scenario_is_named(word):
+    with pytest.raises(ConfigError, match=r"^scenario=[67] is not known; choose from 1, 2, 3, 4, 5, none$"):
+        check([word])
+
+
+def test_a_checkpoint_keeps_its_scenario():
+    with pytest.raises(ConfigError, match="scenario=2: a checkpoint keeps the scenario"):
+        apply({"seed": 0}, ["scenario=2"])

@@ -1,0 +1,190 @@
+"""An episode told again is what the environment would have recorded, had that been asked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from env_cases import act, leaves, make
+
+from envs.experts import expert
+from language import parse
+
+WORLDS, SEED = 6, 11
+TASKS = ("nl_reach", "nl_push", "nl_pick_and_place")
+# An arm that begins at the referent would begin elsewhere in another tale of the same seed.
+REST = ("task.curriculum.near=0", "task.curriculum.held=0")
+
+
+@pytest.fixture(scope="module", params=TASKS)
+def env(request):
+    made = make("kuka", "step", request.param, *REST, worlds=WORLDS, seed=3)
+    yield made
+    made.close()
+
+
+def drawn(env, seed):
+    rng = np.random.default_rng(seed)
+    return [env.task.draw(rng) for _ in range(WORLDS)]
+
+
+def recorded(env, episodes, driver):
+    """Each world's frames (T,) up to where its episode ends, under actions driver(td, t) (N, A)."""
+    td, steps = env.start(episodes, SEED), []
+    for t in range(env.config.task.max_steps):
+        td = td.exclude("reward", "action").clone()
+        action = driver(td, t)
+        after = act(env, td, action)
+        steps.append(td.set("action", action).set("next", after.exclude("action")).clone())
+        td = after
+    frames = torch.stack(steps, 1)
+    ends = frames["next", "done"][..., 0].int().argmax(1)
+    return [frames[i, : int(end) + 1] for i, end in enumerate(ends)]
+
+
+def others(slots, td, targets):
+    """(N,) for each world another of its targets, or of its real objects, than that in slots (N,)."""
+    fits = td["objects_mask"].numpy() & ((td["objects"][..., -1 - 3 * moves(td)] > 0.5).numpy() == targets)
+    fits[np.arange(WORLDS), slots] = False
+    return np.where(fits.any(1), fits.argmax(1), slots)
+
+
+def moves(td):
+    return "held" in td["privileged"].keys()
+
+
+def at_another(env):
+    """Does all that is asked, but with another object, and at another target."""
+    guide = expert(env)
+
+    def drive(td, t):
+        if not t:
+            drive.referent = others(td["privileged", "referent"].numpy(), td, False)
+            drive.target = others(td["privileged", "target"].numpy(), td, True) if moves(td) else drive.referent
+        return guide.act(drive.referent, drive.target)
+
+    return drive
+
+
+def let_go_on_the_way(env):
+    """Does what is asked, but stops and lets go before it is there."""
+    guide = expert(env)
+
+    def drive(td, t):
+        slots = [td["privileged", name].numpy() for name in ("referent", "target")]
+        action, place = guide.act(*slots), td["objects"][range(WORLDS), slots[0], :3]
+        drive.begun = place.clone() if not t else drive.begun
+        drive.left = torch.zeros(WORLDS, dtype=torch.bool) if not t else drive.left
+        drive.left |= (place - drive.begun)[:, :2].norm(dim=1) > 0.06
+        stop = td["hold"].clone()
+        stop[:, 3:] = -1.0
+        return torch.where(drive.left[:, None], stop, action)
+
+    return drive
+
+
+def drivers(env):
+    return [at_another, let_go_on_the_way] if env.task.moves else [at_another]
+
+
+@pytest.fixture(scope="module")
+def tales(env):
+    """(original episode, its frames, the frames told again) for everything that can be told."""
+    kept = []
+    for count, driver in enumerate(drivers(env)):
+        episodes = drawn(env, count)
+        for episode, frames in zip(episodes, recorded(env, episodes, driver(env)), strict=True):
+            for tale in env.hindsight([frames], count):
+                kept.append((episode, frames, tale))
+    return kept
+
+
+def sentence(tale):
+    return bytes(tale["privileged", "sentence"][0].tolist()).rstrip(b"\0").decode()
+
+
+def as_asked(episode, frames, tale):
+    """The episode that the tale is of, its targets where the tale has them."""
+    seen, now = frames["objects"][0, :, :3].numpy(), tale["objects"][0, :, :3].numpy()
+    slots = [int(np.linalg.norm(seen - place, axis=1).argmin()) for place in episode.scene.positions]
+    places = np.where(episode.scene.targets[:, None], now[slots], episode.scene.positions)
+    meant = {
+        name: slots.index(int(tale["privileged", name][0]))
+        for name in ("referent", "target")
+        if name in tale["privileged"].keys()
+    }
+    return replace(
+        episode,
+        scene=episode.scene.moved(places),
+        sentence=sentence(tale),
+        kind=int(tale["privileged", "kind"][0]),
+        **meant,
+    )
+
+
+def test_it_is_what_the_environment_records_where_that_is_asked(env, tales):
+    assert len(tales) >= WORLDS
+    assert sum(bool(tale["next", "success"].any()) for _, _, tale in tales) >= WORLDS / 2
+    for episode, frames, tale in tales:
+        td = env.start([as_asked(episode, frames, tale)], SEED)
+        for t in range(len(tale)):
+            check(td[0], tale[t])
+            td = act(env, td.exclude("reward", "action").clone(), tale["action"][t].expand(WORLDS, -1))
+            check(td[0], tale["next"][t])
+            torch.testing.assert_close(td["reward"][0], tale["next", "reward"][t], atol=1e-5, rtol=0)
+        assert bool(td["terminated"][0]) == bool(tale["next", "terminated"][-1])
+
+
+def check(real, tale):
+    """The real world records the same but for rounding, and knows nothing of the tale's end by time."""
+    of_the_policy = ("action", "next", "reward", "done", "truncated")
+    real, tale = leaves(real.exclude(*of_the_policy)), leaves(tale.exclude(*of_the_policy))
+    assert set(tale) == set(real)
+    for key, value in tale.items():
+        torch.testing.assert_close(value, real[key], atol=1e-5, rtol=0, msg=lambda text, key=key: f"{key}: {text}")
+
+
+def test_the_new_sentence_names_the_new_objects_in_the_new_scene(env, tales):
+    for episode, frames, tale in tales:
+        asked = as_asked(episode, frames, tale)
+        step = parse(asked.sentence, asked.scene).steps[-1]
+        assert asked.sentence != episode.sentence or asked.scene is not episode.scene
+        assert (tale["instruction"] == torch.tensor(env.tokenizer.encode(asked.sentence).tolist())).all()
+        if env.task.moves:
+            assert (step.init, step.goal) == (asked.referent, asked.target)
+        else:
+            assert step.goal == asked.referent
+
+
+def test_it_ends_where_it_succeeds_and_tells_of_nothing_after(tales):
+    for _, _, tale in tales:
+        after = tale["next"]
+        assert after["done"].flatten().tolist() == [False] * (len(tale) - 1) + [True]
+        assert not after["terminated"][:-1].any()
+        assert torch.equal(after["terminated"], after["success"] | after["wrong_object"] | after["wrong_target"])
+        assert torch.equal(after["truncated"], after["done"] & ~after["terminated"])
+        torch.testing.assert_close(after["reward"], after["reward_terms"].sum(-1, keepdim=True))
+
+
+def test_an_episode_that_did_what_was_asked_has_no_other_tale(env):
+    guide = expert(env)
+    for frames in recorded(env, drawn(env, 5), lambda td, t: guide(td)["action"]):
+        if frames["next", "success"].any():
+            assert env.hindsight([frames], 0) == []
+
+
+def test_the_same_seed_the_same_tales_whatever_is_told_with_them(env):
+    episodes = recorded(env, drawn(env, 0), at_another(env))
+    many = [*episodes] * 4
+    first, second = env.hindsight(many, 1), env.hindsight(many, 1)
+    assert len(first) == len(second) > 16  # more than are judged at once
+    for one, other in zip(first, second, strict=True):
+        assert (one == other).all()
+
+
+@pytest.mark.parametrize("task", ["reach", "reach_gesture"])
+def test_who_points_or_says_nothing_tells_nothing(task):
+    env = make("kuka", "step", task, worlds=1)
+    frames = env.rollout(5)[0]
+    assert env.hindsight([frames], 0) == []
+    env.close()

@@ -1,0 +1,78 @@
+"""Finishing pays best: no manipulation task can be farmed, as follows from its potentials and the weights in its YAML.
+
+What an episode earns by potentials is what they are worth at its end less what they were at its beginning. So beside
+one that succeeds, another one from the same beginning can gain no more than what the potentials lack at success of the
+most that they can be.
+"""
+
+import numpy as np
+import pytest
+from test_manipulation_rules import DONE, MOVING, fitting, four, judged, moment
+
+from envs.tasks import TASKS
+from language import LIFTED
+
+MOST = {"approach": 0, "grasp": 1, "lift": 1, "transport": 0, "release": 1, "rest": 1, "height": LIFTED, "turn": 1} | {
+    "touch": 1,
+    "withdraw": 1,
+}
+
+
+def way_to_success(name):
+    plain = name.removeprefix("nl_")
+    ways = (
+        way for names, way, end in DONE.values() if end == "success" and plain in [n.removeprefix("nl_") for n in names]
+    )
+    return next(ways)
+
+
+def lacking(name):
+    """How much less than they could be all weighted potentials are at success, at worst."""
+    task = four(name)
+    task.reset(np.array([0]), fitting(task, moment()))
+    for each in way_to_success(name):
+        task.step(fitting(task, each))
+    ends = {term: float(values[0]) for term, values in task._potentials(fitting(task, each)).items()}
+    if "transport" in ends and name != "throw":
+        ends["transport"] = -task.config.radius
+    return sum(task.config.weights[term] * (MOST[term] - value) for term, value in ends.items())
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_an_episode_that_never_finishes_never_beats_one_that_does(name):
+    weights = four(name).config.weights
+    assert lacking(name) < weights["success"]  # the one that finishes is the shorter one, and time costs
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_an_episode_that_is_spoilt_at_once_does_not_beat_one_that_finishes_at_last(name):
+    config = four(name).config
+    time = -config.weights["time"] * config.max_steps
+    for end in {"wrong_object", "wrong_target", "failed"} & set(config.weights):
+        assert lacking(name) + time < config.weights["success"] - config.weights[end]
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_potentials_never_exceed_the_most_that_they_are_said_to_be(name):
+    task, rng = four(name), np.random.default_rng(0)
+    task.reset(np.array([0]), fitting(task, moment()))
+    for _ in range(300):
+        place, gripper = rng.uniform([0.3, -0.3, 0.02], [0.6, 0.3, 0.3], (2, 3))
+        state = fitting(task, moment(place, held=int(rng.integers(-1, 2)), gripper=gripper, yaw=rng.uniform(-3, 3)))
+        task.step(state)
+        assert all(values[0] <= MOST[term] + 1e-9 for term, values in task._potentials(state).items())
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_every_term_has_a_weight_of_its_sign(name):
+    weights = four(name).config.weights
+    assert set(weights) == set(TASKS[name].terms)
+    bad = {"wrong_object", "wrong_target", "failed", "time"}
+    assert all(weight < 0 if term in bad else weight > 0 for term, weight in weights.items())
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_success_is_paid_once(name):
+    outcomes = judged(name, way_to_success(name))
+    assert [float(outcome.terms["success"][0]) for outcome in outcomes[:-1]][-1] in (0.0, 1.0)
+    assert float(outcomes[-1].terms["success"][0]) == 1.0

@@ -1,0 +1,247 @@
+"""python train.py -m as a person uses it: stopped half-way, gone on with, with jobs that fail. Tiny real runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import train
+from conf.schema import ConfigError
+from trainers import checkpoint
+from trainers.job import find_place, shared, told
+from trainers.metrics import read_metrics
+from trainers.sweep import arguments
+
+ROOT = Path(train.__file__).parent
+TINY = [
+    "task=reach",
+    "task.max_steps=8",
+    "collector.worlds=4",
+    "algo.horizon=16",
+    "algo.minibatch=16",
+    "eval.interval=256",
+    "eval.episodes=4",
+    "eval.interval_episodes=2",
+    "eval.worlds=2",
+    "eval.video_episodes=0",
+    "logger=[]",
+]
+LONG = "1000000"
+TRACEBACK = "Traceback (most recent call last):\n  x\nKeyError: 'a'"
+
+
+def start(*arguments: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, str(ROOT / "train.py"), *arguments],
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def wait_for(condition, process, seconds=240):
+    deadline = time.monotonic() + seconds
+    while not condition() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert condition(), process.communicate(timeout=5)[0] if process.poll() is not None else "still waiting"
+
+
+def living(group: int) -> list[str]:
+    """Commands of the processes of a group, after the second or two that the last of them take to end."""
+    deadline = time.monotonic() + 15
+    while (found := _of_group(group)) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    return found
+
+
+def _of_group(group: int) -> list[str]:
+    listed = subprocess.run(["ps", "-eo", "pgid,stat,args"], capture_output=True, text=True, check=True).stdout
+    rows = [line.split(None, 2) for line in listed.splitlines()[1:]]
+    return [row[2] for row in rows if int(row[0]) == group and not row[1].startswith("Z")]
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory):
+    """A sweep in which one job failed and one finished beside the first, until Ctrl-C came."""
+    folder = tmp_path_factory.mktemp("with space, [and more]") / "sweep"
+    process = start("-m", f"total_frames={LONG},0,128", *TINY, f"hydra.sweep.dir='{folder}'")
+    try:
+        half_way = [("0_*", "checkpoints/last.pt"), ("1_*", "error.txt"), ("2_*", "eval.json")]
+        wait_for(lambda: all(list(folder.glob(f"{job}/{name}")) for job, name in half_way), process)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: every process hears it
+        said, _ = process.communicate(timeout=60)
+        left = living(process.pid)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    return folder, process.returncode, said, left
+
+
+def job(folder: Path, number: int) -> Path:
+    return next(folder.glob(f"{number}_*"))
+
+
+def test_folders_of_a_sweep_tell_what_ran(stopped):
+    folder, *_ = stopped
+    assert job(folder, 0).name == "0_kuka-step-reach-ppo-s0"
+
+
+def test_ctrl_c_saves_every_job_ends_all_processes_and_says_how_to_go_on(stopped):
+    folder, code, said, left = stopped
+    assert code == 130, said
+    assert left == []
+    assert "Traceback" not in said
+    assert f"python train.py -m 'sweep.resume={folder}'" in said
+    assert not (job(folder, 0) / "error.txt").exists()
+    saved = checkpoint.load(job(folder, 0) / "checkpoints" / "last.pt")
+    assert saved["counters"]["frames"] == read_metrics(job(folder, 0) / "metrics.csv")[-1]["frames"]
+
+
+def test_jobs_run_two_at_a_time_and_one_that_fails_leaves_its_error(stopped):
+    folder, _, said, _ = stopped
+    assert (job(folder, 1) / "error.txt").read_text() == "total_frames=0 is out of range: it must be at least 1\n"
+    assert json.loads((job(folder, 2) / "eval.json").read_text())["frames"] == 128
+    assert "failed: total_frames=0 is out of range" in said
+
+
+def test_jobs_print_a_line_at_each_evaluation_with_their_name_before_it(stopped):
+    _, _, said, _ = stopped
+    assert "[2_kuka-step-reach-ppo-s0] 128 of 128 frames" in said
+    assert "\r" not in said
+
+
+def test_a_sweep_started_again_runs_only_what_is_missing(stopped):
+    folder, *_ = stopped
+    halted, finished = job(folder, 0), job(folder, 2)
+    untouched = [path.stat().st_mtime_ns for path in (finished / "eval.json", finished / "checkpoints" / "last.pt")]
+    before = read_metrics(halted / "metrics.csv")
+    shorten(halted, int(before[-1]["frames"]) + 256)
+    process = start("-m", f"sweep.resume='{folder}'")
+    said, _ = process.communicate(timeout=240)
+    assert process.returncode == 1, said  # job 1 fails again
+    after = read_metrics(halted / "metrics.csv")
+    assert str(after[: len(before)]) == str(before)
+    assert after[-1]["frames"] == before[-1]["frames"] + 256
+    assert json.loads((halted / "eval.json").read_text())["frames"] == after[-1]["frames"]
+    paths = (finished / "eval.json", finished / "checkpoints" / "last.pt")
+    assert [path.stat().st_mtime_ns for path in paths] == untouched
+    table = [line for line in said.splitlines() if line.startswith("total_frames=")]
+    assert [line.split()[0] for line in table] == [f"total_frames={frames}" for frames in (LONG, 0, 128)]
+    assert "failed: total_frames=0 is out of range" in table[1]
+    assert {"report.html", "report.md", "success.png"} <= {path.name for path in folder.iterdir()}
+    assert len(list(folder.glob("*/job.json"))) == 3
+
+
+def shorten(run: Path, frames: int) -> None:
+    """Make a checkpoint one of a run that has almost come to its end."""
+    import torch
+
+    path = run / "checkpoints" / "last.pt"
+    saved = torch.load(path, weights_only=True)
+    saved["config"]["total_frames"] = frames
+    torch.save(saved, path)
+
+
+def test_when_the_sweep_itself_is_killed_its_jobs_end_too(tmp_path):
+    process = start("-m", "seed=0,1", f"total_frames={LONG}", *TINY, f"hydra.sweep.dir={tmp_path}")
+    try:
+        wait_for(lambda: len(list(tmp_path.glob("*/job.json"))) == 2, process)
+        os.kill(process.pid, signal.SIGKILL)
+        process.communicate(timeout=60)
+        assert living(process.pid) == []
+    finally:
+        for _ in living(process.pid):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["-m", "sweep.resume=/nowhere"], "sweep.resume=/nowhere is not the directory of a sweep"),
+        (["-m", "seed=0,1", "sweep.jobs=0"], "sweep.jobs=0 is out of range"),
+        (["-m", "seed=0,1", "resume=outputs/there"], "a sweep goes on with sweep.resume=<sweep dir>"),
+        (["-m", "scenario=1,6"], "scenario=6 is not known"),
+    ],
+)
+def test_a_sweep_that_cannot_begin_says_why_in_one_line(words, message, tmp_path):
+    process = start(*words, f"hydra.sweep.dir={tmp_path}/sweep")
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 1
+    (line,) = said.splitlines()
+    assert message in line
+    assert not (tmp_path / "sweep").exists()
+
+
+# ---- the pieces ----------------------------------------------------------------------------------------------------
+
+
+def remembered(folder: Path, *overrides: str) -> Path:
+    folder.mkdir(exist_ok=True)
+    (folder / "sweep.yaml").write_text(json.dumps([{"overrides": ["seed=9"]}, {"overrides": overrides}]))
+    return folder
+
+
+def test_resume_alone_stands_for_what_the_last_start_was_told(tmp_path):
+    folder = remembered(tmp_path, "scenario='1','2'", "seed=0,1")
+    told = ["--multirun", "scenario='1','2'", "seed=0,1", f"hydra.sweep.dir='{folder}'"]
+    assert arguments(["-m", f"sweep.resume={folder}"]) == told
+    assert arguments([f"sweep.resume={folder}"]) == told
+    assert arguments([f"sweep.resume={folder}", "sweep.jobs=1"]) == [*told[:-1], "sweep.jobs=1", told[-1]]
+
+
+def test_resume_takes_other_overrides_too(tmp_path):
+    folder = remembered(tmp_path, "seed=0,1")
+    words = ["-m", "seed=0,1,2", f"sweep.resume={folder}"]
+    assert arguments(words) == ["--multirun", "seed=0,1,2", f"hydra.sweep.dir='{folder}'"]
+    assert arguments(["robot=panda", "sweep.resume=null"]) == ["robot=panda", "sweep.resume=null"]
+
+
+def test_a_damaged_memory_is_named(tmp_path):
+    (tmp_path / "sweep.yaml").write_text("- overrides: [a\n- {")
+    with pytest.raises(ConfigError, match=r"sweep\.yaml is damaged"):
+        arguments([f"sweep.resume={tmp_path}"])
+
+
+def test_a_job_is_known_by_its_overrides_whatever_its_number(tmp_path):
+    for name, overrides in (("0_a", ["seed=0"]), ("1_a", ["seed=1", "robot=kuka"])):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "job.json").write_text(json.dumps({"overrides": overrides}))
+    assert find_place(tmp_path / "7_a", ["robot=kuka", "seed=1"]) == tmp_path / "1_a"
+    assert find_place(tmp_path / "7_a", ["seed=2"]) == tmp_path / "7_a"
+    assert find_place(tmp_path / "1_a", ["seed=2"]) == tmp_path / "1_a-2"
+
+
+@pytest.mark.parametrize(("cores", "jobs", "workers"), [(2, 2, 1), (2, 1, 2), (8, 2, 4), (1, 2, 1), (6, 2, 2)])
+def test_a_job_collects_on_its_share_of_the_cores(cores, jobs, workers, monkeypatch):
+    from conf.overrides import compose
+
+    monkeypatch.setattr("trainers.config.cores", lambda: cores)
+    monkeypatch.setattr("trainers.job.cores", lambda: cores)
+    assert shared(compose([f"sweep.jobs={jobs}"])) == [f"collector.workers={workers}"]
+    assert shared(compose([f"sweep.jobs={jobs}", "collector.workers=4"])) == []
+    asked = ["collector.workers=4", "update_threads=0"]
+    assert shared(compose([f"sweep.jobs={jobs}", *asked])) == [f"update_threads={max(1, cores // jobs)}"]
+
+
+@pytest.mark.parametrize(
+    ("code", "errors", "text"),
+    [
+        (1, "a warning\nerror: algo.lr=-1 is out of range\n", "algo.lr=-1 is out of range"),
+        (1, f"a warning\n{TRACEBACK}\n", TRACEBACK),
+        (-9, "", "the process was ended by SIGKILL"),
+        (-11, "free(): invalid pointer\n", "free(): invalid pointer\nthe process was ended by SIGSEGV"),
+        (3, "", "the process ended with exit status 3"),
+    ],
+)
+def test_an_error_is_one_line_where_the_run_knew_and_all_that_it_said_where_not(code, errors, text):
+    assert told(code, errors) == text

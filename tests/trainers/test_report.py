@@ -1,0 +1,268 @@
+"""What a report says of runs whose numbers are known."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from conf.schema import ConfigError
+from tests.trainers.run_folders import add_run, config
+from trainers import figures
+from trainers.report import write
+from trainers.runs import find_runs, groups
+from trainers.scores import bootstrap, iqm, kept, reached, score
+
+ROOT = Path(__file__).parents[2]
+DEFAULT = "kuka step nl_reach ppo"
+
+
+@pytest.fixture
+def sweep(tmp_path):
+    """Two scenarios of three seeds each, one that failed, and one that was stopped."""
+    curves = {0: (0.2, 0.6, 0.95), 1: (0.5, 0.9, 0.9), 2: (0.1, 0.4, 0.8)}
+    for seed, curve in curves.items():
+        values = config(seed, control="absolute", scenario=1, task="nl_pick_and_place")
+        add_run(tmp_path / f"{seed}_a", values, curve, success=curve[-1], wrong=0.01 * seed)
+        values = config(seed, robot="panda", scenario=4, task="nl_pick_and_place")
+        done = None if seed == 2 else 1.0
+        add_run(tmp_path / f"{seed + 3}_b", values, (0.1, 1.0), success=done, error="boom\n" if seed == 2 else None)
+    values = config(0, scenario=5, robot="jaco", algo="sac", task="nl_pick_and_place")
+    add_run(tmp_path / "10_c", values, (0.1,), success=None)
+    start = {
+        "time": "2000-01-01 00:00:00",
+        "overrides": ["scenario='1','4','5'"],
+        "machine": {"cores": "2", "cpu": "a"},
+    }
+    (tmp_path / "sweep.yaml").write_text(yaml.safe_dump([start]))
+    return tmp_path
+
+
+def table(text: str, heading: str) -> list[list[str]]:
+    """The rows of the first table under a heading, its header first."""
+    lines = text.split(f"## {heading}\n")[1].split("\n## ")[0].splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
+    return [rows[0], *rows[2:]]
+
+
+def test_the_table_tells_what_the_seeds_came_to(sweep):
+    write(sweep)
+    header, first, second, together = table((sweep / "report.md").read_text(), "How good, and how soon")
+    row = dict(zip(header, first, strict=True))
+    assert row["configuration"] == "1: kuka absolute ppo"
+    assert row["seeds"] == "3"
+    assert row["success (95 %)"] == "0.883 (0.800-0.950)"  # of three seeds, the mean, and the lowest and the highest
+    assert row["worst seed (95 %)"] == "seed 2: 0.800 (0.763-0.833)"
+    assert (row["wrong object"], row["final / best"]) == ("0.010", "1.00")
+    assert [row[f"frames to {level} %"] for level in (50, 90, 95)] == ["200", "300", "-"]
+    assert [row[f"seconds to {level} %"] for level in (50, 90, 95)] == ["20", "30", "-"]
+    assert second[:3] == ["4: panda step ppo", "2 of 3", "1.000 (1.000-1.000)"]
+    assert together[:2] == ["all", "5"]
+    assert together[2].startswith("0.950 ")  # of 0.8, 0.9, 0.95, 1, 1 without the lowest and the highest
+
+
+def test_every_seed_has_its_row(sweep):
+    write(sweep)
+    rows = table((sweep / "report.md").read_text(), "Every seed")
+    assert [row[:2] for row in rows[1:]] == [
+        *(["1: kuka absolute ppo", f"{seed}"] for seed in (0, 1, 2)),
+        *(["4: panda step ppo", f"{seed}"] for seed in (0, 1)),
+    ]
+    assert rows[1][-3:] == ["200 (20 s)", "300 (30 s)", "300 (30 s)"]
+    assert rows[3][-3:] == ["300 (30 s)", "-", "-"]
+
+
+def test_runs_that_did_not_finish_are_named_with_their_error_and_command(sweep):
+    write(sweep)
+    rows = table((sweep / "report.md").read_text(), "Runs that did not finish")
+    assert rows[1:] == [
+        ["5_b", "python train.py scenario=4 seed=2", "failed: boom"],
+        ["10_c", "python train.py scenario=5 seed=0", "not finished"],
+    ]
+
+
+def test_commands_and_machine_are_those_of_the_sweep(sweep):
+    write(sweep)
+    text = (sweep / "report.md").read_text()
+    assert table(text, "Commands")[1] == ["2000-01-01 00:00:00", "python train.py -m scenario=1,4,5"]
+    assert table(text, "Machine")[1:] == [["cores", "2"], ["cpu", "a"]]
+
+
+def test_the_page_is_one_file_that_needs_no_network(sweep):
+    page = write(sweep).read_text()
+    sources = re.findall(r'src="([^"]*)"', page)
+    assert len(sources) == 3
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+    assert not re.search(r"https?://|<link|<script|@import|href=", page)
+    pictures = re.findall(r"!\[.*\]\((.*)\)", (sweep / "report.md").read_text())
+    assert pictures == ["success.png", "tasks.png", "losses.png"]
+    assert all((sweep / name).stat().st_size > 5000 for name in pictures)
+
+
+def test_words_of_a_run_cannot_break_the_page(tmp_path):
+    add_run(tmp_path / "0_a", config(0))
+    add_run(tmp_path / "1_a", config(1), success=None, error="a | b <script>")
+    page = write(tmp_path).read_text()
+    assert "<script>" not in page
+    assert "a \\| b" in (tmp_path / "report.md").read_text()
+
+
+def test_curves_are_of_evaluation_episodes_never_of_exploring_ones(sweep):
+    runs = groups([run for run in find_runs(sweep) if run.result])["1: kuka absolute ppo"]
+    first = figures.curves(runs, "eval/success_at_end")[0]
+    assert first.tolist() == [[100, 200, 300], [0.2, 0.6, 0.95]]
+
+
+def test_the_main_tasks_have_a_picture_where_there_are_any(tmp_path):
+    for number, task in enumerate(("nl_reach", "reach", "nl_reach_gesture")):
+        add_run(tmp_path / f"{number}_a", config(0, task=task))
+    write(tmp_path)
+    assert "Mean reward and success ratio: nl_reach, nl_reach_gesture]" in (tmp_path / "report.md").read_text()
+    other = tmp_path / "other"
+    add_run(other / "0_a", config(0, task="reach"))
+    write(other)
+    assert "Main tasks" not in (other / "report.md").read_text()
+
+
+# ---- which runs belong together ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("values", "labels"),
+    [
+        ([config(0), config(1), config(2)], [DEFAULT]),
+        ([config(0, algo="sac"), config(1), config(2, algo="sac")], ["sac", "ppo"]),
+        ([config(0), config(0, robot="panda", control="joints")], ["kuka step", "panda joints"]),
+        ([config(0), config(0, robot="panda"), config(0, algo="sac")], ["kuka ppo", "panda ppo", "kuka sac"]),
+        ([config(0, networks=1), config(0, networks=3)], [f"{DEFAULT}, policy.networks={n}" for n in (1, 3)]),
+        ([config(0, scenario=2), config(0, scenario=3, control="joints")], ["2: kuka step ppo", "3: kuka joints ppo"]),
+        ([config(0, scenario=2), config(0, robot="jaco")], ["2: kuka step ppo", "jaco step ppo"]),
+        ([config(0, scenario=2, task="a"), config(0, scenario=2, task="b")], ["a", "b"]),
+        ([config(0, scenario=s, task="abc"[s]) for s in (1, 2)], ["1: kuka step b ppo", "2: kuka step c ppo"]),
+    ],
+)  # fmt: skip
+def test_runs_are_told_apart_by_what_differs_other_than_the_seed(values, labels, tmp_path):
+    for number, each in enumerate(values):
+        add_run(tmp_path / f"{number}_a", each)
+    assert list(groups(find_runs(tmp_path))) == labels
+
+
+def test_jobs_are_read_in_the_order_of_their_numbers(tmp_path):
+    for number in (10, 9, 0):
+        add_run(tmp_path / f"{number}_a", config(number))
+    assert [run.seed for run in find_runs(tmp_path)] == [0, 9, 10]
+
+
+def test_a_directory_of_several_sweeps_and_a_single_run_will_do(tmp_path):
+    run = add_run(tmp_path / "first" / "0_a", config(0))
+    add_run(tmp_path / "second" / "0_a", config(1))
+    assert len(find_runs(tmp_path)) == 2
+    assert write(run) == run / "report.html"
+
+
+# ---- numbers -------------------------------------------------------------------------------------------------------
+
+
+def test_interquartile_mean_leaves_out_a_quarter_at_each_end():
+    assert iqm(np.array([0.0, 0.5, 0.7, 1.0])) == pytest.approx(0.6)
+    assert iqm(np.array([0.0, 0.3, 0.9])) == pytest.approx(0.4)
+    assert iqm(np.array([[8.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0], [1.0] * 8])) == pytest.approx([4.5, 1.0])
+
+
+def test_the_bootstrap_interval_is_that_of_drawing_seeds_again():
+    assert bootstrap([[0.9, 0.9, 0.9]]) == pytest.approx((0.9, 0.9))
+    low, high = bootstrap([[0.0, 1.0]])  # each end has a chance of a quarter
+    assert (low, high) == (0.0, 1.0)
+    rng = np.random.default_rng(3)
+    scores = rng.normal(size=100)
+    low, high = bootstrap([scores])
+    assert low < iqm(scores) < high
+    assert high - low == pytest.approx(2 * 1.96 * 1.1 / 10, rel=0.3)  # a trimmed mean of a hundred normal scores
+    assert bootstrap([scores]) == (low, high)
+
+
+def test_the_bootstrap_draws_seeds_within_each_configuration():
+    """Between 0 and 1 lies nothing but what the configurations' shares make."""
+    assert bootstrap([[0.0] * 4, [1.0] * 4]) == pytest.approx((0.5, 0.5))
+
+
+def test_frames_and_seconds_to_a_level_are_those_of_the_first_evaluation_there(tmp_path):
+    (run,) = find_runs(add_run(tmp_path / "run", config(), (0.2, 0.9, 0.5, 0.95)))
+    assert reached(run.evaluated, 0.9) == (200, 20)
+    assert reached(run.evaluated, 0.95) == (400, 40)
+    assert reached(run.evaluated, 0.99) == (math.inf, math.inf)
+
+
+def test_final_over_best_is_that_of_the_seed_that_kept_least(tmp_path):
+    add_run(tmp_path / "0_a", config(0), (0.2, 1.0, 0.7), success=0.8)
+    add_run(tmp_path / "1_a", config(1), (0.2, 0.5), success=0.5)
+    add_run(tmp_path / "2_a", config(2), (0.0, 0.0), success=0.0)
+    runs = find_runs(tmp_path)
+    assert [kept(run) for run in runs[:2]] == pytest.approx([0.8, 1.0])
+    assert math.isnan(kept(runs[2]))
+    assert score(runs).kept == pytest.approx(0.8)
+
+
+# ---- bad input -----------------------------------------------------------------------------------------------------
+
+
+def test_a_line_that_a_kill_cut_short_is_left_out(tmp_path):
+    folder = add_run(tmp_path / "run", config())
+    with open(folder / "metrics.csv", "a") as file:
+        file.write("400,1.0,0.1,0.1,0.9")
+    assert [row["frames"] for row in find_runs(folder)[0].evaluated] == [100, 200, 300]
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "message"),
+    [
+        ("metrics.csv", "frames,eval/success_at_end\n100,0.5\n200,x\n300,0.5\n", r"metrics\.csv is damaged: line 3"),
+        ("metrics.csv", "frames,eval/success_at_end\n100\n200,0.5\n", r"metrics\.csv is damaged: line 2"),
+        ("metrics.csv", "\0\0\0\n", r"metrics\.csv is damaged: its first line"),
+        ("eval.json", '{"success_at_end": 0.9', r"eval\.json is damaged"),
+        ("eval.json", '{"success_at_end": 0.9}', r"eval\.json is damaged: it has no ci95"),
+        ("config.yaml", "seed: [", r"config\.yaml is damaged"),
+        ("job.json", "[]", r"job\.json is damaged"),
+    ],
+)
+def test_a_damaged_file_is_named(file, text, message, tmp_path):
+    add_run(tmp_path / "0_a", config())
+    (tmp_path / "0_a" / file).write_text(text)
+    with pytest.raises(ConfigError, match=message) as caught:
+        write(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+def test_where_nothing_has_finished_there_is_nothing_to_report(tmp_path):
+    add_run(tmp_path / "0_a", config(), success=None, error="Traceback\n  x\nKeyError: 'a'\n")
+    with pytest.raises(ConfigError, match=r"no run in .* has finished; 1 failed: KeyError: 'a'"):
+        write(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "give one directory"),
+        (["{tmp}/nowhere"], "nowhere does not exist"),
+        (["{tmp}"], "holds no runs"),
+        (["{tmp}/file"], "file is not a directory"),
+    ],
+)
+def test_bad_input_gets_one_line_and_no_traceback(arguments, message, tmp_path):
+    (tmp_path / "file").touch()
+    words = [word.format(tmp=tmp_path) for word in arguments]
+    done = subprocess.run(
+        [sys.executable, "-m", "trainers.report", *words], capture_output=True, text=True, cwd=ROOT, env=os.environ
+    )
+    assert done.returncode == 1
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ")
+    assert message in line
