@@ -9,7 +9,7 @@ from tensordict import TensorDict, TensorDictBase
 
 from envs.devices import facing
 from envs.gestures import RAY_WIDTH, ray_of
-from envs.observation import FACING, OBJECT_WIDTH, OFFSET, Bounds, clipped, lasting_rows
+from envs.observation import FACING, OBJECT_WIDTH, OFFSET, Bounds, clipped, lasting_rows, offsets
 from envs.tasks import Episode, Task
 from language import Tokenizer
 
@@ -34,7 +34,7 @@ def described(task: Task, tokenizer: Tokenizer, bounds: Bounds, slots: int, coun
         meant[i] = order[episode.referent], order[episode.referent if episode.target is None else episode.target]
         rays[i] = ray_of(episode.gesture)
     if grippers is not None:
-        rows[..., OFFSET] = rows[..., :3] - grippers[:, None]
+        rows[..., OFFSET] = offsets(rows[..., :3], grippers[:, None])
     if task.operates:
         rows[..., FACING] = np.where(shown[..., None], facing(rows[..., 3:7]), 0.0)
     referents, targets = (torch.from_numpy(slots.copy()) for slots in meant.T)

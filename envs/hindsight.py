@@ -20,8 +20,8 @@ from tensordict import TensorDict, TensorDictBase
 
 from envs.described import encoded
 from envs.judging import judge, weights
-from envs.observation import OBJECT_WIDTH, Bounds, clipped, in_bytes, seen_scene
-from envs.observe import asked, offsets
+from envs.observation import OBJECT_WIDTH, OFFSET, Bounds, clipped, in_bytes, offsets, seen_scene
+from envs.observe import asked
 from envs.tasks import NOTHING, Episode, State, Task
 from envs.world import PARKED
 from language import LanguageError, Placed, Tokenizer
@@ -76,7 +76,7 @@ class Hindsight:
         slots, places = shown[moved], episode.scene.positions[moved]
         moments.objects[:, slots] = rows[:, slots, :3] = places
         if self._task.moves:
-            rows[:, slots, OBJECT_WIDTH : OBJECT_WIDTH + 3] = offsets(moments.objects[:, slots], moments.gripper)
+            rows[:, slots, OFFSET] = offsets(moments.objects[:, slots], moments.gripper[:, None])
         target = episode.referent if episode.target is None else episode.target
         meant = {"referent": shown[episode.referent], "target": shown[target]}
         meant = {name: np.full(len(rows), slot) for name, slot in meant.items()}

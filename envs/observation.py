@@ -9,8 +9,9 @@ The observation, each with a leading N:
 |   | | then, where the task grips, how far it is told to be shut and whether anything is held |
 | objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA (A of a target: 0.5), shape
 |   | | one-hot (where the task operates devices: of DEVICES, and of where their handles are), size (m), role (1:
-|   | | target); then, where the task moves objects, the offset from the gripper, within `NEAR` (m); then, of devices,
-|   | | the unit vector to where each faces (x, y), and the share of its way that it has gone, in [-1, 1] |
+|   | | target); then, where the task moves objects, the offset from the gripper, within `NEAR` (m), and again within
+|   | | `CLOSE`: grasping and letting go are matters of a centimetre; then, of devices, the
+|   | | unit vector to where each faces (x, y), and the share of its way that it has gone, in [-1, 1] |
 | objects_mask | (K,) bool | which slots show an object |
 | hold | (A,) float32 | the action that keeps the arm where it is |
 | instruction | (L,) int64 | the sentence's tokens, 0 = pad |
@@ -23,7 +24,7 @@ The observation, each with a leading N:
 | reward_terms | (T,) float32 | weighted terms by `reward_names`; their sum is the reward |
 | privileged | | for losses and tests alone: referent (slot), target (slot, where there are any), goal (m), kind (of
 |   | | sentence), sentence (UTF-8 bytes), and pointing (3,) where a person points, as `Gestures.measures` has it.
-|   | | goal is the referent's place; where objects are moved, also the target's, and the offsets, within `NEAR`, from
+|   | | goal is the referent's place; where objects are moved, also the target's, and the offsets, likewise, from
 |   | | gripper to referent and from there to the target (without one: the referent's place, and 0), and what the
 |   | | task remembers, in [0, 1]. There, also held (the slot of what is held, -1 for nothing) and movable (K,) |
 """
@@ -43,11 +44,11 @@ from envs.workspace import WorkspaceConfig
 from language import COLORS, DEVICES, NOUNS, SEE_THROUGH, SHAPES, Scene, Tokenizer, color_name, color_table
 
 SENTENCE_BYTES = 160
-NEAR = 0.2  # metres in which one place is seen finely from another
+NEAR, CLOSE = 0.2, 0.04  # metres in which one place is seen from another: finely, and once more, more finely
 FARTHEST = 3.0  # metres from the origin that a fingertip is looked for
 OBJECT_WIDTH = 3 + 4 + 4 + len(SHAPES) + 1 + 1
-OFFSET = slice(OBJECT_WIDTH, OBJECT_WIDTH + 3)  # where the offset from the gripper is, if any
-FACING = slice(OBJECT_WIDTH + 3, OBJECT_WIDTH + 5)  # where devices face
+OFFSET = slice(OBJECT_WIDTH, OBJECT_WIDTH + 6)  # where the offsets from the gripper are, if any
+FACING = slice(OBJECT_WIDTH + 6, OBJECT_WIDTH + 8)  # where devices face
 # A task is about shapes or about devices: each noun's column in the one-hot of its kind.
 _COLUMNS = np.array([(SHAPES if noun in SHAPES else DEVICES).index(noun) for noun in NOUNS])
 ATTRIBUTES = slice(7, OBJECT_WIDTH)  # what an object keeps all along: colour, shape, size, role
@@ -72,7 +73,7 @@ class Bounds:
         self.pointing = _pair([np.zeros(3)], [[np.pi, np.pi, 2 * FARTHEST]])
         row = [low, -np.ones(4), np.zeros(rest), [0.0, 0.0]], [high, np.ones(4), np.ones(rest), [0.2, 1.0]]
         if task.moves:
-            offset = np.full(3, NEAR)
+            offset = np.repeat((NEAR, CLOSE), 3)
             for side, sign in ((row[0], -1), (row[1], 1)):
                 side.append(sign * offset)
             if task.operates:
@@ -150,6 +151,12 @@ def seen_scene(objects: NDArray, viewpoint: str = "robot", devices: bool = False
         targets=objects[:, OBJECT_WIDTH - 1] > 0.5,
         viewpoint=viewpoint,
     )
+
+
+def offsets(places: NDArray[np.float64], start: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(..., 6) metres from `start` to places, both (..., 3): twice, since each has bounds of its own."""
+    offset = places - start
+    return np.concatenate((offset, offset), axis=-1)
 
 
 def in_bytes(sentence: str) -> NDArray[np.uint8]:

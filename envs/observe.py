@@ -13,7 +13,7 @@ from envs.devices import facing
 from envs.gestures import Gestures
 from envs.grips import Grips
 from envs.kinematics import Array
-from envs.observation import Bounds, clipped
+from envs.observation import Bounds, clipped, offsets
 from envs.tasks import State, Task
 
 
@@ -54,11 +54,6 @@ def asked(task: Task, state: State, bounds: Bounds) -> dict[str, Any]:
     return seen | {"privileged": privileged}
 
 
-def offsets(places: Array, gripper: Array) -> Array:
-    """(N, K, 3) metres from each gripper (N, 3) to places (N, K, 3), as rows end with where objects are moved."""
-    return places - gripper[:, None]
-
-
 def _robot(arrays: Arrays, grips: Grips) -> Array:
     pose, count = arrays.pose, arrays.angles.shape[1]
     speeds, turned = arrays.joints[:, :count, 1], pose.rotation
@@ -70,7 +65,7 @@ def _rows(arrays: Arrays, task: Task) -> Array:
     """(N, K, D)"""
     if not task.moves:
         return arrays.rows
-    rows = np.concatenate((arrays.rows, offsets(arrays.rows[..., :3], arrays.pose.position)), axis=2)
+    rows = np.concatenate((arrays.rows, offsets(arrays.rows[..., :3], arrays.pose.position[:, None])), axis=2)
     if not task.operates:
         return rows
     return np.concatenate((rows, facing(arrays.state.turns), task.ways(arrays.state)[..., None]), axis=2)
@@ -83,4 +78,5 @@ def _goal(task: Task, state: State) -> Array:
     if not task.moves:
         return referent
     target = state.objects[each, state.target]
-    return np.concatenate((referent, target, referent - state.gripper, target - referent, task.memory), axis=1)
+    ways = offsets(referent, state.gripper), offsets(target, referent)
+    return np.concatenate((referent, target, *ways, task.memory), axis=1)
