@@ -13,6 +13,8 @@ The observation, each with a leading N:
 |   | | `CLOSE`: grasping and letting go are matters of a centimetre; then, of devices, the
 |   | | unit vector to where each faces (x, y), and the share of its way that it has gone, in [-1, 1] |
 | objects_mask | (K,) bool | which slots show an object |
+| objects_near | (K,) float32 | only where objects are moved: how near each one is that could be knocked against: 1 at
+|   | | the gripper, 0 from `NEAR` on, and for what cannot be |
 | hold | (A,) float32 | the action that keeps the arm where it is |
 | instruction | (L,) int64 | the sentence's tokens, 0 = pad |
 | gesture | (7,) float32 | only where a person points: the fingertip (m), the unit direction of its ray, and 1 where a
@@ -25,8 +27,10 @@ The observation, each with a leading N:
 | privileged | | for losses and tests alone: referent (slot), target (slot, where there are any), goal (m), kind (of
 |   | | sentence), sentence (UTF-8 bytes), and pointing (3,) where a person points, as `Gestures.measures` has it.
 |   | | goal is the referent's place; where objects are moved, also the target's, and the offsets, likewise, from
-|   | | gripper to referent and from there to the target (without one: the referent's place, and 0), and what the
-|   | | task remembers, in [0, 1]. There, also held (the slot of what is held, -1 for nothing) and movable (K,) |
+|   | | gripper to referent and from there to the target (without one: the referent's place, and 0), the
+|   | | same offset to the nearest other object that could be knocked against and how near it is (as `objects_near`
+|   | | has it), and what the task remembers, in [0, 1]. There, also held (the slot of what is held, -1 for nothing)
+|   | | and movable (K,) |
 """
 
 from __future__ import annotations
@@ -81,8 +85,8 @@ class Bounds:
                 row[1].append(np.ones(3))
             memory = task.memory[0]
             goal = (
-                [low, low, -offset, -offset, np.zeros_like(memory)],
-                [high, high, offset, offset, np.ones_like(memory)],
+                [low, low, -offset, -offset, -offset, np.zeros(1), np.zeros_like(memory)],
+                [high, high, offset, offset, offset, np.ones(1), np.ones_like(memory)],
             )
         self.objects, self.goal = _pair(*row), _pair(*goal)
 
@@ -109,6 +113,7 @@ def observation_spec(bounds: Bounds, worlds: int, task: Task, tokenizer: Tokeniz
     if task.places:
         spec["privileged", "target"] = Categorical(slots, shape=(worlds,), dtype=torch.int64)
     if task.moves:
+        spec["objects_near"] = Bounded(0, 1, shape=(worlds, slots), dtype=torch.float32)
         spec["privileged", "held"] = Bounded(-1, slots - 1, shape=(worlds,), dtype=torch.int64)
         spec["privileged", "movable"] = Binary(slots, shape=(worlds, slots), dtype=torch.bool)
     for name in ("success", "wrong_object", "wrong_target", "at_goal"):

@@ -13,7 +13,7 @@ from envs.devices import facing
 from envs.gestures import Gestures
 from envs.grips import Grips
 from envs.kinematics import Array
-from envs.observation import Bounds, clipped, offsets
+from envs.observation import NEAR, Bounds, clipped, offsets
 from envs.tasks import State, Task
 
 
@@ -29,6 +29,7 @@ def observe(arrays: Arrays, grips: Grips, gestures: Gestures, task: Task, bounds
     if task.moves:
         privileged["held"] = torch.from_numpy(state.held.copy())
         privileged["movable"] = torch.from_numpy(state.movable.copy())
+        told["objects_near"] = torch.from_numpy(_near(state).astype(np.float32))
     seen = told | {
         "robot": clipped(_robot(arrays, grips), bounds.robot),
         "objects": clipped(rows, bounds.objects),
@@ -78,5 +79,15 @@ def _goal(task: Task, state: State) -> Array:
     if not task.moves:
         return referent
     target = state.objects[each, state.target]
+    near = _near(state)
+    near[each, state.referent] = 0.0
+    other = near.argmax(1)
+    way = offsets(state.objects[each, other], state.gripper), near.max(1, keepdims=True)
     ways = offsets(referent, state.gripper), offsets(target, referent)
-    return np.concatenate((referent, target, *ways, task.memory), axis=1)
+    return np.concatenate((referent, target, *ways, *way, task.memory), axis=1)
+
+
+def _near(state: State) -> Array:
+    """(N, K) how near objects are that could be knocked against: 1 at the gripper, 0 from `NEAR` on."""
+    offset = state.objects - state.gripper[:, None]
+    return state.movable * np.maximum(1.0 - np.sqrt((offset * offset).sum(-1)) / NEAR, 0.0)

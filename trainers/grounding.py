@@ -18,6 +18,7 @@ from trainers.networks import Normalise, mlp
 
 SEEN = ("objects", "objects_mask")
 GESTURE = "gesture"
+NEAR, OBSTACLE = "objects_near", "obstacle"
 AIMED = 5  # numbers that tell how an object lies to a ray
 REFERENT, TARGET = ("privileged", "referent"), ("privileged", "target")
 CHOICES = {"attention_logits": REFERENT, "target_logits": TARGET}  # what attention chooses, and what it should
@@ -82,6 +83,8 @@ class Grounder(nn.Module):
 
     The referent is the attention-weighted sum of the normalised rows, so the arm's part of the network has the same
     input whatever the number of objects, and never sees a word.
+
+    watches: whether to tell what is in the way as well, from objects_near (N, K).
     """
 
     def __init__(
@@ -93,9 +96,10 @@ class Grounder(nn.Module):
         width: int,
         points: bool = False,
         things: int = 1,
+        watches: bool = False,
     ) -> None:
         super().__init__()
-        self.sees = (*SEEN, GESTURE) if points else SEEN
+        self.sees, self.watches = (*SEEN, GESTURE) if points else SEEN, watches
         self.chooses = tuple(CHOICES)[:things]
         self.writes = (*self.chooses, "referent")
         row = objects.shape[-1]
@@ -144,9 +148,13 @@ class Grounder(nn.Module):
         logits = fits + (beats * fits.sigmoid().unsqueeze(1)).sum(-1)
         return logits.masked_fill(~mask, FAR)
 
-    def decide(self, frames: TensorDictBase) -> None:
-        """Take the likeliest slot for each thing, not the mean of all: an arm between two objects is at neither."""
-        self._take(frames, [frames[key].argmax(-1) for key in self.chooses])
+    def decide(self, frames: TensorDictBase, mixed: bool = False) -> None:
+        """Take the likeliest slot for each thing, not the mean of all: an arm between two objects is at neither.
+
+        mixed: leave the means, and only tell what is in the way.
+        """
+        slots = [frames[key].argmax(-1) for key in self.chooses]
+        self.beware(frames, slots[0]) if mixed else self._take(frames, slots)
 
     def tell(self, frames: TensorDictBase) -> None:
         """Take the slots that are truly meant, without a look at the words."""
@@ -156,6 +164,19 @@ class Grounder(nn.Module):
         rows = self.objects(frames["objects"])
         each = torch.arange(len(rows), device=rows.device)
         frames.set("referent", torch.cat([rows[each, slot] for slot in slots], -1))
+        self.beware(frames, slots[0])
+
+    def beware(self, frames: TensorDictBase, referent: Tensor) -> None:
+        """Write "obstacle", the row of the nearest object that could be knocked against: any but referent, slots (N,).
+
+        The row and a 1 after it fade with the distance, so that they do not jump where another one becomes the nearest.
+        """
+        if not self.watches:
+            return
+        near, slot = frames[NEAR].scatter(1, referent.unsqueeze(1), 0.0).max(1, keepdim=True)
+        rows = self.objects(frames["objects"])
+        row = rows.gather(1, slot.unsqueeze(-1).expand(-1, 1, rows.shape[-1])).squeeze(1)
+        frames.set(OBSTACLE, near * torch.cat([row, torch.ones_like(near)], -1))
 
     def beats(self, slots: Tensor, how: Tensor) -> Tensor:
         """How far each slot (N, K, F) is ahead of each other one in what `how` (N, K, E) asks for: (N, K, K)."""
@@ -192,6 +213,7 @@ class Flattener(nn.Module):
 
     writes = ("scene",)
     chooses = ()
+    watches = False
 
     def __init__(self, objects: Normalise, slots: int, vocabulary: int, embedding: int, gesture: int = 0) -> None:
         super().__init__()
@@ -203,10 +225,13 @@ class Flattener(nn.Module):
     def forward(self, instruction: Tensor, *seen: Tensor) -> tuple[Tensor, ...]:
         return self.point(self.ask(instruction), *seen)
 
-    def decide(self, frames: TensorDictBase) -> None:
+    def decide(self, frames: TensorDictBase, mixed: bool = False) -> None:
         """Nothing: there is no choice to be made."""
 
     tell = decide
+
+    def beware(self, frames: TensorDictBase, referent: Tensor) -> None:
+        """Nothing: all rows are seen."""
 
     def point(self, asked: Tensor, objects: Tensor, mask: Tensor, *gesture: Tensor) -> tuple[Tensor, ...]:
         """The same, of the embedding (N, E) that `ask` has made of the words."""

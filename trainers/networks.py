@@ -53,8 +53,9 @@ def normal_log_prob(noise: Tensor, scale: Tensor) -> Tensor:
 
 
 class Gaussian(nn.Module):
-    """Robot state and what the words mean to the action's location and scale, (N, A) each.
+    """Robot state, what the words mean and what is in the way to the action's location and scale, (N, A) each.
 
+    context: how many numbers the latter two are.
     The scale is a parameter (PPO's habit) or a second output of the network (SAC's).
     """
 
@@ -77,8 +78,8 @@ class Gaussian(nn.Module):
         nn.init.orthogonal_(last.weight, 0.01)  # begin by standing still: only the noise moves the arm
         nn.init.zeros_(last.bias)
 
-    def forward(self, robot: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
-        out = self.net(torch.cat([self.robot(robot), context], -1))
+    def forward(self, robot: Tensor, *context: Tensor) -> tuple[Tensor, Tensor]:
+        out = self.net(torch.cat([self.robot(robot), *context], -1))
         if not self.by_state:
             return out, self.log_std.clamp(*LOG_STD).exp().expand_as(out)
         loc, offset = out.chunk(2, -1)
@@ -100,8 +101,9 @@ class Staged(nn.Module):
         """(stages, A) of the exploration noise."""
         return torch.stack([each.log_std for each in self.stages])  # type: ignore[misc]
 
-    def forward(self, robot: Tensor, context: Tensor, stage: Tensor) -> tuple[Tensor, Tensor]:
-        each = [network(robot, context) for network in self.stages]
+    def forward(self, robot: Tensor, *seen: Tensor) -> tuple[Tensor, Tensor]:
+        *context, stage = seen
+        each = [network(robot, *context) for network in self.stages]
         rows = torch.arange(len(robot), device=robot.device)
         stage = stage.clamp(max=len(each) - 1)
         loc, scale = (torch.stack(parts)[stage, rows] for parts in zip(*each, strict=True))

@@ -1,7 +1,7 @@
 """Policies and critics, built from specs.
 
-    objects, mask, instruction, gesture ─► words ─► attention_logits, context ┐
-                                                            robot ───┴─► gaussian ─► action
+    objects, mask, instruction, gesture ─► words ─► attention_logits, context, obstacle ┐
+                                                                      robot ───┴─► gaussian ─► action
                                            robot, privileged/goal ─────► critic (losses only)
 
 The critic may be shown what the policy must find out (asymmetric actor-critic, Pinto et al. 2018, arXiv:1710.06542):
@@ -21,7 +21,7 @@ from torchrl.envs.utils import ExplorationType, exploration_type
 
 from conf.schema import ConfigError
 from trainers.config import GroundedConfig, PolicyConfig
-from trainers.grounding import CHOICES, GESTURE, TARGET, Flattener, Grounder
+from trainers.grounding import CHOICES, GESTURE, NEAR, OBSTACLE, TARGET, Flattener, Grounder
 from trainers.networks import Critic, Gaussian, Normalise, Staged, Value, normal_log_prob
 from trainers.sentence import SentenceWords
 
@@ -32,8 +32,9 @@ STAGE = "stage"
 class Policy(nn.Module):
     """Words choose what the arm is told; the arm's network never sees a word.
 
-    words: reads the words and what is seen; its last output is the context. gaussian: robot, context and, if it is of
-    several networks, the stage to a move's loc and scale.
+    words: reads the words and what is seen; its last output is the context. gaussian: robot, context, where there is
+    something to be knocked against the nearest of that, and, if it is of several networks, the stage, to a move's loc
+    and scale.
     unit: (A,), from the environment. A "move" of 1 is as far as the arm gets in one control step: the action is
     hold + unit * move, so that one network and one exploration noise fit every control mode.
     squash: a move is the tanh of a normal (SAC) instead of a normal (PPO).
@@ -48,7 +49,8 @@ class Policy(nn.Module):
         self.register_buffer("unit", torch.as_tensor(unit, dtype=torch.float32))
         self.words, self.gaussian, self.squash = words, gaussian, squash
         self.context: str = words.writes[-1]
-        self.feels = ("robot", STAGE) if isinstance(gaussian, Staged) else ("robot",)
+        beware, staged = (OBSTACLE,) * words.watches, (STAGE,) * isinstance(gaussian, Staged)
+        self.feels: tuple[str, ...] = ("robot", *beware, *staged)
 
     @property
     def attends(self) -> bool:
@@ -78,8 +80,8 @@ class Policy(nn.Module):
 
     def steer(self, frames: TensorDictBase) -> tuple[Tensor, Tensor]:
         """The loc and scale (N, A) of a move, once the words are encoded."""
-        robot, *stage = (frames[key] for key in self.feels)
-        return self.gaussian(robot, frames[self.context], *stage)
+        robot, *more = (frames[key] for key in self.feels)
+        return self.gaussian(robot, frames[self.context], *more)
 
     def encode(self, frames: TensorDictBase) -> TensorDictBase:
         """Write what the words mean (N, ...) to frames (N,), and return them."""
@@ -111,14 +113,14 @@ class Act(TensorDictModuleBase):
     def __init__(self, policy: Policy) -> None:
         super().__init__()
         self.policy = policy
-        self.in_keys = [*policy.reads, *policy.feels, "hold"]
-        self.out_keys = [*policy.words.writes, "move", *([] if policy.squash else ["move_log_prob"]), "action"]
+        self.in_keys = [*policy.reads, *(NEAR if key == OBSTACLE else key for key in policy.feels), "hold"]
+        made = [*policy.words.writes, *([OBSTACLE] if policy.words.watches else [])]
+        self.out_keys = [*made, "move", *([] if policy.squash else ["move_log_prob"]), "action"]
 
     def forward(self, frames: TensorDictBase) -> TensorDictBase:
         explores = exploration_type() not in (ExplorationType.DETERMINISTIC, ExplorationType.MODE, ExplorationType.MEAN)
         self.policy.encode(frames)
-        if not explores:
-            self.policy.words.decide(frames)
+        self.policy.words.decide(frames, mixed=explores)
         loc, scale = self.policy.steer(frames)
         noise = torch.randn_like(loc) if explores else torch.zeros_like(loc)
         move = loc + scale * noise
@@ -147,7 +149,7 @@ def build(
     stages = [
         Gaussian(
             robot=Normalise(observation_spec["robot"]),
-            context=words.outputs,
+            context=words.outputs + words.watches * (1 + observation_spec["objects"].shape[-1]),
             hidden=config.hidden,
             actions=len(unit),
             activation=config.activation,
@@ -188,7 +190,8 @@ def _words(config: PolicyConfig, spec: Composite, vocabulary: Sequence[str]) -> 
     if isinstance(config, GroundedConfig):
         embed = _embed(config, said.space.n, vocabulary)
         things = 1 + (TARGET in spec.keys(include_nested=True))
-        return Grounder(objects, embed, said.shape[-1], config.embedding, config.width, ray > 0, things)
+        watches = NEAR in spec.keys()
+        return Grounder(objects, embed, said.shape[-1], config.embedding, config.width, ray > 0, things, watches)
     return Flattener(objects, spec["objects"].shape[-2], said.space.n, config.embedding, ray)
 
 

@@ -162,9 +162,9 @@ def advantages(
 
 def surrogate_actor(policy: Policy) -> ProbabilisticActor:
     """The policy's second half, (robot, context) to the distribution of "move", as TorchRL's losses take it."""
-    robot, *stage = policy.feels
+    robot, *more = policy.feels
     return ProbabilisticActor(
-        TensorDictModule(policy.gaussian, in_keys=[robot, policy.context, *stage], out_keys=["loc", "scale"]),
+        TensorDictModule(policy.gaussian, in_keys=[robot, policy.context, *more], out_keys=["loc", "scale"]),
         in_keys=["loc", "scale"],
         out_keys=["move"],
         distribution_class=IndependentNormal,

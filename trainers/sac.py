@@ -23,7 +23,7 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from trainers import learning
 from trainers.config import SACConfig
-from trainers.grounding import Scenes, grounding
+from trainers.grounding import REFERENT, Scenes, grounding
 from trainers.hindsight import Hindsight, Relabel
 from trainers.networks import Critic, normal_log_prob
 from trainers.policy import Policy, parameters
@@ -104,10 +104,12 @@ class SAC:
         kept = dict.fromkeys([*steers, *([] if self.aim == context else [self.aim])])
         after = [("next", *(key if isinstance(key, tuple) else (key,))) for key in [*kept, "reward", "terminated"]]
         frames = batch.reshape(-1)
-        if self.teaches:
-            frames = frames.copy().set("next", frames["next"].copy())
-            for end in (frames, frames["next"]):
+        frames = frames.copy().set("next", frames["next"].copy())
+        for end in (frames, frames["next"]):
+            if self.teaches:
                 self.policy.words.tell(end)
+            else:
+                self.policy.words.beware(end, end[REFERENT])
         self.memory.extend(frames.select(*kept, *([] if self.teaches else ["instruction"]), "move", *after))
 
     def meet(self, batch: TensorDictBase, relabelled: Sequence[TensorDictBase]) -> None:

@@ -10,12 +10,13 @@ from torch import Tensor
 
 from envs.experts.base import UP, Array, Slots, either
 from envs.experts.place import Fetch
-from envs.tasks.throw import SHORT
+from envs.tasks.throw import LANDED, SHORT
 from envs.tasks.ways import length
 from envs.workspace_env import WorkspaceEnv
 
-HEIGHT = 0.18  # metres above the table at which it is carried
+HEIGHT = 0.22  # metres above the table at which it is carried
 AT = 0.02  # metres from there that count as there
+FURTHER = 0.012  # metres further back that the next try begins to run: the same once more would fall short once more
 FOLLOW = 3  # control steps for which it goes on, upwards: fingers that stood would be in the way
 SOONER = 0.005  # metres farther away than it must be that it lets go
 WINDOW = 1.2  # paces within which it lets go, or it would pass by that place between two of them
@@ -46,6 +47,7 @@ class ThrowExpert(Fetch):
         self._style = STYLES[env.config.gripper.of(env.config.robot)]
         self._running, self._letting_go = np.zeros((2, len(self._rows)), bool)
         self._after = np.full(len(self._rows), FOLLOW)  # control steps since it let go
+        self._run = np.full((len(self._rows), 1), self._style.run)
         self._last = np.zeros((len(self._rows), 3))
 
     def act(self, referent: Slots, target: Slots) -> Tensor:
@@ -55,25 +57,28 @@ class ThrowExpert(Fetch):
         self._note(thing, goal, way, held)
         fetch, close = self._fetch(thing)
         carry = self._env.gripper + self._carry(thing, goal, way) - thing
-        follow = ~held & (self._after <= FOLLOW)
+        landed = (self._env.task.memory[:, 0] > 0) & (length((goal - thing)[:, :2]) < LANDED)
+        follow = ~held & ((self._after <= FOLLOW) | landed)
         place = either(follow, self._env.gripper + self._style.stride * (way + UP), either(held, carry, fetch))
         return self._env.towards(place, np.where(held, ~self._letting_go, close & ~follow))
 
     def _note(self, thing: Array, goal: Array, way: Array, held: NDArray[np.bool_]) -> None:
         """Whether it runs, and lets go."""
         left, pace = ((goal - thing) * way).sum(1), ((thing - self._last) * way).sum(1)
-        start = goal - self._style.run * way
+        start = goal - self._run * way
         start[:, 2] = HEIGHT
         self._running = held & ((self._running & (left > SHORT)) | (length(start - thing) < AT))
         left -= self._style.lead * pace
         far = np.maximum(self._style.flight * pace, SHORT + SOONER + WINDOW * pace)
         self._letting_go = held & (self._letting_go | (self._running & (left > SHORT + SOONER) & (left < far)))
         self._after = np.where(held, 0, self._after + 1)
+        self._run[self._after == 1] += FURTHER
+        self._run[self._env.elapsed == 0] = self._style.run
         self._last = thing
 
     def _carry(self, thing: Array, goal: Array, way: Array) -> Array:
         """Where the object goes (N, 3) that is held: up, to where the run begins, and on."""
-        start = goal - self._style.run * way
+        start = goal - self._run * way
         start[:, 2] = HEIGHT
         up, run = thing.copy(), start.copy()
         up[:, 2] = HEIGHT

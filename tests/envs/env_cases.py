@@ -22,22 +22,19 @@ def options(group):
 ROBOTS, CONTROLS, TASKS = options("robot"), options("control"), options("task")
 
 
-def class_of(task):
-    return KNOWN[read_env(compose([f"task={task}"])).task.name]
-
-
-def covering():
-    """(robot, control, task): every class of task with every robot and every control, every robot with every control;
-    of YAMLs that share a class, one so, and the others with one robot."""
-    combinations, seen = [], set()
-    for i, task in enumerate(sorted(TASKS, key=lambda name: ("nl_" not in name, name))):
-        robots = ROBOTS if class_of(task) not in seen else [ROBOTS[i % len(ROBOTS)]]
-        seen.add(class_of(task))
-        combinations += [(robot, CONTROLS[(i + ROBOTS.index(robot)) % len(CONTROLS)], task) for robot in robots]
+def covering(everywhere=TASKS):
+    """(robot, control, task): the tasks of `everywhere` with every robot, others with one each; controls in turn."""
+    combinations = []
+    for i, task in enumerate(TASKS):
+        robots = ROBOTS if task in everywhere else [ROBOTS[i % len(ROBOTS)]]
+        combinations += [
+            (robot, CONTROLS[(i // len(ROBOTS) + ROBOTS.index(robot)) % len(CONTROLS)], task) for robot in robots
+        ]
     return combinations
 
 
 COMBINATIONS = covering()
+FEWER = covering(everywhere=("nl_reach", "nl_pick_and_place", "nl_push"))
 
 
 def name_of(combination):

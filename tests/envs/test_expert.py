@@ -7,7 +7,7 @@ from env_cases import COMBINATIONS, ROBOTS, act, make, name_of, options, partial
 
 from envs.experts import ReachExpert, expert
 
-WORLDS, EPISODES = 4, 40
+WORLDS, EPISODES = 4, 24
 # Where the experts fall short: fingers take time to open, and drag or turn what they let go of.
 SHORT = {("panda", task): 0.7 for task in ("swipe", "pick_and_rotate", "throw")}
 

@@ -1,0 +1,72 @@
+"""The arm is told what is in its way: the nearest object that could be knocked against, and is not meant."""
+
+from contextlib import closing
+
+import pytest
+import torch
+from torchrl.envs.utils import ExplorationType, set_exploration_type
+
+from envs import make_env
+from envs.observation import NEAR, OFFSET
+from tests.trainers.plans import plan
+from trainers.policy import build
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """What eight worlds with three cubes and two targets show, the grippers near some of them, and a policy."""
+    overrides = ["task=nl_pick_and_place", "task.num_objects=3", "task.curriculum={near: 1.0, held: 0.0}"]
+    with closing(make_env(overrides, num_worlds=8, seed=4)) as env:
+        torch.manual_seed(0)
+        yield env.reset(), build(plan(policy="grounded").policy, env.observation_spec, env.action_unit)
+
+
+def test_only_what_can_be_knocked_against_is_near_and_only_within_reach(scene):
+    td, _ = scene
+    rows, near = td["objects"], td["objects_near"]
+    distance = rows[..., OFFSET][..., :3].norm(dim=-1)
+    could = td["privileged", "movable"] & (distance < NEAR)
+    assert could.any()
+    assert not could.all()
+    assert torch.equal(near > 0, could)
+    torch.testing.assert_close(near[could], 1 - distance[could] / NEAR, atol=1e-4, rtol=0)
+
+
+def test_the_obstacle_is_the_nearest_of_the_others(scene):
+    td, policy = scene
+    told = td.clone()
+    policy.words.tell(told)
+    others = td["objects_near"].clone()
+    others[torch.arange(8), td["privileged", "referent"]] = 0
+    nearest, slot = others.max(1)
+    row = policy.words.objects(td["objects"])[torch.arange(8), slot]
+    assert (nearest > 0).any()
+    torch.testing.assert_close(told["obstacle"][:, -1], nearest)
+    torch.testing.assert_close(told["obstacle"][:, :-1], row * nearest.unsqueeze(1))
+
+
+def test_nothing_in_the_way_is_all_zeros(scene):
+    td, policy = scene
+    td = td.clone()
+    td["objects_near"].zero_()
+    policy.words.tell(td)
+    assert not td["obstacle"].any()
+
+
+@pytest.mark.parametrize("mode", [ExplorationType.RANDOM, ExplorationType.DETERMINISTIC])
+def test_what_is_in_the_way_reaches_the_arm(scene, mode):
+    td, policy = scene
+    act = policy.act
+    seen = td.select(*act.in_keys)
+    assert not any("privileged" in key for key in act.in_keys)
+    free = seen.clone()
+    free["objects_near"].zero_()
+    with set_exploration_type(mode), torch.no_grad():
+        torch.manual_seed(1)
+        beside = act(seen.clone())
+        torch.manual_seed(1)
+        alone = act(free)
+    crowded = beside["obstacle"].any(1)
+    assert crowded.any()
+    assert (beside["move"] != alone["move"]).any(1)[crowded].all()
+    assert torch.equal(beside["move"][~crowded], alone["move"][~crowded])
