@@ -207,10 +207,13 @@ def reset_memory(resets: int) -> dict[str, Any]:
 
 
 PANDA_REACH = ("robot=panda", "task=reach", *PEER_PHYSICS)
+PLACE = ("task=nl_pick_and_place", "task.num_objects=2", "task.num_targets=2")
 PANDA_NL_REACH = ("robot=panda", "task.num_objects=2", *PEER_PHYSICS)
 WORKLOADS: dict[str, Callable[[int], dict[str, Any]]] = {
     "raw_kuka": partial(raw_loop, overrides=()),
     "env_kuka": partial(env_bare, overrides=()),
+    "raw_place": partial(raw_loop, overrides=PLACE),
+    "env_place": partial(env_bare, overrides=PLACE),
     "collector_1": partial(collector, overrides=(), workers=1),
     "collector_2": partial(collector, overrides=(), workers=2),
     "env_panda_matched": partial(env_bare, overrides=PANDA_REACH),

@@ -78,6 +78,8 @@ class Promise:
 WORKLOADS = (
     Workload("raw_kuka", OURS, 20_000),
     Workload("env_kuka", OURS, 20_000),
+    Workload("raw_place", OURS, 20_000),
+    Workload("env_place", OURS, 20_000),
     Workload("collector_1", OURS, 20_000),
     Workload("collector_2", OURS, 40_000, cores=2),
     Workload("env_panda_matched", OURS, 10_000),
@@ -96,6 +98,7 @@ WORKLOADS = (
 )
 PROMISES = (
     Promise("env bare / raw loop (kuka, 1 core)", "env_kuka", "raw_kuka", 0.75),
+    Promise("the same of pick and place", "env_place", "raw_place", 0.7),
     Promise("collector with policy / env bare (1 core)", "collector_1", "env_kuka", 0.7),
     Promise("collector, 2 workers / 1 worker", "collector_2", "collector_1", 1.5),
     Promise("our panda reach / panda-gym", "env_panda_matched", "panda_gym_reach", 1.7),

@@ -81,7 +81,9 @@ class Gaussian(nn.Module):
     def forward(self, robot: Tensor, *context: Tensor) -> tuple[Tensor, Tensor]:
         out = self.net(torch.cat([self.robot(robot), *context], -1))
         if not self.by_state:
-            return out, self.log_std.clamp(*LOG_STD).exp().expand_as(out)
+            # No mean beyond what one step can do, or noise would lose its say: a gripper's command, once it was far
+            # above 0, was never tried below.
+            return out.tanh(), self.log_std.clamp(*LOG_STD).exp().expand_as(out)
         loc, offset = out.chunk(2, -1)
         return loc, (self.log_std + offset).clamp(*LOG_STD).exp()
 
