@@ -8,16 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from envs.experts.base import UP, Array, Slots, either
+from envs.experts.base import Array, Slots, either
 from envs.experts.place import Fetch
 from envs.tasks.throw import LANDED, SHORT
 from envs.tasks.ways import length
 from envs.workspace_env import WorkspaceEnv
 
-HEIGHT = 0.22  # metres above the table at which it is carried
 AT = 0.02  # metres from there that count as there
 FURTHER = 0.012  # metres further back that the next try begins to run: the same once more would fall short once more
-FOLLOW = 3  # control steps for which it goes on, upwards: fingers that stood would be in the way
+FOLLOW = 3  # control steps for which it goes on as fast: fingers that fell behind would be in the way
 SOONER = 0.005  # metres farther away than it must be that it lets go
 WINDOW = 1.2  # paces within which it lets go, or it would pass by that place between two of them
 
@@ -25,18 +24,19 @@ WINDOW = 1.2  # paces within which it lets go, or it would pass by that place be
 class Style(NamedTuple):
     """How a gripper throws.
 
-    run: metres from the target at which it begins to run. stride: metres that it runs in a control step. flight:
-    control steps for which what is let go of goes on as fast, in all. lead: control steps from the command until it
-    lets go.
+    height: metres above the table at which it carries. run: metres from the target at which it begins to run. stride:
+    metres that it runs in a control step. flight: control steps for which what is let go of goes on as fast, in all.
+    lead: control steps from the command until it lets go.
     """
 
+    height: float
     run: float
     stride: float
     flight: float
     lead: int
 
 
-STYLES = {"magnet": Style(0.31, 0.024, 10.0, 0), "fingers": Style(0.27, 0.03, 4.0, 2)}
+STYLES = {"magnet": Style(0.18, 0.31, 0.024, 10.0, 0), "fingers": Style(0.22, 0.27, 0.03, 4.0, 2)}
 
 
 class ThrowExpert(Fetch):
@@ -58,15 +58,16 @@ class ThrowExpert(Fetch):
         fetch, close = self._fetch(thing)
         carry = self._env.gripper + self._carry(thing, goal, way) - thing
         landed = (self._env.task.memory[:, 0] > 0) & (length((goal - thing)[:, :2]) < LANDED)
-        follow = ~held & ((self._after <= FOLLOW) | landed)
-        place = either(follow, self._env.gripper + self._style.stride * (way + UP), either(held, carry, fetch))
-        return self._env.towards(place, np.where(held, ~self._letting_go, close & ~follow))
+        follow = ~held & (self._after <= FOLLOW)
+        onward = self._env.gripper + self._style.stride * way * follow[:, None]
+        place = either(follow | landed, onward, either(held, carry, fetch))
+        return self._env.towards(place, np.where(held, ~self._letting_go, close & ~follow & ~landed))
 
     def _note(self, thing: Array, goal: Array, way: Array, held: NDArray[np.bool_]) -> None:
         """Whether it runs, and lets go."""
         left, pace = ((goal - thing) * way).sum(1), ((thing - self._last) * way).sum(1)
         start = goal - self._run * way
-        start[:, 2] = HEIGHT
+        start[:, 2] = self._style.height
         self._running = held & ((self._running & (left > SHORT)) | (length(start - thing) < AT))
         left -= self._style.lead * pace
         far = np.maximum(self._style.flight * pace, SHORT + SOONER + WINDOW * pace)
@@ -79,8 +80,8 @@ class ThrowExpert(Fetch):
     def _carry(self, thing: Array, goal: Array, way: Array) -> Array:
         """Where the object goes (N, 3) that is held: up, to where the run begins, and on."""
         start = goal - self._run * way
-        start[:, 2] = HEIGHT
+        start[:, 2] = self._style.height
         up, run = thing.copy(), start.copy()
-        up[:, 2] = HEIGHT
+        up[:, 2] = self._style.height
         run[:, 1] = thing[:, 1] + self._style.stride * way[:, 1]
-        return either(self._running, run, either(thing[:, 2] < HEIGHT / 2, up, start))
+        return either(self._running, run, either(thing[:, 2] < self._style.height / 2, up, start))
