@@ -34,7 +34,7 @@ class EnvConfig:
 
     def judged(self) -> EnvConfig:
         """The same without the curriculum: every episode from its start."""
-        return replace(self, task=replace(self.task, curriculum=CurriculumConfig(near=0.0, held=0.0)))
+        return replace(self, task=replace(self.task, curriculum=CurriculumConfig(near=0.0, held=0.0, placed=0.0)))
 
 
 def read_env(config: Any) -> EnvConfig:

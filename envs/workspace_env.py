@@ -71,7 +71,7 @@ class WorkspaceEnv(EnvBase):
         speed = np.array(config.robot.max_speed) * period
         guarded, turns = gripper == "magnet", self.task.turns
         self.control = CONTROLS[config.control.name](config.control, self.chain, speed, box, guarded, turns)
-        self._starts = Starts(self.chain, box) if task.curriculum.near + task.curriculum.held > 0 else None
+        self._starts = Starts(self.chain, box) if task.curriculum.share > 0 else None
         self._arrays = Arrays(self._worlds, config.robot, self.chain, task.slots, self.tokenizer)
         self._state = self._arrays.state
         kind, size = gripper if self.task.grips else None, task.object_size

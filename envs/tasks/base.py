@@ -127,11 +127,17 @@ class CurriculumConfig(Checked):
 
     near: float = within(0, 1)  # the gripper is just over the object
     held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
+    placed: float = within(0, 1)  # the gripper has just let go of the object at its target
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.near + self.held > 1:
-            raise ConfigError(f"near={self.near} and held={self.held} must come to 1 at most")
+        if self.share > 1:
+            raise ConfigError(f"near={self.near}, held={self.held} and placed={self.placed} must come to 1 at most")
+
+    @property
+    def share(self) -> float:
+        """Of all three."""
+        return self.near + self.held + self.placed
 
 
 @dataclass(frozen=True, kw_only=True)

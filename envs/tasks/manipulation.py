@@ -14,7 +14,7 @@ from conf.schema import ConfigError
 from envs.tasks.base import NOTHING, Array, Episode, Outcome, Start, State, TaskConfig
 from envs.tasks.hindsight import meant_by
 from envs.tasks.named import Named
-from envs.tasks.ways import length, lifted
+from envs.tasks.ways import length, lifted, put
 from human import Person
 from language import TASKS as VERBS
 from language import Instruction, Placed, Scene
@@ -229,14 +229,18 @@ class Manipulation(Named):
     def _started(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> tuple[Start | None, Scene]:
         """Where the gripper begins, by the curriculum, and the scene as it then is."""
         curriculum, chance = self.config.curriculum, rng.random()
-        if chance < curriculum.held and self.grips:
-            scene = self._lifted(placed.scene, referent, target, rng)
-            meant = [referent] if target is None else [referent, target]
-            if scene is not None and (not self.speaks or self._describer.nameable(scene)[meant].all()):
-                return Start(np.zeros(3), held=True), scene
-        if chance < curriculum.held + curriculum.near:
+        if chance < curriculum.near:
             return Start(self._near(placed.scene, referent, target, rng), held=False), placed.scene
-        return None, placed.scene
+        held = chance < curriculum.near + curriculum.held
+        scene = None
+        if self.grips and held:
+            scene = self._lifted(placed.scene, referent, target, rng)
+        elif self.grips and target is not None and chance < curriculum.share:
+            scene = put(placed.scene, referent, placed.scene.positions[target])
+        meant = [referent] if target is None else [referent, target]
+        if scene is None or (self.speaks and not self._describer.nameable(scene)[meant].all()):
+            return None, placed.scene
+        return Start(np.zeros(3), held), scene
 
     def _near(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Array:
         """(3,) from where a gripper would hold its object to where it begins near it, metres."""

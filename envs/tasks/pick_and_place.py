@@ -35,7 +35,9 @@ class PickAndPlace(Manipulation):
         self._raised = np.zeros(worlds)  # the most that the referent has been held over the table, in units of CLEAR
 
     def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
-        self._raised[worlds] = (state.held == state.referent)[worlds]  # who begins with it has no need to lift it
+        # Who begins with it has no need to lift it, nor who begins where it has been put.
+        near = length(self._goal(state) - self._referent(state)) <= self.config.radius
+        self._raised[worlds] = ((state.held == state.referent) | near)[worlds]
 
     @property
     def memory(self) -> NDArray[np.float64]:

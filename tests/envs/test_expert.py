@@ -30,7 +30,12 @@ def arm_touches_furniture(env):
 
 @pytest.mark.parametrize("combination", COMBINATIONS, ids=name_of)
 def test_the_expert_solves_the_task_without_touching_the_table(combination):
-    env = make(*combination, "task.curriculum.near=0", "task.curriculum.held=0", worlds=WORLDS, seed=21)
+    env = make(
+        *combination,
+        "task.curriculum={near: 0, held: 0, placed: 0}",
+        worlds=WORLDS,
+        seed=21,
+    )
     actor, td = expert(env), env.reset()
     solved, lowest, steps = [], 1.0, 0
     while len(solved) < EPISODES:

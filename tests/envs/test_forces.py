@@ -18,7 +18,7 @@ def referents(env):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_no_object_is_pressed_through_the_table(robot, control, close):
     for task in ("pick_and_place", "push"):
-        none = ("task.curriculum.near=0", "task.curriculum.held=0", "task.max_steps=1000")
+        none = ("task.curriculum.near=0", "task.curriculum.placed=0", "task.curriculum.held=0", "task.max_steps=1000")
         env = make(robot, control, task, *none, worlds=2, seed=3)
         td, lowest = env.reset(), 1.0
         for t in range(70):
@@ -34,7 +34,7 @@ def test_no_object_is_pressed_through_the_table(robot, control, close):
 
 def pulled(robot, force, *more):
     """Whether what is held is still held after a while of being pulled aside with so many N."""
-    held = ("task.curriculum.near=0", "task.curriculum.held=1")
+    held = ("task.curriculum.near=0", "task.curriculum.placed=0", "task.curriculum.held=1")
     env = make(robot, "step", "pick_and_place", *held, *more, seed=4)
     td, world = env.reset(), env._worlds[0]
     for _ in range(4):

@@ -13,7 +13,7 @@ from language import parse
 WORLDS, SEED = 6, 11
 TASKS = ("nl_reach", "nl_push", "nl_pick_and_place")
 # An arm that begins at the referent would begin elsewhere in another tale of the same seed.
-REST = ("task.curriculum.near=0", "task.curriculum.held=0")
+REST = ("task.curriculum.near=0", "task.curriculum.placed=0", "task.curriculum.held=0")
 
 
 @pytest.fixture(scope="module", params=TASKS)

@@ -51,7 +51,14 @@ def test_the_words_are_those_of_the_language(name):
 
 @pytest.mark.parametrize("name", SPOKEN)
 def test_who_understands_the_words_does_what_they_say(name):
-    env = make("kuka", "step", name, "task.curriculum.near=0", "task.curriculum.held=0", worlds=8, seed=31)
+    env = make(
+        "kuka",
+        "step",
+        name,
+        "task.curriculum={near: 0, held: 0, placed: 0}",
+        worlds=8,
+        seed=31,
+    )
     oracle, td, ended, solved = Oracle(env), env.reset(), np.zeros(8, bool), []
     while not ended.all():
         seen = td.clone().exclude("privileged")

@@ -52,7 +52,12 @@ def test_a_world_that_holds_something_is_not_disturbed_by_another_that_begins_an
     ends = []
     for disturbed in (False, True):
         env = make(
-            robot, "step", "nl_pick_and_place", "task.curriculum.near=0", "task.curriculum.held=1", worlds=2, seed=5
+            robot,
+            "step",
+            "nl_pick_and_place",
+            "task.curriculum={near: 0, held: 1, placed: 0}",
+            worlds=2,
+            seed=5,
         )
         td = env.reset()
         assert (env.state.held >= 0).all()
@@ -68,7 +73,12 @@ def test_a_world_that_holds_something_is_not_disturbed_by_another_that_begins_an
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_wild_grasps_are_forgotten_too(robot):
     env = make(
-        robot, "joints", "nl_pick_and_place", "task.curriculum.near=0", "task.curriculum.held=0.5", worlds=2, seed=5
+        robot,
+        "joints",
+        "nl_pick_and_place",
+        "task.curriculum={near: 0, held: 0.5, placed: 0}",
+        worlds=2,
+        seed=5,
     )
     fresh = history(env, 30)
     td, rng = env.reset(), np.random.default_rng(0)

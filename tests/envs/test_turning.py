@@ -10,7 +10,13 @@ PLACE = np.array([[0.45, 0.05, 0.2]])
 
 
 def turning(robot, control):
-    env = make(robot, control, "pick_and_rotate", "task.curriculum.near=0", "task.curriculum.held=0", seed=2)
+    env = make(
+        robot,
+        control,
+        "pick_and_rotate",
+        "task.curriculum={near: 0, held: 0, placed: 0}",
+        seed=2,
+    )
     return env, env.reset()
 
 

@@ -15,7 +15,7 @@ from trainers.policy import build
 @pytest.fixture(scope="module")
 def scene():
     """What eight worlds with three cubes and two targets show, the grippers near some of them, and a policy."""
-    overrides = ["task=nl_pick_and_place", "task.num_objects=3", "task.curriculum={near: 1.0, held: 0.0}"]
+    overrides = ["task=nl_pick_and_place", "task.num_objects=3", "task.curriculum={near: 1.0, held: 0.0, placed: 0.0}"]
     with closing(make_env(overrides, num_worlds=8, seed=4)) as env:
         torch.manual_seed(0)
         yield env.reset(), build(plan(policy="grounded").policy, env.observation_spec, env.action_unit)

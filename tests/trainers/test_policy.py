@@ -120,3 +120,12 @@ def test_the_likelihood_of_what_was_drawn_is_that_of_the_surrogate(env):
         again = surrogate_actor(made).log_prob(state.clone())
     torch.testing.assert_close(state["move_log_prob"], again)
     assert ((state["hold"] + state["move"]).clamp(-1, 1) == state["action"]).all()
+
+
+def test_a_mean_move_is_never_more_than_a_step_can_do(env):
+    made, state = make(env), env.reset()
+    with torch.no_grad():
+        made.gaussian.net[-1].weight.mul_(1e4)
+        loc, _ = made.steer(made.encode(state))
+    assert loc.abs().max() <= 1
+    assert loc.abs().max() > 0.9
