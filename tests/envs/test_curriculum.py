@@ -1,0 +1,72 @@
+"""Training episodes that begin nearer to their end, and judged ones that never do."""
+
+import numpy as np
+import pytest
+import torch
+from env_cases import ROBOTS, act, make
+
+from conf.overrides import compose
+from conf.schema import ConfigError
+from envs import read_env
+from envs.tasks import NOTHING
+
+WORLDS = 4
+
+
+def begun(robot, near=0.0, held=0.0, placed=0.0):
+    shares = f"task.curriculum={{near: {near}, held: {held}, placed: {placed}}}"
+    env = make(robot, "step", "nl_pick_and_place", shares, worlds=WORLDS, seed=8)
+    return env, env.reset()
+
+
+def spot(env, name):
+    """(N, 3) where each world's referent or target is."""
+    return env.state.objects[np.arange(WORLDS), getattr(env.state, name)]
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_near_begins_over_the_object_with_nothing_held(robot):
+    env, _ = begun(robot, near=1)
+    offset = env.gripper - spot(env, "referent")
+    assert (np.abs(offset[:, :2]) < 0.045).all()
+    assert (env.state.held == NOTHING).all()
+    env.close()
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_held_begins_with_the_object_in_the_gripper(robot):
+    env, _ = begun(robot, held=1)
+    assert (env.state.held == env.state.referent).sum() >= WORLDS - 1  # where there is no room, it begins at rest
+    env.close()
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_placed_begins_at_the_target_and_is_done_if_the_gripper_stays_open(robot):
+    env, td = begun(robot, placed=1)
+    np.testing.assert_allclose(spot(env, "referent"), spot(env, "target"), atol=1e-6)
+    assert (env.state.held == NOTHING).all()
+    for step in range(env.config.task.hold_steps):
+        assert not td["success"].any(), step
+        td = act(env, td, torch.cat([td["hold"][:, :-1], -torch.ones(WORLDS, 1)], 1))
+    assert td["success"].all()
+    env.close()
+
+
+def test_what_was_put_down_can_be_taken_up_again_and_is_not_done_then():
+    env, td = begun("kuka", placed=1)
+    for _ in range(env.config.task.hold_steps + 2):
+        td = act(env, td, torch.cat([td["hold"][:, :-1], torch.ones(WORLDS, 1)], 1))
+    assert not td["success"].any()
+    assert (env.state.held == env.state.referent).all()
+    env.close()
+
+
+def test_judged_episodes_begin_at_rest():
+    config = read_env(compose(["task=nl_pick_and_place"]))
+    assert config.task.curriculum.share > 0
+    assert config.judged().task.curriculum.share == 0
+
+
+def test_shares_of_more_than_all_are_refused():
+    with pytest.raises(ConfigError, match=r"near=0\.6, held=0\.3 and placed=0\.2 must come to 1 at most"):
+        read_env(compose(["task=nl_pick_and_place", "task.curriculum={near: 0.6, held: 0.3, placed: 0.2}"]))
