@@ -1,0 +1,29 @@
+from trainers.progress import RECENT, Progress
+
+
+def row(frames, episodes, success, **more):
+    return {"frames": frames, "time/total": 1.0, "train/episodes": episodes, "train/success": success, **more}
+
+
+def said(capsys, rows):
+    """The lines that are printed where nobody looks at a terminal."""
+    with Progress(1000, 0, shown=True) as progress:
+        for each in rows:
+            progress.show(each)
+    return capsys.readouterr().out.splitlines()
+
+
+def test_success_in_training_is_the_mean_of_many_episodes_not_the_last_rows(capsys):
+    lines = said(capsys, [row(10, 30, 0.0), row(20, 10, 1.0, **{"eval/success_at_end": 0.5})])
+    assert lines == ["20 of 1000 frames, 1 s: success 0.50, in training 0.25"]
+
+
+def test_what_was_long_ago_does_not_count(capsys):
+    rows = [row(10, RECENT, 0.0), row(20, RECENT, 0.75, **{"eval/success_at_end": 0.5})]
+    assert said(capsys, rows) == ["20 of 1000 frames, 1 s: success 0.50, in training 0.75"]
+
+
+def test_rows_in_which_no_episode_ended_change_nothing(capsys):
+    nan = float("nan")
+    rows = [row(10, 0, nan), row(20, 4, 0.5), row(30, 0, nan, **{"eval/success_at_end": 0.5})]
+    assert said(capsys, rows) == ["30 of 1000 frames, 1 s: success 0.50, in training 0.50"]
