@@ -69,6 +69,7 @@ class PPOConfig(Checked):
 class SACConfig(Checked):
     """Soft actor-critic with automatic temperature, Haarnoja et al. 2018 (arXiv:1812.05905)."""
 
+    anneal_lr: bool  # linearly to zero over the run
     name: str = one_of("sac")
     horizon: int = within(1, 4096)
     batch: int = within(2)

@@ -120,6 +120,7 @@ def _save(figure: Figure, every: Sequence[Any], target: Path) -> None:
     named: dict[str, Any] = {}
     for axes in every:
         axes.grid(alpha=0.3)
+        axes.set_xlim(left=0)
         axes.xaxis.set_major_formatter(EngFormatter(sep=""))
         lines, labels = axes.get_legend_handles_labels()
         named |= dict(zip(labels, lines, strict=True))

@@ -72,8 +72,13 @@ class SAC:
         self.owed = 0.0  # gradient steps earned by frames and not yet taken
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
-        """Remember a batch (worlds, steps), then take `updates_per_frame` steps for each frame. progress is unused."""
+        """Remember a batch (worlds, steps), then take `updates_per_frame` steps for each frame.
+
+        progress in [0, 1] anneals the learning rate.
+        """
         learning.check_batch(batch)
+        rate = self.config.lr * (1 - progress if self.config.anneal_lr else 1.0)
+        self.optimizer.param_groups[0]["lr"] = rate
         relabelled = self.hindsight(batch)
         for frames in (batch, *relabelled):
             self.remember(frames)

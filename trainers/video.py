@@ -13,7 +13,8 @@ from tensordict.nn import TensorDictModuleBase
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-BAR, MARGIN, PAUSE = 22, 5, 10  # pixels of the caption, its inset; frames the outcome stays on screen
+LINE, MARGIN, PAUSE = 20, 5, 10  # pixels of a line of the caption, its inset; frames the outcome stays on screen
+SAID = 2  # lines for the sentence, above that for the outcome
 
 
 @torch.no_grad()
@@ -50,21 +51,35 @@ def said(state: TensorDictBase) -> str:
 
 def outcome(after: TensorDictBase) -> str:
     """How the episode of world 0 that ended in this step went."""
-    if after["success"][0]:
-        return "success"
-    return "wrong object" if after["wrong_object"][0] else "out of time" if after["truncated"][0] else "failed"
+    for name in ("success", "wrong_object", "wrong_target"):
+        if name in after.keys() and after[name][0]:
+            return name.replace("_", " ")
+    return "out of time" if after["truncated"][0] else "failed"
 
 
 def caption(frame: np.ndarray, sentence: str, ending: str = "") -> np.ndarray:
-    """The frame (H, W, 3) uint8 with a bar of text below it, even in height and width as H.264 wants."""
+    """The frame (H, W, 3) uint8 with lines of text below it, even in height and width as H.264 wants."""
     height, width = frame.shape[0], frame.shape[1]
-    image = Image.new("RGB", (width + width % 2, height + height % 2 + 2 * BAR), "black")
+    image = Image.new("RGB", (width + width % 2, height + height % 2 + (SAID + 1) * LINE), "black")
     image.paste(Image.fromarray(frame), (0, 0))
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=14)
-    draw.text((MARGIN, height + 2), sentence or "(no words)", fill="white", font=font)
+    for row, text in enumerate(wrapped(sentence or "(no words)", width - 2 * MARGIN, font)[:SAID]):
+        draw.text((MARGIN, height + row * LINE), text, fill="white", font=font)
     colour = "lightgreen" if ending == "success" else "orange"
-    draw.text((MARGIN, height + BAR + 2), ending, fill=colour, font=font)
+    draw.text((MARGIN, height + SAID * LINE), ending, fill=colour, font=font)
     return np.asarray(image)
+
+
+def wrapped(sentence: str, width: float, font: Any) -> list[str]:
+    """The sentence in lines of at most so many pixels, a longer word on a line of its own."""
+    lines = [""]
+    for word in sentence.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and font.getlength(longer) > width:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
 
 
 def writer(path: Path, fps: int) -> Any:

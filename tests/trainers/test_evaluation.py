@@ -1,5 +1,7 @@
+import numpy as np
 import pytest
 import torch
+from PIL import ImageFont
 from tensordict.nn import TensorDictModule
 
 from tests.trainers.fake_env import FakeEnv, make_env
@@ -88,3 +90,12 @@ def test_a_film_with_words_on_it(tmp_path):
     written, blank = caption(frame, "touch the red"), caption(frame, " ")
     assert (written != blank).any()
     assert not any(side % 2 for side in written.shape[:2])
+
+
+def test_a_long_sentence_is_written_in_two_lines(tmp_path):
+    frame = make_env(1, 0).render()
+    words = "put it there " * (frame.shape[1] // 60)
+    assert ImageFont.load_default(size=14).getlength(words) > frame.shape[1]
+    height = frame.shape[0]
+    lines = np.split(caption(frame, words)[height : height + 60], 3)
+    assert [bool(line.any()) for line in lines] == [True, True, False]
