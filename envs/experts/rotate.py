@@ -43,4 +43,6 @@ class RotateExpert(Fetch):
         """Where the gripper goes (N, 3) with the object that it holds, and whether it keeps it (N,)."""
         place = self._env.gripper
         place[:, 2] += np.where(turned, np.maximum(rest - thing[:, 2], -GENTLY), rest + CARRY - thing[:, 2])
-        return place, ~(turned & (thing[:, 2] < rest + GRASP / 2))
+        # It can have slipped upwards in the fingers, which then come down to the table first.
+        low = np.minimum(thing[:, 2], self._env.gripper[:, 2] - self._env.below) < rest + GRASP / 2
+        return place, ~(turned & low)
