@@ -6,6 +6,7 @@ import copy
 import signal
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -145,7 +146,8 @@ class Run:
         self.counters["frames"] += batch.numel()
         self.counters["iteration"] += 1
         row = {"frames": self.counters["frames"], **self.episodes.measure(batch), **learned}
-        row |= self.evaluate_if_due(stop)
+        with suppress(Interrupted):  # the update is done, and has its row; who asked to stop still does
+            row |= self.evaluate_if_due(stop)
         ended = time.perf_counter()
         self.counters["seconds"] = self.seconds()
         times = (collected - began, updated - collected, ended - updated, self.counters["seconds"])

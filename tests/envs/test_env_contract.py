@@ -16,7 +16,8 @@ WORLDS = 3
 
 @pytest.fixture(scope="module", params=FEWER, ids=name_of)
 def env(request):
-    made = make(*request.param, worlds=WORLDS, seed=3)
+    # Where what is asked has been done already, doing nothing succeeds.
+    made = make(*request.param, "task.curriculum.placed=0", worlds=WORLDS, seed=3)
     yield made
     made.close()
 
@@ -199,6 +200,9 @@ def test_every_element_of_the_observation_says_something(env, request):
         for place in np.argwhere((values == values[0]).all(0).numpy()).tolist():
             constant.add(f"{key}[{','.join(map(str, place))}]")
     allowed = constant_elements(env)
+    for column in range(3, 7):  # of how they are turned: enough if one is
+        each = {f"objects[{slot},{column}]" for slot in range(env.config.task.slots)}
+        constant -= each if each - constant else set()
     if env.config.robot.name == "jaco":  # too slow to turn every object over, or take one up, in this time
         allowed |= {f"objects[{k},{d}]" for k in range(env.config.task.slots) for d in range(2, 7)}
         allowed.add(f"robot[{2 * len(env.config.robot.joints) + 11}]")

@@ -8,8 +8,7 @@ from env_cases import COMBINATIONS, ROBOTS, act, make, name_of, options, partial
 from envs.experts import ReachExpert, expert
 
 WORLDS, EPISODES = 4, 24
-# Where the expert falls short: fingers drag along what they let go of.
-SHORT = {("panda", "throw"): 0.9}
+ENOUGH = 0.9  # of so few episodes; `python -m benchmarks.experts` asks for 0.95 of 200
 
 
 def arm_touches_furniture(env):
@@ -47,8 +46,7 @@ def test_the_expert_solves_the_task_without_touching_the_table(combination):
         if len(over):
             td = partial_reset(env, td, over)
     env.close()
-    robot, _, task = combination
-    assert np.mean(solved) >= SHORT.get((robot, task), 0.95)
+    assert np.mean(solved) >= ENOUGH
     assert lowest > 0
 
 

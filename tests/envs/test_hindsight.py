@@ -8,6 +8,7 @@ import torch
 from env_cases import act, leaves, make
 
 from envs.experts import expert
+from envs.observation import OBJECT_WIDTH
 from language import parse
 
 WORLDS, SEED = 6, 11
@@ -44,7 +45,7 @@ def recorded(env, episodes, driver):
 
 def others(slots, td, targets):
     """(N,) for each world another of its targets, or of its real objects, than that in slots (N,)."""
-    fits = td["objects_mask"].numpy() & ((td["objects"][..., -1 - 3 * moves(td)] > 0.5).numpy() == targets)
+    fits = td["objects_mask"].numpy() & ((td["objects"][..., OBJECT_WIDTH - 1] > 0.5).numpy() == targets)
     fits[np.arange(WORLDS), slots] = False
     return np.where(fits.any(1), fits.argmax(1), slots)
 

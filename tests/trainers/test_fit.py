@@ -15,6 +15,7 @@ from tests.trainers.fake_env import WORDS, FakeEnv, make_env
 from tests.trainers.plans import config, plan
 from trainers import checkpoint
 from trainers.collection import CollectionError, Episodes, Rollouts, derive_seed
+from trainers.evaluation import evaluate
 from trainers.fit import fit
 from trainers.learning import DivergedError
 from trainers.metrics import Metrics, read_metrics
@@ -184,6 +185,19 @@ if __name__ == "__main__":
     o = ("total_frames=1000000", "collector.workers=2")
     fit(plan(overrides=o), make, Path("out"), config(overrides=o), WORDS, progress=False)
 """
+
+
+def test_who_stops_a_run_in_an_evaluation_loses_no_row(tmp_path, monkeypatch):
+    def stopped(*arguments, **options):
+        signal.raise_signal(signal.SIGINT)
+        return evaluate(*arguments, **options)
+
+    monkeypatch.setattr("trainers.fit.evaluate", stopped)
+    with pytest.raises(SystemExit) as left:
+        run(tmp_path, overrides=["eval.interval=256"])
+    assert left.value.code == 130
+    saved = checkpoint.load(tmp_path / "checkpoints" / "last.pt")
+    assert saved["counters"]["frames"] == read_metrics(tmp_path / "metrics.csv")[-1]["frames"] > 0
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
