@@ -154,7 +154,10 @@ class Grounder(nn.Module):
         mixed: leave the means, and only tell what is in the way.
         """
         slots = [frames[key].argmax(-1) for key in self.chooses]
-        self.beware(frames, slots[0]) if mixed else self._take(frames, slots)
+        if mixed:
+            self.beware(frames, slots[0])
+        else:
+            self._take(frames, slots)
 
     def tell(self, frames: TensorDictBase) -> None:
         """Take the slots that are truly meant, without a look at the words."""

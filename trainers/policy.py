@@ -1,7 +1,7 @@
 """Policies and critics, built from specs.
 
     objects, mask, instruction, gesture ─► words ─► attention_logits, context, obstacle ┐
-                                                                      robot ───┴─► gaussian ─► action
+                                                                               robot ───┴─► gaussian ─► action
                                            robot, privileged/goal ─────► critic (losses only)
 
 The critic may be shown what the policy must find out (asymmetric actor-critic, Pinto et al. 2018, arXiv:1710.06542):
