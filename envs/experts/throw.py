@@ -66,8 +66,7 @@ class ThrowExpert(Fetch):
     def _note(self, thing: Array, goal: Array, way: Array, held: NDArray[np.bool_]) -> None:
         """Whether it runs, and lets go."""
         left, pace = ((goal - thing) * way).sum(1), ((thing - self._last) * way).sum(1)
-        start = goal - self._run * way
-        start[:, 2] = self._style.height
+        start = self._start(goal, way)
         self._running = held & ((self._running & (left > SHORT)) | (length(start - thing) < AT))
         left -= self._style.lead * pace
         far = np.maximum(self._style.flight * pace, SHORT + SOONER + WINDOW * pace)
@@ -77,10 +76,15 @@ class ThrowExpert(Fetch):
         self._run[self._env.elapsed == 0] = self._style.run
         self._last = thing
 
-    def _carry(self, thing: Array, goal: Array, way: Array) -> Array:
-        """Where the object goes (N, 3) that is held: up, to where the run begins, and on."""
+    def _start(self, goal: Array, way: Array) -> Array:
+        """Where the run begins (N, 3)."""
         start = goal - self._run * way
         start[:, 2] = self._style.height
+        return start
+
+    def _carry(self, thing: Array, goal: Array, way: Array) -> Array:
+        """Where the object goes (N, 3) that is held: up, to where the run begins, and on."""
+        start = self._start(goal, way)
         up, run = thing.copy(), start.copy()
         up[:, 2] = self._style.height
         run[:, 1] = thing[:, 1] + self._style.stride * way[:, 1]
