@@ -21,6 +21,16 @@ class DivergedError(RunError):
         self.batch = batch
 
 
+class Annealed(Protocol):
+    """The values of a config that its learning rate follows from."""
+
+    @property
+    def lr(self) -> float: ...
+
+    @property
+    def anneal_lr(self) -> bool: ...
+
+
 class Algorithm(Protocol):
     """A learner: fed each batch that the workers collect."""
 
@@ -43,6 +53,13 @@ class Algorithm(Protocol):
 
     def load_state_dict(self, state: dict) -> None:
         """Go on from `state_dict`."""
+
+
+def anneal(optimizer: torch.optim.Optimizer, config: Annealed, progress: float) -> float:
+    """Set the optimizer's learning rate to what it is at this progress in [0, 1] of a run, and return it."""
+    rate = config.lr * (1 - progress if config.anneal_lr else 1.0)
+    optimizer.param_groups[0]["lr"] = rate
+    return rate
 
 
 def check_batch(batch: TensorDictBase) -> None:

@@ -58,8 +58,7 @@ class PPO:
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
         """batch: (worlds, steps) frames of the present policy. progress in [0, 1] anneals the learning rate."""
         learning.check_batch(batch)
-        rate = self.config.lr * (1 - progress if self.config.anneal_lr else 1.0)
-        self.optimizer.param_groups[0]["lr"] = rate
+        rate = learning.anneal(self.optimizer, self.config, progress)
         self.calm(progress)
         batch = batch.to(self.device)
         fresh = self.understood(self.scenes.remember(batch)) if self.teaches else {}

@@ -77,8 +77,7 @@ class SAC:
         progress in [0, 1] anneals the learning rate.
         """
         learning.check_batch(batch)
-        rate = self.config.lr * (1 - progress if self.config.anneal_lr else 1.0)
-        self.optimizer.param_groups[0]["lr"] = rate
+        learning.anneal(self.optimizer, self.config, progress)
         relabelled = self.hindsight(batch)
         for frames in (batch, *relabelled):
             self.remember(frames)
