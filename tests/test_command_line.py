@@ -18,6 +18,7 @@ import evaluate
 import train
 from conf.overrides import compose
 from conf.schema import ConfigError
+from tests.processes import left_over, living
 from trainers.metrics import read_metrics
 
 ROOT = Path(train.__file__).parent
@@ -239,27 +240,6 @@ def test_help_needs_neither_torch_nor_pybullet():
     assert "robot" in command("--help").stdout
 
 
-def processes(group: int) -> list[int]:
-    """Living processes of a process group, after the second or two that multiprocessing's own tracker takes to end."""
-    deadline = time.monotonic() + 10
-    while (found := _living(group)) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    return found
-
-
-def _living(group: int) -> list[int]:
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                fields = (entry / "stat").read_text().rpartition(")")[2].split()
-            except (FileNotFoundError, ProcessLookupError):
-                continue
-            if int(fields[2]) == group and fields[0] != "Z":
-                found.append(int(entry.name))
-    return found
-
-
 @pytest.fixture
 def running(tmp_path):
     """A training run with two workers, past its first batch."""
@@ -289,16 +269,16 @@ def test_a_stopped_run_saves_and_leaves_no_process(running, number):
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 128 + number, errors
     assert (folder / "checkpoints" / "last.pt").is_file()
-    assert processes(process.pid) == []
+    assert left_over(process.pid, 10) == []
     assert "Traceback" not in errors
 
 
 def test_a_killed_worker_ends_the_run_with_an_error(running):
     process, _ = running
-    workers = [pid for pid in _living(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    workers = [pid for pid in living(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
     os.kill(workers[-1], signal.SIGKILL)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 1
     assert "error: collecting in worker processes failed" in errors
     assert "exit code -9" in errors
-    assert processes(process.pid) == []
+    assert left_over(process.pid, 10) == []

@@ -14,6 +14,7 @@ import pytest
 
 import train
 from conf.schema import ConfigError
+from tests.processes import left_over
 from trainers import checkpoint
 from trainers.job import find_place, shared, told
 from trainers.metrics import read_metrics
@@ -56,20 +57,6 @@ def wait_for(condition, process, seconds=240):
     assert condition(), process.communicate(timeout=5)[0] if process.poll() is not None else "still waiting"
 
 
-def living(group: int) -> list[str]:
-    """Commands of the processes of a group, after the second or two that the last of them take to end."""
-    deadline = time.monotonic() + 15
-    while (found := _of_group(group)) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    return found
-
-
-def _of_group(group: int) -> list[str]:
-    listed = subprocess.run(["ps", "-eo", "pgid,stat,args"], capture_output=True, text=True, check=True).stdout
-    rows = [line.split(None, 2) for line in listed.splitlines()[1:]]
-    return [row[2] for row in rows if int(row[0]) == group and not row[1].startswith("Z")]
-
-
 @pytest.fixture(scope="module")
 def stopped(tmp_path_factory):
     """A sweep in which one job failed and one finished beside the first, until Ctrl-C came."""
@@ -80,7 +67,7 @@ def stopped(tmp_path_factory):
         wait_for(lambda: all(list(folder.glob(f"{job}/{name}")) for job, name in half_way), process)
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does: every process hears it
         said, _ = process.communicate(timeout=60)
-        left = living(process.pid)
+        left = left_over(process.pid, 15)
     finally:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
@@ -158,9 +145,9 @@ def test_when_the_sweep_itself_is_killed_its_jobs_end_too(tmp_path):
         wait_for(lambda: len(list(tmp_path.glob("*/job.json"))) == 2, process)
         os.kill(process.pid, signal.SIGKILL)
         process.communicate(timeout=60)
-        assert living(process.pid) == []
+        assert left_over(process.pid, 15) == []
     finally:
-        for _ in living(process.pid):
+        for _ in left_over(process.pid, 15):
             os.killpg(process.pid, signal.SIGKILL)
 
 

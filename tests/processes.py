@@ -1,0 +1,26 @@
+"""What is left of processes that a test has started, each in a process group of its own."""
+
+import time
+from pathlib import Path
+
+
+def living(group: int) -> list[int]:
+    """Living processes of a process group."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                fields = (entry / "stat").read_text().rpartition(")")[2].split()
+            except (FileNotFoundError, ProcessLookupError):
+                continue
+            if int(fields[2]) == group and fields[0] != "Z":
+                found.append(int(entry.name))
+    return found
+
+
+def left_over(group: int, seconds: float) -> list[int]:
+    """The same, after the second or two that multiprocessing's own tracker takes to end."""
+    deadline = time.monotonic() + seconds
+    while (found := living(group)) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    return found
