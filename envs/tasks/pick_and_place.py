@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from envs.tasks.base import NOTHING, Array, State
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.ways import length
+from envs.tasks.ways import funnel, length
 
 LIFT = 0.02  # metres over the table that an object must be held once to count as picked up
 MOUTH = 0.02  # metres: a funnel's radius at its lower end
@@ -63,19 +63,9 @@ class PickAndPlace(Manipulation):
         placed = self._placed_there(state)
         has = (state.held == state.referent) | placed
         return {
-            "approach": np.where(has, 0.0, -funnel(state.gripper - place, ABOVE)),
+            "approach": np.where(has, 0.0, -funnel(state.gripper - place, ABOVE, MOUTH)),
             "grasp": has.astype(np.float64),
             "lift": self._raised.copy(),
-            "transport": -funnel(place - self._goal(state), OVER_ALL),
+            "transport": -funnel(place - self._goal(state), OVER_ALL, MOUTH),
             "release": placed.astype(np.float64),
         }
-
-
-def funnel(offset: Array, height: float) -> Array:
-    """(...,) metres to go from offset (..., 3) to the origin, from above, so that nothing on the way is pushed aside.
-
-    Metres beside it, and metres from the height that is wanted there: the farther beside, the higher, up to `height`.
-    """
-    beside = length(offset[..., :2])
-    wanted = np.clip(beside - MOUTH, 0.0, height)
-    return beside + np.abs(offset[..., 2] - wanted)

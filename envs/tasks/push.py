@@ -8,20 +8,23 @@ from numpy.typing import NDArray
 
 from envs.tasks.base import Array, State
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.ways import clear_ways, horizontal, length
+from envs.tasks.ways import clear_ways, funnel, horizontal, length
 from language import Placed, Scene
 
 ROOM = 0.04  # metres from the border of where objects are put to those that are pushed: a gripper must get behind them
 BEHIND = 0.03  # metres from an object's side to the centre of a gripper that is about to push it
 NEAR = 0.05  # metres further away that a gripper begins, at most, and above the object's middle
+# The funnel to the place behind, metres: narrow and steep, since the object stands in the way of whoever comes from its
+# other side.
+MOUTH, SLOPE, ABOVE = 0.015, 2.0, 0.08
 
 
 class Push(Manipulation):
     """ "push the green cube to the same position as the transparent red cube".
 
     Success: the referent lies within `radius` of its target, at rest, for `hold_steps` steps.
-    Potentials: approach (metres from the gripper to the place behind the object, as seen from its target, negative;
-    0 once it is there), transport (metres from object to target, negative) and rest (the share of `hold_steps` that it
+    Potentials: approach (metres that the gripper has to go to the place behind the object, as seen from its target,
+    along a funnel over it, negative; 0 once the object is there), transport (metres from object to target, negative) and rest (the share of `hold_steps` that it
     has lain there).
     """
 
@@ -47,7 +50,7 @@ class Push(Manipulation):
         place, goal = self._referent(state), self._goal(state)
         behind = place - self._behind() * horizontal(goal - place)
         return {
-            "approach": np.where(self._there(state), 0.0, -length(behind - state.gripper)),
+            "approach": np.where(self._there(state), 0.0, -funnel(state.gripper - behind, ABOVE, MOUTH, SLOPE)),
             "transport": -length(goal - place),
             "rest": np.minimum(self._reached / self.config.hold_steps, 1.0),
         }

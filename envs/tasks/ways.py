@@ -20,6 +20,17 @@ def length(vectors: Array) -> Array:
     return np.sqrt((vectors * vectors).sum(-1))
 
 
+def funnel(offset: Array, height: float, mouth: float, slope: float = 1.0) -> Array:
+    """(...,) metres to go from offset (..., 3) to the origin, from above, so that nothing on the way is pushed aside.
+
+    Metres beside it, and metres from the height that is wanted there: `slope` metres for each metre further beside
+    than `mouth`, up to `height`.
+    """
+    beside = length(offset[..., :2])
+    wanted = np.clip(slope * (beside - mouth), 0.0, height)
+    return beside + np.abs(offset[..., 2] - wanted)
+
+
 def horizontal(vectors: Array) -> Array:
     """(..., 3) unit vectors in the same direction over the table."""
     flat = vectors * [1.0, 1.0, 0.0]
