@@ -48,6 +48,7 @@ class World:
     visuals: load what is drawn, for `render`; a world without them takes half the memory.
     window: where it is shown; the world closes it.
     gripper: what the robot grips with; none: with nothing.
+    client: Bullet's number.
     devices: the noun of each that an episode shows at most; where there are any, they are all that it shows, and what
     would grip only touches them.
     """
@@ -65,7 +66,7 @@ class World:
         gripper: GripperConfig | None = None,
         devices: Sequence[str] = (),
     ) -> None:
-        self._client = bullet.connect(bullet.DIRECT) if window is None else window.client
+        self.client = bullet.connect(bullet.DIRECT) if window is None else window.client
         self._physics, self._workspace, self._visuals = physics, workspace, visuals or window is not None
         self._window = window
         try:
@@ -86,17 +87,17 @@ class World:
     ) -> None:
         self._set_up_physics()
         name = gripper and gripper.of(robot)
-        self.robot = Robot(robot, self._client, self._visuals, name == "magnet")
+        self.robot = Robot(robot, self.client, self._visuals, name == "magnet")
         self._gripper: Gripper | None = None
         self._fingers: Sequence[float] = ()  # where they were told to go, metres
         self._letting_go = 0  # physics steps into the next control step, after which it does
         if gripper and name and not devices:
-            self._gripper = GRIPPERS[name](gripper, self.robot, self._client)
-        self._furniture = Furniture(self._workspace, self.robot, self._client, self._visuals)
-        self._mechanisms = Mechanisms(devices, object_size, self._client, self._visuals)
+            self._gripper = GRIPPERS[name](gripper, self.robot, self.client)
+        self._furniture = Furniture(self._workspace, self.robot, self.client, self._visuals)
+        self._mechanisms = Mechanisms(devices, object_size, self.client, self._visuals)
         for body in self._mechanisms.bodies:
             self._furniture.join(body)
-        self._step = partial(bullet.stepSimulation, self._client)
+        self._step = partial(bullet.stepSimulation, self.client)
         # A body keeps its hold for good: one that switches is put behind the others in Bullet's lists, and the same
         # seed would give other bits than on a fresh world.
         self._pool = [
@@ -107,33 +108,33 @@ class World:
         human = self._workspace.human
         self.person: Arm | None = None  # nothing touches a person: one whom nobody sees needs no body
         if human is not None:
-            self.person = Body(human, self._client, visuals=True) if self._visuals else read_arm(human)
+            self.person = Body(human, self.client, visuals=True) if self._visuals else read_arm(human)
         self._shown = [body for pool in self._pool for bodies in pool for body in bodies]
         self._ghosts: dict[tuple[int, int], Sequence[float]] = {}  # bodies and links that are see-through, with RGBA
         self._resting = object_size / 2 + 1e-3
-        self._pose = partial(bullet.getBasePositionAndOrientation, physicsClientId=self._client)
+        self._pose = partial(bullet.getBasePositionAndOrientation, physicsClientId=self.client)
 
     def _set_up_physics(self) -> None:
-        bullet.setAdditionalSearchPath(pybullet_data.getDataPath(), self._client)
-        bullet.setGravity(0, 0, -9.81, self._client)
+        bullet.setAdditionalSearchPath(pybullet_data.getDataPath(), self.client)
+        bullet.setGravity(0, 0, -9.81, self.client)
         bullet.setPhysicsEngineParameter(
             fixedTimeStep=self._physics.time_step,
             numSolverIterations=self._physics.solver_iterations,
             deterministicOverlappingPairs=1,  # same seed, same bits
-            physicsClientId=self._client,
+            physicsClientId=self.client,
         )
 
     def _object(self, noun: str, size: float, hold: Hold) -> int:
         kind, sides = solid(noun, size)
         shape = visual = -1
         if hold != Hold.GHOST:
-            shape = bullet.createCollisionShape(kind, **sides, physicsClientId=self._client)
+            shape = bullet.createCollisionShape(kind, **sides, physicsClientId=self.client)
         if self._visuals:
             if "height" in sides:
                 sides = {"radius": sides["radius"], "length": sides["height"]}
-            visual = bullet.createVisualShape(kind, **sides, physicsClientId=self._client)
+            visual = bullet.createVisualShape(kind, **sides, physicsClientId=self.client)
         mass = OBJECT_MASS if hold == Hold.FREE else 0
-        body = bullet.createMultiBody(mass, shape, visual, PARKED, physicsClientId=self._client)
+        body = bullet.createMultiBody(mass, shape, visual, PARKED, physicsClientId=self.client)
         bullet.changeDynamics(
             body,
             -1,
@@ -142,7 +143,7 @@ class World:
             spinningFriction=0.002,
             linearDamping=0.1,
             angularDamping=0.3,
-            physicsClientId=self._client,
+            physicsClientId=self.client,
         )
         return body
 
@@ -150,15 +151,15 @@ class World:
         state = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
         if not self._physics.sleeping:
             state = bullet.ACTIVATION_STATE_DISABLE_SLEEPING
-        bullet.changeDynamics(body, -1, activationState=state, physicsClientId=self._client)
+        bullet.changeDynamics(body, -1, activationState=state, physicsClientId=self.client)
 
     def _wake(self, body: int) -> None:
-        bullet.changeDynamics(body, -1, activationState=bullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=self._client)
+        bullet.changeDynamics(body, -1, activationState=bullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=self.client)
 
     def _move(self, body: int, position: Sequence[float], yaw: float = 0.0) -> None:
         upright = (0, 0, math.sin(yaw / 2), math.cos(yaw / 2))
-        bullet.resetBasePositionAndOrientation(body, position, upright, self._client)
-        bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
+        bullet.resetBasePositionAndOrientation(body, position, upright, self.client)
+        bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self.client)
         self._rest(body)
 
     def _put_to_sleep(self) -> None:
@@ -245,7 +246,7 @@ class World:
                 self._ghosts[cone] = CONE
 
     def _paint(self, body: int, color: Sequence[float], link: int = -1) -> None:
-        bullet.changeVisualShape(body, link, rgbaColor=color, physicsClientId=self._client)
+        bullet.changeVisualShape(body, link, rgbaColor=color, physicsClientId=self.client)
 
     def seize(self, number: int, centre: Sequence[float]) -> None:
         """Let the gripper, its centre at this place (m), begin with this of the shown objects, which stands in it."""
@@ -296,6 +297,17 @@ class World:
         """(position, quaternion) of the object, or of the device's handle, in each slot."""
         return [self._pose(body) for body in self._shown] + self._mechanisms.poses()
 
+    def bodies(self) -> list[int]:
+        """The body of the object in each slot; none of devices."""
+        return list(self._shown)
+
+    def put(self, number: int, position: Sequence[float]) -> None:
+        """Move one of the shown objects there in mid-episode, (3,) metres; it falls from where it is put."""
+        body = self._shown[number]
+        bullet.resetBasePositionAndOrientation(body, position, self._pose(body)[1], self.client)
+        bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self.client)
+        self._wake(body)
+
     def fittings(self) -> list[float]:
         """The joint value of each of the workspace's fittings, metres or radians."""
         return self._furniture.values()
@@ -324,14 +336,14 @@ class World:
             lens,
             lightDirection=[0.5, -0.6, 1.5],
             renderer=bullet.ER_TINY_RENDERER,
-            physicsClientId=self._client,
+            physicsClientId=self.client,
         )[2]
         return np.reshape(np.asarray(pixels, np.uint8), (camera.height, camera.width, 4))[..., :3].copy()
 
     def close(self) -> None:
         """Free the client. Twice is once."""
-        if self._client >= 0 and self._window is not None:
+        if self.client >= 0 and self._window is not None:
             self._window.close()
-        elif self._client >= 0:
-            bullet.disconnect(self._client)
-        self._client = -1
+        elif self.client >= 0:
+            bullet.disconnect(self.client)
+        self.client = -1

@@ -17,7 +17,7 @@ def arm_touches_furniture(env):
     Fingertips may brush the table on both sides of what they take up.
     """
     for world in env._worlds:
-        robot, client = world.robot, world._client
+        robot, client = world.robot, world.client
         fixed = {*robot.fixed_links(), *robot.fingers}
         for contact in bullet.getContactPoints(bodyA=robot.body, physicsClientId=client):
             body, link = contact[2], contact[3]

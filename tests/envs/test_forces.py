@@ -45,7 +45,7 @@ def pulled(robot, force, *more):
 
     def pull():
         place = world._pose(body)[0]
-        bullet.applyExternalForce(body, -1, (force, 0, 0), place, bullet.WORLD_FRAME, world._client)
+        bullet.applyExternalForce(body, -1, (force, 0, 0), place, bullet.WORLD_FRAME, world.client)
         step()
 
     world._step = pull

@@ -116,10 +116,10 @@ def pull(world, body, fitting, strength):
     load = (np.array(fitting.axis) * strength).tolist()
     for _ in range(480):
         if fitting.joint == "turn":
-            bullet.applyExternalTorque(body, 0, load, bullet.WORLD_FRAME, world._client)
+            bullet.applyExternalTorque(body, 0, load, bullet.WORLD_FRAME, world.client)
         else:
-            place = bullet.getLinkState(body, 0, physicsClientId=world._client)[0]
-            bullet.applyExternalForce(body, 0, load, place, bullet.WORLD_FRAME, world._client)
+            place = bullet.getLinkState(body, 0, physicsClientId=world.client)[0]
+            bullet.applyExternalForce(body, 0, load, place, bullet.WORLD_FRAME, world.client)
         world._step()
 
 

@@ -95,7 +95,7 @@ def test_the_camera_sees_what_it_would_see_in_the_whole_world():
     blocks = [Block(box.size, box.position, box.color) for box in workspace.furniture.values()]
     sight = Sight(workspace.human, blocks)
     world.show_finger(False)  # the cone that a film shows
-    whole, _ = draw(world._client, sight.camera, Light())
+    whole, _ = draw(world.client, sight.camera, Light())
     assert np.array_equal(sight.picture(world.person.angles), whole)
     sight.close()
     env.close()

@@ -44,9 +44,9 @@ def test_the_bodies_in_the_slots_have_the_shapes_and_colors_that_are_observed():
         assert len(world._shown) == len(slots)
         for body, slot in zip(world._shown, slots, strict=True):
             row = td["objects"][0, slot]
-            position, _ = bullet.getBasePositionAndOrientation(body, world._client)
-            visual = bullet.getVisualShapeData(body, physicsClientId=world._client)[0]
-            assert bullet.getCollisionShapeData(body, -1, world._client)[0][2] == geometry[row[11:14].argmax()]
+            position, _ = bullet.getBasePositionAndOrientation(body, world.client)
+            visual = bullet.getVisualShapeData(body, physicsClientId=world.client)[0]
+            assert bullet.getCollisionShapeData(body, -1, world.client)[0][2] == geometry[row[11:14].argmax()]
             np.testing.assert_allclose(visual[7], row[7:11], atol=1e-6)
             np.testing.assert_allclose(position, row[:3], atol=1e-6)
     env.close()

@@ -1,0 +1,155 @@
+"""Who plays: the world, and the policy that drives the robot in it, as chosen on the command line or in the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from conf.overrides import apply, compose, groups
+from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
+from envs.config import read_env
+from envs.stage import Stage
+from trainers import checkpoint
+from trainers.build import restore_policy
+from trainers.config import read_plan
+
+ROOT = Path(__file__).resolve().parents[1]
+PRETRAINED = ROOT / "pretrained"
+DRIVERS = ("policy", "expert", "hand")
+USUAL = {
+    "task": "nl_reach",
+    "robot": "kuka",
+    "control": "step",
+    "workspace": "collabtable",
+    "objects": 3,
+    "driver": "policy",
+    "checkpoint": None,
+    "overrides": [],
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice(Checked):
+    """What is on. checkpoint: a run, or a pretrained policy; none: the one that fits, where there is one.
+
+    objects: how many can be dealt with. overrides: of any other key, as in `train.py`.
+    """
+
+    task: str
+    robot: str
+    control: str
+    workspace: str
+    objects: int = within(1, 6)
+    driver: str = one_of(*DRIVERS)
+    checkpoint: str | None
+    overrides: list[str]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for group in ("task", "robot", "control", "workspace"):
+            options = groups()[group]
+            if getattr(self, group) not in options:
+                near = did_you_mean(getattr(self, group), options)
+                raise ConfigError(f"{group}={getattr(self, group)} is not known{near}")
+
+
+def choose(**given: Any) -> Choice:
+    """A choice of these, and of what is usual for all else. Raises ConfigError."""
+    return read(Choice, USUAL | given, "")
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A policy on disk, and what it was trained for."""
+
+    path: Path
+    task: str
+    robot: str
+    control: str
+
+    @property
+    def name(self) -> str:
+        """As it is shown."""
+        return self.path.name
+
+
+@cache
+def pretrained() -> tuple[Trained, ...]:
+    """Those that come with the project."""
+    return tuple(trained(folder) for folder in sorted(PRETRAINED.glob("*")) if folder.is_dir())
+
+
+def trained(path: Path) -> Trained:
+    """What this checkpoint was trained for. Raises CheckpointError."""
+    config = checkpoint.load(checkpoint.find(path))["config"]
+    return Trained(path, config["task"]["name"], config["robot"]["name"], config["control"]["name"])
+
+
+@dataclass(frozen=True)
+class Cast:
+    """What was chosen, as it can be had. policy: None where there is none. note: what a person should know of it."""
+
+    choice: Choice
+    stage: Stage
+    policy: Callable | None
+    note: str = ""
+
+
+def cast(choice: Choice, seed: int) -> Cast:
+    """Raises ConfigError for what cannot be built."""
+    saved, choice, note = _chosen(choice)
+    config = compose(_overrides(choice)) if saved is None else apply(saved["config"], _common(choice, saved["config"]))
+    stage = Stage(read_env(config).judged(), seed)
+    try:
+        policy = None if saved is None else _policy(saved, config, stage)
+        return Cast(choice, stage, policy, note)
+    except BaseException:
+        stage.close()
+        raise
+
+
+def _chosen(choice: Choice) -> tuple[dict[str, Any] | None, Choice, str]:
+    """The checkpoint's payload, and the choice with what follows from it."""
+    if choice.checkpoint is not None:
+        path = Path(choice.checkpoint)
+        known = trained(path)
+        choice = replace(choice, task=known.task, robot=known.robot, control=known.control)
+    else:
+        wanted = choice.task, choice.robot, choice.control
+        path = next((each.path for each in pretrained() if (each.task, each.robot, each.control) == wanted), None)
+    if path is not None:
+        return checkpoint.load(checkpoint.find(path)), choice, ""
+    if choice.driver != "policy":
+        return None, choice, ""
+    what = f"task={choice.task} with robot={choice.robot} and control={choice.control}"
+    note = f"There is no trained policy for {what} here: the scripted expert drives. train.py makes one."
+    return None, replace(choice, driver="expert"), note
+
+
+def _overrides(choice: Choice) -> list[str]:
+    groups_ = [f"{group}={getattr(choice, group)}" for group in ("task", "robot", "control")]
+    plain = compose(groups_)
+    return [*groups_, *_common(choice, plain)]
+
+
+def _common(choice: Choice, config: Any) -> list[str]:
+    """What differs from this config."""
+    changes = []
+    if choice.workspace != config["workspace"]["name"]:
+        changes.append(f"workspace={choice.workspace}")
+    if "reach" in config["task"]["name"]:  # it comes down on things from above, and not into them
+        box = [*compose([f"workspace={choice.workspace}"])["workspace"]["gripper_box"]]
+        box[4] = max(box[4], config["task"]["object_size"])
+        changes.append(f"workspace.gripper_box={box}")
+    if config["task"]["kinds"] or config["gesture"]["source"] != "none":  # else nothing would tell objects apart
+        changes += [f"task.num_objects={choice.objects}", f"task.min_objects={choice.objects}"]
+    return [*changes, *choice.overrides]
+
+
+def _policy(saved: dict[str, Any], config: Any, stage: Stage) -> Callable:
+    widths = checkpoint.widths(stage.observation_spec, stage.action_spec)
+    checkpoint.check_fits(saved, list(stage.tokenizer.vocabulary), widths)
+    return restore_policy(read_plan(config), stage.observation_spec, stage.action_unit, saved).act

@@ -1,0 +1,348 @@
+"""One robot that people direct: what they say, show and choose becomes what it does, a control step at a time."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from tensordict import TensorDictBase
+from torchrl.envs.utils import ExplorationType, set_exploration_type
+
+from conf.schema import ConfigError
+from demo.casting import Cast, Choice, cast
+from demo.talk import Heard, Talk
+from envs.experts import expert
+from envs.stage import Stage
+from human import NothingPointedAt, Unreachable, meant, posterior
+from language import (
+    KINDS,
+    Describer,
+    Instruction,
+    LanguageError,
+    ObjectPhrase,
+    Scene,
+    Understood,
+    describe,
+    say,
+)
+from trainers.video import outcome
+
+Array = NDArray[np.float64]
+Actor = Callable[[TensorDictBase], TensorDictBase]
+STRAYS = 2.0  # degrees that a finger is taken to stray by, where the config does not say
+REMEMBERED = 4  # gestures
+LOW, NEAR = 0.15, 0.06  # metres: lower than that a gripper goes straight up; so near to its rest it is there
+RISE = 60  # control steps at most
+SCORE = ("success", "wrong object", "wrong target", "failed", "out of time")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One step of what was asked. sentence: as the policy hears it. referent, target: objects of the scene."""
+
+    sentence: str
+    referent: int
+    target: int | None = None
+
+
+@dataclass
+class Show:
+    """What is to be seen besides the scene.
+
+    status: what the robot does, or how it ended. hears: the words that the policy is given. meant: the object that it
+    is to deal with, and where that goes. attention: (K,) in [0, 1], where the policy looks. pointing: (K,) how likely
+    each object is pointed at. ray: the finger's origin and direction, metres. rewards: each term, summed. score: how
+    often it ended how.
+    """
+
+    status: str = "Say what to do, or point at something."
+    hears: str = ""
+    meant: tuple[int, ...] = ()
+    attention: Array | None = None
+    pointing: Array | None = None
+    ray: tuple[Array, Array] | None = None
+    rewards: dict[str, float] = field(default_factory=dict)
+    score: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SCORE, 0))
+
+
+class Session:
+    """Not to be shared between threads: whoever steps it also asks it.
+
+    choice: what is on. stage: its world; another one after `change`. show: what is to be seen.
+    """
+
+    def __init__(self, choice: Choice, seed: int = 0) -> None:
+        """Raises ConfigError for what cannot be built."""
+        self._rng = np.random.default_rng(seed)
+        self._take(cast(choice, seed))
+
+    def _take(self, part: Cast) -> None:
+        self.choice, self.stage, self._policy, self.note = part.choice, part.stage, part.policy, part.note
+        self.show = Show()
+        self._describer = Describer(tuple(self.stage.config.task.kinds) or KINDS)
+        self.hand: Array | None = None  # where the gripper is driven to by hand, metres
+        self.shut = False  # the gripper, by hand
+        self.shuffle()
+
+    def change(self, choice: Choice) -> None:
+        """Another robot, task or policy. Raises ConfigError, and all stays as it is."""
+        part = cast(choice, int(self._rng.integers(2**31)))
+        score = self.show.score if choice.task == self.choice.task else None
+        self.stage.close()
+        self._take(part)
+        self.show.score = score or self.show.score
+
+    def shuffle(self) -> None:
+        """Another scene, the arm at rest."""
+        self._state = self.stage.reset()
+        self._forget()
+
+    def _forget(self) -> None:
+        self.talk, self._jobs = Talk(), deque[Job]()
+        self._job: Job | None = None
+        self._actor: Actor | None = None  # None while it goes up
+        self._gestures: deque[int] = deque(maxlen=REMEMBERED)
+        self._fresh = False  # was a finger shown since the last instruction?
+        self.show = Show(score=self.show.score)
+        self.hand = None
+
+    # ---- what is said and shown
+
+    def scene(self) -> Scene:
+        """The objects, as words see them."""
+        return self.stage.scene()
+
+    def names(self) -> list[str]:
+        """What each object is called."""
+        scene = self.scene()
+        return [_name(index, scene) for index in range(len(scene))]
+
+    def listen(self, sentence: str) -> Heard:
+        """What the sentence would come to; nothing is done."""
+        return self.talk.listen(sentence, self.scene(), self._pointed(sentence))
+
+    def say(self, sentence: str) -> Heard:
+        """Do what it asks for, from the next control step on, in place of what was being done."""
+        scene = self.scene()
+        heard = self.talk.hear(sentence, scene, self._pointed(sentence))
+        if heard.understood is None:
+            return heard
+        try:
+            self._jobs = deque(self._planned(heard.understood))
+        except LanguageError as error:
+            return Heard(sentence, None, str(error))
+        self._next()
+        return heard
+
+    def _planned(self, understood: Understood) -> list[Job]:
+        """A job for each step. Raises LanguageError for what this task does not do."""
+        jobs = []
+        for step, words in zip(understood.steps, understood.meaning.steps, strict=True):
+            if step.task != self._verb:
+                doing = f"task={self.choice.task}, which does '{self._verb_words}'"
+                raise LanguageError(f"'{step.task.replace('_', ' ')}' is not what {doing}; choose another task")
+            first = step.goal if step.init is None else step.init
+            second = None if step.init is None else step.goal
+            assert first is not None
+            jobs.append(Job(self._words(words, first, second), first, second))
+            self._check(jobs[-1])
+        return jobs
+
+    def _check(self, job: Job) -> None:
+        scene = self.scene()
+        if self.stage.task.places and job.target is None:
+            raise LanguageError(f"say where {_name(job.referent, scene)} is to go")
+        if job.target is not None and not scene.targets[job.target]:
+            raise LanguageError(f"{_name(job.target, scene)} marks no place: name one of the see-through ones")
+
+    def _words(self, said: Instruction, referent: int, target: int | None) -> str:
+        """The sentence as this policy knows how to hear it.
+
+        Kinds that it was not taught, and words that only a gesture or what was said before can fill, are put in others
+        that name the same object now.
+        """
+        task = self.stage.config.task
+        if not task.kinds:
+            return ""
+        phrases = [self._phrase(said.phrase, referent)]
+        if target is not None:
+            phrases.append(self._phrase(said.goal, target))
+        return say(Instruction(said.task, *phrases))
+
+    def _phrase(self, said: ObjectPhrase | None, index: int) -> ObjectPhrase:
+        if said is not None and (said.kind in self.stage.config.task.kinds or self.stage.task.points):
+            return said
+        scene = self.scene()
+        if self.stage.config.task.kinds and self._describer.nameable(scene)[index]:
+            return self._describer.phrase(scene, index, self._rng)
+        if said is not None and said.determiner == "the":
+            return said
+        raise LanguageError(f"no words that this policy knows tell {_name(index, scene)} from its like")
+
+    @property
+    def _verb(self) -> str:
+        """The task of the language that this task is."""
+        return getattr(self.stage.task, "verb", "reach")
+
+    @property
+    def _verb_words(self) -> str:
+        return self._verb.replace("_", " ")
+
+    # ---- pointing
+
+    def point(self, place: Sequence[float]) -> int | None:
+        """Let the person point at a place (3,), metres: the object that this singles out; None where it does none.
+
+        Raises Unreachable, and nothing changes; ConfigError where nobody stands there.
+        """
+        if not self.stage.shows:
+            raise ConfigError("nobody stands here to point: choose workspace=collabtable")
+        self.show.ray = self.stage.point(place)
+        self.show.pointing = self._likely()
+        self._fresh = True
+        if self.show.pointing is None:
+            return None
+        likeliest = int(self.show.pointing.argmax())
+        self._gestures.append(likeliest)
+        return likeliest
+
+    def _likely(self) -> Array | None:
+        """(K,) how likely each object is pointed at; None where nothing lies along the ray."""
+        if self.show.ray is None:
+            return None
+        noise = max(self.stage.config.gesture.noise_deg, STRAYS)
+        try:
+            return posterior(*self.show.ray, self.scene().positions, noise)
+        except NothingPointedAt:
+            return None
+
+    def _pointed(self, sentence: str) -> Callable[[int], Sequence[int]]:
+        def latest(count: int) -> Sequence[int]:
+            shown = list(self._gestures)[-count:] if count else []
+            if count == 1 and shown and self.show.pointing is not None:
+                shown = [self._together(sentence, shown[0])]
+            return shown
+
+        return latest
+
+    def _together(self, sentence: str, shown: int) -> int:
+        """What finger and words single out together ("that red one")."""
+        from human import named
+
+        try:
+            assert self.show.pointing is not None
+            return int(meant(named(sentence), self.scene(), self.show.pointing).argmax())
+        except (LanguageError, NothingPointedAt, AssertionError):
+            return shown
+
+    # ---- what is done
+
+    @property
+    def busy(self) -> bool:
+        """Whether it is doing something that was asked."""
+        return self._job is not None
+
+    def stop(self) -> None:
+        """Leave what is being done."""
+        self._end()
+        self.show.status, self.show.meant = "Stopped.", ()
+
+    def _end(self) -> None:
+        self._jobs.clear()
+        self._job = self._actor = None
+
+    def _next(self) -> None:
+        """Begin the next job: from where policies and experts learned to begin, but for what is corrected in the air."""
+        corrected = self._actor is not None and self.stage.gripper[0, 2] > LOW
+        self._job, self._actor = self._jobs.popleft(), None
+        self._returning = 0 if corrected or self._at_rest() else RISE
+        if not self._returning:
+            self._begin(self._job)
+
+    def _at_rest(self) -> bool:
+        return bool(np.linalg.norm(self.stage.gripper[0] - self.stage.rest) < NEAR)
+
+    def _back(self) -> Array:
+        """(3,) where the gripper goes next on its way to its rest: up first, or it would take things along."""
+        gripper = self.stage.gripper[0]
+        return self.stage.rest if gripper[2] > LOW else gripper + [0.0, 0.0, LOW]
+
+    def _begin(self, job: Job) -> None:
+        names = self.names()
+        if self.stage.task.points and not (self._fresh and job.referent in list(self._gestures)[-1:]):
+            self._show(job.referent)
+        self._fresh = False
+        self._state = self.stage.tell(job.sentence, job.referent, job.target)
+        self._actor = expert(self.stage) if self.choice.driver == "expert" else self._policy
+        where = "" if job.target is None else f" to {names[job.target]}"
+        self.show.status = f"Doing: {self._verb_words} {names[job.referent]}{where}"
+        self.show.hears = job.sentence
+        self.show.meant = (job.referent,) if job.target is None else (job.referent, job.target)
+        self.show.rewards = dict.fromkeys(self.stage.reward_names, 0.0)
+
+    def _show(self, index: int) -> None:
+        """This policy must be shown what is meant: the person points at it."""
+        try:
+            self.point(self.scene().positions[index])
+        except Unreachable as error:
+            raise LanguageError(str(error)) from None
+
+    @torch.no_grad()
+    def step(self) -> None:
+        """One control step."""
+        with set_exploration_type(ExplorationType.DETERMINISTIC):
+            self._state["action"] = self._action()
+        after = self.stage.step(self._state)["next"]
+        self._state = after.exclude("reward", "done", "terminated", "truncated")
+        if self._actor is not None:
+            self._note(after)
+        elif self._job is not None:
+            self._returning -= 1
+            if self._returning <= 0 or self._at_rest():
+                self._begin(self._job)
+
+    def _action(self) -> torch.Tensor:
+        if self.hand is not None:
+            return self.stage.towards(self.hand[None], np.array([self.shut]))
+        if self._actor is None:
+            return self.stage.still() if self._job is None else self.stage.towards(self._back()[None])
+        frames = self._actor(self._state.exclude("privileged"))
+        if "attention_logits" in frames.keys():
+            shown = self._state["objects_mask"][0]
+            self.show.attention = frames["attention_logits"][0].softmax(-1)[shown].numpy().astype(np.float64)
+        return frames["action"]
+
+    def _note(self, after: TensorDictBase) -> None:
+        for name, value in zip(self.stage.reward_names, after["reward_terms"][0].tolist(), strict=True):
+            self.show.rewards[name] += value
+        if not (after["terminated"] | after["truncated"])[0]:
+            return
+        ending = outcome(after)
+        self.show.score[ending] += 1
+        seconds = self.stage.elapsed[0] * self.period
+        if ending == "success" and self._jobs:
+            self._next()
+            return
+        self._end()
+        self.show.status = f"Done in {seconds:.1f} s." if ending == "success" else f"Not done: {ending}."
+
+    @property
+    def period(self) -> float:
+        """Seconds of a control step."""
+        physics = self.stage.config.physics
+        return physics.time_step * physics.substeps
+
+    def close(self) -> None:
+        self.stage.close()
+
+
+def _name(index: int, scene: Scene) -> str:
+    try:
+        return describe(index, scene)
+    except LanguageError:  # no words tell it from its like
+        return f"a {scene[index].color} {scene[index].noun}"
