@@ -114,8 +114,8 @@ def cast(choice: Choice, seed: int) -> Cast:
 def _chosen(choice: Choice) -> tuple[dict[str, Any] | None, Choice, str]:
     """The checkpoint's payload, and the choice with what follows from it."""
     if choice.checkpoint is not None:
-        path = Path(choice.checkpoint)
-        known = trained(path)
+        path: Path | None = Path(choice.checkpoint)
+        known = trained(Path(choice.checkpoint))
         choice = replace(choice, task=known.task, robot=known.robot, control=known.control)
     else:
         wanted = choice.task, choice.robot, choice.control

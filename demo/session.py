@@ -4,32 +4,22 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from tensordict import TensorDictBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from conf.schema import ConfigError
 from demo.casting import Cast, Choice, cast
+from demo.planning import Job, Planner, all_called
+from demo.show import Show
 from demo.talk import Heard, Talk
 from envs.experts import expert
-from envs.stage import Stage
 from human import NothingPointedAt, Unreachable, meant, posterior
-from language import (
-    KINDS,
-    Describer,
-    Instruction,
-    LanguageError,
-    ObjectPhrase,
-    Scene,
-    Understood,
-    describe,
-    say,
-)
+from language import Instruction, LanguageError, ObjectPhrase, Scene
 from trainers.video import outcome
 
 Array = NDArray[np.float64]
@@ -38,36 +28,6 @@ STRAYS = 2.0  # degrees that a finger is taken to stray by, where the config doe
 REMEMBERED = 4  # gestures
 LOW, NEAR = 0.15, 0.06  # metres: lower than that a gripper goes straight up; so near to its rest it is there
 RISE = 60  # control steps at most
-SCORE = ("success", "wrong object", "wrong target", "failed", "out of time")
-
-
-@dataclass(frozen=True)
-class Job:
-    """One step of what was asked. sentence: as the policy hears it. referent, target: objects of the scene."""
-
-    sentence: str
-    referent: int
-    target: int | None = None
-
-
-@dataclass
-class Show:
-    """What is to be seen besides the scene.
-
-    status: what the robot does, or how it ended. hears: the words that the policy is given. meant: the object that it
-    is to deal with, and where that goes. attention: (K,) in [0, 1], where the policy looks. pointing: (K,) how likely
-    each object is pointed at. ray: the finger's origin and direction, metres. rewards: each term, summed. score: how
-    often it ended how.
-    """
-
-    status: str = "Say what to do, or point at something."
-    hears: str = ""
-    meant: tuple[int, ...] = ()
-    attention: Array | None = None
-    pointing: Array | None = None
-    ray: tuple[Array, Array] | None = None
-    rewards: dict[str, float] = field(default_factory=dict)
-    score: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SCORE, 0))
 
 
 class Session:
@@ -84,7 +44,7 @@ class Session:
     def _take(self, part: Cast) -> None:
         self.choice, self.stage, self._policy, self.note = part.choice, part.stage, part.policy, part.note
         self.show = Show()
-        self._describer = Describer(tuple(self.stage.config.task.kinds) or KINDS)
+        self._planner = Planner(self.stage, self._rng)
         self.hand: Array | None = None  # where the gripper is driven to by hand, metres
         self.shut = False  # the gripper, by hand
         self.shuffle()
@@ -119,8 +79,11 @@ class Session:
 
     def names(self) -> list[str]:
         """What each object is called."""
-        scene = self.scene()
-        return [_name(index, scene) for index in range(len(scene))]
+        return all_called(self.scene())
+
+    def example(self) -> str:
+        """Something that can be said here."""
+        return self._planner.example()
 
     def listen(self, sentence: str) -> Heard:
         """What the sentence would come to; nothing is done."""
@@ -133,69 +96,15 @@ class Session:
         if heard.understood is None:
             return heard
         try:
-            self._jobs = deque(self._planned(heard.understood))
+            self._jobs = deque(self._planner.plan(heard.understood))
         except LanguageError as error:
             return Heard(sentence, None, str(error))
         self._next()
         return heard
 
-    def _planned(self, understood: Understood) -> list[Job]:
-        """A job for each step. Raises LanguageError for what this task does not do."""
-        jobs = []
-        for step, words in zip(understood.steps, understood.meaning.steps, strict=True):
-            if step.task != self._verb:
-                doing = f"task={self.choice.task}, which does '{self._verb_words}'"
-                raise LanguageError(f"'{step.task.replace('_', ' ')}' is not what {doing}; choose another task")
-            first = step.goal if step.init is None else step.init
-            second = None if step.init is None else step.goal
-            assert first is not None
-            jobs.append(Job(self._words(words, first, second), first, second))
-            self._check(jobs[-1])
-        return jobs
-
-    def _check(self, job: Job) -> None:
-        scene = self.scene()
-        if self.stage.task.places and job.target is None:
-            raise LanguageError(f"say where {_name(job.referent, scene)} is to go")
-        if job.target is not None and not scene.targets[job.target]:
-            raise LanguageError(f"{_name(job.target, scene)} marks no place: name one of the see-through ones")
-
-    def _words(self, said: Instruction, referent: int, target: int | None) -> str:
-        """The sentence as this policy knows how to hear it.
-
-        Kinds that it was not taught, and words that only a gesture or what was said before can fill, are put in others
-        that name the same object now.
-        """
-        task = self.stage.config.task
-        if not task.kinds:
-            return ""
-        phrases = [self._phrase(said.phrase, referent)]
-        if target is not None:
-            phrases.append(self._phrase(said.goal, target))
-        return say(Instruction(said.task, *phrases))
-
-    def _phrase(self, said: ObjectPhrase | None, index: int) -> ObjectPhrase:
-        if said is not None and (said.kind in self.stage.config.task.kinds or self.stage.task.points):
-            return said
-        scene = self.scene()
-        if self.stage.config.task.kinds and self._describer.nameable(scene)[index]:
-            return self._describer.phrase(scene, index, self._rng)
-        if said is not None and said.determiner == "the":
-            return said
-        raise LanguageError(f"no words that this policy knows tell {_name(index, scene)} from its like")
-
-    @property
-    def _verb(self) -> str:
-        """The task of the language that this task is."""
-        return getattr(self.stage.task, "verb", "reach")
-
-    @property
-    def _verb_words(self) -> str:
-        return self._verb.replace("_", " ")
-
     # ---- pointing
 
-    def point(self, place: Sequence[float]) -> int | None:
+    def point(self, place: ArrayLike) -> int | None:
         """Let the person point at a place (3,), metres: the object that this singles out; None where it does none.
 
         Raises Unreachable, and nothing changes; ConfigError where nobody stands there.
@@ -240,6 +149,41 @@ class Session:
         except (LanguageError, NothingPointedAt, AssertionError):
             return shown
 
+    def go(self) -> None:
+        """Do this task with what is pointed at. Raises LanguageError where nothing is."""
+        if not self._gestures:
+            raise LanguageError("point at something first: click it, or move the finger")
+        if self.stage.task.places:
+            raise LanguageError("this task needs a place as well: click an object, then a place, and say what to do")
+        referent = self._gestures[-1]
+        said = ObjectPhrase(determiner="this")
+        words = self._planner.words(Instruction(self._planner.verb, said), referent, None)
+        self._jobs = deque([Job(words, referent)])
+        self._next()
+
+    def put(self, index: int, place: Array) -> None:
+        """Put an object elsewhere on the table: (2,) metres, as near to that as objects may stand."""
+        if self.stage.task.operates:
+            raise LanguageError("devices stand where they stand: shuffle for others")
+        x0, x1, y0, y1 = self.stage.config.workspace.object_area
+        x, y = np.clip(place, (x0, y0), (x1, y1))
+        self.stage.put(index, (float(x), float(y), self.stage.config.task.object_size / 2))
+
+    def drive(self, driver: str) -> None:
+        """Let the policy, the expert or a hand drive. Raises ConfigError where there is no policy."""
+        if driver == "policy" and self._policy is None:
+            raise ConfigError(
+                f"there is no trained policy for task={self.choice.task} with robot={self.choice.robot} here"
+            )
+        self.choice = replace(self.choice, driver=driver)
+        self.hand = self.stage.gripper[0] if driver == "hand" else None
+        self._end()
+
+    def reach_out(self, place: Array) -> None:
+        """By hand: the gripper goes there, (3,) metres, as far as it may."""
+        low, high = np.reshape(self.stage.config.workspace.gripper_box, (3, 2)).T
+        self.hand = np.clip(place, low, high)
+
     # ---- what is done
 
     @property
@@ -257,9 +201,10 @@ class Session:
         self._job = self._actor = None
 
     def _next(self) -> None:
-        """Begin the next job: from where policies and experts learned to begin, but for what is corrected in the air."""
+        """Begin the next job: from where policies learned to begin, but for what is corrected in the air."""
         corrected = self._actor is not None and self.stage.gripper[0, 2] > LOW
         self._job, self._actor = self._jobs.popleft(), None
+        self._announce(self._job)
         self._returning = 0 if corrected or self._at_rest() else RISE
         if not self._returning:
             self._begin(self._job)
@@ -272,17 +217,19 @@ class Session:
         gripper = self.stage.gripper[0]
         return self.stage.rest if gripper[2] > LOW else gripper + [0.0, 0.0, LOW]
 
-    def _begin(self, job: Job) -> None:
+    def _announce(self, job: Job) -> None:
         names = self.names()
+        where = "" if job.target is None else f" to {names[job.target]}"
+        self.show.status = f"Doing: {self._planner.doing} {names[job.referent]}{where}"
+        self.show.hears = job.sentence
+        self.show.meant = (job.referent,) if job.target is None else (job.referent, job.target)
+
+    def _begin(self, job: Job) -> None:
         if self.stage.task.points and not (self._fresh and job.referent in list(self._gestures)[-1:]):
             self._show(job.referent)
         self._fresh = False
         self._state = self.stage.tell(job.sentence, job.referent, job.target)
         self._actor = expert(self.stage) if self.choice.driver == "expert" else self._policy
-        where = "" if job.target is None else f" to {names[job.target]}"
-        self.show.status = f"Doing: {self._verb_words} {names[job.referent]}{where}"
-        self.show.hears = job.sentence
-        self.show.meant = (job.referent,) if job.target is None else (job.referent, job.target)
         self.show.rewards = dict.fromkeys(self.stage.reward_names, 0.0)
 
     def _show(self, index: int) -> None:
@@ -339,10 +286,3 @@ class Session:
 
     def close(self) -> None:
         self.stage.close()
-
-
-def _name(index: int, scene: Scene) -> str:
-    try:
-        return describe(index, scene)
-    except LanguageError:  # no words tell it from its like
-        return f"a {scene[index].color} {scene[index].noun}"

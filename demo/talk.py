@@ -21,6 +21,7 @@ from language.tasks import HERE, POINTING
 
 LONGEST = 300  # characters of a sentence that are looked at
 
+
 @dataclass(frozen=True)
 class Open:
     """What was asked back about. phrase: the words that left it open."""
@@ -64,9 +65,7 @@ class Talk:
         self.previous = heard.understood or self.previous
         return heard
 
-    def _heard(
-        self, sentence: str, scene: Scene, pointed: Callable[[int], Sequence[int]]
-    ) -> tuple[Heard, Open | None]:
+    def _heard(self, sentence: str, scene: Scene, pointed: Callable[[int], Sequence[int]]) -> tuple[Heard, Open | None]:
         sentence = sentence[:LONGEST]
         try:
             meaning = parse(sentence)
@@ -85,7 +84,7 @@ class Talk:
     def _answered(self, answer: str, scene: Scene) -> tuple[Heard, Open | None] | None:
         """The question's instruction with this answer; None where the words are no answer either."""
         assert self._open is not None
-        for words in (answer, f"the {answer}"):
+        for words in (answer, f"the {answer}", f"the {answer} one"):
             try:  # an answer is a correction of what was left open
                 correction = f"not {self._open.phrase}, {words}"
                 return Heard(answer, parse(correction, scene, (), self._open.command)), None

@@ -25,8 +25,9 @@ class Look:
     """One visual shape.
 
     body, link: Bullet's numbers; `Looks.poses` tells where the link is. kind: a value of KINDS. size: (3,) metres of a
-    box; of a sphere its radius first; of a cylinder or capsule its length and radius (along z); of a mesh, the factors of
-    its axes. mesh: its file. position (3,), metres, and quaternion (4,), x, y, z, w: in the link's frame. rgba: in [0, 1].
+    box; of a sphere its radius first; of a cylinder or capsule its length and radius (along z); of a mesh, the factors
+    of its axes. mesh: its file. position (3,), metres, and quaternion (4,), x, y, z, w: in the link's frame. rgba: in
+    [0, 1].
     """
 
     body: int
@@ -49,8 +50,8 @@ class Looks:
 
     def shapes(self) -> list[Look]:
         """Every visual shape in the colours of now, always in the same order."""
-        shapes = (shape for body in self._bodies for shape in bullet.getVisualShapeData(body, physicsClientId=self._client))
-        return [self._look(shape) for shape in shapes if shape[2] in KINDS]
+        listed = (bullet.getVisualShapeData(body, physicsClientId=self._client) for body in self._bodies)
+        return [self._look(shape) for shapes in listed for shape in shapes if shape[2] in KINDS]
 
     def poses(self, links: list[tuple[int, int]]) -> Array:
         """(len(links), 7) of these (body, link): position, metres, and quaternion (x, y, z, w)."""
@@ -71,4 +72,5 @@ class Looks:
             state = bullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=self._client)
             return [*state[4], *state[5]]
         pose = bullet.getBasePositionAndOrientation(body, self._client)
-        return [number for part in bullet.multiplyTransforms(*pose, *bullet.invertTransform(*self._centres[body])) for number in part]
+        place, turn = bullet.multiplyTransforms(*pose, *bullet.invertTransform(*self._centres[body]))
+        return [*place, *turn]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from tensordict import TensorDictBase
 from torch import Tensor
 
@@ -74,7 +74,7 @@ class Stage(WorkspaceEnv):
 
     # ---- what a person does
 
-    def point(self, target: Sequence[float]) -> tuple[Array, Array]:
+    def point(self, target: ArrayLike) -> tuple[Array, Array]:
         """Let the person point at target (3,), metres: the ray that they will show, its origin and direction.
 
         Raises Unreachable, and nothing moves.
@@ -83,7 +83,7 @@ class Stage(WorkspaceEnv):
         assert person is not None
         joints, origin, direction = person.aim(np.asarray(target, np.float64), self.config.gesture.style)
         if self.task.points:
-            self._gestures.move(0, Gesture(joints, origin, direction), POINTING)
+            self._gestures.move(0, Gesture(joints, origin, direction))
         else:
             person.move(joints, POINTING)
         return origin, direction

@@ -115,7 +115,7 @@ class Chain:
                 return angles, ends
             slopes = miss.slopes(self._slopes(frames, ends, (tip.joint, rear.joint)))
             turn = self._nearest(start, slopes, slopes @ angles - miss.beside) - angles
-            angles = angles + turn * min(1.0, MAX_TURN / np.abs(turn).max())
+            angles = angles + turn * min(1.0, MAX_TURN / max(np.abs(turn).max(), 1e-9))
         return None
 
     def _slopes(self, frames: Array, ends: Array, joints: tuple[int, int]) -> Array:

@@ -14,6 +14,7 @@ ROOMS = {  # room -> the rooms that it may import beside itself
     "human": {"conf", "language"},
     "envs": {"conf", "language", "human"},
     "trainers": {"conf"},
+    "demo": {"conf", "language", "human", "envs", "trainers"},
 }
 OUTSIDE = {"build", "dist", "outputs", "multirun"}  # folders that are made, not written
 LONGEST = 350  # lines

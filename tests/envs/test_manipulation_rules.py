@@ -85,7 +85,10 @@ DONE = {
     "held at the target": (["pick_and_place", "swipe"], DRAWN + [moment(GOAL, held=0)] * 9, None),
     "only pushed there": (["pick_and_place", "swipe"], PUSHED + LEFT, None),
     "pushed there": (["push"], PUSHED + LEFT, "success"),
-    "pushed through": (["push"], [moment(place) for place in between(THING, 2 * GOAL - THING, 12)], None),
+    "pushed through": (["push"], [moment(place) for place in between(THING, 1.6 * GOAL - 0.6 * THING, 12)], None),
+    "pushed out of reach": (["push"], [moment(place) for place in between(THING, 2 * GOAL - THING, 12)], "failed"),
+    "pushed over the border": (["push"], [moment([0.4, 0.315, REST])], None),
+    "pushed 2 cm beyond it": (["push"], [moment([0.4, 0.321, REST])], "failed"),
     "pushed to the other target": (["push"], [moment(place) for place in between(THING, ELSEWHERE, 12)]
                                    + [moment(ELSEWHERE)] * 4, "wrong_target"),
     "placed at the other target": (["pick_and_place"], [*CARRIED[:2], moment(ELSEWHERE, held=0)]

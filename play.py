@@ -1,0 +1,142 @@
+"""Talk to it and point at it: a page with the robot, which does what you say.
+
+    python play.py                                      # http://127.0.0.1:8080, NL reach with a pretrained policy
+    python play.py robot=panda task=nl_pick_and_place   # another robot, another task
+    python play.py checkpoint=outputs/<run>             # your own
+    python play.py --headless out.mp4 --say "reach the red cube"
+
+key=value: task, robot, control, workspace, objects, driver (policy, expert, hand) and checkpoint; any other key is an
+override of the world's config, as in train.py. The page needs pip install -e ".[play]".
+"""
+
+from __future__ import annotations
+
+import argparse
+import ipaddress
+import socket
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from conf.schema import ConfigError
+
+if TYPE_CHECKING:
+    from demo.session import Session
+
+OWN = ("task", "robot", "control", "workspace", "objects", "driver", "checkpoint")
+LONGEST_FILM = 2400  # control steps: two minutes
+
+
+def parser() -> argparse.ArgumentParser:
+    """The options."""
+    options = argparse.ArgumentParser(
+        prog="play.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    options.add_argument("overrides", nargs="*", metavar="key=value")
+    options.add_argument("--port", type=int, default=8080)
+    options.add_argument("--host", default="127.0.0.1", help="anything but loopback lets others in: it warns")
+    options.add_argument("--seed", type=int, default=0, help="of the scenes")
+    options.add_argument("--headless", type=Path, metavar="FILM", help="no page: do what --say says, into this mp4")
+    options.add_argument("--say", help="with --headless: the instruction; {0}, {1} stand for objects of the scene")
+    options.add_argument("--gui", action="store_true", help="PyBullet's own window instead of a page")
+    return options
+
+
+def main(arguments: list[str]) -> None:
+    """Raises ConfigError for what was typed."""
+    given = parser().parse_args(arguments)
+    if (given.headless is None) != (given.say is None):
+        raise ConfigError("--headless and --say belong together: --headless out.mp4 --say 'reach the red cube'")
+    if given.seed < 0:
+        raise ConfigError(f"--seed={given.seed} must be at least 0")
+    if given.headless is not None:
+        film(given)
+    else:
+        serve(given)
+
+
+def session(given: argparse.Namespace) -> Session:
+    """The session that was asked for. Raises ConfigError."""
+    from conf.arguments import split
+    from demo.casting import choose
+    from demo.session import Session
+
+    own, others = split(given.overrides, OWN, "robot=panda")
+    return Session(choose(**own, overrides=others), given.seed)
+
+
+def serve(given: argparse.Namespace) -> None:
+    """The page, until it is interrupted. Raises ConfigError."""
+    if find_spec("viser") is None or find_spec("trimesh") is None:
+        raise ConfigError('the page needs viser, which is not installed: pip install -e ".[play]"')
+    _check_address(given.host, given.port)
+    played = session(given)
+    import viser
+
+    from demo.page import Page
+
+    server = viser.ViserServer(given.host, given.port, label="Deixis", verbose=False)
+    page = Page(server, played)
+    print(f"http://{given.host}:{server.get_port()} (Ctrl-C ends it)", flush=True)
+    if not _is_loopback(given.host):
+        print(f"warning: --host={given.host}: whoever reaches this machine can drive the robot", file=sys.stderr)
+    try:
+        page.loop.run()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        page.close()
+        server.stop()
+        played.close()
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _check_address(host: str, port: int) -> None:
+    """Raises ConfigError for a port that cannot be had: another one, silently, would not be found."""
+    if not 0 < port < 65536:
+        raise ConfigError(f"--port={port} must be from 1 to 65535")
+    try:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host, port))
+    except OSError as error:
+        raise ConfigError(f"--host={host} --port={port} cannot be had: {error.strerror}; try another --port") from None
+
+
+def film(given: argparse.Namespace) -> None:
+    """One instruction, done and filmed. Raises ConfigError for words that are not understood."""
+    from demo.taping import Tape
+
+    played = session(given)
+    try:
+        names = played.names()
+        heard = played.say(given.say.format(*names))
+        if heard.understood is None:
+            raise ConfigError(f"--say: {heard.message} (here are {', '.join(names)})")
+        given.headless.parent.mkdir(parents=True, exist_ok=True)
+        tape = Tape(given.headless)
+        for _ in range(LONGEST_FILM):
+            tape.add(played)
+            if not played.busy:
+                break
+            played.step()
+        for _ in range(20):  # a second to see what came of it
+            tape.add(played)
+        tape.close()
+        print(f"{played.show.status} {given.headless}")
+    finally:
+        played.close()
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1:])
+    except ConfigError as error:
+        sys.exit(f"error: {error}")

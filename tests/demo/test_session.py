@@ -1,0 +1,206 @@
+"""A robot that people direct, in real worlds, driven by scripted experts."""
+
+import numpy as np
+import pytest
+
+from conf.schema import ConfigError
+from demo.casting import choose
+from demo.session import LOW, Session
+from human import Unreachable
+from language import LanguageError
+
+LONGEST = 200  # control steps that one job may take
+
+
+@pytest.fixture(scope="module")
+def reaching():
+    session = Session(choose(driver="expert", objects=3), seed=3)
+    yield session
+    session.close()
+
+
+@pytest.fixture(scope="module")
+def placing():
+    session = Session(choose(task="nl_pick_and_place", driver="expert", objects=2), seed=1)
+    yield session
+    session.close()
+
+
+@pytest.fixture(autouse=True)
+def _fresh(request):
+    for name in {"reaching", "placing"} & set(request.fixturenames):
+        request.getfixturevalue(name).shuffle()
+
+
+def finish(session):
+    for _ in range(LONGEST):
+        if not session.busy:
+            return session.show.status
+        session.step()
+    raise AssertionError(session.show.status)
+
+
+def at(session, index):
+    return (
+        np.linalg.norm(session.stage.gripper[0] - session.scene().positions[index]) < session.stage.config.task.radius
+    )
+
+
+def test_it_goes_where_the_words_say(reaching):
+    for index, name in enumerate(reaching.names()):  # each from where the one before has ended
+        assert reaching.say(f"reach {name}").understood
+        assert finish(reaching).startswith("Done")
+        assert at(reaching, index)
+
+
+def test_a_chain_is_done_step_by_step(reaching):
+    names, before = reaching.names(), reaching.show.score["success"]
+    reaching.say(f"reach {names[0]} then reach {names[1]}")
+    finish(reaching)
+    assert reaching.show.score["success"] == before + 2
+    assert at(reaching, 1)
+
+
+def test_a_correction_takes_effect_at_the_next_step(reaching):
+    names = reaching.names()
+    reaching.say(f"reach {names[0]}")
+    while reaching.show.meant != (0,):
+        reaching.step()
+    reaching.step()
+    assert reaching.stage.gripper[0, 2] > LOW
+    reaching.say(f"no, {names[1]}")
+    assert reaching.show.meant == (1,)
+    finish(reaching)
+    assert at(reaching, 1)
+
+
+def test_what_is_not_understood_stops_nothing(reaching):
+    reaching.say(f"reach {reaching.names()[0]}")
+    assert reaching.say("reach the elephant").understood is None
+    assert reaching.busy
+    assert finish(reaching).startswith("Done")
+
+
+def test_another_verb_is_told_to_need_another_task(reaching):
+    names = reaching.names()
+    heard = reaching.say(f"grasp {names[0]}")
+    assert heard.understood is None
+    assert "nl_reach" in heard.message
+    assert not reaching.busy
+
+
+def test_a_finger_tells_which_one(reaching):
+    for index, place in enumerate(reaching.scene().positions):
+        assert reaching.point(place) == index
+        assert reaching.show.pointing.argmax() == index
+        reaching.say("reach this")
+        assert reaching.show.meant == (index,)
+        finish(reaching)
+        assert at(reaching, index)
+
+
+def test_going_where_one_points_needs_no_words(reaching):
+    with pytest.raises(LanguageError, match="point at something"):
+        reaching.go()
+    reaching.point(reaching.scene().positions[1])
+    reaching.go()
+    finish(reaching)
+    assert at(reaching, 1)
+
+
+def test_where_the_person_cannot_point_nothing_changes(reaching):
+    rng, person = np.random.default_rng(0), np.array([1.5, -0.15, 0.4])
+    refused = 0
+    for place in rng.uniform(-0.6, 0.6, (200, 3)) + person:
+        before = reaching.show.ray
+        try:
+            reaching.point(place)
+        except Unreachable:
+            assert reaching.show.ray is before
+            refused += 1
+    assert refused
+
+
+def test_dragged_objects_stand_where_they_were_put_and_are_found_there(reaching):
+    reaching.put(0, np.array([0.4, -0.25]))
+    for _ in range(5):
+        reaching.step()
+    assert np.allclose(reaching.scene().positions[0, :2], (0.4, -0.25), atol=0.01)
+    assert reaching.say(f"reach {reaching.names()[0]}").understood
+    finish(reaching)
+    assert at(reaching, 0)
+
+
+def test_objects_cannot_be_dragged_off_the_table(reaching):
+    reaching.put(0, np.array([9.0, 9.0]))
+    x0, x1, y0, y1 = reaching.stage.config.workspace.object_area
+    x, y, _ = reaching.scene().positions[0]
+    assert x0 <= x <= x1
+    assert y0 <= y <= y1
+
+
+def test_by_hand_the_gripper_goes_where_it_is_told(reaching):
+    reaching.drive("hand")
+    reaching.reach_out(np.array([0.5, 0.2, 0.2]))
+    for _ in range(40):
+        reaching.step()
+    assert np.allclose(reaching.stage.gripper[0], (0.5, 0.2, 0.2), atol=0.02)
+    reaching.drive("expert")
+
+
+def test_a_policy_that_is_not_there_is_refused(reaching):
+    with pytest.raises(ConfigError, match="no trained policy"):
+        reaching.drive("policy")
+    assert reaching.choice.driver == "expert"
+
+
+def test_cubes_are_placed_as_told(placing):
+    done = 0
+    for _ in range(3):
+        placing.shuffle()
+        assert placing.say(placing.example()).understood, placing.example()
+        done += finish(placing).startswith("Done")
+    assert done >= 2
+
+
+def test_a_place_must_be_a_place(placing):
+    names, targets = placing.names(), placing.scene().targets
+    first, second = (names[index] for index in np.flatnonzero(~targets))
+    heard = placing.say(f"pick {first} and place it to the same position as {second}")
+    assert heard.understood is None
+    assert "see-through" in heard.message
+
+
+def test_another_robot_takes_over():
+    session = Session(choose(driver="expert"), seed=0)
+    session.change(choose(driver="expert", robot="panda"))
+    assert session.stage.config.robot.name == "panda"
+    session.say(session.example())
+    assert finish(session).startswith("Done")
+    with pytest.raises(ConfigError):
+        session.change(choose(driver="expert", overrides=["task.radius=-1"]))
+    session.step()  # what could not be had has taken nothing away
+    session.close()
+
+
+def test_a_task_without_a_policy_is_driven_by_its_expert():
+    session = Session(choose(task="press"), seed=0)
+    assert session.choice.driver == "expert"
+    assert "press" in session.note
+    session.close()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"robot": "pandora"}, "robot=pandora.*panda"),
+        ({"objects": 9}, "objects=9"),
+        ({"driver": "nobody"}, "driver=nobody"),
+        ({"task": "fly"}, "task=fly"),
+        ({"checkpoint": "nowhere"}, "nowhere.*does not exist"),
+    ],
+)
+def test_bad_choices_are_told_in_one_line(given, message):
+    with pytest.raises(ConfigError, match=message) as error:
+        Session(choose(**given))
+    assert "\n" not in str(error.value)

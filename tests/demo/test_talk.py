@@ -1,0 +1,83 @@
+"""A conversation about one scene: instructions, questions and their answers, corrections, nonsense."""
+
+import pytest
+
+from demo.talk import LONGEST, Talk
+from language import Object, Scene
+
+RED_CUBE, BLUE_CUBE, RED_BALL = range(3)
+SCENE = Scene(
+    [
+        Object("cube", "red", (0.4, 0.1, 0.025)),
+        Object("cube", "blue", (0.4, -0.1, 0.025)),
+        Object("sphere", "red", (0.5, 0.2, 0.025)),
+    ]
+)
+
+
+def no_finger(count):
+    return ()
+
+
+def said(*sentences, pointed=no_finger):
+    """What came of the last sentence."""
+    talk = Talk()
+    return [talk.hear(sentence, SCENE, pointed) for sentence in sentences][-1]
+
+
+def goals(heard):
+    assert heard.understood is not None, heard.message
+    return [step.goal for step in heard.understood.steps]
+
+
+@pytest.mark.parametrize(
+    ("sentences", "objects"),
+    [
+        (["reach the blue cube"], [BLUE_CUBE]),
+        (["reach the red cube", "no, the blue one"], [BLUE_CUBE]),
+        (["reach the cube", "the blue one"], [BLUE_CUBE]),
+        (["reach the cube", "blue"], [BLUE_CUBE]),
+        (["reach the red object", "sphere"], [RED_BALL]),
+        (["reach the cube", "reach the sphere"], [RED_BALL]),  # an instruction instead of an answer
+        (["reach the cube", "what?", "the red one"], [RED_CUBE]),
+        (["reach the sphere then reach the red cube"], [RED_BALL, RED_CUBE]),
+        (["reach the cube then reach the sphere", "blue cube"], [BLUE_CUBE, RED_BALL]),
+        (["reach the sphere then reach the cube", "the red one"], [RED_BALL, RED_CUBE]),
+    ],
+)
+def test_what_is_said_in_the_end_is_understood(sentences, objects):
+    assert goals(said(*sentences)) == objects
+
+
+def test_an_open_sentence_is_answered_with_a_question_and_its_candidates():
+    heard = said("reach the cube")
+    assert heard.understood is None
+    assert heard.message == "Do you mean the red cube or the blue cube?"
+    assert (heard.candidates, heard.place) == ((RED_CUBE, BLUE_CUBE), len("reach "))
+
+
+def test_a_finger_fills_this():
+    assert goals(said("reach this", pointed=lambda count: [RED_BALL][:count])) == [RED_BALL]
+
+
+@pytest.mark.parametrize(
+    "sentence", ["hello", "reach the", "<script>alert(1)</script>", "reach the green cube", "\0", "no"]
+)
+def test_what_is_not_understood_is_said_and_nothing_is_lost(sentence):
+    talk = Talk()
+    before = talk.hear("reach the red cube", SCENE, no_finger).understood
+    heard = talk.hear(sentence, SCENE, no_finger)
+    assert heard.understood is None
+    assert heard.message
+    assert talk.previous is before
+
+
+def test_listening_changes_nothing():
+    talk = Talk()
+    talk.hear("reach the cube", SCENE, no_finger)
+    assert goals(talk.listen("the red one", SCENE, no_finger)) == [RED_CUBE]
+    assert talk.previous is None
+
+
+def test_endless_sentences_are_cut():
+    assert len(said("reach " * 10_000).sentence) == LONGEST
