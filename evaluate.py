@@ -1,6 +1,6 @@
 """How often does a checkpoint do what it is told: `python evaluate.py checkpoint=<run dir or file> episodes=500`.
 
-    checkpoint=...    a run directory, or a checkpoint file (best.pt, last.pt)
+    checkpoint=...    a run directory, a checkpoint file (best.pt, last.pt), or a published policy (pretrained/<name>)
     episodes=500      fresh episodes, deterministic policy
     seed=0            of the evaluation, apart from every training run's own episodes
     worlds=20         that run side by side
@@ -11,7 +11,8 @@
     by_hand=false     true: a window opens in which you move the person's finger with keys and watch the robot;
                       Escape ends it, or episodes=3 does; noise_deg, dropout and switch of the gesture are left out
     video=0           episodes to film as well, with the sentence on the frame
-    out=<file>        where the result goes; a numbered file in the run directory otherwise
+    out=<file>        where the result goes; a numbered file otherwise, in the run directory, or for a published policy
+                      in outputs/
     task.num_objects=6 ...   any key of the run's config, to judge it elsewhere than it was trained
 
 Prints success with its 95 % Wilson interval, overall and by kind of instruction, and saves it as JSON. Where somebody
@@ -84,6 +85,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
     path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path)
     out = Path(config.out) if config.out else _numbered(path)
+    out.parent.mkdir(parents=True, exist_ok=True)
     named = {
         split: _judge(config, saved, [*overrides, f"task.split={split}"], None) for split in SPLITS * config.splits
     }
@@ -231,9 +233,13 @@ def _line(name: str, part: dict[str, Any]) -> str:
 
 
 def _numbered(path: Path) -> Path:
-    """A file in the checkpoint's run directory that does not exist yet: nothing is overwritten."""
-    folder = path.parent.parent if path.parent.name == "checkpoints" else path.parent
-    names = (folder / f"evaluation_{i}.json" for i in range(1, 10_000))
+    """A file that does not exist yet, in the run directory or else in outputs/: nothing is overwritten."""
+    folder, name = path.parent, "evaluation"
+    if path.suffix == ".safetensors":
+        folder, name = Path("outputs"), f"evaluation_{path.resolve().parent.name}"
+    elif folder.name == "checkpoints":
+        folder = folder.parent
+    names = (folder / f"{name}_{i}.json" for i in range(1, 10_000))
     return next(name for name in names if not name.exists())
 
 

@@ -64,7 +64,7 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path]:
 
     file = find(Path(path))
     overrides = [word for word in overrides if not word.startswith("resume=")]
-    config = apply(load(file)["config"], overrides)
+    config = apply(load(file, to_train=True)["config"], overrides)
     config.resume = path
     return config, file.parent.parent
 

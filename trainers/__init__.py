@@ -5,6 +5,7 @@
     ppo, sac     one algorithm each
     collection   worlds ─► batches            evaluation  how often does it do what it was told
     checkpoint   files that survive a kill    metrics     metrics.csv, loggers, eval.json
+    policy_file  a policy alone            publish     one with its card, from a finished run
     fit          collect ─► update ─► evaluate ─► report
     sweep, job   several runs at a time       report      what they came to: report.html, report.md
 

@@ -5,15 +5,18 @@ from __future__ import annotations
 import os
 import shutil
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from conf.schema import ConfigError
+from trainers import policy_file
 
 FORMAT = 1
-KEYS = ("config", "vocabulary", "widths", "algorithm", "counters", "rng")
+POLICY = ("config", "vocabulary", "widths", "algorithm")  # what it takes to act
+KEYS = (*POLICY, "counters", "rng")  # ... and to go on training
 SPARE = 64 * 2**20  # bytes left free on the disk beside a checkpoint
 
 
@@ -43,11 +46,23 @@ def save(path: Path, payload: dict[str, Any]) -> None:
         beside.unlink(missing_ok=True)
 
 
-def load(path: Path) -> dict[str, Any]:
-    """The payload of `save`, on the CPU. Nothing in the file is executed. Raises CheckpointError."""
+def load(path: Path, to_train: bool = False) -> dict[str, Any]:
+    """The payload of `save`, on the CPU. Nothing in the file is executed. Raises CheckpointError.
+
+    Of a policy alone (`trainers.publish`) it has the keys of `POLICY`, and no algorithm but the policy.
+    to_train: refuse what training cannot go on from.
+    """
     if not path.is_file():
         raise CheckpointError(f"checkpoint {path} does not exist")
+    alone = path.suffix == ".safetensors"
+    if alone and to_train:
+        raise CheckpointError(
+            f"{path} is a policy alone, without optimiser and critic: training cannot go on from it; "
+            "resume=<run dir> wants the run itself"
+        )
     try:
+        if alone:
+            return _known(path, policy_file.unpack(path), POLICY)
         with zipfile.ZipFile(path) as archive:
             broken = archive.testzip()  # torch does not look at checksums: a flipped bit would load as a weight
         if broken is not None:
@@ -61,7 +76,7 @@ def load(path: Path) -> dict[str, Any]:
 
 
 def find(path: Path, name: str = "last") -> Path:
-    """The checkpoint file that a run directory, its checkpoints/ or the file itself stands for.
+    """The checkpoint file that a run directory, its checkpoints/, a published policy or the file itself stands for.
 
     name: "last" or "best", where there is a choice; the other one where only that exists. Raises CheckpointError.
     """
@@ -72,9 +87,11 @@ def find(path: Path, name: str = "last") -> Path:
         for choice in (name, other):
             if (folder / f"{choice}.pt").is_file():
                 return folder / f"{choice}.pt"
+    if (path / policy_file.NAME).is_file():
+        return path / policy_file.NAME
     if not path.exists():
         raise CheckpointError(f"checkpoint={path} does not exist; give a run directory or a file")
-    raise CheckpointError(f"checkpoint={path} holds no checkpoints/last.pt or best.pt")
+    raise CheckpointError(f"checkpoint={path} holds no checkpoints/last.pt or best.pt, and no {policy_file.NAME}")
 
 
 def widths(observation_spec: Any, action_spec: Any) -> dict[str, list[int]]:
@@ -107,12 +124,12 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
             )
 
 
-def _known(path: Path, payload: Any) -> dict[str, Any]:
+def _known(path: Path, payload: Any, keys: Sequence[str] = KEYS) -> dict[str, Any]:
     if not isinstance(payload, dict) or not isinstance(payload.get("format"), int):
         raise CheckpointError(f"{path} is no checkpoint of ours")
     if payload["format"] > FORMAT:
         raise CheckpointError(f"{path} has format {payload['format']}; this version reads up to {FORMAT}")
-    missing = [key for key in KEYS if key not in payload]
+    missing = [key for key in keys if key not in payload]
     if missing:
         raise CheckpointError(f"{path} is no checkpoint of ours: it lacks {', '.join(missing)}")
     return payload

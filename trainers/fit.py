@@ -85,7 +85,7 @@ class Run:
 
     def resume(self, path: Path) -> None:
         """Go on from the checkpoint. The worlds begin new episodes. Raises CheckpointError."""
-        state = checkpoint.load(path)
+        state = checkpoint.load(path, to_train=True)
         checkpoint.check_fits(state, self.vocabulary, self.widths)
         try:
             self.algorithm.load_state_dict(state["algorithm"])

@@ -1,0 +1,14 @@
+"""A whole training run in seconds: it learns nothing, but leaves all that a run leaves."""
+
+TINY = [
+    "total_frames=256",
+    "collector.workers=1",
+    "collector.worlds=4",
+    "algo.horizon=16",
+    "algo.minibatch=16",
+    "eval.episodes=4",
+    "eval.interval_episodes=4",
+    "eval.worlds=4",
+    "eval.video_episodes=0",
+    "logger=[]",
+]
