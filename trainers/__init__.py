@@ -6,6 +6,7 @@
     collection   worlds ─► batches            evaluation  how often does it do what it was told
     checkpoint   files that survive a kill    metrics     metrics.csv, loggers, eval.json
     policy_file  a policy alone            publish     one with its card, from a finished run
+    demonstrations  episodes to be kept       dataset     ... as LeRobot's (as_lerobot) or Minari's (as_minari)
     fit          collect ─► update ─► evaluate ─► report
     sweep, job   several runs at a time       report      what they came to: report.html, report.md
 

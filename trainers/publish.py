@@ -7,8 +7,6 @@ with `python evaluate.py checkpoint=pretrained/<name>`.
 from __future__ import annotations
 
 import math
-import os
-import shutil
 import sys
 from collections.abc import Sequence
 from datetime import date
@@ -22,6 +20,7 @@ from trainers.command import overrides
 from trainers.machine import machine
 from trainers.runs import Run, find_runs, typed
 from trainers.scores import reached, result
+from trainers.whole import whole
 
 MOST = 1_000_000  # bytes of a file that is to be in a repository
 GROUPS = ("robot", "control", "workspace", "task", "algo", "policy")
@@ -32,8 +31,16 @@ def publish(folder: Path, place: Path) -> Path:
 
     Raises ConfigError, and then leaves nothing.
     """
-    if place.exists():
-        raise ConfigError(f"{place} exists already, and is not overwritten; choose another name, or remove it")
+    with whole(place) as fresh:
+        for name, content in _files(folder, place).items():
+            if len(content) >= MOST:
+                raise ConfigError(f"{place / name} would have {len(content):,} bytes; a file is to stay below {MOST:,}")
+            (fresh / name).write_bytes(content)
+    return place
+
+
+def _files(folder: Path, place: Path) -> dict[str, bytes]:
+    """What is to be in `place`."""
     run = _finished(folder)
     payload = checkpoint.load(folder / "checkpoints" / "last.pt")
     if payload["counters"]["frames"] != result(run)["frames"]:
@@ -43,11 +50,7 @@ def publish(folder: Path, place: Path) -> Path:
         )
     payload["config"] = config = _own(payload["config"])
     words = [*overrides(config), f"seed={config['seed']}"]
-    files = {policy_file.NAME: policy_file.pack(payload, checkpoint.FORMAT), "README.md": _card(run, place, words)}
-    for name, content in files.items():
-        if len(content) >= MOST:
-            raise ConfigError(f"{place / name} would have {len(content):,} bytes; a file is to stay below {MOST:,}")
-    return _write(place, files)
+    return {policy_file.NAME: policy_file.pack(payload, checkpoint.FORMAT), "README.md": _card(run, place, words)}
 
 
 def _finished(folder: Path) -> Run:
@@ -66,21 +69,6 @@ def _own(config: dict[str, Any]) -> dict[str, Any]:
     """The config without the places that it was resumed from."""
     sweep = {"sweep": config["sweep"] | {"resume": None}} if "sweep" in config else {}
     return config | {"resume": None} | sweep
-
-
-def _write(place: Path, files: dict[str, bytes]) -> Path:
-    """All files or none."""
-    beside = place.with_name(f".{place.name}.{os.getpid()}")
-    try:
-        beside.mkdir(parents=True)
-        for name, content in files.items():
-            (beside / name).write_bytes(content)
-        os.rename(beside, place)
-    except OSError as error:
-        raise ConfigError(f"{place} cannot be written: {error.strerror}") from None
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
-    return place
 
 
 def _card(run: Run, place: Path, words: Sequence[str]) -> bytes:

@@ -82,8 +82,8 @@ def wrapped(sentence: str, width: float, font: Any) -> list[str]:
     return lines
 
 
-def writer(path: Path, fps: int) -> Any:
-    """An open mp4 to append frames to."""
+def writer(path: Path, fps: int, *options: str) -> Any:
+    """An open mp4 to append frames to. options: for ffmpeg's output."""
     from imageio.v2 import get_writer
 
-    return get_writer(path, fps=fps, macro_block_size=2)
+    return get_writer(path, fps=fps, macro_block_size=2, output_params=list(options))
