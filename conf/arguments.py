@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Collection, Sequence
+from pathlib import Path
 
 from conf.schema import ConfigError
 
@@ -23,6 +24,15 @@ def split(words: Sequence[str], names: Collection[str], example: str) -> tuple[d
         else:
             others.append(word)
     return own, others
+
+
+def out_folder(name: str) -> Path:
+    """The folder that out=... names, made where it is missing. Raises ConfigError where it cannot be."""
+    try:
+        Path(name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"out={name} cannot be a folder: {error.strerror}") from None
+    return Path(name)
 
 
 def run(main: Callable[[list[str]], object], help_text: str | None) -> None:

@@ -1,0 +1,90 @@
+"""The contact sheets show what they say they do."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from conf.overrides import groups
+from conf.schema import ConfigError
+from envs import gallery
+from envs.gallery import COLUMNS, HEIGHT, MARGIN, WIDTH, main, sheet, tasks, workspaces
+
+SHIRT = (42, 71, 105)  # what the person wears, lit, in RGB
+
+
+@pytest.fixture(scope="module")
+def cells():
+    return workspaces(["collabtable", "drawer"], ["kuka"]) + tasks(["nl_lift"])
+
+
+def near(picture, color, apart=40):
+    """How many pixels are of about this colour."""
+    return int((np.abs(np.asarray(picture, int) - color).max(-1) < apart).sum())
+
+
+def test_a_cell_shows_robot_person_and_words(cells):
+    assert [cell.title for cell in cells] == ["collabtable, kuka", "drawer, kuka", "nl_lift"]
+    assert [near(cell.picture, (240, 100, 10)) > 200 for cell in cells] == [True] * 3  # the kuka's orange
+    assert [near(cell.picture, SHIRT, apart=14) > 200 for cell in cells] == [True, False, False]
+    assert cells[2].said.startswith("lift the ")
+
+
+def test_nothing_is_cut_at_the_edges(cells):
+    """The robot and the person keep clear of all four edges, which show table, floor or background alone."""
+    for cell in cells:
+        top, left, right = cell.picture[0], cell.picture[:, 0], cell.picture[:, -1]
+        assert (top > 250).all(), cell.title
+        assert near(left, (240, 100, 10)) + near(right, (240, 100, 10)) == 0, cell.title
+
+
+def test_a_sheet_holds_each_picture_in_its_place(cells):
+    whole = np.asarray(sheet(cells).convert("RGB"), int)
+    assert whole.shape[1] == 3 * (WIDTH + MARGIN) + MARGIN
+    for i, cell in enumerate(cells):
+        x = MARGIN + i * (WIDTH + MARGIN)
+        shown = whole[MARGIN : MARGIN + HEIGHT, x : x + WIDTH]
+        assert np.abs(shown - cell.picture).mean() < 4
+        assert (whole[MARGIN + HEIGHT :, x : x + WIDTH] < 100).any()  # its caption
+
+
+def test_every_workspace_robot_and_task_is_asked_for(tmp_path, monkeypatch, cells):
+    asked = {}
+
+    def note(name):
+        return lambda *given: asked.update({name: given}) or cells[:1]
+
+    monkeypatch.setattr(gallery, "workspaces", note("workspaces"))
+    monkeypatch.setattr(gallery, "tasks", note("tasks"))
+    main([f"out={tmp_path / 'new'}", "seed=7", "physics.substeps=6"])
+    options = groups()
+    assert asked["workspaces"] == (options["workspace"], options["robot"], ["physics.substeps=6"], 7)
+    assert asked["tasks"] == (options["task"], ["physics.substeps=6"], 7)
+    assert Image.open(tmp_path / "new" / "tasks.png").size[0] > WIDTH
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("docs", "docs: arguments are written key=value"),
+        ("seed=-1", "seed=-1 is out of range"),
+        ("sed=1", r"sed=1: sed is not a known key; did you mean 'seed'\?"),
+        ("robot=pand", r"robot=pand is not known; did you mean 'panda'\?"),
+        ("out={file}/x", "out=.*/x cannot be a folder: Not a directory"),
+    ],
+)
+def test_bad_arguments_are_refused_in_one_line(word, message, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match=message) as caught:
+        main([word.format(file=tmp_path / "file")])
+    assert "\n" not in str(caught.value)
+
+
+def test_the_committed_sheets_are_small_and_used_in_the_docs():
+    docs = Path(gallery.__file__).parent.parent / "docs"
+    pages = [page.read_text("utf-8") for page in docs.glob("*.md")]
+    for name, cells in (("workspaces.png", 12), ("tasks.png", 18)):
+        assert (docs / "gallery" / name).stat().st_size < 500_000
+        assert Image.open(docs / "gallery" / name).height > cells / COLUMNS * HEIGHT
+        assert any(f"gallery/{name})" in page for page in pages), name
