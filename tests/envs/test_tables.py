@@ -1,0 +1,81 @@
+"""The reference pages say what the specs say."""
+
+from pathlib import Path
+
+import pytest
+
+from conf.overrides import groups
+from conf.schema import ConfigError
+from envs import make_env, tables
+from envs.tables import main
+
+REFERENCE = Path(tables.__file__).parent.parent / "docs" / "reference"
+
+
+@pytest.fixture(scope="module")
+def pages():
+    return tables.pages()
+
+
+def test_the_committed_pages_are_up_to_date(pages):
+    for name, text in pages.items():
+        assert (REFERENCE / name).read_text("utf-8") == text, "python -m envs.tables writes them anew"
+    assert sorted(path.name for path in REFERENCE.iterdir()) == sorted(pages)
+
+
+def test_every_task_and_robot_has_its_tables(pages):
+    assert [line[3:] for line in pages["tasks.md"].splitlines() if line[:3] == "## "][3:] == groups()["task"]
+    assert [line[3:] for line in pages["robots.md"].splitlines() if line[:3] == "## "] == groups()["robot"]
+
+
+@pytest.mark.parametrize("choice", [("throw", "panda", "joints"), ("turn", "jaco", "absolute")])
+def test_widths_are_those_of_the_environment_itself(choice, pages):
+    """These very combinations are not among those that the pages were made from."""
+    task, robot, control = choice
+    env = make_env([f"task={task}", f"robot={robot}", f"control={control}"])
+    felt, does = env.observation_spec["robot"].shape[-1], env.action_spec.shape[-1]
+    shapes = {key: tuple(env.observation_spec[key].shape[1:]) for key in ("objects", "reward_terms")}
+    env.close()
+    table = pages["tasks.md"].partition("## Numbers of")[2].partition("\n## ")[0]
+    head, _, *rows = [
+        [cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines() if line[:1] == "|"
+    ]
+    first = next(i for i, row in enumerate(rows) if f"`{task}`" in row[0])
+    row = next(row for row in rows[first:] if row[1] == robot)
+    assert (int(row[2]), int(row[head.index(f"`action`, `{control}`")])) == (felt, does)
+    section = pages["tasks.md"].partition(f"\n## {task}\n")[2].partition("\n## ")[0]
+    for key, shape in shapes.items():
+        assert f"| `{key}` | (N, {', '.join(map(str, shape))}) |" in section
+
+
+def test_every_key_is_explained(pages):
+    keys = {name.strip() for key in tables.told() for name in key.split(",")}
+    named = {line.split("`")[1].split("/")[0] for line in pages["tasks.md"].splitlines() if line.count("| (N")}
+    assert named == keys
+
+
+def test_check_tells_of_a_page_that_is_out_of_date(tmp_path, monkeypatch, pages, capsys):
+    monkeypatch.setattr(tables, "pages", lambda: pages)
+    main([f"out={tmp_path / 'new'}"])
+    main([f"out={tmp_path / 'new'}", "check=true"])
+    assert capsys.readouterr().out.split() == [str(tmp_path / "new" / name) for name in pages]
+    (tmp_path / "new" / "robots.md").write_text("old")
+    with pytest.raises(ConfigError, match=r"robots\.md is not what the specs say; python -m envs\.tables") as caught:
+        main([f"out={tmp_path / 'new'}", "check=true"])
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("chek=true", r"chek is not a known key; did you mean 'check'\?"),
+        ("check=perhaps", "check=perhaps: "),
+        ("out={file}/x", "out=.*/x cannot be a folder: Not a directory"),
+    ],
+)
+def test_bad_arguments_are_refused_in_one_line(word, message, tmp_path, monkeypatch, pages):
+    monkeypatch.setattr(tables, "pages", lambda: pages)
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match=message) as caught:
+        main([word.format(file=tmp_path / "file")])
+    assert "\n" not in str(caught.value)
