@@ -1,20 +1,19 @@
 """docs/tutorial.md and docs/extending.md are true: a copy of the project, with what they add, runs and learns."""
 
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from benchmarks.commands import FILE, copied, edited
+
 ROOT = Path(__file__).resolve().parent.parent
 TUTORIAL, PAGE = ((ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("tutorial.md", "extending.md"))
 BLOCKS = [
     block for page in (TUTORIAL, PAGE) for block in re.findall(r"^```(\w*)\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
 ]
-FILE = re.compile(r"# ([\w/]+\.(?:py|yaml))\n")
-PARTS = ("conf", "envs", "human", "language", "trainers", "train.py")
 TRAIN = """
 from pathlib import Path
 import torch, train
@@ -27,33 +26,10 @@ assert result["frames"] == 128 and Path("run/checkpoints/last.pt").is_file()
 """
 
 
-def edited(text, block):
-    """The text with the change that a diff block shows; the lines that are there already must be found once."""
-    lines = block.splitlines()
-    before = "".join(f"{line[1:]}\n" for line in lines if line[:1] in (" ", "-"))
-    after = "".join(f"{line[1:]}\n" for line in lines if line[:1] in (" ", "+"))
-    assert text.count(before) == 1, before
-    return text.replace(before, after)
-
-
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory):
     """The project with all that the pages add."""
-    folder = tmp_path_factory.mktemp("extended")
-    for part in PARTS:
-        source, skipped = ROOT / part, shutil.ignore_patterns("__pycache__")
-        shutil.copytree(source, folder / part, ignore=skipped) if source.is_dir() else shutil.copy(source, folder)
-    for kind, block in BLOCKS:
-        named = FILE.match(block)
-        if not named:
-            continue
-        path, rest = folder / named[1], block[named.end() :]
-        if kind == "diff":
-            path.write_text(edited(path.read_text(encoding="utf-8"), rest), encoding="utf-8")
-        else:
-            assert not path.exists()
-            path.write_text(rest, encoding="utf-8")
-    return folder
+    return copied(tmp_path_factory.mktemp("extended"))
 
 
 def run(folder, code):
@@ -86,3 +62,11 @@ def test_what_it_adds_is_in_the_style_of_the_house(copy):
             text=True,
         )
         assert done.returncode == 0, done.stdout
+
+
+def test_a_change_to_what_is_not_there_is_noticed():
+    assert edited("a\nb\n", " a\n+c\n") == "a\nc\nb\n"
+    with pytest.raises(ValueError, match="found 0 times"):
+        edited("a\nb\n", "-c\n+d\n")
+    with pytest.raises(ValueError, match="found 2 times"):
+        edited("a\na\n", " a\n+d\n")
