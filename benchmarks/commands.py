@@ -220,9 +220,11 @@ def report(every: Iterable[Command], fresh: bool, timeout: float) -> int:
     with tempfile.TemporaryDirectory(prefix="deixis-commands-") as scratch:
         folder = copied(Path(scratch) / "project")
         environment = environment_of(folder, fresh)
+        done: set[str] = set()  # a command that is on two pages runs once
         for command in [*prepare(folder), *every]:
-            if command.reason:
+            if command.reason or shortened(command.line) in done:
                 continue
+            done.add(shortened(command.line))
             good, line = run(command, folder, environment, timeout)
             failed += not good
             print(f"{command.page:20} {line}", flush=True)

@@ -18,7 +18,7 @@ DEFAULT = compose()
 
 TYPED = [
     ("robot=kukka", "robot=kukka is not known; did you mean 'kuka'?"),
-    ("robot=ur5", "robot=ur5 is not known; choose from "),
+    ("robot=scara", "robot=scara is not known; choose from "),
     ("robots=kuka", "robots is not a known key; did you mean 'robot'?"),
     ("task.num_object=3", "task.num_object is not a known key; did you mean 'task.num_objects'?"),
     ("control.max_mov=0.1", "control.max_mov is not a known key; did you mean 'control.max_move'?"),
