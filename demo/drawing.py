@@ -128,7 +128,7 @@ class Drawing:
         if shape.rgba[3] == 0 and shape.mesh is None:  # a cone that PyBullet's own pictures show
             return None
         made = _mesh(shape.kind, shape.size, shape.mesh)
-        if made.visual is None or made.visual.kind is None:  # without colours of its own
+        if shape.mesh is None or shape.rgba[:3] != (1.0, 1.0, 1.0):  # else the mesh has colours of its own
             look = {"color": _rgb(shape), "opacity": _opacity(shape)}
             handle = self._scene.add_mesh_simple(name, made.vertices, made.faces, **look, **place)
         else:
