@@ -39,7 +39,6 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--seed", type=int, default=0, help="of the scenes")
     options.add_argument("--headless", type=Path, metavar="FILM", help="no page: do what --say says, into this mp4")
     options.add_argument("--say", help="with --headless: the instruction; {0}, {1} stand for objects of the scene")
-    options.add_argument("--gui", action="store_true", help="PyBullet's own window instead of a page")
     return options
 
 
