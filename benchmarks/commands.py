@@ -70,7 +70,8 @@ NEEDED = {  # words of a command: the module that they need
 }
 NOT_RUN = {
     "by_hand=true": "waits for a person at a window; tests/test_window.py presses its keys",
-    "play.py": "serves its page until it is stopped; tests/demo drive it",
+    "python play.py --headless": "",
+    "python play.py": "serves its page until it is stopped; tests/demo drive it",
     "pytest": "the tests themselves, which .ci/run runs",
     "pip install": "an install alone; --fresh makes README's",
 }
