@@ -116,7 +116,7 @@ def film(given: argparse.Namespace) -> None:
     played = session(given)
     try:
         names = played.names()
-        heard = played.say(given.say.format(*names))
+        heard = played.say(_named(given.say, names))
         if heard.understood is None:
             raise ConfigError(f"--say: {heard.message} (here are {', '.join(names)})")
         given.headless.parent.mkdir(parents=True, exist_ok=True)
@@ -132,6 +132,13 @@ def film(given: argparse.Namespace) -> None:
         print(f"{played.show.status} {given.headless}")
     finally:
         played.close()
+
+
+def _named(sentence: str, names: list[str]) -> str:
+    """The sentence with names in the place of {0}, {1}, ..."""
+    for index, name in enumerate(names):
+        sentence = sentence.replace(f"{{{index}}}", name)
+    return sentence
 
 
 if __name__ == "__main__":

@@ -1,0 +1,72 @@
+"""play.py as it is typed: a film without a page, and what is wrong in one line."""
+
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import imageio.v2 as imageio
+import pytest
+
+import play
+from conf.schema import ConfigError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_an_instruction_is_filmed_by_a_pretrained_policy(tmp_path, capsys):
+    film = tmp_path / "new" / "said.mp4"
+    play.main(["--headless", str(film), "--say", "reach {0} then reach {1}"])
+    assert "Done in" in capsys.readouterr().out
+    frames = list(imageio.get_reader(film))
+    assert len(frames) > 15
+    assert (frames[0] != frames[-1]).any()
+
+
+def test_what_cannot_be_done_is_told_and_leaves_no_film(tmp_path):
+    film = tmp_path / "said.mp4"
+    for sentence in ("reach the elephant", "reach {9}", "{"):
+        with pytest.raises(ConfigError, match="--say: .* is not understood"):
+            play.main(["--headless", str(film), "--say", sentence])
+    assert not film.exists()
+
+
+@pytest.mark.parametrize(
+    ("typed", "message"),
+    [
+        (["--headless", "said.mp4"], "--headless and --say belong together"),
+        (["--say", "reach the cube"], "--headless and --say belong together"),
+        (["--seed", "-1"], "--seed=-1 must be at least 0"),
+        (["--port", "0"], "--port=0 must be from 1 to 65535"),
+        (["--host", "no.such.host.invalid"], "--host=no.such.host.invalid"),
+        (["robot"], "robot: arguments are written key=value"),
+        (["robot=pandora"], "robot=pandora is not known; did you mean 'panda'"),
+        (["objects=many"], "objects=many"),
+        (["task.radius=-1"], "radius=-1"),
+        (["checkpoint=nowhere"], "checkpoint=nowhere does not exist"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(typed, message, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError) as error:
+        play.main(typed)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_port_that_is_taken_is_told(monkeypatch):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(ConfigError, match=f"--port={port} cannot be had"):
+            play.main(["--port", str(port)])
+
+
+def test_the_program_ends_with_one_line_and_no_traceback():
+    ended = subprocess.run(
+        [sys.executable, "play.py", "robot=pandora"], cwd=ROOT, capture_output=True, text=True, timeout=120
+    )
+    assert ended.returncode == 1
+    assert [line for line in ended.stderr.splitlines() if line.startswith("error: ")]
+    assert "Traceback" not in ended.stderr
