@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -65,7 +65,7 @@ class Page:
             self._looks, self._numbers = gui.add_html(""), gui.add_html("")
         self._build_time()
         self._build_choice(choice)
-        self._build_hand()
+        self._build_hand(session.stage.config.workspace.gripper_box)
         self._build_recording()
         for key, way in (ARROWS | HEIGHTS).items():
             command = gui.add_command(f"Move the finger, or the gripper: {key}", hotkey=key)  # type: ignore[arg-type]
@@ -97,11 +97,12 @@ class Page:
         change.on_click(lambda _: self._change())
         self._driver.on_update(lambda _: self.loop.ask(self._drive, "driver"))
 
-    def _build_hand(self) -> None:
+    def _build_hand(self, box: Sequence[float]) -> None:
         gui = self._gui
         with gui.add_folder("By hand", expand_by_default=False):
             gui.add_html(words.message("Choose 'Driven by: hand'. Arrows and page keys move the gripper too."))
-            self._place = [gui.add_slider(axis, low, high, 0.01, low) for axis, low, high in _box()]
+            limits = zip("xyz", box[::2], box[1::2], strict=True)
+            self._place = [gui.add_slider(axis, low, high, 0.01, low) for axis, low, high in limits]
             self._grip = gui.add_checkbox("Gripper shut", False)
         for slider in self._place:
             slider.on_update(self._slid)
@@ -135,16 +136,13 @@ class Page:
         self._put("heard", self._heard, words.heard(heard, session.names()))
 
     def _press(self, button: str) -> None:
-        requests = {"Stop": Session.stop, "Shuffle": self._shuffle, "Go where I point": self._go}
+        requests = {"Stop": Session.stop, "Shuffle": self._shuffle, "Go where I point": Session.go}
         self.loop.ask(requests[button])
 
     def _shuffle(self, session: Session) -> None:
         session.shuffle()
         self._drawing.laid()
         self._message_of("")
-
-    def _go(self, session: Session) -> None:
-        session.go()
 
     def _clicked(self, body: int) -> None:
         self.loop.ask(lambda session: self._point_at(session, body), "click")
@@ -279,7 +277,3 @@ class Page:
         """Leave nothing half written."""
         if self._tape is not None:
             self._tape.close()
-
-
-def _box() -> list[tuple[str, float, float]]:
-    return [("x", 0.3, 0.6), ("y", -0.34, 0.34), ("z", 0.02, 0.35)]

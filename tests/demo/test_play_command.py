@@ -1,8 +1,10 @@
 """play.py as it is typed: a film without a page, and what is wrong in one line."""
 
+import signal
 import socket
 import subprocess
 import sys
+import urllib.request
 from pathlib import Path
 
 import imageio.v2 as imageio
@@ -61,6 +63,25 @@ def test_a_port_that_is_taken_is_told(monkeypatch):
         port = taken.getsockname()[1]
         with pytest.raises(ConfigError, match=f"--port={port} cannot be had"):
             play.main(["--port", str(port)])
+
+
+def test_the_page_is_served_and_an_interrupt_ends_it_in_peace():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "play.py", "--port", str(port), "robot=jaco", "driver=expert"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        address = next(line for line in process.stdout if line.startswith("http")).split()[0]
+        with urllib.request.urlopen(address, timeout=60) as answer:
+            assert b"<html" in answer.read().lower()
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 0, errors
+    assert "Traceback" not in errors
+    assert "warning" not in errors  # nobody else can open it
 
 
 def test_the_program_ends_with_one_line_and_no_traceback():
