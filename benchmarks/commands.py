@@ -2,7 +2,7 @@
 
     python -m benchmarks.commands                   # the present interpreter
     python -m benchmarks.commands --fresh           # a new virtual environment, with README's install
-    python -m benchmarks.commands --only evaluate   # those with this in them
+    python -m benchmarks.commands --only "record|publish"   # those that this pattern is found in
     python -m benchmarks.commands --list            # what would be run, and what not and why
 
 Files and changes that the pages tell a reader to make are made in the copy first. What takes long is shortened:
@@ -30,7 +30,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -190,12 +190,16 @@ def with_values(line: str, values: dict[str, str], between: str) -> str:
     return line
 
 
-def prepare(folder: Path) -> list[Command]:
-    """What makes the runs and the sweep that placeholders stand for."""
+def preparations(every: Iterable[Command]) -> list[Command]:
+    """What makes the runs, the sweep and the dataset that placeholders of these commands stand for."""
     runs = [f"python train.py task={task} hydra.run.dir=prepared/{task}" for task in RUNS]
     sweep = "python train.py -m seed=0 hydra.sweep.dir=prepared/sweep"
     data = "python -m trainers.record checkpoint=prepared/nl_reach format=lerobot out=prepared/dataset"
-    return [Command("(before)", line) for line in (*runs, sweep, data)]
+    wanted = " ".join(shortened(command.line) for command in every if not command.reason)
+    if "prepared/dataset" in wanted:
+        wanted += " prepared/nl_reach"
+    made = [(line, re.split("(?:dir|out)=", line)[1]) for line in (*runs, sweep, data)]
+    return [Command("(before)", line) for line, place in made if re.search(rf"{place}\b(?!_)", wanted)]
 
 
 def run(command: Command, folder: Path, environment: dict[str, str], timeout: float) -> tuple[bool, str]:
@@ -234,14 +238,14 @@ def environment_of(folder: Path, fresh: bool) -> dict[str, str]:
     return os.environ | {"PATH": f"{binaries}:{os.environ['PATH']}", "PYTHONPATH": str(folder)}
 
 
-def report(every: Iterable[Command], fresh: bool, timeout: float) -> int:
+def report(every: Sequence[Command], fresh: bool, timeout: float) -> int:
     """Run them, and print what came of it; how many failed."""
     failed = 0
     with tempfile.TemporaryDirectory(prefix="deixis-commands-") as scratch:
         folder = copied(Path(scratch) / "project")
         environment = environment_of(folder, fresh)
         done: set[str] = set()  # a command that is on two pages runs once
-        for command in [*prepare(folder), *every]:
+        for command in [*preparations(every), *every]:
             if command.reason or shortened(command.line) in done:
                 continue
             done.add(shortened(command.line))
@@ -254,11 +258,11 @@ def report(every: Iterable[Command], fresh: bool, timeout: float) -> int:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fresh", action="store_true", help="in a new virtual environment")
-    parser.add_argument("--only", default="", help="commands with this in them")
+    parser.add_argument("--only", default="", help="commands that this pattern is found in")
     parser.add_argument("--list", action="store_true", help="run nothing")
     parser.add_argument("--timeout", type=float, default=900, help="seconds for one command")
     given = parser.parse_args()
-    every = [command for page in pages() for command in commands(page) if given.only in command.line]
+    every = [command for page in pages() for command in commands(page) if re.search(given.only, command.line)]
     if given.list:
         for command in every:
             print(f"{command.page:20} {(command.reason and 'not run: ') or ''}{shortened(command.line)}")

@@ -40,6 +40,7 @@ def measured(task: str, robot: str, control: str, episodes: int, seed: int, orac
 def written(path: Path, name: str, result: dict[str, Any]) -> None:
     """Add a result to the file."""
     known = json.loads(path.read_text()) if path.exists() else {}
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(dict(sorted((known | {name: result}).items())), indent=1) + "\n")
 
 

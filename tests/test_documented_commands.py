@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from benchmarks.commands import Command, commands, copied, environment_of, pages, run, shortened
+from benchmarks.commands import Command, commands, copied, environment_of, pages, preparations, run, shortened
 from conf.overrides import check, compose, groups
 from conf.schema import ConfigError
 
@@ -56,6 +56,14 @@ def test_what_is_shortened_still_composes():
         assert config.total_frames == 512
         assert config.sweep.jobs == 2
     assert "seed=0 " in short
+
+
+def test_only_what_is_asked_for_is_made_before():
+    sweep = preparations([Command("here", "python -m trainers.report <sweep dir>")])
+    assert [command.line.rpartition("=")[2] for command in sweep] == ["prepared/sweep"]
+    replay = preparations([Command("here", "python -m trainers.record replay=<dataset dir>")])
+    assert [command.line.rpartition("=")[2] for command in replay] == ["prepared/nl_reach", "prepared/dataset"]
+    assert preparations([Command("here", "python -m language count")]) == []
 
 
 def test_commands_run_in_a_copy_and_failures_are_told(tmp_path):
