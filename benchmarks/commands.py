@@ -5,7 +5,7 @@
     python -m benchmarks.commands --only "record|publish"   # those that this pattern is found in
     python -m benchmarks.commands --list            # what would be run, and what not and why
 
-Files and changes that the pages tell a reader to make are made in the copy first. What takes long is shortened:
+What a page tells its reader to write or change is so in the copy while its commands run. What takes long is shortened:
 
 | command | is run with |
 |---|---|
@@ -31,8 +31,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import groupby
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -146,16 +148,29 @@ def added(page: Path) -> Iterator[tuple[str, str, str]]:
 
 
 def copied(folder: Path) -> Path:
-    """A copy of the project in the folder, with all that the pages add to it."""
+    """A copy of the project in the folder, with the files that console blocks show."""
     shutil.copytree(ROOT, folder, ignore=SKIPPED, dirs_exist_ok=True)
     for page in pages():
-        for kind, name, text in added(page):
-            path = folder / name
-            path.write_text(edited(path.read_text("utf-8"), text) if kind == "diff" else text, encoding="utf-8")
         for command in commands(page):
             if command.line.startswith("cat "):
                 (folder / command.line.removeprefix("cat ")).write_text(command.shown, encoding="utf-8")
     return folder
+
+
+@contextmanager
+def followed(page: Path, folder: Path) -> Iterator[None]:
+    """The copy with all that this page adds; afterwards as it was: another vocabulary, say, fits no checkpoint."""
+    before: dict[Path, str | None] = {}
+    for kind, name, text in added(page):
+        path = folder / name
+        old = path.read_text(encoding="utf-8") if path.is_file() else None
+        before.setdefault(path, old)
+        path.write_text(edited(old or "", text) if kind == "diff" else text, encoding="utf-8")
+    try:
+        yield
+    finally:
+        for path, kept in before.items():
+            path.unlink() if kept is None else path.write_text(kept, encoding="utf-8")
 
 
 def shortened(line: str) -> str:
@@ -199,7 +214,7 @@ def preparations(every: Iterable[Command]) -> list[Command]:
     if "prepared/dataset" in wanted:
         wanted += " prepared/nl_reach"
     made = [(line, re.split("(?:dir|out)=", line)[1]) for line in (*runs, sweep, data)]
-    return [Command("(before)", line) for line, place in made if re.search(rf"{place}\b(?!_)", wanted)]
+    return [Command("README.md", line) for line, place in made if re.search(rf"{place}\b(?!_)", wanted)]
 
 
 def run(command: Command, folder: Path, environment: dict[str, str], timeout: float) -> tuple[bool, str]:
@@ -245,13 +260,15 @@ def report(every: Sequence[Command], fresh: bool, timeout: float) -> int:
         folder = copied(Path(scratch) / "project")
         environment = environment_of(folder, fresh)
         done: set[str] = set()  # a command that is on two pages runs once
-        for command in [*preparations(every), *every]:
-            if command.reason or shortened(command.line) in done:
-                continue
-            done.add(shortened(command.line))
-            good, line = run(command, folder, environment, timeout)
-            failed += not good
-            print(f"{command.page:20} {line}", flush=True)
+        for page, its in groupby([*preparations(every), *every], lambda command: command.page):
+            with followed(ROOT / page, folder):
+                for command in its:
+                    if command.reason or shortened(command.line) in done:
+                        continue
+                    done.add(shortened(command.line))
+                    good, line = run(command, folder, environment, timeout)
+                    failed += not good
+                    print(f"{page:20} {line}", flush=True)
     return failed
 
 

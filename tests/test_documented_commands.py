@@ -68,7 +68,7 @@ def test_only_what_is_asked_for_is_made_before():
 
 def test_commands_run_in_a_copy_and_failures_are_told(tmp_path):
     folder = copied(tmp_path / "copy")
-    assert (folder / "conf" / "task" / "twins.yaml").is_file()
+    assert (folder / "scene.yaml").is_file()
     environment = environment_of(folder, fresh=False)
     shown = next(command for command in EVERY if "bleu" in command.line)
     for command in (shown, Command("here", "python -m language sample --n 2 --steps 2")):

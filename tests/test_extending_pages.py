@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.commands import FILE, copied, edited
+from benchmarks.commands import FILE, copied, edited, followed
 
 ROOT = Path(__file__).resolve().parent.parent
 TUTORIAL, PAGE = ((ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("tutorial.md", "extending.md"))
@@ -29,7 +29,12 @@ assert result["frames"] == 128 and Path("run/checkpoints/last.pt").is_file()
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory):
     """The project with all that the pages add."""
-    return copied(tmp_path_factory.mktemp("extended"))
+    folder = copied(tmp_path_factory.mktemp("extended"))
+    docs = ROOT / "docs"
+    with followed(docs / "tutorial.md", folder), followed(docs / "extending.md", folder):
+        yield folder
+    assert (folder / "language" / "relations.py").read_text() == (ROOT / "language" / "relations.py").read_text()
+    assert not (folder / "conf" / "task" / "hover.yaml").exists()
 
 
 def run(folder, code):
