@@ -46,6 +46,7 @@ class Looks:
     def __init__(self, client: int) -> None:
         self._client = client
         self._bodies = [bullet.getBodyUniqueId(i, client) for i in range(bullet.getNumBodies(client))]
+        # Bullet tells where a base's centre of mass is, and of shapes where they are to its link.
         self._centres = {body: self._centre(body) for body in self._bodies}
 
     def shapes(self) -> list[Look]:
@@ -59,8 +60,6 @@ class Looks:
 
     def _look(self, shape: tuple) -> Look:
         body, link, kind, size, file, position, quaternion, rgba = shape[:8]
-        if link == BASE:  # Bullet tells it from the centre of mass
-            position, quaternion = bullet.multiplyTransforms(*self._centres[body], position, quaternion)
         mesh = Path(file.decode()) if kind == bullet.GEOM_MESH else None
         return Look(body, link, KINDS[kind], size, mesh, position, quaternion, rgba)
 
