@@ -114,10 +114,8 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
     from envs.by_hand import HandEnv
     from envs.config import read_env
     from train import build_env
-    from trainers import checkpoint
-    from trainers.build import restore_policy
+    from trainers.build import fitted_policy
     from trainers.collection import derive_seed
-    from trainers.config import read_plan
     from trainers.evaluation import evaluate
     from trainers.video import record
 
@@ -131,10 +129,7 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
     )
     env = HandEnv(config_of_env, seed) if config.by_hand else make(worlds, seed)
     try:
-        checkpoint.check_fits(
-            saved, list(env.tokenizer.vocabulary), checkpoint.widths(env.observation_spec, env.action_spec)
-        )
-        policy = restore_policy(read_plan(cfg), env.observation_spec, env.action_unit, saved).act
+        policy = fitted_policy(saved, cfg, env).act
         actor = _actor(config, env, policy)
         if config.by_hand:
             return _by_hand(env, actor, config.episodes)

@@ -137,13 +137,9 @@ def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None
         from envs.experts import expert
 
         return expert(env)
-    from trainers import checkpoint
-    from trainers.build import restore_policy
-    from trainers.config import read_plan
+    from trainers.build import fitted_policy
 
-    widths = checkpoint.widths(env.observation_spec, env.action_spec)
-    checkpoint.check_fits(saved, list(env.tokenizer.vocabulary), widths)
-    return restore_policy(read_plan(whole), env.observation_spec, env.action_unit, saved).act
+    return fitted_policy(saved, whole, env).act
 
 
 def _about(env: WorkspaceEnv, config: RecordConfig) -> dict[str, Any]:

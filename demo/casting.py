@@ -13,8 +13,7 @@ from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 from envs.config import read_env
 from envs.stage import Stage
 from trainers import checkpoint
-from trainers.build import restore_policy
-from trainers.config import read_plan
+from trainers.build import fitted_policy
 
 ROOT = Path(__file__).resolve().parents[1]
 PRETRAINED = ROOT / "pretrained"
@@ -104,7 +103,7 @@ def cast(choice: Choice, seed: int) -> Cast:
     config = compose(_overrides(choice)) if saved is None else apply(saved["config"], _common(choice, saved["config"]))
     stage = Stage(read_env(config).judged(), seed)
     try:
-        policy = None if saved is None else _policy(saved, config, stage)
+        policy = None if saved is None else fitted_policy(saved, config, stage).act
         return Cast(choice, stage, policy, note)
     except BaseException:
         stage.close()
@@ -147,9 +146,3 @@ def _common(choice: Choice, config: Any) -> list[str]:
     if config["task"]["kinds"] or config["gesture"]["source"] != "none":  # else nothing would tell objects apart
         changes += [f"task.num_objects={choice.objects}", f"task.min_objects={choice.objects}"]
     return [*changes, *choice.overrides]
-
-
-def _policy(saved: dict[str, Any], config: Any, stage: Stage) -> Callable:
-    widths = checkpoint.widths(stage.observation_spec, stage.action_spec)
-    checkpoint.check_fits(saved, list(stage.tokenizer.vocabulary), widths)
-    return restore_policy(read_plan(config), stage.observation_spec, stage.action_unit, saved).act

@@ -18,7 +18,7 @@ from demo.planning import Job, Planner, all_called
 from demo.show import Show
 from demo.talk import Heard, Talk
 from envs.experts import expert
-from human import NothingPointedAt, Unreachable, meant, posterior
+from human import NothingPointedAt, Unreachable, meant, named, posterior
 from language import Instruction, LanguageError, ObjectPhrase, Scene
 from trainers.video import outcome
 
@@ -134,19 +134,16 @@ class Session:
         def latest(count: int) -> Sequence[int]:
             shown = list(self._gestures)[-count:] if count else []
             if count == 1 and shown and self.show.pointing is not None:
-                shown = [self._together(sentence, shown[0])]
+                shown = [self._together(sentence, shown[0], self.show.pointing)]
             return shown
 
         return latest
 
-    def _together(self, sentence: str, shown: int) -> int:
+    def _together(self, sentence: str, shown: int, likely: Array) -> int:
         """What finger and words single out together ("that red one")."""
-        from human import named
-
         try:
-            assert self.show.pointing is not None
-            return int(meant(named(sentence), self.scene(), self.show.pointing).argmax())
-        except (LanguageError, NothingPointedAt, AssertionError):
+            return int(meant(named(sentence), self.scene(), likely).argmax())
+        except (LanguageError, NothingPointedAt, AssertionError):  # a correction names nothing by itself
             return shown
 
     def go(self) -> None:

@@ -9,7 +9,8 @@ import torch
 from torchrl.data import Composite
 
 from conf.schema import ConfigError
-from trainers.config import Plan, PPOConfig
+from trainers import checkpoint
+from trainers.config import Plan, PPOConfig, read_plan
 from trainers.hindsight import Relabel
 from trainers.learning import Algorithm
 from trainers.policy import Policy, aim_key, build, build_q, build_value
@@ -45,6 +46,13 @@ def restore_policy(plan: Plan, observation_spec: Composite, unit: Sequence[float
     policy = build(plan.policy, observation_spec, unit, squash, payload["vocabulary"])
     policy.load_state_dict(payload["algorithm"]["policy"])
     return policy
+
+
+def fitted_policy(payload: dict[str, Any], config: Any, env: Any) -> Policy:
+    """The policy of a checkpoint for this environment, built by `config`. Raises CheckpointError for another one."""
+    widths = checkpoint.widths(env.observation_spec, env.action_spec)
+    checkpoint.check_fits(payload, list(env.tokenizer.vocabulary), widths)
+    return restore_policy(read_plan(config), env.observation_spec, env.action_unit, payload)
 
 
 def find_device(name: str) -> torch.device:
