@@ -3,6 +3,7 @@
     python play.py                                      # http://127.0.0.1:8080, NL reach with a pretrained policy
     python play.py robot=panda task=nl_pick_and_place   # another robot, another task
     python play.py checkpoint=outputs/<run>             # your own
+    python play.py --gui                                # PyBullet's own window and the keyboard, no page
     python play.py --headless out.mp4 --say "reach the red cube"
 
 key=value: task, robot, control, workspace, objects, driver (policy, expert, hand) and checkpoint; any other key is an
@@ -15,6 +16,7 @@ import argparse
 import ipaddress
 import socket
 import sys
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,6 +39,7 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--port", type=int, default=8080)
     options.add_argument("--host", default="127.0.0.1", help="anything but loopback lets others in: it warns")
     options.add_argument("--seed", type=int, default=0, help="of the scenes")
+    options.add_argument("--gui", action="store_true", help="no page: PyBullet's own window, with the keyboard")
     options.add_argument("--headless", type=Path, metavar="FILM", help="no page: do what --say says, into this mp4")
     options.add_argument("--say", help="with --headless: the instruction; {0}, {1} stand for objects of the scene")
     return options
@@ -47,10 +50,14 @@ def main(arguments: list[str]) -> None:
     given = parser().parse_args(arguments)
     if (given.headless is None) != (given.say is None):
         raise ConfigError("--headless and --say belong together: --headless out.mp4 --say 'reach the red cube'")
+    if given.gui and given.headless is not None:
+        raise ConfigError("--gui opens a window and --headless opens none: give one of them")
     if given.seed < 0:
         raise ConfigError(f"--seed={given.seed} must be at least 0")
     if given.headless is not None:
         film(given)
+    elif given.gui:
+        show(given)
     else:
         serve(given)
 
@@ -62,7 +69,23 @@ def session(given: argparse.Namespace) -> Session:
     from demo.session import Session
 
     own, others = split(given.overrides, OWN, "robot=panda")
-    return Session(choose(**own, overrides=others), given.seed)
+    return Session(choose(**own, overrides=others), given.seed, given.gui)
+
+
+def show(given: argparse.Namespace) -> None:
+    """PyBullet's window, until it is left. Raises ConfigError."""
+    from human.quiet import quiet
+
+    played = session(given)
+    from demo.gui import Gui
+    from human.window import TYPED, WindowKeys, WindowView
+
+    try:
+        with quiet(), suppress(KeyboardInterrupt):  # Bullet's window talks as it is closed
+            client = played.stage.client
+            Gui(played, WindowKeys(client, TYPED), WindowView(client)).run()
+    finally:
+        played.close()
 
 
 def serve(given: argparse.Namespace) -> None:

@@ -73,6 +73,7 @@ NEEDED = {  # words of a command: the module that they need
 NOT_RUN = {
     "by_hand=true": "waits for a person at a window; tests/test_window.py presses its keys",
     "python play.py --headless": "",
+    "python play.py --gui": "waits for a person at a window; tests/test_window.py opens and closes it",
     "python play.py": "serves its page until it is stopped; tests/demo drive it",
     "pytest": "the tests themselves, which .ci/run runs",
     "pip install": "an install alone; --fresh makes README's",

@@ -40,15 +40,15 @@ ROOT = Path(__file__).resolve().parents[1]
 MODULE = "benchmarks.pick_and_place"
 PROMISED = 1 / 3  # of the peer's seconds, at most
 PEERS = ("panda-gym", "stable-baselines3", "sb3-contrib")
-OURS = ("task=pick_and_place", "robot=panda", "eval.interval=20_000", "eval.interval_episodes=200", "logger=[]")
+OURS = "task=pick_and_place robot=panda algo=sac total_frames=250_000 logger=[]"
+OURS += " eval.interval=20_000 eval.interval_episodes=200"
 COLUMNS = ("frames", "eval/success_at_end", "eval/confirmed", "time/evaluate", "time/total")  # as ours names them
 SLICE = 100  # frames that the peer learns between two looks at the clock
 BETWEEN = 60  # seconds of learning between two evaluations of the peer
 EPISODES, CONFIRMING = 50, 100
 FIRST_SEED = 1_000_000  # of the peer's evaluation episodes
 FRAMES = 1_000_000  # that the peer learns from, at most
-POLL = 1.0  # seconds
-LAST, GRACE = 120, 30  # seconds for the peer's last evaluation, and to end in after SIGTERM
+POLL, LAST, GRACE = 1, 120, 30  # seconds between two looks, for the peer's last evaluation, and to end after SIGTERM
 
 SHARED = {"learning_rate": 1e-3, "buffer_size": 1_000_000, "tau": 0.05, "gamma": 0.95, "gradient_steps": 1}
 HINDSIGHT = {"goal_selection_strategy": "future", "n_sampled_goal": 4}
@@ -231,7 +231,7 @@ def wait_for(sides: Sequence[Side], target: float, deadline: float) -> None:
 def our_overrides(typed: Sequence[str], seed: int) -> list[str]:
     """Ours, those typed in their place, and the seed."""
     keys = {word.split("=")[0] for word in typed}
-    return [*(word for word in OURS if word.split("=")[0] not in keys), *typed, f"seed={seed}"]
+    return [*(word for word in OURS.split() if word.split("=")[0] not in keys), *typed, f"seed={seed}"]
 
 
 def run_pair(args: argparse.Namespace, setting: str, seed: int, cores: Sequence[int]) -> dict[str, Any]:
@@ -315,7 +315,7 @@ def compare(args: argparse.Namespace) -> None:
 def parser() -> argparse.ArgumentParser:
     """The options."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("overrides", nargs="*", help=f"for train.py, in place of {' '.join(OURS)}")
+    options.add_argument("overrides", nargs="*", help=f"for train.py, in place of {OURS}")
     options.add_argument("--settings", default=",".join(SETTINGS), help="of the peer, a pair for each")
     options.add_argument("--seeds", default="0", help="a pair for each with each setting: 0,1,2")
     options.add_argument("--minutes", type=float, default=75.0, help="that a pair may take")

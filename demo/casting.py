@@ -12,6 +12,7 @@ from conf.overrides import apply, compose, groups
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 from envs.config import read_env
 from envs.stage import Stage
+from envs.window import Window
 from trainers import checkpoint
 from trainers.build import fitted_policy
 
@@ -97,11 +98,12 @@ class Cast:
     note: str = ""
 
 
-def cast(choice: Choice, seed: int) -> Cast:
-    """Raises ConfigError for what cannot be built."""
+def cast(choice: Choice, seed: int, gui: bool = False) -> Cast:
+    """gui: show it in PyBullet's own window. Raises ConfigError for what cannot be built."""
     saved, choice, note = _chosen(choice)
     config = compose(_overrides(choice)) if saved is None else apply(saved["config"], _common(choice, saved["config"]))
-    stage = Stage(read_env(config).judged(), seed)
+    env = read_env(config).judged()
+    stage = Stage(env, seed, Window(env.workspace.camera, "--gui") if gui else None)
     try:
         policy = None if saved is None else fitted_policy(saved, config, stage).act
         return Cast(choice, stage, policy, note)

@@ -36,10 +36,10 @@ class Session:
     choice: what is on. stage: its world; another one after `change`. show: what is to be seen.
     """
 
-    def __init__(self, choice: Choice, seed: int = 0) -> None:
-        """Raises ConfigError for what cannot be built."""
+    def __init__(self, choice: Choice, seed: int = 0, gui: bool = False) -> None:
+        """gui: in PyBullet's own window; `change` would leave it. Raises ConfigError for what cannot be built."""
         self._rng = np.random.default_rng(seed)
-        self._take(cast(choice, seed))
+        self._take(cast(choice, seed, gui))
 
     def _take(self, part: Cast) -> None:
         self.choice, self.stage, self._policy, self.note = part.choice, part.stage, part.policy, part.note
@@ -168,7 +168,7 @@ class Session:
 
     def drive(self, driver: str) -> None:
         """Let the policy, the expert or a hand drive. Raises ConfigError where there is no policy."""
-        if driver == "policy" and self._policy is None:
+        if driver == "policy" and not self.has_policy:
             raise ConfigError(
                 f"there is no trained policy for task={self.choice.task} with robot={self.choice.robot} here"
             )
@@ -182,6 +182,11 @@ class Session:
         self.hand = np.clip(place, low, high)
 
     # ---- what is done
+
+    @property
+    def has_policy(self) -> bool:
+        """Whether there is one for what was chosen."""
+        return self._policy is not None
 
     @property
     def busy(self) -> bool:

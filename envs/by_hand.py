@@ -18,7 +18,6 @@ from envs.config import EnvConfig
 from envs.observation import seen_scene
 from envs.window import Window
 from envs.workspace_env import WorkspaceEnv
-from envs.world import World
 from human import Hand, Keys, View, choose, meant, named, pointed_object, posterior
 from human.window import WindowKeys, WindowView
 from language import LanguageError, Scene, describe
@@ -40,10 +39,7 @@ class HandEnv(WorkspaceEnv):
                 "take a checkpoint of task=reach_gesture or task=nl_reach_gesture"
             )
         self._window = Window(config.workspace.camera) if window else None
-        super().__init__(config, seed=seed)
-
-    def _world(self, render: bool, window: Window | None = None) -> World:
-        return super()._world(render, self._window)
+        super().__init__(config, seed=seed, window=self._window)
 
     def face(self) -> tuple[Keys, View]:
         """The keys and the view of the window."""

@@ -13,6 +13,7 @@ from torch import Tensor
 from envs.config import EnvConfig
 from envs.looks import Looks
 from envs.observation import in_bytes, seen_scene
+from envs.window import Window
 from envs.workspace_env import WorkspaceEnv
 from human import Gesture
 from language import Scene
@@ -24,13 +25,14 @@ POINTING = 60  # physics steps that an arm takes to point elsewhere: a quarter o
 class Stage(WorkspaceEnv):
     """A world whose episodes begin when somebody says so. Objects go by their number in `scene`.
 
-    looks: what is drawn, and where it is. shows: whether somebody stands there who can point.
+    client: Bullet's number. looks: what is drawn, and where it is. shows: whether somebody stands there who can point.
     """
 
-    def __init__(self, config: EnvConfig, seed: int = 0) -> None:
-        super().__init__(config, 1, seed, render=True)
+    def __init__(self, config: EnvConfig, seed: int = 0, window: Window | None = None) -> None:
+        super().__init__(config, 1, seed, render=True, window=window)
         self._only = self._worlds[0]
-        self.looks = Looks(self._only.client)
+        self.client = self._only.client
+        self.looks = Looks(self.client)
         self.shows = self._only.person is not None
 
     # ---- what is there

@@ -29,19 +29,19 @@ class Window:
     """Opens with nothing drawn, seen as the camera does. Raises ConfigError where none can be opened.
 
     To be opened before any other client of the process: Bullet says of the first one alone from where it is looked at.
-    client: Bullet's number, 0.
+    asked: what asked for it, to be named where it cannot be had. client: Bullet's number, 0.
     """
 
-    def __init__(self, camera: Camera) -> None:
-        _check_display()
+    def __init__(self, camera: Camera, asked: str = "by_hand=true") -> None:
+        _check_display(asked)
         try:
             with quiet():
                 self.client = bullet.connect(bullet.GUI, options=f"--width={WIDTH} --height={HEIGHT} {PAPER}")
         except bullet.error as error:
-            raise ConfigError(f"by_hand=true opens no window: {error}") from None
+            raise ConfigError(f"{asked} opens no window: {error}") from None
         if self.client != 0:
             self.close()
-            raise ConfigError("by_hand=true opens no window: this process has worlds already")
+            raise ConfigError(f"{asked} opens no window: this process has worlds already")
         for flag in OFF:
             bullet.configureDebugVisualizer(flag, 0, physicsClientId=self.client)
         bullet.resetDebugVisualizerCamera(self._distance(camera), camera.yaw, camera.pitch, camera.target, self.client)
@@ -61,23 +61,23 @@ class Window:
             bullet.disconnect(self.client)
 
 
-def _check_display() -> None:
+def _check_display(asked: str) -> None:
     """PyBullet itself ends the program where it finds no display, or no OpenGL there."""
     if not sys.platform.startswith("linux"):
         return
     name = os.environ.get("DISPLAY")
     if not name:
-        raise ConfigError("by_hand=true needs a display: DISPLAY is not set")
+        raise ConfigError(f"{asked} needs a display: DISPLAY is not set")
     try:
         x11 = ctypes.CDLL("libX11.so.6")
     except OSError:
-        raise ConfigError("by_hand=true needs a display: libX11 is not installed") from None
+        raise ConfigError(f"{asked} needs a display: libX11 is not installed") from None
     x11.XOpenDisplay.restype = ctypes.c_void_p
     display = ctypes.c_void_p(x11.XOpenDisplay(None))
     if not display:
-        raise ConfigError(f"by_hand=true needs a display: DISPLAY={name} cannot be opened")
+        raise ConfigError(f"{asked} needs a display: DISPLAY={name} cannot be opened")
     numbers = [ctypes.byref(ctypes.c_int()) for _ in range(3)]
     opengl = x11.XQueryExtension(display, b"GLX", *numbers)
     x11.XCloseDisplay(display)
     if not opengl:
-        raise ConfigError(f"by_hand=true needs OpenGL: the display {name} has none")
+        raise ConfigError(f"{asked} needs OpenGL: the display {name} has none")

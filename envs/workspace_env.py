@@ -46,11 +46,19 @@ class WorkspaceEnv(EnvBase):
     whatever N. Raises ConfigError for what cannot be built.
 
     config: what to build. num_worlds: N. seed: of the generators. render: load visuals, for `render`.
+    window: where the one world is shown.
     """
 
     batch_locked = True
 
-    def __init__(self, config: EnvConfig, num_worlds: int = 1, seed: int = 0, render: bool = False) -> None:
+    def __init__(
+        self,
+        config: EnvConfig,
+        num_worlds: int = 1,
+        seed: int = 0,
+        render: bool = False,
+        window: Window | None = None,
+    ) -> None:
         for name, value, least in (("num_worlds", num_worlds, 1), ("seed", seed, 0)):
             if value < least:
                 raise ConfigError(f"{name}={value} must be at least {least}")
@@ -63,7 +71,7 @@ class WorkspaceEnv(EnvBase):
         self.task.draw(np.random.default_rng(0))  # raises now where no episode can be drawn
         gripper = config.gripper.of(config.robot) if self.task.moves else None
         self.chain = read_chain(config.robot)
-        self._worlds = [self._world(render) for _ in range(num_worlds)]
+        self._worlds = [self._world(render, window) for _ in range(num_worlds)]
         period = config.physics.time_step * config.physics.substeps
         box = np.reshape(config.workspace.gripper_box, (3, 2)).T.copy()
         if gripper == "magnet" and self.task.grips:  # what it grips, it grips from above
@@ -99,7 +107,7 @@ class WorkspaceEnv(EnvBase):
         """How far each of the A numbers may be from `hold` to be carried out within one control step."""
         return (*self.control.unit.tolist(), *[UNIT] * self._grips.width)
 
-    def _world(self, render: bool, window: Window | None = None) -> World:
+    def _world(self, render: bool, window: Window | None) -> World:
         config, pool = self.config, (SHAPES, self.task.bodies, self.config.task.object_size)
         gripper = config.gripper if self.task.moves else None
         return World(config.robot, config.workspace, config.physics, *pool, render, window, gripper, self.task.devices)

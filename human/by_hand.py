@@ -117,7 +117,7 @@ class Hand:
         self.step = STEPS.get(key, self.step)
         if key not in TABLE and key not in HEIGHT:
             return
-        target = self.target + self.step * _direction(key, self._view.yaw)
+        target = self.target + self.step * direction(key, self._view.yaw)
         if (target < self._low - 1e-9).any() or (target > self._high + 1e-9).any():
             self.note = "the finger stays: that is too far away from the table"
             return
@@ -166,7 +166,7 @@ def choose(hand: Hand, keys: Keys, view: View, title: Sequence[str] = ()) -> int
             view.write([*title, *HELP, *hand.said()])
 
 
-def _direction(key: str, yaw: float) -> Array:
+def direction(key: str, yaw: float) -> Array:
     """(3,) unit vector along an axis of the workspace frame: the one nearest to where the key goes in this view."""
     if key in HEIGHT:
         return np.array([0.0, 0.0, HEIGHT[key]])

@@ -6,10 +6,11 @@ On Linux, Escape closes that window, whatever it is told. So a window that is cl
 from __future__ import annotations
 
 import ctypes
+import string
 import sys
 import textwrap
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -19,19 +20,24 @@ from numpy.typing import ArrayLike
 from human.by_hand import HEIGHT, TABLE
 from human.pointing import Array
 
-PRESSED = {
+PLAIN = {
     bullet.B3G_LEFT_ARROW: "left",
     bullet.B3G_RIGHT_ARROW: "right",
     bullet.B3G_UP_ARROW: "up",
     bullet.B3G_DOWN_ARROW: "down",
     bullet.B3G_PAGE_UP: "pageup",
     bullet.B3G_PAGE_DOWN: "pagedown",
-    ord("u"): "pageup",
-    ord("d"): "pagedown",
     bullet.B3G_RETURN: "enter",
     27: "escape",
-    **{ord(digit): digit for digit in "0123456789"},
 }
+PRESSED = PLAIN | {ord("u"): "pageup", ord("d"): "pagedown"} | {ord(digit): digit for digit in "0123456789"}
+TYPED = {  # where sentences are typed
+    **PLAIN,
+    **{ord(letter): letter for letter in string.ascii_lowercase + " ,'-"},
+    bullet.B3G_BACKSPACE: "backspace",
+    **{bullet.B3G_F1 + number: f"f{number + 1}" for number in range(5)},
+}
+CLOSED = bullet.error  # what Bullet raises where a person has closed the window
 UNKNOWN = -1  # any other key
 PAGES = {0xFF55: "pageup", 0xFF56: "pagedown"}  # by X11's keysyms
 MOVES = (*TABLE, *HEIGHT)
@@ -45,17 +51,20 @@ INK, BEAM = (0.05, 0.05, 0.1), (0.9, 0.1, 0.1)
 
 
 class WindowKeys:
-    """What is pressed in the window of this client. An arrow or page key that is held is pressed again and again."""
+    """What is pressed in the window of this client. An arrow or page key that is held is pressed again and again.
 
-    def __init__(self, client: int) -> None:
-        self._client = client
+    names: Bullet's number of each key that counts, to its name.
+    """
+
+    def __init__(self, client: int, names: Mapping[int, str] = PRESSED) -> None:
+        self._client, self._names = client, names
         self._pages = _Pages() if sys.platform.startswith("linux") else None
         self._since: dict[str, float] = {}  # when each key that is down went down
 
     def poll(self) -> list[str]:
         try:
             events = self._events()
-        except bullet.error:
+        except CLOSED:
             return ["escape"]
         pressed = [key for key, state in events.items() if self._counts(key, state)]
         if not pressed:
@@ -68,7 +77,7 @@ class WindowKeys:
     def _events(self) -> dict[str, int]:
         """Bullet's state bits of each key that was touched since the last call."""
         events = bullet.getKeyboardEvents(self._client)
-        known = {PRESSED[key]: state for key, state in events.items() if key in PRESSED}
+        known = {self._names[key]: state for key, state in events.items() if key in self._names}
         if self._pages is not None and events.get(UNKNOWN, 0) & bullet.KEY_IS_DOWN:
             known |= dict.fromkeys(self._pages.down(), bullet.KEY_IS_DOWN)
         self._since = {key: since for key, since in self._since.items() if key in known}
@@ -115,7 +124,7 @@ class WindowView:
         return bullet.getDebugVisualizerCamera(self._client)[8]
 
     def write(self, lines: Sequence[str]) -> None:
-        with suppress(bullet.error):
+        with suppress(CLOSED):
             self._write([part for line in lines for part in textwrap.wrap(line, COLUMNS)])
 
     def _write(self, lines: list[str]) -> None:
@@ -137,7 +146,7 @@ class WindowView:
     def clear(self) -> None:
         self.write([])
         if self._beam is not None:
-            with suppress(bullet.error):
+            with suppress(CLOSED):
                 bullet.removeUserDebugItem(self._beam, self._client)
             self._beam = None
 
