@@ -1,0 +1,265 @@
+"""The page of play.py as people meet it in a browser: how soon it is there and moves, what it does, what it bears.
+
+    pip install -e ".[test]"                               # and Chromium of the system
+    python -m benchmarks.page start                        # seconds to the page and to the first motion, and its clock
+    python -m benchmarks.page said --count 100             # sentences typed into it, and how many came true
+    python -m benchmarks.page hostile --minutes 30         # random and hostile text, clicks, choices, reloads; memory
+
+Words after `--` go to play.py. Without a graphics card the browser itself takes a core, which the robot's clock shares.
+`start` counts from the start of the process, and a motion from the press of Enter to the status that the page writes
+after the step: the arm has moved by then. `said` names an object of each scene as the page names it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.hostile import WRITERS
+from benchmarks.language import random_scene
+from trainers.evaluation import wilson
+from trainers.machine import machine
+
+ROOT = Path(__file__).resolve().parents[1]
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+PATIENCE = 60  # seconds: without a graphics card, on a shared core
+SIZE = 900, 800  # pixels of a tab
+SMALL = 0.25  # of the pixels' sides: what a browser without a graphics card can draw in time
+DEEDS = {"type": 40, "enter": 40, "button": 10, "click": 20, "key": 20, "reload": 1, "second tab": 1, "change": 1}
+KEYS = ("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "PageUp", "PageDown", "Escape", "Tab")
+CHANGES = {"Robot": ("kuka", "panda", "jaco"), "Driven by": ("policy", "expert", "hand")}
+WATCH = """words => {
+    document.addEventListener("keydown", e => { if (e.key === "Enter") window.pressed = performance.now() }, true);
+    window.moved = null;
+    new MutationObserver((_, watcher) => {
+        if (!document.body.innerText.includes(words)) return;
+        window.moved = performance.now() - window.pressed;
+        watcher.disconnect();
+    }).observe(document.body, {subtree: true, childList: true, characterData: true});
+}"""
+
+
+class Served:
+    """play.py on a port of its own. address: of its page."""
+
+    def __init__(self, *words: str) -> None:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        command = [sys.executable, "play.py", "--port", str(port), *words]
+        environment = os.environ | {"PYTHONWARNINGS": "ignore"}
+        pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        self.process = subprocess.Popen(command, cwd=ROOT, env=environment, **pipes)
+        assert self.process.stdout is not None
+        self.address = next((line.split()[0] for line in self.process.stdout if line.startswith("http")), "")
+        if not self.address:
+            sys.exit(self.process.communicate()[1].strip().splitlines()[-1])
+
+    def megabytes(self) -> float:
+        """Resident memory."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024  # type: ignore[index]
+
+    def close(self) -> str:
+        """Interrupt it. Returns what it wrote to stderr; its exit code is `process.returncode`."""
+        self.process.send_signal(signal.SIGINT)
+        return self.process.communicate(timeout=PATIENCE)[1]
+
+
+class Visitor:
+    """Somebody with the page open in a tab of a browser (Playwright's)."""
+
+    def __init__(self, browser: Any, address: str, scale: float = SMALL) -> None:
+        self.tab = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]}, device_scale_factor=scale)
+        self.tab.set_default_timeout(1000 * PATIENCE)
+        self.tab.goto(address)
+        self.field("Say").wait_for()
+        self.shows("clock:")
+
+    def field(self, label: str) -> Any:
+        """The input behind a label."""
+        return self.tab.locator(f'xpath=//*[normalize-space(text())="{label}"]/following::input[1]')
+
+    def types(self, sentence: str) -> None:
+        self.field("Say").fill(sentence)
+
+    def says(self, sentence: str) -> None:
+        self.types(sentence)
+        self.field("Say").press("Enter")
+
+    def gets(self, sentence: str) -> str:
+        """Say it, and wait until it is done or not; how it ended. What ended before is wiped away first."""
+        self.presses("Stop")
+        self.shows("Stopped")
+        self.says(sentence)
+        return re.search("Done in|Not done: .*", self.shows("Done in|Not done"))[0]  # type: ignore[index]
+
+    def shows(self, words: str) -> str:
+        """Wait until the page has this pattern; the text of the element that does."""
+        found = self.tab.get_by_text(re.compile(words)).first
+        found.wait_for()
+        return found.inner_text()
+
+    def presses(self, button: str) -> None:
+        self.tab.get_by_text(button, exact=True).first.click()
+
+    def chooses(self, label: str, option: str) -> None:
+        self.field(label).click()
+        self.tab.get_by_role("option", name=option, exact=True).click()
+
+    def objects(self) -> list[str]:
+        """What stands there, several things, as the page calls them."""
+        self.types("reach the object")
+        return re.split(" or ", re.search(r"Do you mean (.*)\?", self.shows("Do you mean"))[1])  # type: ignore[index]
+
+    def clock(self) -> float:
+        """Of real time, as the page tells."""
+        return float(re.search(r"clock: ([\d.]+)", self.shows("clock:"))[1])  # type: ignore[index]
+
+
+@contextmanager
+def browsing() -> Iterator[Any]:
+    """A browser without a screen."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        yield browser
+        browser.close()
+
+
+def start(args: argparse.Namespace) -> dict[str, Any]:
+    """Seconds to the page, milliseconds to first motions, and the clock while it moves."""
+    with browsing() as browser:
+        began = time.perf_counter()
+        served = Served(*args.words)
+        answers = time.perf_counter() - began
+        visitor = Visitor(browser, served.address)
+        there = time.perf_counter() - began
+        motions, clocks = [], []
+        for _ in range(args.count):
+            sentence = f"reach {visitor.objects()[0]}"
+            visitor.tab.evaluate(WATCH, f"Doing: {sentence}")
+            visitor.says(sentence)
+            visitor.tab.wait_for_function("window.moved !== null")
+            motions.append(visitor.tab.evaluate("window.moved"))
+            visitor.shows("Done in|Not done")
+            clocks.append(visitor.clock())
+            visitor.presses("Shuffle")
+            visitor.shows("Say what to do")
+        served.close()
+    quantiles = {"median": float(np.median(motions)), "worst": max(motions)}
+    clock = {"least": min(clocks), "most": max(clocks)}
+    return {"seconds_to_answer": answers, "seconds_to_page": there, "first_motion_ms": quantiles, "clock": clock}
+
+
+def said(args: argparse.Namespace) -> dict[str, Any]:
+    """Sentences typed into the page, each in a scene of its own, and how they ended."""
+    rng, ends = np.random.default_rng(args.seed), []
+    served = Served("--seed", str(args.seed), *args.words)
+    with browsing() as browser:
+        visitor = Visitor(browser, served.address)
+        for _ in range(args.count):
+            names = visitor.objects()
+            ends.append(visitor.gets(f"reach {names[rng.integers(len(names))]}"))
+            visitor.presses("Shuffle")
+            visitor.shows("Say what to do")
+    served.close()
+    done = ends.count("Done in")
+    failed = {end: ends.count(end) for end in sorted(set(ends)) if end != "Done in"}
+    return {"count": len(ends), "success": done / len(ends), "ci95": list(wilson(done, len(ends))), "failed": failed}
+
+
+def hostile(args: argparse.Namespace) -> dict[str, Any]:
+    """Whatever people, programs and cats may do, for minutes; memory each minute, and what went wrong."""
+    rng = np.random.default_rng(args.seed)
+    served = Served("--seed", str(args.seed), *args.words)
+    memory, done = [served.megabytes()], dict.fromkeys(DEEDS, 0)
+    with browsing() as browser:
+        visitor = Visitor(browser, served.address)
+        began = time.monotonic()
+        while time.monotonic() - began < 60 * args.minutes:
+            deed = str(rng.choice(list(DEEDS), p=np.array(list(DEEDS.values())) / sum(DEEDS.values())))
+            visitor = _does(deed, visitor, browser, served.address, rng)
+            done[deed] += 1
+            if time.monotonic() - began > 60 * len(memory):
+                memory.append(served.megabytes())
+        visitor.tab.reload()
+        visitor.clock()  # it still goes
+    errors = served.close()
+    half = memory[len(memory) // 2 :]
+    return {
+        "minutes": args.minutes,
+        "deeds": done,
+        "exit_code": served.process.returncode,
+        "exceptions": errors.count("Traceback"),
+        "first": errors[errors.find("Traceback") :][:2000] if "Traceback" in errors else "",
+        "megabytes": [round(each, 1) for each in memory],
+        "second_half_grew": half[-1] / half[0] - 1,
+    }
+
+
+def _does(deed: str, visitor: Visitor, browser: Any, address: str, rng: np.random.Generator) -> Visitor:
+    """One deed. Returns who comes next: a second tab takes over from the first."""
+    if deed in ("type", "enter"):
+        text = WRITERS[rng.integers(len(WRITERS))](rng, random_scene(rng, (3, 3)))
+        text = text.encode("utf-8", "replace").decode()  # a browser types no half characters
+        (visitor.types if deed == "type" else visitor.says)(text)
+    elif deed == "button":
+        visitor.presses(str(rng.choice(["Stop", "Shuffle", "Go where I point"])))
+    elif deed == "click":
+        visitor.tab.mouse.click(*rng.integers(20, 480, 2).tolist())  # left of the panel
+    elif deed == "key":
+        visitor.tab.keyboard.press(str(rng.choice(KEYS)))
+    elif deed == "reload":
+        visitor.tab.reload()
+        visitor.field("Say").wait_for()
+    elif deed == "second tab":
+        other = Visitor(browser, address)
+        visitor.tab.close()
+        return other
+    else:
+        label = str(rng.choice(list(CHANGES)))
+        visitor.chooses(label, str(rng.choice(CHANGES[label])))
+        visitor.presses("Change")
+    return visitor
+
+
+def main() -> None:
+    """Run what was asked for and print what came of it."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("what", choices=[each.__name__ for each in (start, said, hostile)])
+    options.add_argument("words", nargs="*", help="for play.py, after --")
+    options.add_argument("--count", type=int, default=20, help="sentences")
+    options.add_argument("--minutes", type=float, default=30.0)
+    options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--out", type=Path, help="a JSON file for it as well")
+    args = options.parse_args()
+    if CHROMIUM is None or find_spec("playwright") is None:
+        sys.exit('error: this needs Chromium, and pip install -e ".[test]"')
+    if args.count < 1 or args.minutes <= 0 or args.seed < 0:
+        options.error("--count is at least 1, --minutes greater than 0, --seed at least 0")
+    result = {"machine": machine(), args.what: {"start": start, "said": said, "hostile": hostile}[args.what](args)}
+    print(json.dumps(result, indent=1))
+    if args.out is not None:
+        args.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
