@@ -23,7 +23,9 @@ REACH = 0.1  # metres from the gripper centre to the centre of what it could hol
 class Grips:
     """closed: (N,) which grippers are told to be shut. held: (N,) of `state`, the slots that they hold, or NOTHING.
 
-    kind: "magnet" or "fingers"; none: nothing is gripped, and the fingers stay shut.
+    kind: "magnet" or "fingers"; none: nothing is gripped, and the fingers stay apart or shut.
+    apart: where nothing is gripped, whether they stay apart: what is only reached fits between them, and what is shut
+    pushes it away.
     lag: physics steps after its command that a gripper lets go.
     below: metres from the gripper centre down to the centre of an object that it holds.
     """
@@ -36,12 +38,13 @@ class Grips:
         worlds: Sequence[World],
         state: State,
         lag: int = 0,
+        apart: bool = False,
     ) -> None:
         self._worlds, self._state, self.grips, self._lag = worlds, state, kind is not None, lag
         self.below = object_size / 2 if kind == "magnet" else 0.0
         self.closed, self.held = np.zeros(len(worlds), bool), state.held
         self.held[:] = NOTHING
-        self._opening = robot.finger_opening if kind == "fingers" else 0.0
+        self._opening = robot.finger_opening if kind == "fingers" or (kind is None and apart) else 0.0
         self._around = object_size / 2 if kind == "fingers" else 0.0
         self._fingers, self._wide = len(robot.fingers), np.full(len(worlds), self._opening)
         self._scale = robot.finger_opening

@@ -83,7 +83,8 @@ class WorkspaceEnv(EnvBase):
         self._arrays = Arrays(self._worlds, config.robot, self.chain, task.slots, self.tokenizer)
         self._state = self._arrays.state
         kind, size = gripper if self.task.grips else None, task.object_size
-        self._grips = Grips(kind, config.robot, size, self._worlds, self._state, self.task.lag)
+        apart = not self.task.moves
+        self._grips = Grips(kind, config.robot, size, self._worlds, self._state, self.task.lag, apart)
         self._weights = weights(self.task)
         self._gestures = Gestures(config.gesture, self._worlds, watch(config.workspace, config.gesture))
         self._bounds = Bounds(config.workspace, config.robot, self.chain, self.task)

@@ -176,7 +176,7 @@ def constant_elements(env):
     if env.task.operates:  # levers tilt, and wheels stay as high as they are
         columns += {"press": [3, 4], "turn": [2, 3, 4]}.get(task.name, [])
     rows = {f"objects[{k},{d}]" for k in range(task.slots) for d in columns}
-    gripper = {f"robot[{2 * joints + 9}]"}  # fingers that grip nothing stay shut
+    gripper = {f"robot[{2 * joints + 9}]"}  # fingers that grip nothing stay as they are
     mask = {f"objects_mask[{k}]" for k in range(task.slots)}
     drawn = env.draw_scenes(200, seed=0)["instruction"].numpy()
     usual = [np.unique(column, return_counts=True)[1].max() > 0.9 * len(drawn) for column in drawn.T]

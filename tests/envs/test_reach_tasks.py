@@ -157,3 +157,13 @@ def test_holding_at_an_object_ends_the_episode(right, flag):
     assert terms[flag] == env.config.task.reward[flag]
     assert terms["success" if not right else "wrong_object"] == 0
     env.close()
+
+
+@pytest.mark.parametrize(("name", "opening"), [("nl_reach", 1), ("nl_push", 0)])
+def test_fingers_let_what_is_reached_between_them_and_push_while_they_are_shut(name, opening):
+    env = make("panda", task=name)
+    td = env.reset()
+    for _ in range(3):
+        td = act(env, td, env.rand_action(td)["action"])
+        assert td["robot"][0, 2 * 7 + 9] == pytest.approx(opening, abs=0.05)
+    env.close()
