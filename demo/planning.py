@@ -67,7 +67,7 @@ class Planner:
         Kinds that it was not taught, and words that only a gesture or what was said before can fill, are put in others
         that name the same object now.
         """
-        if not self._task.kinds:
+        if not self._stage.task.speaks:
             return ""
         phrases = [self._phrase(said.phrase, referent)]
         if target is not None:
@@ -75,6 +75,8 @@ class Planner:
         return say(Instruction(said.task, *phrases))
 
     def _phrase(self, said: ObjectPhrase | None, index: int) -> ObjectPhrase:
+        if self._stage.task.points and not self._task.kinds:  # the finger alone tells it
+            return ObjectPhrase(determiner="that")
         if said is not None and (said.kind in self._task.kinds or self._stage.task.points):
             return said
         scene = self._stage.scene()

@@ -108,6 +108,21 @@ def test_going_where_one_points_needs_no_words(reaching):
     assert at(reaching, 1)
 
 
+@pytest.mark.parametrize("task", ["reach_gesture", "nl_reach_gesture"])
+def test_a_policy_that_reads_gestures_goes_where_the_finger_points(task):
+    session = Session(choose(task=task, objects=3), seed=5)
+    for index in range(3):
+        session.point(session.scene().positions[index])
+        session.go()
+        assert finish(session).startswith("Done")
+        assert session.show.meant == (index,)
+        session.shuffle()
+    session.say(f"reach {session.names()[0]}")  # nobody pointed: the person shows what is named
+    assert session.show.ray is not None
+    assert finish(session).startswith("Done")
+    session.close()
+
+
 def test_where_the_person_cannot_point_nothing_changes(reaching):
     rng, person = np.random.default_rng(0), np.array([1.5, -0.15, 0.4])
     refused = 0
