@@ -4,6 +4,7 @@
     python -m benchmarks.page start                        # seconds to the page and to the first motion, and its clock
     python -m benchmarks.page said --count 100             # sentences typed into it, and how many came true
     python -m benchmarks.page hostile --minutes 30         # random and hostile text, clicks, choices, reloads; memory
+    python -m benchmarks.page film --out docs/demo.gif     # a sentence and its correction, for README
 
 Words after `--` go to play.py. Without a graphics card the browser itself takes a core, which the robot's clock shares.
 `start` counts from the start of the process, and a motion from the press of Enter to the status that the page writes
@@ -13,6 +14,7 @@ after the step: the arm has moved by then. `said` names an object of each scene 
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import os
 import re
@@ -29,6 +31,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from benchmarks.hostile import WRITERS
 from benchmarks.language import random_scene
@@ -40,6 +43,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PATIENCE = 60  # seconds: without a graphics card, on a shared core
 SIZE = 900, 800  # pixels of a tab
+SETTLED = 1.0  # seconds that a browser without a graphics card may take to draw a step
 SMALL = 0.25  # of the pixels' sides: what a browser without a graphics card can draw in time
 DEEDS = {"type": 40, "enter": 40, "button": 10, "click": 20, "key": 20, "reload": 1, "second tab": 1, "change": 1}
 KEYS = ("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "PageUp", "PageDown", "Escape", "Tab")
@@ -85,10 +89,11 @@ class Served:
 class Visitor:
     """Somebody with the page open in a tab of a browser (Playwright's)."""
 
-    def __init__(self, browser: Any, address: str, scale: float = SMALL) -> None:
+    def __init__(self, browser: Any, address: str, sharp: bool = False) -> None:
+        scale, view = (1, f"{address}/?fixedDpr=1") if sharp else (SMALL, address)
         self.tab = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]}, device_scale_factor=scale)
         self.tab.set_default_timeout(1000 * PATIENCE)
-        self.tab.goto(address)
+        self.tab.goto(view)
         self.field("Say").wait_for()
         self.shows("clock:")
 
@@ -241,25 +246,60 @@ def _does(deed: str, visitor: Visitor, browser: Any, address: str, rng: np.rando
     return visitor
 
 
+def film(args: argparse.Namespace) -> dict[str, Any]:
+    """A sentence and, in mid-motion, its correction, a picture every second control step."""
+    served = Served("--seed", str(args.seed), *args.words)
+    pictures: list[Image.Image] = []
+    with browsing() as browser:
+        visitor = Visitor(browser, served.address, sharp=True)
+
+        def step(times: int) -> None:
+            for _ in range(times):
+                for _ in range(2):
+                    visitor.presses("One step")
+                time.sleep(SETTLED)
+                pictures.append(Image.open(io.BytesIO(visitor.tab.screenshot())))
+
+        names = visitor.objects()
+        visitor.presses("Time")
+        visitor.tab.get_by_label("Pause").click()
+        visitor.types(f"reach {names[0]}")
+        step(4)
+        visitor.says(f"reach {names[0]}")
+        step(5)
+        visitor.types(f"no, {names[-1]}")
+        visitor.says(f"no, {names[-1]}")
+        step(14)
+    served.close()
+    small = [picture.resize((SIZE[0] * 3 // 4, SIZE[1] * 3 // 4)) for picture in pictures]
+    colors = [picture.convert("P", palette=Image.Palette.ADAPTIVE, colors=64) for picture in small]
+    colors[0].save(args.out, save_all=True, append_images=colors[1:], duration=150, loop=0)
+    return {"pictures": len(colors), "bytes": args.out.stat().st_size}
+
+
 def main() -> None:
     """Run what was asked for and print what came of it."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("what", choices=[each.__name__ for each in (start, said, hostile)])
+    options.add_argument("what", choices=list(WHAT))
     options.add_argument("words", nargs="*", help="for play.py, after --")
     options.add_argument("--count", type=int, default=20, help="sentences")
     options.add_argument("--minutes", type=float, default=30.0)
     options.add_argument("--seed", type=int, default=0)
-    options.add_argument("--out", type=Path, help="a JSON file for it as well")
+    options.add_argument("--out", type=Path, help="a JSON file for it as well; film: the gif")
     args = options.parse_args()
     if CHROMIUM is None or find_spec("playwright") is None:
         sys.exit('error: this needs Chromium, and pip install -e ".[test]"')
     if args.count < 1 or args.minutes <= 0 or args.seed < 0:
         options.error("--count is at least 1, --minutes greater than 0, --seed at least 0")
-    result = {"machine": machine(), args.what: {"start": start, "said": said, "hostile": hostile}[args.what](args)}
+    if args.what == "film" and args.out is None:
+        options.error("film needs --out")
+    result = {"machine": machine(), args.what: WHAT[args.what](args)}
     print(json.dumps(result, indent=1))
-    if args.out is not None:
+    if args.out is not None and args.what != "film":
         args.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
 
+
+WHAT = {"start": start, "said": said, "hostile": hostile, "film": film}
 
 if __name__ == "__main__":
     main()
