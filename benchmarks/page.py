@@ -42,7 +42,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PATIENCE = 60  # seconds: without a graphics card, on a shared core
-SIZE = 900, 800  # pixels of a tab
+SIZE, WIDE = (900, 800), (1200, 720)  # pixels of a tab
 SETTLED = 1.0  # seconds that a browser without a graphics card may take to draw a step
 SMALL = 0.25  # of the pixels' sides: what a browser without a graphics card can draw in time
 DEEDS = {"type": 40, "enter": 40, "button": 10, "click": 20, "key": 20, "reload": 1, "second tab": 1, "change": 1}
@@ -90,8 +90,8 @@ class Visitor:
     """Somebody with the page open in a tab of a browser (Playwright's)."""
 
     def __init__(self, browser: Any, address: str, sharp: bool = False) -> None:
-        scale, view = (1, f"{address}/?fixedDpr=1") if sharp else (SMALL, address)
-        self.tab = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]}, device_scale_factor=scale)
+        scale, size, view = (1, WIDE, f"{address}/?fixedDpr=1") if sharp else (SMALL, SIZE, address)
+        self.tab = browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale)
         self.tab.set_default_timeout(1000 * PATIENCE)
         self.tab.goto(view)
         self.field("Say").wait_for()
@@ -261,6 +261,7 @@ def film(args: argparse.Namespace) -> dict[str, Any]:
                 pictures.append(Image.open(io.BytesIO(visitor.tab.screenshot())))
 
         names = visitor.objects()
+        visitor.tab.locator(".mantine-Notification-closeButton").first.click()  # that there is no graphics card
         visitor.presses("Time")
         visitor.tab.get_by_label("Pause").click()
         visitor.types(f"reach {names[0]}")
@@ -271,8 +272,8 @@ def film(args: argparse.Namespace) -> dict[str, Any]:
         visitor.says(f"no, {names[-1]}")
         step(14)
     served.close()
-    small = [picture.resize((SIZE[0] * 3 // 4, SIZE[1] * 3 // 4)) for picture in pictures]
-    colors = [picture.convert("P", palette=Image.Palette.ADAPTIVE, colors=64) for picture in small]
+    small = [picture.convert("RGB").resize((WIDE[0] * 3 // 4, WIDE[1] * 3 // 4)) for picture in pictures]
+    colors = [picture.quantize(128) for picture in small]
     colors[0].save(args.out, save_all=True, append_images=colors[1:], duration=150, loop=0)
     return {"pictures": len(colors), "bytes": args.out.stat().st_size}
 

@@ -25,7 +25,8 @@ AUTO = "the one that fits"
 NUDGE = 0.02  # metres that an arrow key moves the finger, or by hand the gripper
 ARROWS = {"arrowup": (-1, 0, 0), "arrowdown": (1, 0, 0), "arrowleft": (0, -1, 0), "arrowright": (0, 1, 0)}
 HEIGHTS = {"pageup": (0, 0, 1), "pagedown": (0, 0, -1)}  # as the person sees it, who stands opposite the robot
-CAMERA, LOOK_AT = (1.25, -1.8, 0.9), (1.15, 0.0, 0.2)  # robot, table and person, left of the panel
+CAMERA, LOOK_AT = (1.25, -1.8, 0.9), (1.0, 0.0, 0.3)  # robot, table and person, left of the panel
+LENS = np.deg2rad(60)  # from the bottom of the picture to its top
 SPEEDS = (0.1, 1.0)
 
 
@@ -44,7 +45,8 @@ class Page:
         self._finger: Any = None
         self._drawing = Drawing(server, self._clicked, self._dragged)
         self._gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
-        server.initial_camera.position, server.initial_camera.look_at = CAMERA, LOOK_AT
+        camera = server.initial_camera
+        camera.position, camera.look_at, camera.fov = CAMERA, LOOK_AT, LENS
         self._build(session)
         self._stand(session)
 

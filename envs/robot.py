@@ -6,7 +6,7 @@ import itertools
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -43,6 +43,7 @@ class RobotConfig(Checked):
     )  # radius and length of the cylinder that ends at the gripper centre, if any
     fingers: list[str]  # prismatic finger joints; empty for a magnet
     finger_opening: float = within(0, 0.2)  # of each finger, fully open
+    reach_turn: float = 0.0  # by which the last joint is turned at reset where nothing is moved
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -59,6 +60,10 @@ class RobotConfig(Checked):
             raise ConfigError(f"grippers={self.grippers} has no fingers: give fingers=[] and finger_opening=0")
         if len(self.magnet) not in (0, 2):
             raise ConfigError(f"magnet={self.magnet} must be a radius and a length, or [] for none that is seen")
+
+    def reaching(self) -> RobotConfig:
+        """As it begins where nothing is to be moved: with its fingers beside its way, and none ahead."""
+        return replace(self, rest=[*self.rest[:-1], self.rest[-1] + self.reach_turn], reach_turn=0.0)
 
 
 def urdf_path(config: RobotConfig) -> Path:

@@ -10,7 +10,7 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 from benchmarks.page import CHROMIUM, SIZE, Served, Visitor, browsing
 from demo.casting import choose
-from demo.page import CAMERA, LOOK_AT
+from demo.page import CAMERA, LENS, LOOK_AT
 from demo.session import Session
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
@@ -41,12 +41,12 @@ def first_scene():
 
 
 def seen_at(place):
-    """The pixel (x, y) of a place (3,), metres, for three.js's camera of 75 degrees."""
+    """The pixel (x, y) of a place (3,), metres."""
     ahead = np.subtract(LOOK_AT, CAMERA) / np.linalg.norm(np.subtract(LOOK_AT, CAMERA))
     right = np.cross(ahead, [0, 0, 1]) / np.linalg.norm(np.cross(ahead, [0, 0, 1]))
     from_eye = np.subtract(place, CAMERA)
     x, y, depth = (from_eye @ axis for axis in (right, np.cross(ahead, right), ahead))
-    focal = SIZE[1] / 2 / np.tan(np.deg2rad(75 / 2))
+    focal = SIZE[1] / 2 / np.tan(LENS / 2)
     return SIZE[0] / 2 + focal * x / depth, SIZE[1] / 2 + focal * y / depth
 
 
