@@ -7,7 +7,7 @@ from torch import Tensor
 
 from envs.experts.base import HOVER, OVER, Array, Expert, Slots
 
-TOUCH = 0.005  # metres above the goal's top at the end
+TOUCH = 0.01  # metres above the goal's top at the end
 
 
 class ReachExpert(Expert):
