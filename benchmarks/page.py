@@ -2,6 +2,7 @@
 
     pip install -e ".[test]"                               # and Chromium of the system
     python -m benchmarks.page start                        # seconds to the page and to the first motion, and its clock
+    python -m benchmarks.page motion                       # the same without a browser: what the robot's side takes
     python -m benchmarks.page said --count 100             # sentences typed into it, and how many came true
     python -m benchmarks.page hostile --minutes 30         # random and hostile text, clicks, choices, reloads; memory
     python -m benchmarks.page film --out docs/demo.gif     # a sentence and its correction, for README
@@ -23,6 +24,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,6 +37,9 @@ from PIL import Image
 
 from benchmarks.hostile import WRITERS
 from benchmarks.language import random_scene
+from demo.casting import choose
+from demo.loop import Loop
+from demo.session import Session
 from trainers.evaluation import wilson
 from trainers.machine import machine
 
@@ -43,16 +48,17 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PATIENCE = 60  # seconds: without a graphics card, on a shared core
 SIZE, WIDE = (900, 800), (1200, 720)  # pixels of a tab
+MOVED = 0.001  # metres
 SETTLED = 1.0  # seconds that a browser without a graphics card may take to draw a step
 SMALL = 0.25  # of the pixels' sides: what a browser without a graphics card can draw in time
 DEEDS = {"type": 40, "enter": 40, "button": 10, "click": 20, "key": 20, "reload": 1, "second tab": 1, "change": 1}
 KEYS = ("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "PageUp", "PageDown", "Escape", "Tab")
 CHANGES = {"Robot": ("kuka", "panda", "jaco"), "Driven by": ("policy", "expert", "hand")}
-WATCH = """words => {
+WATCH = """() => {
     document.addEventListener("keydown", e => { if (e.key === "Enter") window.pressed = performance.now() }, true);
     window.moved = null;
     new MutationObserver((_, watcher) => {
-        if (!document.body.innerText.includes(words)) return;
+        if (!document.body.innerText.includes("the policy hears")) return;
         window.moved = performance.now() - window.pressed;
         watcher.disconnect();
     }).observe(document.body, {subtree: true, childList: true, characterData: true});
@@ -159,9 +165,9 @@ def start(args: argparse.Namespace) -> dict[str, Any]:
         there = time.perf_counter() - began
         motions, clocks = [], []
         for _ in range(args.count):
-            sentence = f"reach {visitor.objects()[0]}"
-            visitor.tab.evaluate(WATCH, f"Doing: {sentence}")
-            visitor.says(sentence)
+            name = visitor.objects()[0]
+            visitor.tab.evaluate(WATCH)
+            visitor.says(f"reach {name}")
             visitor.tab.wait_for_function("window.moved !== null")
             motions.append(visitor.tab.evaluate("window.moved"))
             visitor.shows("Done in|Not done")
@@ -172,6 +178,33 @@ def start(args: argparse.Namespace) -> dict[str, Any]:
     quantiles = {"median": float(np.median(motions)), "worst": max(motions)}
     clock = {"least": min(clocks), "most": max(clocks)}
     return {"seconds_to_answer": answers, "seconds_to_page": there, "first_motion_ms": quantiles, "clock": clock}
+
+
+def motion(args: argparse.Namespace) -> dict[str, Any]:
+    """Milliseconds from a sentence to a gripper that has moved, in the page's own loop, without a browser."""
+    rng, session = np.random.default_rng(args.seed), Session(choose(), args.seed)
+    moved, rest = threading.Event(), session.stage.gripper[0].copy()
+
+    def seen(session: Session) -> None:
+        if np.linalg.norm(session.stage.gripper[0] - rest) > MOVED:
+            moved.set()
+
+    loop, motions = Loop(session, seen, print), []
+    thread = threading.Thread(target=loop.run)
+    thread.start()
+    for _ in range(args.count):
+        loop.ask(Session.shuffle)
+        time.sleep(1 + rng.random() * session.period)
+        rest[:] = session.stage.gripper[0]
+        moved.clear()
+        began = time.perf_counter()
+        loop.ask(lambda session: session.say(session.example()))
+        moved.wait(PATIENCE)
+        motions.append(1000 * (time.perf_counter() - began))
+    loop.stop()
+    thread.join()
+    session.close()
+    return {"count": args.count, "median_ms": float(np.median(motions)), "worst_ms": max(motions)}
 
 
 def said(args: argparse.Namespace) -> dict[str, Any]:
@@ -300,7 +333,7 @@ def main() -> None:
         args.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
 
 
-WHAT = {"start": start, "said": said, "hostile": hostile, "film": film}
+WHAT = {"start": start, "motion": motion, "said": said, "hostile": hostile, "film": film}
 
 if __name__ == "__main__":
     main()

@@ -8,14 +8,13 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
-from typing import Any
 
 from conf.schema import ConfigError
 from demo.session import Session
 from human import NothingPointedAt, Unreachable
 from language import LanguageError
 
-Request = Callable[[Session], None]
+Request = Callable[[Session], object]
 PLAIN = (ConfigError, LanguageError, Unreachable, NothingPointedAt)  # what a person can mend
 MOST = 256  # requests that wait; a flood of more is dropped
 WINDOW = 40  # control steps over which the clock is judged
@@ -80,7 +79,7 @@ class Loop:
         for request in requests:
             self._guarded(request)
 
-    def _guarded(self, request: Callable[[Session], Any]) -> None:
+    def _guarded(self, request: Request) -> None:
         """One request that fails must not end the others."""
         try:
             request(self.session)

@@ -48,6 +48,14 @@ class Session:
         self.hand: Array | None = None  # where the gripper is driven to by hand, metres
         self.shut = False  # the gripper, by hand
         self.shuffle()
+        self._warm_up()
+
+    @torch.no_grad()
+    def _warm_up(self) -> None:
+        """What is slow the first time happens before anybody waits for it."""
+        self.listen(self.example())
+        if self._policy is not None:
+            self._policy(self._state.exclude("privileged"))
 
     def change(self, choice: Choice) -> None:
         """Another robot, task or policy. Raises ConfigError, and all stays as it is."""
