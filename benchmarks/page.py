@@ -47,7 +47,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PATIENCE = 60  # seconds: without a graphics card, on a shared core
-SIZE, WIDE = (900, 800), (1200, 720)  # pixels of a tab
+SIZE, WIDE = (900, 800), (1040, 640)  # pixels of a tab
 MOVED = 0.001  # metres
 SETTLED = 1.0  # seconds that a browser without a graphics card may take to draw a step
 SMALL = 0.25  # of the pixels' sides: what a browser without a graphics card can draw in time
@@ -298,15 +298,16 @@ def film(args: argparse.Namespace) -> dict[str, Any]:
         visitor.presses("Time")
         visitor.tab.get_by_label("Pause").click()
         visitor.types(f"reach {names[0]}")
-        step(4)
+        step(2)
         visitor.says(f"reach {names[0]}")
         step(5)
         visitor.types(f"no, {names[-1]}")
         visitor.says(f"no, {names[-1]}")
-        step(14)
+        step(11)
     served.close()
     small = [picture.convert("RGB").resize((WIDE[0] * 3 // 4, WIDE[1] * 3 // 4)) for picture in pictures]
-    colors = [picture.quantize(128) for picture in small]
+    palette = small[-1].quantize(256, Image.Quantize.MAXCOVERAGE)  # small things keep their colours
+    colors = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in small]
     colors[0].save(args.out, save_all=True, append_images=colors[1:], duration=150, loop=0)
     return {"pictures": len(colors), "bytes": args.out.stat().st_size}
 

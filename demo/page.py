@@ -25,7 +25,7 @@ AUTO = "the one that fits"
 NUDGE = 0.02  # metres that an arrow key moves the finger, or by hand the gripper
 ARROWS = {"arrowup": (-1, 0, 0), "arrowdown": (1, 0, 0), "arrowleft": (0, -1, 0), "arrowright": (0, 1, 0)}
 HEIGHTS = {"pageup": (0, 0, 1), "pagedown": (0, 0, -1)}  # as the person sees it, who stands opposite the robot
-CAMERA, LOOK_AT = (1.25, -1.8, 0.9), (1.0, 0.0, 0.3)  # robot, table and person, left of the panel
+CAMERA, LOOK_AT = (1.25, -1.9, 0.9), (1.2, 0.0, 0.3)  # robot, table and person, left of the panel
 LENS = np.deg2rad(60)  # from the bottom of the picture to its top
 SPEEDS = (0.1, 1.0)
 
