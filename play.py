@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import ipaddress
+import signal
 import socket
 import sys
 from contextlib import suppress
@@ -103,10 +104,10 @@ def serve(given: argparse.Namespace) -> None:
     print(f"http://{given.host}:{server.get_port()} (Ctrl-C ends it)", flush=True)
     if not _is_loopback(given.host):
         print(f"warning: --host={given.host}: whoever reaches this machine can drive the robot", file=sys.stderr)
+    for number in (signal.SIGINT, signal.SIGTERM):  # said outright: what runs in the background ignores the first
+        signal.signal(number, lambda *_: page.loop.stop())
     try:
         page.loop.run()
-    except KeyboardInterrupt:
-        pass
     finally:
         page.close()
         server.stop()

@@ -50,7 +50,7 @@ def read_env(config: Any) -> EnvConfig:
     gripper = read(GripperConfig, config["gripper"], "gripper")
     gripper.of(robot)
     return EnvConfig(
-        robot if TASKS[task.name].moves else robot.reaching(),
+        robot,
         read(ControlConfig, config["control"], "control"),
         read(WorkspaceConfig, config["workspace"], "workspace"),
         task,

@@ -43,7 +43,6 @@ class RobotConfig(Checked):
     )  # radius and length of the cylinder that ends at the gripper centre, if any
     fingers: list[str]  # prismatic finger joints; empty for a magnet
     finger_opening: float = within(0, 0.2)  # of each finger, fully open
-    reach_turn: float = 0.0  # by which the last joint is turned at reset where nothing is moved
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -62,8 +61,10 @@ class RobotConfig(Checked):
             raise ConfigError(f"magnet={self.magnet} must be a radius and a length, or [] for none that is seen")
 
     def reaching(self) -> RobotConfig:
-        """As it begins where nothing is to be moved: with its fingers beside its way, and none ahead."""
-        return replace(self, rest=[*self.rest[:-1], self.rest[-1] + self.reach_turn], reach_turn=0.0)
+        """As it begins where nothing is to be moved: with its fingers, if any, beside its way, and none ahead."""
+        if not self.fingers:
+            return self
+        return replace(self, rest=[*self.rest[:-1], self.rest[-1] - math.copysign(math.pi / 2, self.rest[-1])])
 
 
 def urdf_path(config: RobotConfig) -> Path:

@@ -70,7 +70,7 @@ class WorkspaceEnv(EnvBase):
         self.task = TASKS[task.name](task, config.workspace.object_area, num_worlds, self._person)
         self.task.draw(np.random.default_rng(0))  # raises now where no episode can be drawn
         gripper = config.gripper.of(config.robot) if self.task.moves else None
-        self.chain = read_chain(config.robot)
+        self.chain = read_chain(config.robot if self.task.moves else config.robot.reaching())
         self._worlds = [self._world(render, window) for _ in range(num_worlds)]
         period = config.physics.time_step * config.physics.substeps
         box = np.reshape(config.workspace.gripper_box, (3, 2)).T.copy()
