@@ -65,6 +65,8 @@ WATCH = """() => {
     }).observe(document.body, {subtree: true, childList: true, characterData: true});
 }"""
 
+BREATH = "() => new Promise(rested => setTimeout(rested, 100))"
+
 
 class Served:
     """play.py on a port of its own. address: of its page."""
@@ -116,7 +118,10 @@ class Visitor:
         return self.tab.locator(f'xpath=//*[normalize-space(text())="{label}"]/following::input[1]')
 
     def types(self, sentence: str) -> None:
+        """As slowly as fingers: viser's page forgets what is typed within 50 ms of Enter, or the other way round."""
+        self.tab.evaluate(BREATH)
         self.field("Say").fill(sentence)
+        self.tab.evaluate(BREATH)
 
     def says(self, sentence: str) -> None:
         self.types(sentence)

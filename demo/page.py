@@ -59,8 +59,8 @@ class Page:
             self._typed = gui.add_text("Say", "", hint="an instruction, a correction, or an answer; Enter does it")
             do = gui.add_button("Do it")
         self._typed.on_update(lambda _: self._listen())
-        form.on_submit(lambda _: self._say())
-        do.on_click(lambda _: self._say())
+        form.on_submit(self._say)
+        do.on_click(self._say)
         buttons = gui.add_button_group("", ("Stop", "Shuffle", "Go where I point"))
         buttons.on_click(lambda event: self._press(event.target.value))
         with gui.add_folder("What it sees and gets"):
@@ -124,7 +124,8 @@ class Page:
         sentence = self._typed.value
         self.loop.ask(lambda session: self._write_heard(session, sentence, session.listen), "listen")
 
-    def _say(self) -> None:
+    async def _say(self, _: Any) -> None:
+        """Not in viser's threads but its event loop: a next sentence cannot come between reading and emptying."""
         sentence = self._typed.value.strip()
         if sentence:
             self.loop.ask(lambda session: self._write_heard(session, sentence, session.say))
