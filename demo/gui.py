@@ -16,8 +16,6 @@ from human.by_hand import direction
 from human.window import CLOSED, MOVES
 
 Array = NDArray[np.float64]
-NUDGE = 0.02  # metres that a key moves the finger, or by hand the gripper
-START = (0.45, 0.0, 0.02)  # metres, where the finger points before it is moved
 HELP = (
     "type what to do, Enter does it; arrows and page keys move the finger",
     "F1 stop, F2 shuffle, F3 go where I point, F4 policy, expert or hand",
@@ -32,7 +30,6 @@ class Gui:
         self._session, self._keys, self._view = session, keys, view
         self._period = 0.0 if hurry else session.period
         self._typed, self._told = "", f"try: {session.example()}"
-        self._aim: Array = np.array(START)
         self._left = False
         self._ray: tuple[Array, Array] | None = None
 
@@ -74,7 +71,7 @@ class Gui:
         }
         try:
             if key in MOVES:
-                self._move(key)
+                self._session.nudge(direction(key, self._view.yaw))
             else:
                 does[key]()
         except PLAIN as error:
@@ -84,14 +81,6 @@ class Gui:
         sentence, self._typed = self._typed.strip(), ""
         if sentence:
             self._told = self._session.say(sentence).message
-
-    def _move(self, key: str) -> None:
-        way = NUDGE * direction(key, self._view.yaw)
-        if self._session.hand is not None:
-            self._session.reach_out(self._session.hand + way)
-        else:
-            self._session.point(self._aim + way)
-            self._aim = self._aim + way
 
     def _drive(self) -> None:
         """The next driver that can be had."""

@@ -22,7 +22,6 @@ from demo.taping import Tape
 
 Array = NDArray[np.float64]
 AUTO = "the one that fits"
-NUDGE = 0.02  # metres that an arrow key moves the finger, or by hand the gripper
 ARROWS = {"arrowup": (-1, 0, 0), "arrowdown": (1, 0, 0), "arrowleft": (0, -1, 0), "arrowright": (0, 1, 0)}
 HEIGHTS = {"pageup": (0, 0, 1), "pagedown": (0, 0, -1)}  # as the person sees it, who stands opposite the robot
 CAMERA, LOOK_AT = (1.25, -1.9, 0.9), (1.2, 0.0, 0.3)  # robot, table and person, left of the panel
@@ -71,7 +70,7 @@ class Page:
         self._build_recording()
         for key, way in (ARROWS | HEIGHTS).items():
             command = gui.add_command(f"Move the finger, or the gripper: {key}", hotkey=key)  # type: ignore[arg-type]
-            command.on_trigger(lambda _, way=way: self._nudge(way))
+            command.on_trigger(lambda _, way=way: self.loop.ask(lambda session: self._nudge(session, way)))
 
     def _build_time(self) -> None:
         gui = self._gui
@@ -157,10 +156,12 @@ class Page:
 
     def _point(self, session: Session, place: Array) -> None:
         session.point(place)
+        self._pointed(session)
+
+    def _pointed(self, session: Session) -> None:
         self._message_of("")
         if self._finger is not None:
-            self._finger.position = tuple(place)
-        self._aim = np.asarray(place, np.float64)
+            self._finger.position = tuple(session.aim)
 
     def _dragged(self, body: int, place: Array) -> None:
         self.loop.ask(lambda session: self._drag(session, body, place), "drag")
@@ -170,15 +171,10 @@ class Page:
         if body in bodies:
             session.put(bodies.index(body), place[:2])
 
-    def _nudge(self, way: tuple[int, int, int]) -> None:
-        def nudge(session: Session) -> None:
-            if session.hand is not None:
-                session.reach_out(session.hand + NUDGE * np.array(way))
-                self._follow(session)
-            else:
-                self._point(session, self._aim + NUDGE * np.array(way))
-
-        self.loop.ask(nudge)
+    def _nudge(self, session: Session, way: tuple[int, int, int]) -> None:
+        session.nudge(way)
+        self._pointed(session)
+        self._follow(session)
 
     def _slid(self, event: Any) -> None:
         if event.client is not None:  # a person, and not `_follow`
@@ -219,13 +215,12 @@ class Page:
 
     def _stand(self, session: Session) -> None:
         """Another world, or the first."""
-        choice, middle = session.choice, np.array([0.45, 0.0, 0.02])
+        choice = session.choice
         self._drawing.stand(session.stage)
-        self._aim = middle
         self._finger = None
         if session.stage.shows:
             self._finger = self._server.scene.add_transform_controls(
-                "/finger", scale=0.12, disable_rotations=True, position=tuple(middle), depth_test=False
+                "/finger", scale=0.12, disable_rotations=True, position=tuple(session.aim), depth_test=False
             )
             self._finger.on_update(lambda _: self.loop.ask(self._follow_finger, "finger"))
         for name, dropdown in self._choices.items():

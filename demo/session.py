@@ -28,12 +28,15 @@ STRAYS = 2.0  # degrees that a finger is taken to stray by, where the config doe
 REMEMBERED = 4  # gestures
 LOW, NEAR = 0.15, 0.06  # metres: lower than that a gripper goes straight up; so near to its rest it is there
 RISE = 60  # control steps at most
+NUDGE = 0.02  # metres that a key moves the finger, or by hand the gripper
+START = (0.45, 0.0, 0.02)  # metres, where the finger points before it is moved
 
 
 class Session:
     """Not to be shared between threads: whoever steps it also asks it.
 
-    choice: what is on. stage: its world; another one after `change`. show: what is to be seen.
+    choice: what is on. stage: its world; another one after `change`. show: what is to be seen. aim: (3,) metres, where
+    the finger points, or would begin to.
     """
 
     def __init__(self, choice: Choice, seed: int = 0, gui: bool = False) -> None:
@@ -47,6 +50,7 @@ class Session:
         self._planner = Planner(self.stage, self._rng)
         self.hand: Array | None = None  # where the gripper is driven to by hand, metres
         self.shut = False  # the gripper, by hand
+        self.aim: Array = np.array(START)
         self.shuffle()
         self._warm_up()
 
@@ -120,6 +124,7 @@ class Session:
         if not self.stage.shows:
             raise ConfigError("nobody stands here to point: choose workspace=collabtable")
         self.show.ray = self.stage.point(place)
+        self.aim = np.array(place, np.float64)
         self.show.pointing = self._likely()
         self._fresh = True
         if self.show.pointing is None:
@@ -127,6 +132,13 @@ class Session:
         likeliest = int(self.show.pointing.argmax())
         self._gestures.append(likeliest)
         return likeliest
+
+    def nudge(self, way: ArrayLike) -> None:
+        """Move the finger a little along a direction (3,), or by hand the gripper. Raises as `point` does."""
+        if self.hand is not None:
+            self.reach_out(self.hand + NUDGE * np.asarray(way))
+        else:
+            self.point(self.aim + NUDGE * np.asarray(way))
 
     def _likely(self) -> Array | None:
         """(K,) how likely each object is pointed at; None where nothing lies along the ray."""

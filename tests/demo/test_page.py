@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
-from benchmarks.page import CHROMIUM, SIZE, Served, Visitor, browsing
+from benchmarks.visitor import CHROMIUM, SIZE, Served, Visitor, browsing
 from demo.casting import choose
 from demo.page import CAMERA, LENS, LOOK_AT
 from demo.session import Session
