@@ -19,7 +19,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-PATIENCE = 60  # seconds: without a graphics card, on a shared core
+PATIENCE = 120  # seconds: without a graphics card, on a shared core
 SIZE, WIDE = (900, 800), (1040, 640)  # pixels of a tab
 SMALL = 0.25  # of the pixels' sides: what a browser without a graphics card can draw in time
 BREATH = "() => new Promise(rested => setTimeout(rested, 100))"
@@ -103,6 +103,12 @@ class Visitor:
     def chooses(self, label: str, option: str) -> None:
         self.field(label).click()
         self.tab.get_by_role("option", name=option, exact=True).click()
+
+    def takes(self, name: str) -> bytes:
+        """The file of this name that the page offers."""
+        with self.tab.expect_download() as taken:
+            self.tab.locator(f'a[download="{name}"]').click()
+        return Path(taken.value.path()).read_bytes()
 
     def objects(self) -> list[str]:
         """What stands there, several things, as the page calls them."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import trimesh
 import viser
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from envs.looks import Look
 from envs.stage import Stage
@@ -140,9 +140,19 @@ class Drawing:
         handle.on_click(lambda _: self._clicked(body))
 
         async def drag(event: Any) -> None:  # not in a pool of threads: its phases must stay in order
-            self._dragged(body, np.array(event.end_position))
+            place = _at_height(event.start_position[2], event.client.camera.position, event.end_position)
+            if place is not None:
+                self._dragged(body, place)
 
         handle.on_drag("left")(drag)
+
+
+def _at_height(height: float, eye: ArrayLike, through: ArrayLike) -> Array | None:
+    """(3,) where the line of sight from an eye through a place comes down to this height; None where it never does."""
+    start = np.asarray(eye, np.float64)
+    way = np.asarray(through, np.float64) - start
+    share = (height - start[2]) / way[2] if way[2] else -1.0
+    return start + share * way if share > 0 else None
 
 
 def _put(node: Any, place: Array | None) -> None:

@@ -113,6 +113,8 @@ def outcomes(env, policy, blank: bool) -> dict[str, float]:
                 state = env.step(state)["next"]
                 success.append((state["success"] & ~done).sum() / 240)
                 done |= state["done"]
+                if done.all():
+                    break
     return {"pointed": float(torch.stack(pointed).float().mean()), "success": float(sum(success))}
 
 
