@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -15,6 +16,13 @@ ROOT = Path(__file__).parent
 def groups() -> dict[str, list[str]]:
     """Each config group with its options."""
     return {f.name: sorted(y.stem for y in f.glob("*.yaml")) for f in sorted(ROOT.iterdir()) if any(f.glob("*.yaml"))}
+
+
+def comment(group: str, option: str) -> str:
+    """What the YAML of an option says at its top."""
+    lines = (ROOT / group / f"{option}.yaml").read_text(encoding="utf-8").splitlines()
+    top = itertools.takewhile(lambda line: line.startswith("#"), lines)
+    return " ".join(line.lstrip("# ") for line in top if "@package" not in line)
 
 
 def quoted(arguments: Iterable[str]) -> list[str]:

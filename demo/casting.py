@@ -79,13 +79,16 @@ class Trained:
 @cache
 def pretrained() -> tuple[Trained, ...]:
     """Those that come with the project."""
-    return tuple(trained(folder) for folder in sorted(PRETRAINED.glob("*")) if folder.is_dir())
+    return tuple(_trained(folder, _load(folder)) for folder in sorted(PRETRAINED.glob("*")) if folder.is_dir())
 
 
-def trained(path: Path) -> Trained:
-    """What this checkpoint was trained for. Raises CheckpointError."""
-    config = checkpoint.load(checkpoint.find(path))["config"]
+def _trained(path: Path, saved: dict[str, Any]) -> Trained:
+    config = saved["config"]
     return Trained(path, config["task"]["name"], config["robot"]["name"], config["control"]["name"])
+
+
+def _load(path: Path) -> dict[str, Any]:
+    return checkpoint.load(checkpoint.find(path))
 
 
 @dataclass(frozen=True)
@@ -115,14 +118,14 @@ def cast(choice: Choice, seed: int, gui: bool = False) -> Cast:
 def _chosen(choice: Choice) -> tuple[dict[str, Any] | None, Choice, str]:
     """The checkpoint's payload, and the choice with what follows from it."""
     if choice.checkpoint is not None:
-        path: Path | None = Path(choice.checkpoint)
-        known = trained(Path(choice.checkpoint))
-        choice = replace(choice, task=known.task, robot=known.robot, control=known.control)
-    else:
-        wanted = choice.task, choice.robot, choice.control
-        path = next((each.path for each in pretrained() if (each.task, each.robot, each.control) == wanted), None)
-    if path is not None:
-        return checkpoint.load(checkpoint.find(path)), choice, ""
+        path = Path(choice.checkpoint)
+        saved = _load(path)
+        known = _trained(path, saved)
+        return saved, replace(choice, task=known.task, robot=known.robot, control=known.control), ""
+    wanted = choice.task, choice.robot, choice.control
+    fitting = (each.path for each in pretrained() if (each.task, each.robot, each.control) == wanted)
+    if (folder := next(fitting, None)) is not None:
+        return _load(folder), choice, ""
     if choice.driver != "policy":
         return None, choice, ""
     what = f"task={choice.task} with robot={choice.robot} and control={choice.control}"

@@ -176,7 +176,7 @@ def _task_section(name: str, each: Specs) -> list[str]:
     return [
         f"## {name}",
         "",
-        _comment("task", name),
+        overrides.comment("task", name),
         "",
         *_table(["", ""], facts),
         "",
@@ -201,7 +201,7 @@ def _robots_page(made: dict[tuple[str, str, str], Specs]) -> str:
         *ROBOTS_PAGE,
     ]
     for robot in dict.fromkeys(key[0] for key in made):
-        lines += ["", f"## {robot}", "", _comment("robot", robot), "", *_robot_tables(robot, made)]
+        lines += ["", f"## {robot}", "", overrides.comment("robot", robot), "", *_robot_tables(robot, made)]
     return "\n".join(lines) + "\n"
 
 
@@ -241,13 +241,6 @@ def told() -> dict[str, str]:
             key = start[1].strip()
             rows[key] = start[3].strip(" |")
     return rows
-
-
-def _comment(group: str, name: str) -> str:
-    """What the YAML of an option says at its top."""
-    lines = (overrides.ROOT / group / f"{name}.yaml").read_text(encoding="utf-8").splitlines()
-    top = itertools.takewhile(lambda line: line.startswith("#"), lines)
-    return " ".join(line.lstrip("# ") for line in top if "@package" not in line)
 
 
 def _table(head: list[str], rows: Rows) -> list[str]:

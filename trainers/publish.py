@@ -13,7 +13,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from conf.overrides import ROOT
+from conf.overrides import comment
 from conf.schema import ConfigError
 from trainers import checkpoint, policy_file
 from trainers.command import overrides
@@ -133,9 +133,7 @@ def _minutes(seconds: float) -> str:
 def _purpose(words: Sequence[str], config: dict[str, Any]) -> str:
     """What the task asks for, as the comment at the head of its YAML says."""
     chosen = [word.partition("=")[2] for word in words if word.startswith("task=")]
-    lines = (ROOT / "task" / f"{(*chosen, config['task']['name'])[0]}.yaml").read_text().splitlines()
-    head = [line.removeprefix("# ") for line in lines if line.startswith("# ") and not line.startswith("# @")]
-    return " ".join(head)
+    return comment("task", (*chosen, config["task"]["name"])[0])
 
 
 def main(words: Sequence[str]) -> None:
