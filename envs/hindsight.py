@@ -23,6 +23,7 @@ from envs.judging import judge, weights
 from envs.observation import OBJECT_WIDTH, OFFSET, Bounds, clipped, in_bytes, offsets, seen_scene
 from envs.observe import asked
 from envs.tasks import NOTHING, Episode, State, Task
+from envs.tasks.ways import lying
 from envs.world import PARKED
 from language import LanguageError, Placed, Tokenizer
 
@@ -77,6 +78,8 @@ class Hindsight:
         moments.objects[:, slots] = rows[:, slots, :3] = places
         if self._task.moves:
             rows[:, slots, OFFSET] = offsets(moments.objects[:, slots], moments.gripper[:, None])
+        if self._task.slides:
+            rows[..., -1] = lying(moments, self._task.config.radius)
         target = episode.referent if episode.target is None else episode.target
         meant = {"referent": shown[episode.referent], "target": shown[target]}
         meant = {name: np.full(len(rows), slot) for name, slot in meant.items()}

@@ -10,7 +10,8 @@ The observation, each with a leading N:
 | objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA (A of a target: 0.5), shape
 |   | | one-hot (where the task operates devices: of DEVICES, and of where their handles are), size (m), role (1:
 |   | | target); then, where the task moves objects, the offset from the gripper, within `NEAR` (m), and again within
-|   | | `CLOSE`: grasping and letting go are matters of a centimetre; then, of devices, the
+|   | | `CLOSE`: grasping and letting go are matters of a centimetre; then, where it pushes them, how far each has slid
+|   | | in the last step (x, y, within `FASTEST`, m), and whether it lies at a target, in [0, 1]; then, of devices, the
 |   | | unit vector to where each faces (x, y), and the share of its way that it has gone, in [-1, 1] |
 | objects_mask | (K,) bool | which slots show an object |
 | objects_near | (K,) float32 | only where objects are moved: how near each one is that could be knocked against: 1 at
@@ -44,6 +45,7 @@ from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 from envs.kinematics import Kinematics
 from envs.robot import RobotConfig
 from envs.tasks import Task
+from envs.tasks.ways import FASTEST
 from envs.workspace import WorkspaceConfig
 from language import COLORS, DEVICES, NOUNS, SEE_THROUGH, SHAPES, Scene, Tokenizer, color_name, color_table
 
@@ -80,6 +82,9 @@ class Bounds:
             offset = np.repeat((NEAR, CLOSE), 3)
             for side, sign in ((row[0], -1), (row[1], 1)):
                 side.append(sign * offset)
+            if task.slides:
+                row[0].append(np.array([-FASTEST, -FASTEST, 0.0]))
+                row[1].append(np.array([FASTEST, FASTEST, 1.0]))
             if task.operates:
                 row[0].append(-np.ones(3))
                 row[1].append(np.ones(3))

@@ -6,16 +6,17 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from envs.tasks.base import Array, State
+from envs.tasks.base import Array, Outcome, State
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.ways import clear_ways, funnel, horizontal, length
+from envs.tasks.ways import FASTEST, clear_ways, horizontal, length
 from language import Placed, Scene
 
 ROOM = 0.06  # metres from the border of where objects are put to those that are pushed: a gripper must get behind them
-BEHIND = 0.03  # metres from an object's side to the centre of a gripper that is about to push it
+BEHIND = 0.02  # metres from an object's side to the centre of a gripper that is about to push it
 NEAR = 0.05  # metres further away that a gripper begins, at most, and above the object's middle
 LOST = 0.02  # metres beyond that border at which no gripper gets behind them any more
-# The funnel to the place behind, metres: narrow and steep, since the object is in the way of who comes from beyond it.
+SLACK = 0.04  # metres that a gripper may be further behind: an object slides on ahead of one that pushes it
+# How high a gripper is wanted that is so far beside the place behind: what it pushes is in its way there. Metres.
 MOUTH, SLOPE, ABOVE = 0.015, 2.0, 0.08
 
 
@@ -24,14 +25,45 @@ class Push(Manipulation):
 
     Success: the referent lies within `radius` of its target, at rest, for `hold_steps` steps. Pushed to where nobody
     can push it back from, it is lost, and the episode has failed.
-    Potentials: approach (metres that the gripper has to go to the place behind the object, as seen from its target,
-    along a funnel over it, negative; 0 once the object is there), transport (metres from object to target, negative)
-    and rest (the share of `hold_steps` that it has lain there).
+    Potentials: approach (metres that the gripper has to go, up, over and down, to the place behind the object, as seen
+    from its target, negative; 0 once the object is there), transport (metres from object to target, negative) and rest
+    (the share of `hold_steps` that it has lain there).
     """
 
     verb = "push"
     fails = True
+    slides = True
     potentials = ("approach", "transport", "rest")
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._places = np.zeros((worlds, self.config.slots, 3))
+        self._slid = np.zeros((worlds, self.config.slots, 2))
+        self._sliding = np.zeros((worlds, 2))  # the referent
+
+    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
+        self._places[worlds] = state.objects[worlds]
+        self._slid[worlds] = 0.0
+        self._sliding[worlds] = 0.0
+
+    def step(self, state: State) -> Outcome:
+        """Judge one control step of all worlds."""
+        self._slid = np.where(state.shown[..., None], (state.objects - self._places)[..., :2], 0.0)
+        self._sliding = self._slid[self._rows, state.referent]
+        self._places[:] = state.objects
+        return super().step(state)
+
+    @property
+    def slid(self) -> Array:
+        """(N, K, 2) metres over the table that objects have slid in the last step."""
+        return self._slid
+
+    @property
+    def memory(self) -> Array:
+        """(N, 3) the share of `hold_steps` that the referent has lain at its target, and how it slides."""
+        lain = np.minimum(self._reached / self.config.hold_steps, 1.0)
+        sliding = np.clip(0.5 + self._sliding / (2 * FASTEST), 0.0, 1.0)
+        return np.concatenate((lain[:, None], sliding), axis=1)
 
     def _fits(self, placed: Placed) -> bool:
         return self._has_room(placed) and clear_ways(placed)
@@ -56,12 +88,23 @@ class Push(Manipulation):
 
     def _potentials(self, state: State) -> dict[str, Array]:
         place, goal = self._referent(state), self._goal(state)
-        behind = place - self._behind() * horizontal(goal - place)
+        to_go = self._to_go(state.gripper - place, horizontal(goal - place))
         return {
-            "approach": np.where(self._there(state), 0.0, -funnel(state.gripper - behind, ABOVE, MOUTH, SLOPE)),
+            "approach": np.where(self._there(state), 0.0, -to_go),
             "transport": -length(goal - place),
             "rest": np.minimum(self._reached / self.config.hold_steps, 1.0),
         }
+
+    def _to_go(self, offset: Array, way: Array) -> Array:
+        """(N,) metres from offsets (N, 3) of the gripper to behind an object that is to go this way, (N, 3).
+
+        Beside that place; and in height, where being too low to get there counts as going up and down again.
+        """
+        back = -(offset * way).sum(-1)
+        behind = np.clip(back, self._behind(), self._behind() + SLACK)
+        aside = length((offset + behind[:, None] * way)[:, :2])
+        wanted = np.clip(SLOPE * (aside - MOUTH), 0.0, ABOVE)
+        return aside + np.maximum(np.abs(offset[:, 2]), 2 * wanted - offset[:, 2])
 
     def _behind(self) -> float:
         return self.config.object_size / 2 + BEHIND

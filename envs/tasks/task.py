@@ -38,6 +38,7 @@ class Task(ABC):
     lag = 0  # physics steps after its command that a gripper lets go
     moves = False  # is it about where objects are, rather than the gripper?
     places = False  # is there a target that the referent is to be brought to?
+    slides = False  # is it seen how objects slide, and which of them lie at a target?
     operates = False  # are its objects devices, whose handles they are known by?
     nouns: tuple[str, ...] = SHAPES  # what its objects can be
     stages = 1  # how many stages can be told apart, whatever is meant
@@ -88,6 +89,11 @@ class Task(ABC):
     def memory(self) -> NDArray[np.float64]:
         """(N, M) in [0, 1]: what success depends on that cannot be seen; for critics."""
         return np.zeros((len(self._rows), 0))
+
+    @property
+    def slid(self) -> NDArray[np.float64]:
+        """(N, K, 2) metres over the table that objects have slid in the last step; only where the task `slides`."""
+        raise NotImplementedError
 
     def ways(self, state: State) -> NDArray[np.float64]:
         """(N, K) in [-1, 1]: how far each device has been operated; only where the task operates devices."""

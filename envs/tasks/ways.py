@@ -8,11 +8,13 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from envs.tasks.base import Array
+from envs.tasks.base import Array, State
 from language import Placed, Scene
 
 CLEAR = 0.08  # metres between other objects and the way that one takes over the table
 AIR = 0.15  # metres above the table that a held object begins at most
+FASTEST = 0.03  # metres in a control step that objects are seen to slide
+EDGE = 0.005  # metres about the border of a target in which an object lies there in part
 TRIES = 20  # to put a held object where no other one is
 
 
@@ -20,14 +22,14 @@ def length(vectors: Array) -> Array:
     return np.sqrt((vectors * vectors).sum(-1))
 
 
-def funnel(offset: Array, height: float, mouth: float, slope: float = 1.0) -> Array:
+def funnel(offset: Array, height: float, mouth: float) -> Array:
     """(...,) metres to go from offset (..., 3) to the origin, from above, so that nothing on the way is pushed aside.
 
-    Metres beside it, and metres from the height that is wanted there: `slope` metres for each metre further beside
-    than `mouth`, up to `height`.
+    Metres beside it, and metres from the height that is wanted there: a metre for each metre further beside than
+    `mouth`, up to `height`.
     """
     beside = length(offset[..., :2])
-    wanted = np.clip(slope * (beside - mouth), 0.0, height)
+    wanted = np.clip(beside - mouth, 0.0, height)
     return beside + np.abs(offset[..., 2] - wanted)
 
 
@@ -51,6 +53,13 @@ def clear_ways(placed: Placed) -> bool:
     apart = beside(places[None, None], places[:, None, None], goals[None, :, None])  # object, target, other
     itself = np.eye(len(places), dtype=bool)[:, None]
     return bool((itself | (apart >= CLEAR)).all())
+
+
+def lying(state: State, radius: float) -> Array:
+    """(N, K) whether objects lie at a target: 0 or 1, or between them within `EDGE` of its radius, metres."""
+    apart = length(state.objects[:, :, None] - state.objects[:, None])
+    pairs = state.movable[:, :, None] & state.targets[:, None]
+    return np.clip((radius + EDGE - np.where(pairs, apart, np.inf).min(2)) / (2 * EDGE), 0.0, 1.0)
 
 
 def lifted(
