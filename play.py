@@ -17,7 +17,8 @@ import ipaddress
 import signal
 import socket
 import sys
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -94,24 +95,32 @@ def serve(given: argparse.Namespace) -> None:
     if find_spec("viser") is None or find_spec("trimesh") is None:
         raise ConfigError('the page needs viser, which is not installed: pip install -e ".[play]"')
     _check_address(given.host, given.port)
-    played = session(given)
-    import viser
+    from demo.door import opened
 
-    from demo.page import Page
-
-    server = viser.ViserServer(given.host, given.port, label="Deixis", verbose=False)
-    page = Page(server, played)
+    server = opened(given.host, given.port)
     print(f"http://{given.host}:{server.get_port()} (Ctrl-C ends it)", flush=True)
     if not _is_loopback(given.host):
         print(f"warning: --host={given.host}: whoever reaches this machine can drive the robot", file=sys.stderr)
-    for number in (signal.SIGINT, signal.SIGTERM):  # said outright: what runs in the background ignores the first
-        signal.signal(number, lambda *_: page.loop.stop())
     try:
-        page.loop.run()
+        with _ended_by(lambda: sys.exit(0)), closing(session(given)) as played:
+            from demo.page import Page
+
+            with closing(Page(server, played)) as page, _ended_by(page.loop.stop):
+                print(f"it is ready; try: {played.example()}", flush=True)
+                page.loop.run()
     finally:
-        page.close()
         server.stop()
-        played.close()
+
+
+@contextmanager
+def _ended_by(end: Callable[[], object]) -> Iterator[None]:
+    """Let SIGINT and SIGTERM do this: said outright, since what runs in the background ignores the first."""
+    before = {number: signal.signal(number, lambda *_: end()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _is_loopback(host: str) -> bool:

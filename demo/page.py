@@ -24,8 +24,6 @@ Array = NDArray[np.float64]
 AUTO = "the one that fits"
 ARROWS = {"arrowup": (-1, 0, 0), "arrowdown": (1, 0, 0), "arrowleft": (0, -1, 0), "arrowright": (0, 1, 0)}
 HEIGHTS = {"pageup": (0, 0, 1), "pagedown": (0, 0, -1)}  # as the person sees it, who stands opposite the robot
-CAMERA, LOOK_AT = (1.25, -1.9, 0.9), (1.2, 0.0, 0.3)  # robot, table and person, left of the panel
-LENS = np.deg2rad(60)  # from the bottom of the picture to its top
 SPEEDS = (0.1, 1.0)
 
 
@@ -43,9 +41,7 @@ class Page:
         self._tape: Tape | None = None
         self._finger: Any = None
         self._drawing = Drawing(server, self._clicked, self._dragged)
-        self._gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
-        camera = server.initial_camera
-        camera.position, camera.look_at, camera.fov = CAMERA, LOOK_AT, LENS
+        self._gui.reset()
         self._build(session)
         self._stand(session)
 

@@ -9,7 +9,7 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 from benchmarks.visitor import CHROMIUM, SIZE, Served, Visitor, browsing
 from demo.casting import choose
-from demo.page import CAMERA, LENS, LOOK_AT
+from demo.door import CAMERA, LENS, LOOK_AT
 from demo.session import Session
 
 LIKELY = r"(?:[6-9]\d|100)%"

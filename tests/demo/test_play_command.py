@@ -16,6 +16,13 @@ from conf.schema import ConfigError
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.fixture
+def port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return str(probe.getsockname()[1])
+
+
 def test_an_instruction_is_filmed_by_a_pretrained_policy(tmp_path, capsys):
     film = tmp_path / "new" / "said.mp4"
     play.main(["--headless", str(film), "--say", "reach {0} then reach {1}"])
@@ -48,10 +55,10 @@ def test_what_cannot_be_done_is_told_and_leaves_no_film(tmp_path):
         (["checkpoint=nowhere"], "checkpoint=nowhere does not exist"),
     ],
 )
-def test_bad_input_is_told_in_one_line(typed, message, monkeypatch, tmp_path):
+def test_bad_input_is_told_in_one_line(typed, message, monkeypatch, tmp_path, port):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigError) as error:
-        play.main(typed)
+        play.main(["--port", port, *typed])
     assert message in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -65,16 +72,16 @@ def test_a_port_that_is_taken_is_told(monkeypatch):
             play.main(["--port", str(port)])
 
 
-def test_the_page_is_served_and_an_interrupt_ends_it_in_peace():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    command = [sys.executable, "play.py", "--port", str(port), "robot=jaco", "driver=expert"]
+@pytest.mark.parametrize("ready", [False, True], ids=["while it loads", "once it is ready"])
+def test_the_page_is_served_and_an_interrupt_ends_it_in_peace(port, ready):
+    command = [sys.executable, "play.py", "--port", port, "robot=jaco", "driver=expert"]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         address = next(line for line in process.stdout if line.startswith("http")).split()[0]
         with urllib.request.urlopen(address, timeout=60) as answer:
             assert b"<html" in answer.read().lower()
+        if ready:
+            assert next(line for line in process.stdout if line.startswith("it is ready; try: reach the "))
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=60)
     finally:
