@@ -19,12 +19,12 @@ from trainers.build import fitted_policy
 ROOT = Path(__file__).resolve().parents[1]
 PRETRAINED = ROOT / "pretrained"
 DRIVERS = ("policy", "expert", "hand")
-USUAL = {
+USUAL: dict[str, Any] = {
     "task": "nl_reach",
     "robot": "kuka",
     "control": "step",
     "workspace": "collabtable",
-    "objects": 3,
+    "objects": None,
     "driver": "policy",
     "checkpoint": None,
     "overrides": [],
@@ -35,14 +35,14 @@ USUAL = {
 class Choice(Checked):
     """What is on. checkpoint: a run, or a pretrained policy; none: the one that fits, where there is one.
 
-    objects: how many can be dealt with. overrides: of any other key, as in `train.py`.
+    objects: how many can be dealt with; none: as many as the task has. overrides: of any other key, as in `train.py`.
     """
 
     task: str
     robot: str
     control: str
     workspace: str
-    objects: int = within(1, 6)
+    objects: int | None = within(1, 6)
     driver: str = one_of(*DRIVERS)
     checkpoint: str | None
     overrides: list[str]
@@ -148,6 +148,7 @@ def _common(choice: Choice, config: Any) -> list[str]:
         box = [*compose([f"workspace={choice.workspace}"])["workspace"]["gripper_box"]]
         box[4] = max(box[4], config["task"]["object_size"])
         changes.append(f"workspace.gripper_box={box}")
-    if config["task"]["kinds"] or config["gesture"]["source"] != "none":  # else nothing would tell objects apart
+    speaks = config["task"]["kinds"] or config["gesture"]["source"] != "none"  # else nothing would tell objects apart
+    if speaks and choice.objects is not None:
         changes += [f"task.num_objects={choice.objects}", f"task.min_objects={choice.objects}"]
     return [*changes, *choice.overrides]

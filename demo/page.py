@@ -61,7 +61,7 @@ class Page:
         with gui.add_folder("What it sees and gets"):
             self._looks, self._numbers = gui.add_html(""), gui.add_html("")
         self._build_time()
-        self._build_choice(choice)
+        self._build_choice(choice, session.stage.config.task.num_objects)
         self._build_hand(session.stage.config.workspace.gripper_box)
         self._build_recording()
         for key, way in (ARROWS | HEIGHTS).items():
@@ -78,7 +78,7 @@ class Page:
         self._speed.on_update(lambda _: setattr(self.loop, "speed", min(max(self._speed.value, SPEEDS[0]), SPEEDS[1])))
         single.on_click(lambda _: self.loop.single())
 
-    def _build_choice(self, choice: Choice) -> None:
+    def _build_choice(self, choice: Choice, objects: int) -> None:
         gui, known = self._gui, groups()
         with gui.add_folder("Who does it, and where"):
             self._driver = gui.add_dropdown("Driven by", DRIVERS, initial_value=choice.driver)
@@ -86,7 +86,7 @@ class Page:
                 name: gui.add_dropdown(name.capitalize(), known[name], initial_value=getattr(choice, name))
                 for name in ("robot", "control", "task", "workspace")
             }
-            self._objects = gui.add_slider("Objects", 1, 6, 1, choice.objects)
+            self._objects = gui.add_slider("Objects", 1, 6, 1, objects)
             policies = [AUTO, *(each.name for each in pretrained())]
             self._policies = gui.add_dropdown("Policy", policies, initial_value=AUTO)
             self._folder = gui.add_text("or a run's folder", choice.checkpoint or "")
@@ -198,11 +198,14 @@ class Page:
         folder, policy = self._folder.value.strip(), self._policies.value
         paths = {each.name: str(each.path) for each in pretrained()}
         values = {name: dropdown.value for name, dropdown in self._choices.items()}
-        values |= {"objects": int(self._objects.value), "driver": self._driver.value}
+        values["driver"] = self._driver.value
         values["checkpoint"] = folder or paths.get(policy)
 
         def change(session: Session) -> None:
             self._message_of("One moment.")
+            objects = int(self._objects.value)
+            left = objects == session.stage.config.task.num_objects  # another task may have another number
+            values["objects"] = session.choice.objects if left else objects
             session.change(replace(session.choice, **values))
             self._message_of("")
             self._stand(session)
@@ -221,7 +224,7 @@ class Page:
             self._finger.on_update(lambda _: self.loop.ask(self._follow_finger, "finger"))
         for name, dropdown in self._choices.items():
             dropdown.value = getattr(choice, name)
-        self._driver.value, self._objects.value = choice.driver, choice.objects
+        self._driver.value, self._objects.value = choice.driver, session.stage.config.task.num_objects
         self._put("heard", self._heard, words.message(f"Try: {session.example()}"))
 
     def _follow_finger(self, session: Session) -> None:

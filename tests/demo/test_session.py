@@ -202,6 +202,15 @@ def test_a_task_without_a_policy_is_driven_by_its_expert_alone():
     session.close()
 
 
+@pytest.mark.parametrize(("task", "objects"), [("nl_push", 4), ("swipe", 4), ("nl_reach_gesture", 6)])
+def test_a_task_has_its_own_number_of_objects_where_none_is_chosen(task, objects):
+    session = Session(choose(task=task, driver="expert"), seed=5)
+    assert len(session.scene()) == objects
+    session.say(session.example())
+    assert finish(session).startswith("Done")
+    session.close()
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
