@@ -44,6 +44,7 @@ class Drawing:
         self._scene.configure_environment_map(None)
         self._scene.add_light_ambient("/light", intensity=1.2)
         self._stage = stage
+        self._touchable = set(stage.stock)
         self._shapes = stage.looks.shapes()
         self._links = sorted({(shape.body, shape.link) for shape in self._shapes})
         self._frames = [self._scene.add_frame(f"/{body}/{link + 1}", show_axes=False) for body, link in self._links]
@@ -133,7 +134,8 @@ class Drawing:
             handle = self._scene.add_mesh_simple(name, made.vertices, made.faces, **look, **place)
         else:
             handle = self._scene.add_mesh_trimesh(name, made, **place)
-        self._listen(handle, shape.body)
+        if shape.body in self._touchable:  # the browser looks for what is under the mouse among these alone
+            self._listen(handle, shape.body)
         return handle
 
     def _listen(self, handle: Any, body: int) -> None:

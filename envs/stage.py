@@ -46,6 +46,11 @@ class Stage(WorkspaceEnv):
         return self._only.bodies()
 
     @property
+    def stock(self) -> list[int]:
+        """All that `bodies` can be, in one episode or another."""
+        return self._only.stock
+
+    @property
     def _slots(self) -> NDArray[np.int64]:
         return np.flatnonzero(self._state.shown[0])
 

@@ -48,7 +48,7 @@ class World:
     visuals: load what is drawn, for `render`; a world without them takes half the memory.
     window: where it is shown; the world closes it.
     gripper: what the robot grips with; none: with nothing.
-    client: Bullet's number.
+    client: Bullet's number. stock: the bodies of all objects that an episode could show.
     devices: the noun of each that an episode shows at most; where there are any, they are all that it shows, and what
     would grip only touches them.
     """
@@ -109,7 +109,7 @@ class World:
         self.person: Arm | None = None  # nothing touches a person: one whom nobody sees needs no body
         if human is not None:
             self.person = Body(human, self.client, visuals=True) if self._visuals else read_arm(human)
-        self._shown = [body for pool in self._pool for bodies in pool for body in bodies]
+        self.stock = self._shown = [body for pool in self._pool for bodies in pool for body in bodies]
         self._ghosts: dict[tuple[int, int], Sequence[float]] = {}  # bodies and links that are see-through, with RGBA
         self._resting = object_size / 2 + 1e-3
         self._pose = partial(bullet.getBasePositionAndOrientation, physicsClientId=self.client)
