@@ -139,8 +139,8 @@ def test_another_robot_comes_when_it_is_chosen(visitor):
 
 
 def test_two_tabs_see_the_same_and_one_may_go(served, browser, visitor):
+    name = visitor.objects()[1]
     other = Visitor(browser, served.address)
-    name = other.objects()[1]
     assert other.gets(f"reach {name}") == "Done in"
     other.tab.close()
     visitor.shows(f'the policy hears: "reach {name}"')
