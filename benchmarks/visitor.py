@@ -25,14 +25,18 @@ SMALL = 0.25  # of the pixels' sides: what a browser without a graphics card can
 BREATH = "() => new Promise(rested => setTimeout(rested, 100))"
 
 
+def free_port() -> str:
+    """One that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return str(probe.getsockname()[1])
+
+
 class Served:
     """play.py on a port of its own. address: of its page."""
 
     def __init__(self, *words: str) -> None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        command = [sys.executable, "play.py", "--port", str(port), *words]
+        command = [sys.executable, "play.py", "--port", free_port(), *words]
         environment = os.environ | {"PYTHONWARNINGS": "ignore"}
         self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115  a pipe that nobody reads would fill up
         pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": self._errors, "text": True}

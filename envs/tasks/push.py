@@ -38,32 +38,26 @@ class Push(Manipulation):
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
         self._places = np.zeros((worlds, self.config.slots, 3))
-        self._slid = np.zeros((worlds, self.config.slots, 2))
-        self._sliding = np.zeros((worlds, 2))  # the referent
+        self.slid = np.zeros((worlds, self.config.slots, 2))
+        self.sliding = np.zeros((worlds, 2))  # the referent
 
     def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
         self._places[worlds] = state.objects[worlds]
-        self._slid[worlds] = 0.0
-        self._sliding[worlds] = 0.0
+        self.slid[worlds] = 0.0
+        self.sliding[worlds] = 0.0
 
     def step(self, state: State) -> Outcome:
         """Judge one control step of all worlds."""
-        self._slid = np.where(state.shown[..., None], (state.objects - self._places)[..., :2], 0.0)
-        self._sliding = self._slid[self._rows, state.referent]
+        self.slid = np.where(state.shown[..., None], (state.objects - self._places)[..., :2], 0.0)
+        self.sliding = self.slid[self._rows, state.referent]
         self._places[:] = state.objects
         return super().step(state)
 
     @property
-    def slid(self) -> Array:
-        """(N, K, 2) metres over the table that objects have slid in the last step."""
-        return self._slid
-
-    @property
     def memory(self) -> Array:
         """(N, 3) the share of `hold_steps` that the referent has lain at its target, and how it slides."""
-        lain = np.minimum(self._reached / self.config.hold_steps, 1.0)
-        sliding = np.clip(0.5 + self._sliding / (2 * FASTEST), 0.0, 1.0)
-        return np.concatenate((lain[:, None], sliding), axis=1)
+        sliding = np.clip(0.5 + self.sliding / (2 * FASTEST), 0.0, 1.0)
+        return np.concatenate((self._lain()[:, None], sliding), axis=1)
 
     def _fits(self, placed: Placed) -> bool:
         return self._has_room(placed) and clear_ways(placed)
@@ -92,8 +86,12 @@ class Push(Manipulation):
         return {
             "approach": np.where(self._there(state), 0.0, -to_go),
             "transport": -length(goal - place),
-            "rest": np.minimum(self._reached / self.config.hold_steps, 1.0),
+            "rest": self._lain(),
         }
+
+    def _lain(self) -> Array:
+        """(N,) the share of `hold_steps` that the referent has lain at its target."""
+        return np.minimum(self._reached / self.config.hold_steps, 1.0)
 
     def _to_go(self, offset: Array, way: Array) -> Array:
         """(N,) metres from offsets (N, 3) of the gripper to behind an object that is to go this way, (N, 3).

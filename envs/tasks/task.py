@@ -28,9 +28,14 @@ def loose(scene: Scene) -> Placed:
 
 
 class Task(ABC):
-    """N episodes at once. terms: the names of its reward terms, in their order."""
+    """N episodes at once.
+
+    terms: the names of its reward terms, in their order. slid: (N, K, 2) metres over the table that objects have slid
+    in the last step; only where the task `slides`.
+    """
 
     terms: tuple[str, ...]
+    slid: NDArray[np.float64]
     kind_names: tuple[str, ...] = ("none",)
     speaks = False  # are there words?
     grips = False  # is closing the gripper one more number of the action?
@@ -89,11 +94,6 @@ class Task(ABC):
     def memory(self) -> NDArray[np.float64]:
         """(N, M) in [0, 1]: what success depends on that cannot be seen; for critics."""
         return np.zeros((len(self._rows), 0))
-
-    @property
-    def slid(self) -> NDArray[np.float64]:
-        """(N, K, 2) metres over the table that objects have slid in the last step; only where the task `slides`."""
-        raise NotImplementedError
 
     def ways(self, state: State) -> NDArray[np.float64]:
         """(N, K) in [-1, 1]: how far each device has been operated; only where the task operates devices."""

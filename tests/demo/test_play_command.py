@@ -11,6 +11,7 @@ import imageio.v2 as imageio
 import pytest
 
 import play
+from benchmarks.visitor import free_port
 from conf.schema import ConfigError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -18,9 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture
 def port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return str(probe.getsockname()[1])
+    return free_port()
 
 
 def test_an_instruction_is_filmed_by_a_pretrained_policy(tmp_path, capsys):
