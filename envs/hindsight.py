@@ -20,10 +20,9 @@ from tensordict import TensorDict, TensorDictBase
 
 from envs.described import encoded
 from envs.judging import judge, weights
-from envs.observation import OBJECT_WIDTH, OFFSET, Bounds, clipped, in_bytes, offsets, seen_scene
+from envs.observation import COLUMNS, OBJECT_WIDTH, OFFSET, Bounds, clipped, in_bytes, offsets, seen_scene
 from envs.observe import asked
 from envs.tasks import NOTHING, Episode, State, Task
-from envs.tasks.ways import lying
 from envs.world import PARKED
 from language import LanguageError, Placed, Tokenizer
 
@@ -78,8 +77,6 @@ class Hindsight:
         moments.objects[:, slots] = rows[:, slots, :3] = places
         if self._task.moves:
             rows[:, slots, OFFSET] = offsets(moments.objects[:, slots], moments.gripper[:, None])
-        if self._task.slides:
-            rows[..., -1] = lying(moments, self._task.config.radius)
         target = episode.referent if episode.target is None else episode.target
         meant = {"referent": shown[episode.referent], "target": shown[target]}
         meant = {name: np.full(len(rows), slot) for name, slot in meant.items()}
@@ -117,7 +114,9 @@ class Hindsight:
         return [self._frames(tale, after, ends[: len(tale.frames)]) for tale, after, ends in each]
 
     def _seen(self, state: State) -> TensorDictBase:
-        return TensorDict(asked(self._task, state, self._bounds), [self._worlds])
+        columns = np.where(state.shown[..., None], self._task.seen(state), 0.0)
+        seen = asked(self._task, state, self._bounds) | {"columns": torch.from_numpy(columns)}
+        return TensorDict(seen, [self._worlds])
 
     def _side_by_side(self, tales: Sequence[State], span: int) -> list[State]:
         """Moment by moment, the tales as worlds. Those that are over stay as they are; the first fills up."""
@@ -147,8 +146,10 @@ class Hindsight:
         words = torch.from_numpy(encoded(self._tokenizer, episode).copy())
         sentence = torch.from_numpy(in_bytes(episode.sentence).copy())
         privileged = {"kind": torch.tensor(episode.kind).expand(count), "sentence": sentence.expand(count, -1)}
-        rows = clipped(tale.rows[:count].astype(np.float64), self._bounds.objects)
-        return seen.update({"objects": rows, "instruction": words.expand(count, -1), "privileged": privileged})
+        rows = tale.rows[:count].astype(np.float64)
+        rows[..., COLUMNS] = seen.pop("columns").numpy()
+        objects = clipped(rows, self._bounds.objects)
+        return seen.update({"objects": objects, "instruction": words.expand(count, -1), "privileged": privileged})
 
 
 def _a_step_later(ends: TensorDictBase) -> TensorDictBase:

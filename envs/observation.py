@@ -10,9 +10,9 @@ The observation, each with a leading N:
 | objects | (K, D) float32 | a row a slot: position (m), quaternion (x, y, z, w), RGBA (A of a target: 0.5), shape
 |   | | one-hot (where the task operates devices: of DEVICES, and of where their handles are), size (m), role (1:
 |   | | target); then, where the task moves objects, the offset from the gripper, within `NEAR` (m), and again within
-|   | | `CLOSE`: grasping and letting go are matters of a centimetre; then, where it pushes them, how far each has slid
-|   | | in the last step (x, y, within `FASTEST`, m), and whether it lies at a target, in [0, 1]; then, of devices, the
-|   | | unit vector to where each faces (x, y), and the share of its way that it has gone, in [-1, 1] |
+|   | | `CLOSE`: grasping and letting go are matters of a centimetre; then the task's own `columns`. Where it pushes
+|   | | objects, how far each has slid in the last step (x, y, within 3 cm), and whether it lies at a target, in [0, 1];
+|   | | of devices, the unit vector to where each faces (x, y), and the share of its way that it has gone, in [-1, 1] |
 | objects_mask | (K,) bool | which slots show an object |
 | objects_near | (K,) float32 | only where objects are moved: how near each one is that could be knocked against: 1 at
 |   | | the gripper, 0 from `NEAR` on, and for what cannot be |
@@ -45,7 +45,6 @@ from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 from envs.kinematics import Kinematics
 from envs.robot import RobotConfig
 from envs.tasks import Task
-from envs.tasks.ways import FASTEST
 from envs.workspace import WorkspaceConfig
 from language import COLORS, DEVICES, NOUNS, SEE_THROUGH, SHAPES, Scene, Tokenizer, color_name, color_table
 
@@ -54,9 +53,10 @@ NEAR, CLOSE = 0.2, 0.04  # metres in which one place is seen from another: finel
 FARTHEST = 3.0  # metres from the origin that a fingertip is looked for
 OBJECT_WIDTH = 3 + 4 + 4 + len(SHAPES) + 1 + 1
 OFFSET = slice(OBJECT_WIDTH, OBJECT_WIDTH + 6)  # where the offsets from the gripper are, if any
-FACING = slice(OBJECT_WIDTH + 6, OBJECT_WIDTH + 8)  # where devices face
+COLUMNS = slice(OFFSET.stop, None)  # where a task's own columns are, if any
+FACING = slice(OFFSET.stop, OFFSET.stop + 2)  # where devices face
 # A task is about shapes or about devices: each noun's column in the one-hot of its kind.
-_COLUMNS = np.array([(SHAPES if noun in SHAPES else DEVICES).index(noun) for noun in NOUNS])
+_ONE_HOT = np.array([(SHAPES if noun in SHAPES else DEVICES).index(noun) for noun in NOUNS])
 ATTRIBUTES = slice(7, OBJECT_WIDTH)  # what an object keeps all along: colour, shape, size, role
 
 
@@ -77,23 +77,17 @@ class Bounds:
         tip, tilt = np.full(3, FARTHEST), np.ones(3)
         self.gesture = _pair([-tip, -tilt, [0.0]], [tip, tilt, [1.0]])
         self.pointing = _pair([np.zeros(3)], [[np.pi, np.pi, 2 * FARTHEST]])
-        row = [low, -np.ones(4), np.zeros(rest), [0.0, 0.0]], [high, np.ones(4), np.ones(rest), [0.2, 1.0]]
+        least, most = [low, -np.ones(4), np.zeros(rest), [0.0, 0.0]], [high, np.ones(4), np.ones(rest), [0.2, 1.0]]
         if task.moves:
             offset = np.repeat((NEAR, CLOSE), 3)
-            for side, sign in ((row[0], -1), (row[1], 1)):
-                side.append(sign * offset)
-            if task.slides:
-                row[0].append(np.array([-FASTEST, -FASTEST, 0.0]))
-                row[1].append(np.array([FASTEST, FASTEST, 1.0]))
-            if task.operates:
-                row[0].append(-np.ones(3))
-                row[1].append(np.ones(3))
+            least += [-offset, [column.low for column in task.columns]]
+            most += [offset, [column.high for column in task.columns]]
             memory = task.memory[0]
             goal = (
                 [low, low, -offset, -offset, -offset, np.zeros(1), np.zeros_like(memory)],
                 [high, high, offset, offset, offset, np.ones(1), np.ones_like(memory)],
             )
-        self.objects, self.goal = _pair(*row), _pair(*goal)
+        self.objects, self.goal = _pair(least, most), _pair(*goal)
 
 
 def observation_spec(bounds: Bounds, worlds: int, task: Task, tokenizer: Tokenizer, actions: int) -> Composite:
@@ -133,7 +127,7 @@ def observation_spec(bounds: Bounds, worlds: int, task: Task, tokenizer: Tokeniz
 
 def attributes(scene: Scene) -> NDArray[np.float64]:
     """(K, OBJECT_WIDTH - 7) the lasting part of each object's row."""
-    shape = np.eye(len(SHAPES))[_COLUMNS[scene.nouns]]
+    shape = np.eye(len(SHAPES))[_ONE_HOT[scene.nouns]]
     colors = color_table()[scene.colors]
     colors[scene.targets, 3] = SEE_THROUGH
     return np.concatenate((colors, shape, scene.sizes[:, None], scene.targets[:, None]), axis=1)

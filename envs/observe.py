@@ -9,13 +9,11 @@ import torch
 from tensordict import TensorDict
 
 from envs.arrays import Arrays
-from envs.devices import facing
 from envs.gestures import Gestures
 from envs.grips import Grips
 from envs.kinematics import Array
 from envs.observation import NEAR, Bounds, clipped, offsets
 from envs.tasks import State, Task
-from envs.tasks.ways import lying
 
 
 def observe(arrays: Arrays, grips: Grips, gestures: Gestures, task: Task, bounds: Bounds) -> dict[str, Any]:
@@ -67,12 +65,8 @@ def _rows(arrays: Arrays, task: Task) -> Array:
     """(N, K, D)"""
     if not task.moves:
         return arrays.rows
-    rows = np.concatenate((arrays.rows, offsets(arrays.rows[..., :3], arrays.pose.position[:, None])), axis=2)
-    if task.slides:
-        return np.concatenate((rows, task.slid, lying(arrays.state, task.config.radius)[..., None]), axis=2)
-    if not task.operates:
-        return rows
-    return np.concatenate((rows, facing(arrays.state.turns), task.ways(arrays.state)[..., None]), axis=2)
+    offset = offsets(arrays.rows[..., :3], arrays.pose.position[:, None])
+    return np.concatenate((arrays.rows, offset, task.seen(arrays.state)), axis=2)
 
 
 def _goal(task: Task, state: State) -> Array:

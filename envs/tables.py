@@ -32,8 +32,6 @@ from language import DEVICES, SHAPES
 DEFAULTS = {"out": "docs/reference", "check": False}
 NOTE = "<!-- Written by `python -m envs.tables` from the specs: not to be edited. -->"
 COLUMNS = ["x", "y", "z (m)", "quaternion x", "y", "z", "w", "red", "green", "blue", "opacity"]
-SLIDING = ["slid x (m)", "slid y (m)", "lies at a target"]
-OPERATED = ["faces x", "faces y", "share of its way"]
 OFFSETS = [f"offset {axis} within {near} m" for near in (observation.NEAR, observation.CLOSE) for axis in "xyz"]
 PLACE, TURNED = ["gripper x", "y", "z (m)"], [f"rotation, {i}. column, {axis}" for i in (1, 2) for axis in "xyz"]
 ARM = {
@@ -135,12 +133,14 @@ def _tasks_page(tasks: dict[str, Specs], made: dict[tuple[str, str, str], Specs]
 def _object_rows(tasks: dict[str, Specs]) -> Rows:
     """Which columns there are; raises where the names are not as many as the spec's columns."""
     rows: list[list[Any]] = []
-    for some, kinds, more, title in (
-        ("nl_reach", SHAPES, [], "go to objects"),
-        ("nl_pick_and_place", SHAPES, OFFSETS, "move objects"),
-        ("nl_push", SHAPES, [*OFFSETS, *SLIDING], "push objects"),
-        ("press", DEVICES, [*OFFSETS, *OPERATED], "operate devices"),
+    for some, kinds, title in (
+        ("nl_reach", SHAPES, "go to objects"),
+        ("nl_pick_and_place", SHAPES, "move objects"),
+        ("nl_push", SHAPES, "push objects"),
+        ("press", DEVICES, "operate devices"),
     ):
+        task = TASKS[tasks[some].config.task.name]
+        more = [*OFFSETS, *(column.name for column in task.columns)] if task.moves else []
         named = [*COLUMNS, *kinds, "size (m)", "role (1: target)", *more]
         assert len(named) == tasks[some].observed["objects"].shape[-1], some
         rows.append([len(named), ", ".join(named), title])

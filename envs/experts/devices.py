@@ -10,6 +10,7 @@ from torch import Tensor
 
 from envs.devices import DEVICES, facing
 from envs.experts.base import OVER, Array, Expert, Slots, either
+from envs.tasks.operate import Operate
 from envs.tasks.ways import length
 from envs.workspace_env import WorkspaceEnv
 
@@ -29,8 +30,9 @@ class DeviceExpert(Expert):
     """Operates the referent, then keeps still."""
 
     def act(self, referent: Slots, target: Slots) -> Tensor:
-        state = self._env.state
-        way = self._env.task.ways(state)[self._rows, referent]
+        state, task = self._env.state, self._env.task
+        assert isinstance(task, Operate)
+        way = task.ways(state)[self._rows, referent]
         place, turn = self._place(referent), state.turns[self._rows, referent]
         done = np.abs(way) >= ENOUGH
         return self._env.towards(either(done, self._env.gripper, self._operate(place, turn, way)))

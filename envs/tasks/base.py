@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -210,6 +211,14 @@ class TaskConfig(Checked):
     def says(self) -> Split:
         """The split, with what it holds out. Raises LanguageError for one that has nothing to say."""
         return Split(self.split, self.held_out.held_out())
+
+
+class Column(NamedTuple):
+    """One number that is seen of each object: what it is, with its unit, and within what bounds it is seen."""
+
+    name: str
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,9 @@ class Manipulation(Named):
     def _allocate(self, worlds: int) -> None:
         slots = self.config.slots
         self._begun = np.zeros((worlds, slots, 3))  # where objects were as the episode began
-        self._last = np.zeros((worlds, 3))  # where the referent was a step ago
+        self._places = np.zeros((worlds, slots, 3))  # where objects were a step ago
+        self._moved = np.zeros((worlds, slots, 3))  # how they moved since
+        self._motion = np.zeros((worlds, 3))  # the referent
         self._still = np.zeros(worlds, np.int64)  # control steps that the referent has been at rest
         self._reached = np.zeros(worlds, np.int64)  # control steps that the goal has been reached
         self._before = {name: np.zeros(worlds) for name in self.potentials}
@@ -91,7 +93,8 @@ class Manipulation(Named):
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
         """Start these worlds' episodes anew, or go on with another referent."""
         self._begun[worlds] = state.objects[worlds]
-        self._last[worlds] = self._referent(state)[worlds]
+        self._places[worlds] = state.objects[worlds]
+        self._moved[worlds] = self._motion[worlds] = 0.0
         self._still[worlds] = self._reached[worlds] = 0
         self._begin(worlds, state)
         for name, values in self._potentials(state).items():
@@ -99,9 +102,10 @@ class Manipulation(Named):
 
     def step(self, state: State) -> Outcome:
         """Judge one control step of all worlds."""
-        place = self._referent(state)
-        self._still = np.where(length(place - self._last) < STILL, self._still + 1, 0)
-        self._last = place
+        self._moved = state.objects - self._places
+        self._motion = self._moved[self._rows, state.referent]
+        self._places[:] = state.objects
+        self._still = np.where(length(self._motion) < STILL, self._still + 1, 0)
         at_goal = self._at_goal(state)
         self._reached = np.where(at_goal, self._reached + 1, 0)
         success = self._reached >= self.config.hold_steps
@@ -116,7 +120,7 @@ class Manipulation(Named):
             "wrong_object": wrong_object,
             "wrong_target": wrong_target,
             "failed": failed,
-            "time": np.ones(len(place)),
+            "time": np.ones(len(self._rows)),
         }
         terms |= {name: ends[name].astype(np.float64) for name in self.ends}
         return Outcome(terms, success, wrong_object, at_goal, wrong_target, failed)

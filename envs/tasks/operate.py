@@ -11,8 +11,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError
-from envs.devices import DEVICES
-from envs.tasks.base import Array, Episode, State, TaskConfig
+from envs.devices import DEVICES, facing
+from envs.tasks.base import Array, Column, Episode, State, TaskConfig
 from envs.tasks.manipulation import Manipulation
 from envs.tasks.ways import length
 from human import Person
@@ -34,6 +34,7 @@ class Operate(Manipulation):
 
     noun: str
     operates = True
+    columns = (Column("faces x", -1.0, 1.0), Column("faces y", -1.0, 1.0), Column("share of its way", -1.0, 1.0))
     potentials = ("approach", "operate")
 
     def __init__(
@@ -71,7 +72,11 @@ class Operate(Manipulation):
     def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
         self._zero[worlds] = self._measure(state)[worlds]
 
+    def seen(self, state: State) -> Array:
+        return np.concatenate((facing(state.turns), self.ways(state)[..., None]), axis=2)
+
     def ways(self, state: State) -> Array:
+        """(N, K) in [-1, 1]: the share of its way that each device has gone."""
         gone = self._measure(state) - self._zero
         return np.clip(np.where(state.shown, gone / self._way, 0.0), -1.0, 1.0)
 

@@ -6,14 +6,15 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from envs.tasks.base import Array, Outcome, State
+from envs.tasks.base import Array, Column, State
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.ways import FASTEST, clear_ways, horizontal, length
+from envs.tasks.ways import clear_ways, horizontal, length, lying
 from language import Placed, Scene
 
 ROOM = 0.06  # metres from the border of where objects are put to those that are pushed: a gripper must get behind them
 BEHIND = 0.02  # metres from an object's side to the centre of a gripper that is about to push it
 NEAR = 0.05  # metres further away that a gripper begins, at most, and above the object's middle
+FASTEST = 0.03  # metres in a control step that objects are seen to slide
 LOST = 0.02  # metres beyond that border at which no gripper gets behind them any more
 SLACK = 0.04  # metres that a gripper may be further behind: an object slides on ahead of one that pushes it
 # How high a gripper is wanted that is so far beside the place behind: what it pushes is in its way there. Metres.
@@ -32,31 +33,20 @@ class Push(Manipulation):
 
     verb = "push"
     fails = True
-    slides = True
+    columns = (
+        Column("slid x (m)", -FASTEST, FASTEST),
+        Column("slid y (m)", -FASTEST, FASTEST),
+        Column("lies at a target", 0.0, 1.0),
+    )
     potentials = ("approach", "transport", "rest")
 
-    def _allocate(self, worlds: int) -> None:
-        super()._allocate(worlds)
-        self._places = np.zeros((worlds, self.config.slots, 3))
-        self.slid = np.zeros((worlds, self.config.slots, 2))
-        self.sliding = np.zeros((worlds, 2))  # the referent
-
-    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
-        self._places[worlds] = state.objects[worlds]
-        self.slid[worlds] = 0.0
-        self.sliding[worlds] = 0.0
-
-    def step(self, state: State) -> Outcome:
-        """Judge one control step of all worlds."""
-        self.slid = np.where(state.shown[..., None], (state.objects - self._places)[..., :2], 0.0)
-        self.sliding = self.slid[self._rows, state.referent]
-        self._places[:] = state.objects
-        return super().step(state)
+    def seen(self, state: State) -> Array:
+        return np.concatenate((self._moved[..., :2], lying(state, self.config.radius)[..., None]), axis=2)
 
     @property
     def memory(self) -> Array:
         """(N, 3) the share of `hold_steps` that the referent has lain at its target, and how it slides."""
-        sliding = np.clip(0.5 + self.sliding / (2 * FASTEST), 0.0, 1.0)
+        sliding = np.clip(0.5 + self._motion[:, :2] / (2 * FASTEST), 0.0, 1.0)
         return np.concatenate((self._lain()[:, None], sliding), axis=1)
 
     def _fits(self, placed: Placed) -> bool:

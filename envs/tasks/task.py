@@ -12,7 +12,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError, did_you_mean
-from envs.tasks.base import Episode, Outcome, State, TaskConfig, Turn
+from envs.tasks.base import Column, Episode, Outcome, State, TaskConfig, Turn
 from envs.tasks.layout import scatter
 from human import Gesture, Person, Unreachable
 from language import COLORS, NOUNS, SHAPES, Instruction, LanguageError, Placed, Scene, Wording, parse, say
@@ -30,12 +30,12 @@ def loose(scene: Scene) -> Placed:
 class Task(ABC):
     """N episodes at once.
 
-    terms: the names of its reward terms, in their order. slid: (N, K, 2) metres over the table that objects have slid
-    in the last step; only where the task `slides`.
+    terms: the names of its reward terms, in their order. columns: what is seen of each object besides its row and its
+    offset from the gripper, where the task `moves` any.
     """
 
     terms: tuple[str, ...]
-    slid: NDArray[np.float64]
+    columns: tuple[Column, ...] = ()
     kind_names: tuple[str, ...] = ("none",)
     speaks = False  # are there words?
     grips = False  # is closing the gripper one more number of the action?
@@ -43,7 +43,6 @@ class Task(ABC):
     lag = 0  # physics steps after its command that a gripper lets go
     moves = False  # is it about where objects are, rather than the gripper?
     places = False  # is there a target that the referent is to be brought to?
-    slides = False  # is it seen how objects slide, and which of them lie at a target?
     operates = False  # are its objects devices, whose handles they are known by?
     nouns: tuple[str, ...] = SHAPES  # what its objects can be
     stages = 1  # how many stages can be told apart, whatever is meant
@@ -95,9 +94,9 @@ class Task(ABC):
         """(N, M) in [0, 1]: what success depends on that cannot be seen; for critics."""
         return np.zeros((len(self._rows), 0))
 
-    def ways(self, state: State) -> NDArray[np.float64]:
-        """(N, K) in [-1, 1]: how far each device has been operated; only where the task operates devices."""
-        raise NotImplementedError
+    def seen(self, state: State) -> NDArray[np.float64]:
+        """(N, K, C) what its `columns` hold of each object that is shown, and anything of the others."""
+        return np.zeros((*state.shown.shape, 0))
 
     def retold(self, placed: Placed, moments: State, rng: Generator) -> Episode | None:
         """What an episode could have been asked to do, seeing what it did; None: nothing else than it was.

@@ -13,7 +13,6 @@ from language import Placed, Scene
 
 CLEAR = 0.08  # metres between other objects and the way that one takes over the table
 AIR = 0.15  # metres above the table that a held object begins at most
-FASTEST = 0.03  # metres in a control step that objects are seen to slide
 EDGE = 0.005  # metres about the border of a target in which an object lies there in part
 TRIES = 20  # to put a held object where no other one is
 

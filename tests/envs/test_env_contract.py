@@ -11,6 +11,8 @@ import torch
 from env_cases import FEWER, Poker, act, differences, hold, leaves, make, name_of, partial_reset
 from torchrl.envs.utils import check_env_specs
 
+from envs.observation import COLUMNS
+
 WORLDS = 3
 
 
@@ -168,6 +170,12 @@ def test_nothing_is_drawn_from_the_global_generators(env):
     assert differences(*ends) == []
 
 
+def own_columns(env, *names):
+    """Where those of the task's own columns are in the rows of objects that it has."""
+    own = [column.name for column in env.task.columns]
+    return [COLUMNS.start + own.index(name) for name in names if name in own]
+
+
 # What may never change; everything else must, over time and episodes.
 def constant_elements(env):
     task, joints = env.config.task, len(env.config.robot.joints)
@@ -175,7 +183,7 @@ def constant_elements(env):
     columns += [11, 12, 13] * (len(task.nouns) == 1)
     if env.task.operates:  # levers tilt, and wheels stay as high as they are
         columns += {"press": [3, 4], "turn": [2, 3, 4]}.get(task.name, [])
-    columns += [24] * env.task.slides  # who pokes at random brings nothing to a target: test_pushing.py does
+    columns += own_columns(env, "lies at a target")  # who pokes at random brings none there: test_pushing.py does
     rows = {f"objects[{k},{d}]" for k in range(task.slots) for d in columns}
     gripper = {f"robot[{2 * joints + 9}]"}  # fingers that grip nothing stay as they are
     mask = {f"objects_mask[{k}]" for k in range(task.slots)}
@@ -201,7 +209,7 @@ def test_every_element_of_the_observation_says_something(env, request):
         for place in np.argwhere((values == values[0]).all(0).numpy()).tolist():
             constant.add(f"{key}[{','.join(map(str, place))}]")
     allowed = constant_elements(env)
-    sliding = [22, 23] * env.task.slides
+    sliding = own_columns(env, "slid x (m)", "slid y (m)")
     for column in (*range(3, 7), *sliding):  # of how they are turned, and slide: enough if one does
         each = {f"objects[{slot},{column}]" for slot in range(env.config.task.slots)}
         constant -= each if each - constant else set()
