@@ -68,10 +68,10 @@ def algorithm(run: Run) -> str:
 
 
 def _panels(groups: Groups) -> dict[str, list[str]]:
-    """The losses of each algorithm that are a number at least once."""
+    """The losses of each algorithm that are a number, and not 0, at least once."""
     found: dict[str, dict[str, None]] = {}
     for run in (run for runs in groups.values() for run in runs):
-        names = [n for n in (run.rows[0] if run.rows else {}) if n.startswith("loss/") and len(binned(run, n)[0])]
+        names = [n for n in (run.rows[0] if run.rows else {}) if n.startswith("loss/") and binned(run, n)[1].any()]
         found.setdefault(algorithm(run), {}).update(dict.fromkeys(names))
     return {algo: list(names) for algo, names in found.items() if names}
 

@@ -31,16 +31,18 @@ def add_run(
     success: float | None = 0.9,
     wrong: float = 0.02,
     error: str | None = None,
+    loss: float = 1.0,
 ) -> Path:
     """A run evaluated every 100 frames, which took a second for 10 frames, and rows of training alone in between.
 
-    curve: success in each evaluation. success: of the final one; None where the run did not get there.
+    curve: success in each evaluation. success: of the final one; None where the run did not get there. loss: of the
+    critic, at first.
     """
     folder.mkdir(parents=True)
     (folder / "config.yaml").write_text(yaml.safe_dump(values))
     overrides = [f"{key}={values[key]}" for key in ("scenario", "seed") if key in values]
     (folder / "job.json").write_text(json.dumps({"overrides": overrides}))
-    (folder / "metrics.csv").write_text("\r\n".join(_lines(curve)) + "\r\n")
+    (folder / "metrics.csv").write_text("\r\n".join(_lines(curve, loss)) + "\r\n")
     if success is not None:
         interval = wilson(round(success * EPISODES), EPISODES)
         final = {"success_at_end": success, "ci95": interval, "episodes": EPISODES, "wrong_object": wrong}
@@ -50,10 +52,10 @@ def add_run(
     return folder
 
 
-def _lines(curve: Sequence[float]) -> list[str]:
+def _lines(curve: Sequence[float], loss: float) -> list[str]:
     """Success while exploring is 1 all along: a report that reads it is wrong."""
     lines = ["frames,train/success,loss/actor,loss/critic,eval/success_at_end,eval/mean_return,time/total"]
     for i, success in enumerate(curve, 1):
-        lines.append(f"{100 * i - 50},1.0,{0.1 / i},{1 / i},,,{10 * i - 5}")
-        lines.append(f"{100 * i},1.0,,{1 / i},{success},{10 * success - 2},{10 * i}")
+        lines.append(f"{100 * i - 50},1.0,{0.1 * loss / i},{loss / i},,,{10 * i - 5}")
+        lines.append(f"{100 * i},1.0,,{loss / i},{success},{10 * success - 2},{10 * i}")
     return lines

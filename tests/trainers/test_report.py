@@ -120,6 +120,14 @@ def test_curves_are_of_evaluation_episodes_never_of_exploring_ones(sweep):
     assert first.tolist() == [[100, 200, 300], [0.2, 0.6, 0.95]]
 
 
+def test_a_loss_that_is_zero_all_along_is_not_drawn(tmp_path):
+    for name, loss in (("none", 0.0), ("some", 1.0)):
+        add_run(tmp_path / name / "0_a", config(0), loss=loss)
+        write(tmp_path / name)
+    assert not (tmp_path / "none" / "losses.png").exists()
+    assert (tmp_path / "some" / "losses.png").exists()
+
+
 def test_the_main_tasks_have_a_picture_where_there_are_any(tmp_path):
     for number, task in enumerate(("nl_reach", "reach", "nl_reach_gesture")):
         add_run(tmp_path / f"{number}_a", config(0, task=task))
