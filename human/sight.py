@@ -177,4 +177,9 @@ class Frame:
 
     def outward(self, points: Array, directions: Array) -> tuple[Array, Array]:
         """Points and directions (..., 3) of the camera's frame in the workspace's."""
-        return points @ self.axes + self.place, directions @ self.axes
+        return _turned(points, self.axes) + self.place, _turned(directions, self.axes)
+
+
+def _turned(vectors: Array, axes: Array) -> Array:
+    """(..., 3) vectors @ axes (3, 3), of the same bits however many there are: on some processors BLAS gives others."""
+    return (vectors[..., None] * axes).sum(-2)
