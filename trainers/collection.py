@@ -121,7 +121,7 @@ class Watch:
 
     def _look(self) -> None:
         multiprocessing.connection.wait(self.sentinels)
-        if not self.ended.wait(GRACE):
+        while not self.ended.wait(GRACE):  # again, where TorchRL swallows it: as it waits for each acknowledgement
             signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR1)
 
     def _interrupt(self, *_: object) -> None:

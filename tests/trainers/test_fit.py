@@ -153,13 +153,16 @@ def test_two_workers_get_the_weights_and_one_killed_ends_the_run():
             os.kill(pid, 0)
 
 
-def test_a_worker_killed_before_it_takes_new_weights_ends_the_run_too():
+@pytest.mark.parametrize("count", [1, 2])
+def test_workers_killed_before_they_take_new_weights_end_the_run_too(monkeypatch, count):
+    monkeypatch.setattr("trainers.collection.GRACE", 1.0)
     env = make_env(4, 0)
     policy = build(plan().policy, env.observation_spec, env.action_unit)
     rollouts = Rollouts(make_env, policy, plan(overrides=("collector.workers=2",)).collector, 4, 0)
     try:
         rollouts.next()
-        os.kill(rollouts.processes[0].pid, signal.SIGKILL)
+        for process in rollouts.processes[:count]:
+            os.kill(process.pid, signal.SIGKILL)
         with pytest.raises(CollectionError, match="failed"):
             drain(rollouts, policy)
     finally:
