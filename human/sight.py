@@ -173,7 +173,7 @@ class Frame:
 
     def inward(self, points: Array, directions: Array) -> tuple[Array, Array]:
         """Points and directions (..., 3) of the workspace frame in the camera's."""
-        return (points - self.place) @ self.axes.T, directions @ self.axes.T
+        return _turned(points - self.place, self.axes.T), _turned(directions, self.axes.T)
 
     def outward(self, points: Array, directions: Array) -> tuple[Array, Array]:
         """Points and directions (..., 3) of the camera's frame in the workspace's."""

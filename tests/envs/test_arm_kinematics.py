@@ -118,7 +118,7 @@ def test_nearly_all_the_gripper_box_is_reached_pointing_as_at_rest(arm):
     chain, _, _, config = arm
     off, tilt = reached(chain, grid(*np.reshape(config.workspace.gripper_box, (3, 2)).T))
     # A kuka's elbow is at its limit high and near; a jaco is too short for the far upper corners.
-    # In a corner that is out of reach it is a matter of rounding, hence of the processor, in which posture it ends.
+    # There the solver swings to and fro without end, and where it is when it stops is a matter of rounding.
     assert np.quantile(off, 0.95) < 0.005
     assert np.quantile(off, 0.99) < 0.05
     assert off.max() < 0.15
