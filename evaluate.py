@@ -17,7 +17,8 @@
 
 Prints success with its 95 % Wilson interval, overall and by kind of instruction, and saves it as JSON. Where somebody
 points, also by angle to the nearest rival, number of objects, distance, and how far the ray strays, in the bins of
-`trainers.evaluation.BINS`, with a picture beside the JSON. For more numbers: task.min_objects=2 task.num_objects=8.
+`trainers.rollout.evaluation.BINS`, with a picture beside the JSON. For more objects: task.min_objects=2
+task.num_objects=8.
 """
 
 from __future__ import annotations
@@ -78,9 +79,9 @@ def main(arguments: list[str]) -> dict[str, Any]:
     """Evaluate, print, save. Raises ConfigError."""
     config, overrides = parse(arguments)
 
-    from trainers import checkpoint
-    from trainers.metrics import write_json
-    from trainers.plots import pointing_plot
+    from trainers.reports.plots import pointing_plot
+    from trainers.run import checkpoint
+    from trainers.run.metrics import write_json
 
     path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path)
@@ -111,13 +112,13 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
     """One evaluation with these overrides, and a film beside `film` where there is one."""
     cfg = apply(saved["config"], overrides)
 
-    from envs.by_hand import HandEnv
     from envs.config import read_env
+    from envs.interactive.by_hand import HandEnv
     from train import build_env
-    from trainers.build import fitted_policy
-    from trainers.collection import derive_seed
-    from trainers.evaluation import evaluate
-    from trainers.video import record
+    from trainers.algorithms.build import fitted_policy
+    from trainers.rollout.collection import derive_seed
+    from trainers.rollout.evaluation import evaluate
+    from trainers.rollout.video import record
 
     config_of_env = read_env(cfg).judged()
     make = partial(build_env, config_of_env)
@@ -148,7 +149,7 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
 def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
     """Who acts: the policy, the policy with other words, or the parser with a scripted arm."""
     from envs.experts import Oracle
-    from trainers.probes import Misheard
+    from trainers.rollout.instruction_ablations import Misheard
 
     if config.reader == "oracle":
         if not env.task.speaks:
@@ -161,9 +162,9 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
 
 def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
     """What came of the episodes in which a person at the window chose what is meant."""
-    from envs.by_hand import play
-    from human.quiet import quiet
-    from trainers.evaluation import wilson
+    from envs.interactive.by_hand import play
+    from human.suppress_stdout import quiet
+    from trainers.rollout.evaluation import wilson
 
     with quiet():  # Bullet's window talks as it is closed
         played = play(env, actor, episodes, *env.face())
@@ -182,8 +183,8 @@ def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
     """The share of objects that the arm goes to when each object of a scene is named in turn, all else the same."""
     import numpy as np
 
-    from trainers.evaluation import wilson
-    from trainers.probes import run_to_end
+    from trainers.rollout.evaluation import wilson
+    from trainers.rollout.instruction_ablations import run_to_end
 
     if not env.task.speaks:
         raise ConfigError(f"in_turn needs a task with words; {env.config.task.name} has none")
@@ -202,7 +203,7 @@ def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
 
 def describe(report: dict[str, Any], out: Path) -> str:
     """The result as a person reads it: overall, by kind of instruction, by what makes a gesture hard, and by split."""
-    from trainers.plots import bin_name
+    from trainers.reports.plots import bin_name
 
     lines = [_line(kind, part) for kind, part in report.get("by_kind", {}).items()]
     lines += [

@@ -67,8 +67,8 @@ def main(arguments: list[str]) -> None:
 def session(given: argparse.Namespace) -> Session:
     """The session that was asked for. Raises ConfigError."""
     from conf.arguments import split
-    from demo.casting import choose
     from demo.session import Session
+    from demo.session_config import choose
 
     own, others = split(given.overrides, OWN, "robot=panda")
     return Session(choose(**own, overrides=others), given.seed, given.gui)
@@ -76,7 +76,7 @@ def session(given: argparse.Namespace) -> Session:
 
 def show(given: argparse.Namespace) -> None:
     """PyBullet's window, until it is left. Raises ConfigError."""
-    from human.quiet import quiet
+    from human.suppress_stdout import quiet
 
     played = session(given)
     from demo.gui import Gui
@@ -95,7 +95,7 @@ def serve(given: argparse.Namespace) -> None:
     if find_spec("viser") is None or find_spec("trimesh") is None:
         raise ConfigError('the page needs viser, which is not installed: pip install -e ".[play]"')
     _check_address(given.host, given.port)
-    from demo.door import opened
+    from demo.splash_page import opened
 
     server = opened(given.host, given.port)
     print(f"http://{given.host}:{server.get_port()} (Ctrl-C ends it)", flush=True)
@@ -144,7 +144,7 @@ def _check_address(host: str, port: int) -> None:
 
 def film(given: argparse.Namespace) -> None:
     """One instruction, done and filmed. Raises ConfigError for words that are not understood."""
-    from demo.taping import Tape
+    from demo.video_recorder import Tape
 
     played = session(given)
     try:

@@ -82,11 +82,11 @@ def main(arguments: list[str]) -> None:
 
 def _record(config: RecordConfig, overrides: list[str]) -> None:
     from envs.workspace_env import WorkspaceEnv
-    from trainers.dataset import write
-    from trainers.evaluation import Interrupted
-    from trainers.fit import Stop
-    from trainers.needs import needed
-    from trainers.whole import refuse_existing
+    from trainers.datasets.dataset import write
+    from trainers.rollout.evaluation import Interrupted
+    from trainers.run.train_loop import Stop
+    from trainers.utils.atomic_io import refuse_existing
+    from trainers.utils.optional_imports import needed
 
     needed(*{"lerobot": ["pyarrow"], "minari": ["minari", "h5py"]}[config.format])
     saved, whole = _asked(config, overrides)
@@ -119,7 +119,7 @@ def _asked(config: RecordConfig, overrides: list[str]) -> tuple[dict[str, Any] |
     if config.checkpoint is None:
         check(overrides)
         return None, compose(overrides)
-    from trainers import checkpoint
+    from trainers.run import checkpoint
 
     saved = checkpoint.load(checkpoint.find(Path(config.checkpoint)))
     return saved, apply(saved["config"], overrides)
@@ -137,7 +137,7 @@ def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None
         from envs.experts import expert
 
         return expert(env)
-    from trainers.build import fitted_policy
+    from trainers.algorithms.build import fitted_policy
 
     return fitted_policy(saved, whole, env).act
 
@@ -166,7 +166,7 @@ def _gym(config: EnvConfig) -> Any:
     from gymnasium.envs.registration import EnvSpec
 
     from envs.config import read_env
-    from trainers.command import overrides
+    from trainers.sweeps.overrides_of import overrides
 
     words = overrides(asdict(config))
     try:
@@ -192,8 +192,8 @@ def _numbered(made: EnvConfig, config: RecordConfig) -> Path:
 def _replay(folder: Path, tolerance: float) -> None:
     """Raises ConfigError where an episode comes out otherwise than it was recorded."""
     from envs.workspace_env import WorkspaceEnv
-    from trainers.dataset import read
-    from trainers.replay import replay
+    from trainers.datasets.dataset import read
+    from trainers.datasets.verify_replay import replay
 
     about, episodes = read(folder)
     with closing(WorkspaceEnv(_judged(about["config"]), 1, 0)) as env:

@@ -14,7 +14,7 @@ import hydra
 
 from conf.overrides import apply, check, quoted
 from conf.schema import ConfigError, RunError
-from trainers.sweep import arguments
+from trainers.sweeps.sweep import arguments
 
 if TYPE_CHECKING:
     from envs.config import EnvConfig
@@ -38,9 +38,9 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
 
     env_config, plan = read_env(config), read_plan(config)
 
-    from trainers.build import find_device
-    from trainers.checkpoint import find
-    from trainers.fit import fit
+    from trainers.algorithms.build import find_device
+    from trainers.run.checkpoint import find
+    from trainers.run.train_loop import fit
 
     find_device(plan.run.device)
     plain: Any = OmegaConf.to_container(config, resolve=True)
@@ -60,7 +60,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
 
 def resumed(path: str, overrides: list[str]) -> tuple[Any, Path]:
     """The config and folder of the run to go on with, these overrides on top. Raises ConfigError."""
-    from trainers.checkpoint import find, load
+    from trainers.run.checkpoint import find, load
 
     file = find(Path(path))
     overrides = [word for word in overrides if not word.startswith("resume=")]
@@ -77,7 +77,7 @@ def main(config: Any) -> dict[str, Any] | None:
     job = HydraConfig.get()
     fresh = folder = Path(job.runtime.output_dir)
     if job.mode == RunMode.MULTIRUN:
-        from trainers.job import work
+        from trainers.sweeps.job import work
 
         work(Path(__file__), config, list(job.overrides.task), folder)
         return None

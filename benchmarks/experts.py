@@ -19,7 +19,7 @@ from conf.overrides import compose
 from envs import read_env
 from envs.experts import EXPERTS, Oracle, expert
 from envs.workspace_env import WorkspaceEnv
-from trainers.evaluation import evaluate
+from trainers.rollout.evaluation import evaluate
 
 ROOT = Path(__file__).resolve().parents[1]
 ROBOTS, CONTROLS = ("kuka", "panda", "jaco"), ("step", "absolute", "joints")

@@ -29,13 +29,13 @@ from conf.overrides import compose
 from envs import make_env, read_env
 from envs.config import EnvConfig
 from envs.experts import ReachExpert
-from envs.gestures import meet
+from envs.mdp.gestures import meet
 from envs.tasks import TASKS, Episode
-from envs.tasks.layout import scatter
+from envs.tasks.object_layout import scatter
 from envs.workspace_env import WorkspaceEnv
 from human import STYLES, Body, Person, Unreachable, beside, meant, pointed_object, posterior, visibility
 from language import parse
-from trainers.evaluation import wilson
+from trainers.rollout.evaluation import wilson
 
 Array = NDArray[np.float64]
 HEIGHT = 0.025  # metres above the table that the grid is pointed at: where a small object has its centre

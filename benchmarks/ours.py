@@ -19,11 +19,11 @@ import torch
 from conf.overrides import compose
 from envs import make_env, read_env
 from train import build_env
-from trainers.build import build_algorithm
-from trainers.collection import Rollouts
+from trainers.algorithms.build import build_algorithm
+from trainers.algorithms.sac import SAC
 from trainers.config import CollectorConfig, read_plan
-from trainers.fit import fit
-from trainers.sac import SAC
+from trainers.rollout.collection import Rollouts
+from trainers.run.train_loop import fit
 
 WORLDS = 16
 WARM_UP = 20  # control steps of each world before the clock starts

@@ -29,11 +29,11 @@ from PIL import Image
 from benchmarks.hostile import WRITERS
 from benchmarks.language import random_scene
 from benchmarks.visitor import CHROMIUM, PATIENCE, WIDE, Served, Visitor, browsing
-from demo.casting import choose
 from demo.loop import Loop
 from demo.session import Session
-from trainers.evaluation import wilson
-from trainers.machine import machine
+from demo.session_config import choose
+from trainers.rollout.evaluation import wilson
+from trainers.utils.system_info import machine
 
 MOVED = 0.001  # metres
 SETTLED = 1.0  # seconds that a browser without a graphics card may take to draw a step

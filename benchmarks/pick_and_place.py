@@ -33,8 +33,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from trainers.machine import machine
-from trainers.metrics import Metrics, read_metrics, write_json
+from trainers.run.metrics import Metrics, read_metrics, write_json
+from trainers.utils.system_info import machine
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULE = "benchmarks.pick_and_place"

@@ -12,8 +12,8 @@ import trimesh
 import viser
 from numpy.typing import ArrayLike, NDArray
 
-from envs.looks import Look
-from envs.stage import Stage
+from envs.interactive.interactive_env import InteractiveEnv
+from envs.sim.visual_shapes import VisualShape
 
 Array = NDArray[np.float64]
 HIDDEN = -4.0  # metres: what lies deeper is parked, and not shown
@@ -35,9 +35,9 @@ class Drawing:
         self._scene: Any = server.scene
         self._clicked, self._dragged = clicked, dragged
         self._scene.set_up_direction("+z")
-        self._stage: Stage | None = None
+        self._stage: InteractiveEnv | None = None
 
-    def stand(self, stage: Stage) -> None:
+    def stand(self, stage: InteractiveEnv) -> None:
         """Show this world from now on."""
         self._scene.reset()
         self._scene.configure_default_lights(cast_shadow=False)  # without a graphics card they take most of the time
@@ -122,7 +122,7 @@ class Drawing:
             f"/halo/{name}", ring.vertices, ring.faces, color=color, visible=False, cast_shadow=False
         )
 
-    def _add(self, number: int, shape: Look) -> Any:
+    def _add(self, number: int, shape: VisualShape) -> Any:
         name = f"/{shape.body}/{shape.link + 1}/{number}"
         x, y, z, w = shape.quaternion
         place = {"position": shape.position, "wxyz": (w, x, y, z)}
@@ -163,12 +163,12 @@ def _put(node: Any, place: Array | None) -> None:
         node.position = (place[0], place[1], 0.003)
 
 
-def _rgb(shape: Look) -> tuple[int, int, int]:
+def _rgb(shape: VisualShape) -> tuple[int, int, int]:
     red, green, blue = (round(255 * share) for share in shape.rgba[:3])
     return red, green, blue
 
 
-def _opacity(shape: Look) -> float | None:
+def _opacity(shape: VisualShape) -> float | None:
     return None if shape.rgba[3] >= 1 else max(shape.rgba[3], 0.05)
 
 

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from demo.casting import DRIVERS
 from demo.loop import PLAIN
 from demo.session import Session
+from demo.session_config import DRIVERS
 from human import Keys, View
 from human.by_hand import direction
 from human.window import CLOSED, MOVES

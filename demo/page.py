@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from conf.overrides import groups
-from demo import words
-from demo.casting import DRIVERS, Choice, pretrained
+from demo import html as words
 from demo.drawing import Drawing
 from demo.loop import Loop
 from demo.session import Session
-from demo.taping import Tape
+from demo.session_config import DRIVERS, Choice, pretrained
+from demo.video_recorder import Tape
 
 Array = NDArray[np.float64]
 AUTO = "the one that fits"

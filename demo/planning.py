@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from envs.stage import Stage
+from envs.interactive.interactive_env import InteractiveEnv
 from language import (
     KINDS,
     TASKS,
@@ -34,7 +34,7 @@ class Job:
 class Planner:
     """What the task of this stage can do. verb: the task of the language that it is, with `doing` in words."""
 
-    def __init__(self, stage: Stage, rng: np.random.Generator) -> None:
+    def __init__(self, stage: InteractiveEnv, rng: np.random.Generator) -> None:
         self._stage, self._rng, self._task = stage, rng, stage.config.task
         self._describer = Describer(tuple(self._task.kinds) or KINDS)
         self.verb: str = getattr(stage.task, "verb", "reach")

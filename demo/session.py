@@ -13,14 +13,14 @@ from tensordict import TensorDictBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from conf.schema import ConfigError
-from demo.casting import Cast, Choice, cast
+from demo.dialogue import Heard, Talk
 from demo.planning import Job, Planner, all_called
-from demo.show import Show
-from demo.talk import Heard, Talk
+from demo.session_config import Cast, Choice, cast
+from demo.view_state import Show
 from envs.experts import expert
 from human import NothingPointedAt, Unreachable, meant, named, posterior
 from language import Instruction, LanguageError, ObjectPhrase, Scene
-from trainers.video import outcome
+from trainers.rollout.video import outcome
 
 Array = NDArray[np.float64]
 Actor = Callable[[TensorDictBase], TensorDictBase]

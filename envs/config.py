@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from conf.overrides import check, compose
 from conf.schema import ConfigError, did_you_mean, read
-from envs.controls import ControlConfig
-from envs.gripper import GripperConfig
-from envs.robot import RobotConfig, urdf_path
+from envs.mdp.controls import ControlConfig
+from envs.sim.gripper import GripperConfig
+from envs.sim.robot import RobotConfig, urdf_path
+from envs.sim.workspace import WorkspaceConfig
+from envs.sim.world import PhysicsConfig
 from envs.tasks import TASKS, CurriculumConfig, TaskConfig
-from envs.workspace import WorkspaceConfig
-from envs.world import PhysicsConfig
 from human import GestureConfig
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """WorkspaceEnv: N PyBullet worlds behind one TorchRL environment with batch_size [N].
 
-What it observes is told in `envs/observation.py`.
+What it observes is told in `envs/mdp/observation_spec.py`.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from conf.schema import ConfigError
-from envs.arrays import Arrays
 from envs.config import EnvConfig
-from envs.controls import CONTROLS
-from envs.described import described
-from envs.gestures import Gestures, meet, watch
-from envs.grips import UNIT, Grips
-from envs.hindsight import Hindsight
-from envs.judging import judge, weights
-from envs.observation import Bounds, observation_spec
-from envs.observe import observe
-from envs.robot import read_chain
-from envs.starts import Starts
+from envs.mdp.controls import CONTROLS
+from envs.mdp.gestures import Gestures, meet, watch
+from envs.mdp.grip_controller import UNIT, GripController
+from envs.mdp.initial_states import InitialStates
+from envs.mdp.observation_spec import Bounds, observation_spec
+from envs.mdp.observations import observe
+from envs.mdp.relabelling import Hindsight
+from envs.mdp.rewards import judge, weights
+from envs.mdp.scene_sampling import described
+from envs.mdp.world_state import WorldState
+from envs.sim.robot import read_chain
+from envs.sim.window import Window
+from envs.sim.world import World
 from envs.tasks import NOTHING, TASKS, Episode, State
-from envs.window import Window
-from envs.world import World
 from language import SHAPES, Tokenizer
 
 PRESS = 0.005  # metres that a magnet may go below the top of an object on the table
@@ -79,12 +79,12 @@ class WorkspaceEnv(EnvBase):
         speed = np.array(config.robot.max_speed) * period
         guarded, turns = gripper == "magnet", self.task.turns
         self.control = CONTROLS[config.control.name](config.control, self.chain, speed, box, guarded, turns)
-        self._starts = Starts(self.chain, box) if task.curriculum.share > 0 else None
-        self._arrays = Arrays(self._worlds, config.robot, self.chain, task.slots, self.tokenizer)
+        self._starts = InitialStates(self.chain, box) if task.curriculum.share > 0 else None
+        self._arrays = WorldState(self._worlds, config.robot, self.chain, task.slots, self.tokenizer)
         self._state = self._arrays.state
         kind, size = gripper if self.task.grips else None, task.object_size
         apart = not self.task.moves
-        self._grips = Grips(kind, config.robot, size, self._worlds, self._state, self.task.lag, apart)
+        self._grips = GripController(kind, config.robot, size, self._worlds, self._state, self.task.lag, apart)
         self._weights = weights(self.task)
         self._gestures = Gestures(config.gesture, self._worlds, watch(config.workspace, config.gesture))
         self._bounds = Bounds(config.workspace, config.robot, self.chain, self.task)

@@ -8,7 +8,7 @@ from human.arm import Arm, Unreachable
 from human.body import Body, read_arm
 from human.by_hand import Hand, Keys, ScriptedKeys, View, Written, choose
 from human.config import SOURCES, STYLES, Camera, GestureConfig, HumanConfig
-from human.meaning import meant, named
+from human.fusion import meant, named
 from human.person import Gesture, Person
 from human.pointing import (
     Beside,

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from conf.schema import did_you_mean
-from human.chain import Array, Chain, Point
 from human.config import STYLES
+from human.pointing_ik import Array, Chain, Point
 
 TIP = "r_index3_endeffector"
 REARS = dict(zip(STYLES, ("r_index2", "r_hand", "eyes"), strict=True))  # where each style's line starts

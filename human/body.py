@@ -14,10 +14,10 @@ import numpy as np
 
 from conf.schema import ConfigError, did_you_mean
 from human.arm import REARS, TIP, Arm, Build, line, rear
-from human.chain import Array, Chain, Point
 from human.config import HumanConfig
 from human.model import Proportions, write
-from human.quiet import quiet
+from human.pointing_ik import Array, Chain, Point
+from human.suppress_stdout import quiet
 
 with quiet():
     import pybullet as bullet

@@ -35,11 +35,11 @@ from conf.overrides import check, compose
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 from human.arm import Unreachable
 from human.config import HumanConfig
+from human.person_camera import Block, Sight, camera_of
 from human.pointing import Array, NothingPointedAt, pointed_object
-from human.practice import Frames, Studio
-from human.reader import Network, Reader, save
-from human.sight import Block, Sight, camera_of
-from human.teaching import errors, fit
+from human.ray_reader import Network, Reader, save
+from human.synthetic_frames import Frames, Studio
+from human.train_reader import errors, fit
 
 TRIALS = 8  # bodies, and 100 times as many frames, that are not learned from
 TRIES = 1000

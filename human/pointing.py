@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
-from human.chain import Array
+from human.pointing_ik import Array
 
 WIDEST = np.deg2rad(45)  # nobody who points that far beside a thing means it
 HIDDEN = 0.1  # how likely a thing is meant that the person doesn't see, beside one in plain sight

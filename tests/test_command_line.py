@@ -18,9 +18,9 @@ import evaluate
 import train
 from conf.overrides import compose
 from conf.schema import ConfigError
-from tests.processes import left_over, living
-from tests.tiny_run import TINY
-from trainers.metrics import read_metrics
+from tests.helpers.processes import left_over, living
+from tests.helpers.tiny_run import TINY
+from trainers.run.metrics import read_metrics
 
 ROOT = Path(train.__file__).parent
 SHORT = [
@@ -84,9 +84,9 @@ def test_without_the_words_a_trained_policy_falls_to_chance(trained):
 
 def restored(folder: Path):
     from envs import read_env
-    from trainers import checkpoint
-    from trainers.build import restore_policy
+    from trainers.algorithms.build import restore_policy
     from trainers.config import read_plan
+    from trainers.run import checkpoint
 
     saved = checkpoint.load(checkpoint.find(folder))
     env = train.build_env(read_env(saved["config"]), 40, 77)

@@ -59,7 +59,7 @@ def test_what_is_shortened_still_composes():
 
 
 def test_only_what_is_asked_for_is_made_before():
-    sweep = preparations([Command("here", "python -m trainers.report <sweep dir>")])
+    sweep = preparations([Command("here", "python -m trainers.reports.report <sweep dir>")])
     assert [command.line.rpartition("=")[2] for command in sweep] == ["prepared/sweep"]
     replay = preparations([Command("here", "python -m trainers.record replay=<dataset dir>")])
     assert [command.line.rpartition("=")[2] for command in replay] == ["prepared/nl_reach", "prepared/dataset"]

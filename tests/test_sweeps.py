@@ -14,11 +14,11 @@ import pytest
 
 import train
 from conf.schema import ConfigError
-from tests.processes import left_over
-from trainers import checkpoint
-from trainers.job import find_place, shared, told
-from trainers.metrics import read_metrics
-from trainers.sweep import arguments
+from tests.helpers.processes import left_over
+from trainers.run import checkpoint
+from trainers.run.metrics import read_metrics
+from trainers.sweeps.job import find_place, shared, told
+from trainers.sweeps.sweep import arguments
 
 ROOT = Path(train.__file__).parent
 TINY = [
@@ -213,7 +213,7 @@ def test_a_job_collects_on_its_share_of_the_cores(cores, jobs, workers, monkeypa
     from conf.overrides import compose
 
     monkeypatch.setattr("trainers.config.cores", lambda: cores)
-    monkeypatch.setattr("trainers.job.cores", lambda: cores)
+    monkeypatch.setattr("trainers.sweeps.job.cores", lambda: cores)
     assert shared(compose([f"sweep.jobs={jobs}"])) == [f"collector.workers={workers}"]
     assert shared(compose([f"sweep.jobs={jobs}", "collector.workers=4"])) == []
     asked = ["collector.workers=4", "update_threads=0"]

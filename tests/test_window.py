@@ -18,7 +18,7 @@ SLOW = 90  # seconds that a busy machine may need for the next thing to happen; 
 PROGRAM = """
 from conf.overrides import compose
 from envs import read_env
-from envs.by_hand import HandEnv, play
+from envs.interactive.by_hand import HandEnv, play
 from envs.experts import Oracle
 from human.window import WindowView
 

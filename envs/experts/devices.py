@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from envs.devices import DEVICES, facing
 from envs.experts.base import OVER, Array, Expert, Slots, either
+from envs.sim.devices import DEVICES, facing
+from envs.tasks.geometry import length
 from envs.tasks.operate import Operate
-from envs.tasks.ways import length
 from envs.workspace_env import WorkspaceEnv
 
 ABOVE = 0.13  # metres above the table at which a gripper travels: over every device

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
-from envs.experts.known import expert
-from envs.observation import seen_scene
+from envs.experts.registry import expert
+from envs.mdp.observation_spec import seen_scene
 from envs.workspace_env import WorkspaceEnv
 from human import NothingPointedAt, meant, named, posterior, visibility
 from language import Scene, parse

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from envs.experts.base import Array, Slots, either
 from envs.experts.push import FREE, Pusher
-from envs.tasks.ways import length
+from envs.tasks.geometry import length
 from envs.workspace_env import WorkspaceEnv
 
 FAR = 0.028  # metres that it pushes

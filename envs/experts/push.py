@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from envs.experts.base import HOVER, UP, Array, Expert, Slots, either
-from envs.tasks.ways import horizontal, length
+from envs.tasks.geometry import horizontal, length
 from envs.workspace_env import WorkspaceEnv
 
 TOOL = 0.025  # metres from the gripper's centre to the side that pushes

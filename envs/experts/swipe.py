@@ -7,7 +7,7 @@ from torch import Tensor
 
 from envs.experts.base import HOVER, UP, Slots, either
 from envs.experts.place import GRASP, THERE, Fetch
-from envs.tasks.ways import length
+from envs.tasks.geometry import length
 
 STEP = 0.02  # metres in a control step: slower than it could, so that it keeps to the line
 

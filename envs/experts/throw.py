@@ -10,8 +10,8 @@ from torch import Tensor
 
 from envs.experts.base import Array, Slots, either
 from envs.experts.place import Fetch
+from envs.tasks.geometry import length
 from envs.tasks.throw import LANDED, SHORT
-from envs.tasks.ways import length
 from envs.workspace_env import WorkspaceEnv
 
 AT = 0.02  # metres from there that count as there

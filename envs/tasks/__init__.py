@@ -1,6 +1,6 @@
 """The tasks, by the name that their YAML gives."""
 
-from envs.tasks.base import NOTHING, CurriculumConfig, Episode, Outcome, State, TaskConfig, Turn
+from envs.tasks.base import Task
 from envs.tasks.grasp import Grasp
 from envs.tasks.lift import Lift
 from envs.tasks.nl_reach import NLReach
@@ -14,9 +14,9 @@ from envs.tasks.reach import Reach
 from envs.tasks.reach_gesture import ReachGesture
 from envs.tasks.swipe import Swipe
 from envs.tasks.switch import SwitchLever
-from envs.tasks.task import Task
 from envs.tasks.throw import Throw
 from envs.tasks.turn import TurnWheel
+from envs.tasks.types import NOTHING, CurriculumConfig, Episode, GestureSwitch, Outcome, State, TaskConfig
 
 TASKS: dict[str, type[Task]] = {
     "reach": Reach,
@@ -43,6 +43,7 @@ __all__ = [
     "TASKS",
     "CurriculumConfig",
     "Episode",
+    "GestureSwitch",
     "Grasp",
     "Lift",
     "NLReach",

@@ -1,291 +1,209 @@
-"""What every task has in common: what it declares, what an episode starts from, what a step means."""
+"""What every task does alike: it draws episodes, with their words and fingers, and judges control steps."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
-from conf.schema import Checked, ConfigError, one_of, within
-from human import Gesture
-from language import (
-    DEVICES,
-    KINDS,
-    NOUNS,
-    SHAPES,
-    SPLITS,
-    VIEWPOINTS,
-    HeldOut,
-    LanguageError,
-    Layout,
-    ObjectSpec,
-    Scene,
-    Split,
-    from_lists,
-)
+from conf.schema import ConfigError, did_you_mean
+from envs.tasks.object_layout import scatter
+from envs.tasks.types import Column, Episode, GestureSwitch, Outcome, State, TaskConfig
+from human import Gesture, Person, Unreachable
+from language import COLORS, NOUNS, SHAPES, Instruction, LanguageError, Placed, Scene, Wording, parse, say
 
-Array = NDArray[np.float64]
-SLOTS = 8  # at most
-NOTHING = -1  # the slot of what an empty gripper holds
+T = TypeVar("T")
+TRIES = 200
+TURNS = (4, 16)  # control steps before which a finger that moves on does so
 
 
-@dataclass(frozen=True, kw_only=True)
-class ObjectConfig(Checked):
-    """One object that a task lists, as in `ObjectSpec`; area in metres. A noun or color left out is drawn."""
-
-    noun: str | None = None
-    color: str | None = None
-    area: list[float]  # x0, x1, y0, y1, z0, z1 of its centre
-    fixed: bool = False
-    random_rotation: bool = False
-    role: str | None = None  # left out: "real" for an init, "target" for a goal
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.noun in DEVICES:
-            raise ConfigError(f"noun={self.noun} cannot be listed: choose from {', '.join(SHAPES)}; devices are drawn")
-        try:
-            self.spec(0.05, "real")
-        except LanguageError as error:
-            raise ConfigError(str(error)) from None
-
-    def spec(self, size: float, role: str) -> ObjectSpec:
-        """The same, `size` metres wide, in this role where it names none."""
-        role = self.role or role
-        return ObjectSpec(self.noun, self.color, self.area, size, self.fixed, self.random_rotation, role)
+def loose(scene: Scene) -> Placed:
+    """The scene with nothing turned or held in place."""
+    return Placed(scene, np.zeros(len(scene)), np.zeros(len(scene), bool))
 
 
-@dataclass(frozen=True, kw_only=True)
-class ObjectsConfig(Checked):
-    """The objects that stand in every episode: init may be brought to goal. None listed: the task draws its own."""
+class Task(ABC):
+    """N episodes at once.
 
-    init: list[ObjectConfig]
-    goal: list[ObjectConfig]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if len(self) > SLOTS:
-            raise ConfigError(f"init and goal list {len(self)} objects: at most {SLOTS} can be shown")
-        self.layout(0.05)
-
-    def __len__(self) -> int:
-        return len(self.init) + len(self.goal)
-
-    def layout(self, size: float) -> Layout | None:
-        """The listed objects, each `size` metres wide, init first; None where none is listed. Raises ConfigError."""
-        if not len(self):
-            return None
-        try:
-            return from_lists(
-                [each.spec(size, "real") for each in self.init], [each.spec(size, "target") for each in self.goal]
-            )
-        except LanguageError as error:
-            raise ConfigError(f"init: {error}") from None
-
-    def check(self, bounds: Sequence[float]) -> None:
-        """Raises ConfigError for an area that reaches out of bounds (x0, x1, y0, y1, z0, z1), metres."""
-        low, high = np.reshape(bounds, (3, 2)).T
-        for name, listed in (("init", self.init), ("goal", self.goal)):
-            for index, each in enumerate(listed):
-                area = np.reshape(each.area, (3, 2))
-                if (area < low[:, None]).any() or (area > high[:, None]).any():
-                    raise ConfigError(
-                        f"task.objects.{name}.{index}.area={each.area} must lie in workspace.bounds={list(bounds)}"
-                    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class HeldOutConfig(Checked):
-    """What training never says, as in `language.HeldOut`."""
-
-    color_noun: list[list[str]]
-    relation_noun: list[list[str]]
-    phrases: list[str]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.held_out()
-
-    def held_out(self) -> HeldOut:
-        """The same, as the language knows it. Raises ConfigError."""
-        for name in ("color_noun", "relation_noun"):
-            for pair in getattr(self, name):
-                if len(pair) != 2:
-                    raise ConfigError(f"{name}={pair} must be pairs, like [red, cube] or [left of, cube]")
-        pairs = {name: tuple((a, b) for a, b in getattr(self, name)) for name in ("color_noun", "relation_noun")}
-        try:
-            return HeldOut(**pairs, phrases=tuple(self.phrases))
-        except LanguageError as error:
-            raise ConfigError(str(error)) from None
-
-
-@dataclass(frozen=True, kw_only=True)
-class CurriculumConfig(Checked):
-    """Shares of training episodes that begin nearer to their end; judged ones never do."""
-
-    near: float = within(0, 1)  # the gripper is just over the object
-    held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
-    placed: float = within(0, 1)  # the gripper has just let go of the object at its target
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.share > 1:
-            raise ConfigError(f"near={self.near}, held={self.held} and placed={self.placed} must come to 1 at most")
-
-    @property
-    def share(self) -> float:
-        """Of all three."""
-        return self.near + self.held + self.placed
-
-
-@dataclass(frozen=True, kw_only=True)
-class TaskConfig(Checked):
-    """Lengths in metres, angles in radians, steps in control steps.
-
-    Where objects are listed, num_objects and min_objects are as many, whatever was given for them, and num_targets 0.
+    terms: the names of its reward terms, in their order. columns: what is seen of each object besides its row and its
+    offset from the gripper, where the task `moves` any.
     """
 
-    name: str
-    objects: ObjectsConfig
-    num_objects: int = within(1, SLOTS)
-    min_objects: int = within(1, SLOTS)  # an episode shows this many to num_objects
-    num_targets: int = within(0, SLOTS)  # see-through places, beside the objects
-    nouns: list[str] = one_of(*NOUNS)  # what objects are drawn as
-    kinds: list[str] = one_of(*KINDS)  # of sentences; none: no words
-    viewpoint: str = one_of(*VIEWPOINTS)  # whose left is left
-    split: str = one_of(*SPLITS)  # what of all that can be said is said
-    held_out: HeldOutConfig
-    varied: bool  # said in all the words there are, not in our own alone
-    rephrased: bool  # the policy reads each sentence in our own words, after the parser
-    radius: float = within(0.001, 1)
-    hold_steps: int = within(1, 1000)
-    max_steps: int = within(1, 100_000)
-    object_size: float = within(0.01, 0.2)
-    spacing: float = within(0, 1)  # between the centres of two objects, at reset
-    reset_noise: float = within(0, 1)
-    curriculum: CurriculumConfig
-    reward: dict[str, float | None] = within(-1000, 1000)  # the weight of each named term; null: there is no such term
+    terms: tuple[str, ...]
+    columns: tuple[Column, ...] = ()
+    kind_names: tuple[str, ...] = ("none",)
+    speaks = False  # are there words?
+    grips = False  # is closing the gripper one more number of the action?
+    turns = False  # is turning the gripper about the vertical one as well?
+    lag = 0  # physics steps after its command that a gripper lets go
+    moves = False  # is it about where objects are, rather than the gripper?
+    places = False  # is there a target that the referent is to be brought to?
+    operates = False  # are its objects devices, whose handles they are known by?
+    nouns: tuple[str, ...] = SHAPES  # what its objects can be
+    stages = 1  # how many stages can be told apart, whatever is meant
 
-    def __post_init__(self) -> None:
-        if len(self.objects):
-            object.__setattr__(self, "num_objects", len(self.objects))
-            object.__setattr__(self, "min_objects", len(self.objects))
-            object.__setattr__(self, "num_targets", 0)
-        super().__post_init__()
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        for name in config.weights:
+            if name not in self.terms:
+                raise ConfigError(f"task.reward.{name} is not a known term" + did_you_mean(name, self.terms))
+        if not config.kinds and config.num_objects > 1 and person is None:
+            raise ConfigError(
+                f"task.num_objects={config.num_objects} must be 1 in a task without words, "
+                "or nothing would tell which object is meant; try task=nl_reach or task=reach_gesture"
+            )
+        if person is not None and person.config.switch and type(self)._elsewhere is Task._elsewhere:
+            raise ConfigError(
+                f"gesture.switch={person.config.switch} needs words that fit another object as well, and those of "
+                f"task.name={config.name} do not; take reach_gesture or nl_reach_gesture"
+            )
+        if not set(config.nouns) <= set(self.nouns):
+            raise ConfigError(f"task.nouns={config.nouns} must be of {list(self.nouns)} in task.name={config.name}")
+        self.config, self._area, self._person = config, object_area, person
+        self._split = config.says()
+        self._wording = Wording(self._split) if config.varied or self._split.name == "test_paraphrase" else None
+        self._layout = config.objects.layout(config.object_size)
+        self._nouns = np.array([list(NOUNS).index(noun) for noun in config.nouns])
+        self._rows = np.arange(num_worlds)
+        self._allocate(num_worlds)
+
+    @abstractmethod
+    def _allocate(self, worlds: int) -> None:
+        """Make room for what is kept of each world from step to step."""
+
+    @abstractmethod
+    def reset(self, worlds: NDArray[np.int64], state: State) -> None:
+        """Start these worlds' episodes anew, or go on with another referent."""
+
+    @abstractmethod
+    def step(self, state: State) -> Outcome:
+        """Judge one control step of all worlds."""
+
+    def stage(self, state: State) -> NDArray[np.int64]:
+        """(N,) the stage that each world's episode is in; it tells nothing of what is meant."""
+        return np.zeros(len(self._rows), np.int64)
+
+    @property
+    def memory(self) -> NDArray[np.float64]:
+        """(N, M) in [0, 1]: what success depends on that cannot be seen; for critics."""
+        return np.zeros((len(self._rows), 0))
+
+    def seen(self, state: State) -> NDArray[np.float64]:
+        """(N, K, C) what its `columns` hold of each object that is shown, and anything of the others."""
+        return np.zeros((*state.shown.shape, 0))
+
+    def retold(self, placed: Placed, moments: State, rng: Generator) -> Episode | None:
+        """What an episode could have been asked to do, seeing what it did; None: nothing else than it was.
+
+        placed: its scene as it began. moments: the beginning and each control step after it in the place of worlds, and
+        the scene's K objects for slots. In the answer's scene targets alone may stand elsewhere: they touch nothing, so
+        all would have gone as it did. Raises LanguageError where that cannot be said.
+        """
+        return None
+
+    @property
+    def points(self) -> bool:
+        """Whether a person points at the referent."""
+        return self._person is not None
+
+    @property
+    def bodies(self) -> tuple[int, int, int]:
+        """How many objects an episode shows at most that are free, fixed, and see-through."""
+        if self._layout is None:
+            return self.config.num_objects, 0, self.config.num_targets
+        specs = self._layout.specs
+        targets = sum(spec.role == "target" for spec in specs)
+        fixed = sum(spec.role == "real" and spec.fixed for spec in specs)
+        return len(specs) - fixed - targets, fixed, targets
+
+    @property
+    def devices(self) -> tuple[str, ...]:
+        """The nouns of the devices that an episode shows at most."""
+        return ()
+
+    def draw(self, rng: Generator) -> Episode:
+        """A fresh episode for one world, with what the person shows in it. All chance comes from rng."""
+        return self._tried(lambda: self._pointed(self._draw(rng), rng))
+
+    def each_in_turn(self, rng: Generator) -> list[Episode]:
+        """One scene, and an episode for each of its objects that words or finger can tell from the others."""
+        return self._tried(lambda: self._each_in_turn(rng))
+
+    def _each_in_turn(self, rng: Generator) -> list[Episode]:
+        """The same, but raises Unreachable where the person cannot show one of them."""
+        return [self._pointed(self._draw(rng), rng)]
+
+    def _tried(self, draw: Callable[[], T]) -> T:
+        """What `draw` gives, once the person can show all that is in it."""
+        for _ in range(TRIES):
+            try:
+                return draw()
+            except Unreachable:
+                continue
+        area = list(self._area)
+        raise ConfigError(f"task.name={self.config.name}: the person cannot point into workspace.object_area={area}")
+
+    def _draw(self, rng: Generator) -> Episode:
+        """The scene, its referent and the words. Raises Unreachable where the person cannot show it."""
+        placed = self._placed(rng)
+        return self._episode(placed, referent=0, kind=0, sentence="")
+
+    def _pointed(self, episode: Episode, rng: Generator) -> Episode:
+        """The episode with a finger that shows the referent, and sometimes moves on to another."""
+        person = self._person
+        if person is None:
+            return episode
+        if episode.gesture is None:
+            episode = replace(episode, gesture=person.show(episode.scene.positions[episode.referent], rng))
+        assert episode.gesture is not None
+        if rng.random() >= person.config.switch or not episode.gesture.shown:
+            return episode
+        other, at = self._elsewhere(episode, rng), int(rng.integers(*TURNS))
+        return episode if other is None else replace(episode, turn=GestureSwitch(at, *other))
+
+    def _say(self, instruction: Instruction, rng: Generator) -> str:
+        """The instruction in our own words, or in drawn ones where the config wants those."""
+        if self._wording is None:
+            return say(instruction)
         try:
-            self.says()
+            return self._wording.say(instruction, rng)
         except LanguageError as error:
-            raise ConfigError(str(error)) from None
-        if not self.nouns:
-            raise ConfigError(f"nouns=[] must name at least one of {', '.join(NOUNS)}")
-        if self.slots > SLOTS:
-            raise ConfigError(
-                f"num_objects={self.num_objects} and num_targets={self.num_targets}: at most {SLOTS} can be shown"
-            )
-        if self.min_objects > self.num_objects:
-            raise ConfigError(f"min_objects={self.min_objects} must be at most num_objects={self.num_objects}")
-        if self.spacing < 2 * self.radius and self.slots > 1:
-            raise ConfigError(
-                f"spacing={self.spacing} must be at least {2 * self.radius:g}, twice the radius, "
-                "or the gripper could be at two objects at once"
-            )
-        if self.spacing < 1.5 * self.object_size and self.slots > 1:
-            raise ConfigError(
-                f"spacing={self.spacing} must be at least {1.5 * self.object_size:g}, 1.5 times the object_size, "
-                "or objects would stand in each other"
-            )
+            raise ConfigError(f"task.split={self.config.split}: {error}; hold out a template of reach") from None
 
-    @property
-    def weights(self) -> dict[str, float]:
-        """The reward terms that there are."""
-        return {name: weight for name, weight in self.reward.items() if weight is not None}
+    def _episode(
+        self, placed: Placed, referent: int, kind: int, sentence: str, gesture: Gesture | None = None
+    ) -> Episode:
+        """These objects, one of which is meant, with what the policy hears of the sentence."""
+        heard = say(parse(sentence)) if sentence and self.config.rephrased else None
+        return Episode(placed.scene, referent, kind, sentence, heard, placed.yaw, placed.fixed, gesture)
 
-    @property
-    def slots(self) -> int:
-        """How many objects and targets an episode shows at most."""
-        return self.num_objects + self.num_targets
+    def _elsewhere(self, episode: Episode, rng: Generator) -> tuple[int, Gesture] | None:
+        """Another object that the same words can mean, and how the person points at it; none: there is no other."""
+        return None
 
-    def says(self) -> Split:
-        """The split, with what it holds out. Raises LanguageError for one that has nothing to say."""
-        return Split(self.split, self.held_out.held_out())
+    def _placed(self, rng: Generator) -> Placed:
+        """The listed objects where there are any, else a scene of the task's own."""
+        if self._layout is None:
+            scene = self._scene(rng)
+            return loose(scene)
+        try:
+            return self._layout.draw(rng, self.config.spacing)
+        except LanguageError as error:
+            raise ConfigError(f"task.objects: {error}") from None
 
-
-class Column(NamedTuple):
-    """One number that is seen of each object: what it is, with its unit, and within what bounds it is seen."""
-
-    name: str
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Episode:
-    """What one world starts from, a scene of K objects. Only the first K slots are shown."""
-
-    scene: Scene  # its targets are see-through: they touch nothing, and stay where they are
-    referent: int  # slot of the object that is meant
-    kind: int  # index into the task's kind_names
-    sentence: str
-    heard: str | None = None  # what the policy reads; none: the sentence itself
-    yaw: Array | None = None  # (K,) radians; none: not turned
-    fixed: NDArray[np.bool_] | None = None  # (K,) objects that never move when touched; none: all move
-    gesture: Gesture | None = None  # how the person points at the referent; none: nobody points
-    turn: Turn | None = None  # the finger moves on in mid-episode; none: it stays
-    target: int | None = None  # slot of the target that the referent is to be brought to; none: to none
-    start: Start | None = None  # where the gripper begins; none: at rest
-
-
-@dataclass(frozen=True)
-class Start:
-    """The gripper begins at the referent. offset: (3,) metres from where it would hold it; held: it does so."""
-
-    offset: Array
-    held: bool
-
-
-@dataclass(frozen=True)
-class Turn:
-    """The finger moves on to another object. at: the control step before which it does; referent: its slot."""
-
-    at: int
-    referent: int
-    gesture: Gesture
-
-
-@dataclass
-class State:
-    """All worlds after a control step.
-
-    gripper: (N, 3) metres. objects: (N, K, 3) metres. shown: (N, K). referent: (N,) slots.
-    What follows is empty where a task moves nothing. target: (N,) slots. movable, targets: (N, K), what can be moved,
-    and what marks a place. turns: (N, K, 4) quaternions. held: (N,) slots, or -1.
-    """
-
-    gripper: Array
-    objects: Array
-    shown: NDArray[np.bool_]
-    referent: NDArray[np.int64]
-    target: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    movable: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))
-    targets: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))
-    turns: Array = field(default_factory=lambda: np.zeros((0, 0, 4)))
-    held: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a control step came to, each (N,). terms: unweighted reward terms by name.
-
-    wrong_target: the referent was brought to another target; None where a task knows none.
-    failed: success has become impossible in another way, and the episode ends; None where that cannot be.
-    """
-
-    terms: dict[str, Array]
-    success: NDArray[np.bool_]
-    wrong_object: NDArray[np.bool_]
-    at_goal: NDArray[np.bool_]
-    wrong_target: NDArray[np.bool_] | None = None
-    failed: NDArray[np.bool_] | None = None
+    def _scene(self, rng: Generator) -> Scene:
+        config = self.config
+        count = config.num_objects
+        if config.min_objects < count:
+            count = int(rng.integers(config.min_objects, count + 1))
+        count += config.num_targets
+        places = scatter(rng, count, self._area, config.spacing, config.object_size / 2)
+        nouns, colors = self._nouns[rng.integers(len(self._nouns), size=count)], rng.integers(len(COLORS), size=count)
+        targets = np.arange(count) >= count - config.num_targets
+        return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks.base import NOTHING, Array, State
+from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.ways import length
+from envs.tasks.types import NOTHING, Array, State
 
 
 class Grasp(Manipulation):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks.base import Array, State
 from envs.tasks.grasp import Grasp
+from envs.tasks.types import Array, State
 from language import LIFTED
 
 

@@ -11,10 +11,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError
-from envs.tasks.base import NOTHING, Array, Episode, Outcome, Start, State, TaskConfig
-from envs.tasks.hindsight import meant_by
-from envs.tasks.named import Named
-from envs.tasks.ways import length, lifted, put
+from envs.tasks.achieved_goal import meant_by
+from envs.tasks.geometry import length, lifted, put
+from envs.tasks.referring import Named
+from envs.tasks.types import NOTHING, Array, Episode, Outcome, Start, State, TaskConfig
 from human import Person
 from language import TASKS as VERBS
 from language import Instruction, Placed, Scene

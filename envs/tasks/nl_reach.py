@@ -8,9 +8,9 @@ import numpy as np
 from numpy.random import Generator
 
 from conf.schema import ConfigError
-from envs.tasks.base import Episode, State, TaskConfig
-from envs.tasks.named import Named
 from envs.tasks.reach import Reach
+from envs.tasks.referring import Named
+from envs.tasks.types import Episode, State, TaskConfig
 from human import Person
 from language import Placed
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.random import Generator
 
 from conf.schema import ConfigError, did_you_mean
-from envs.tasks.base import Episode, TaskConfig
-from envs.tasks.layout import groups
+from envs.tasks.base import loose
+from envs.tasks.object_layout import groups
 from envs.tasks.reach_gesture import ReachGesture
-from envs.tasks.task import loose
+from envs.tasks.types import Episode, TaskConfig
 from human import Gesture, Person, visibility
 from language import COLORS, NOUNS, SHAPES, Instruction, ObjectPhrase, Scene
 

@@ -11,10 +11,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError
-from envs.devices import DEVICES, facing
-from envs.tasks.base import Array, Column, Episode, State, TaskConfig
+from envs.sim.devices import DEVICES, facing
+from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.ways import length
+from envs.tasks.types import Array, Column, Episode, State, TaskConfig
 from human import Person
 from language import Placed
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks.base import NOTHING, Array, State
+from envs.tasks.geometry import funnel, length
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.ways import funnel, length
+from envs.tasks.types import NOTHING, Array, State
 
 LIFT = 0.02  # metres over the table that an object must be held once to count as picked up
 MOUTH = 0.02  # metres: a funnel's radius at its lower end

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks.base import NOTHING, Array, State
+from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
 from envs.tasks.pick_and_place import LIFT
-from envs.tasks.ways import length
+from envs.tasks.types import NOTHING, Array, State
 
 TURNED = math.radians(45)  # about the vertical
 UPRIGHT = 0.97  # cosine of the angle by which it may lean: 14 degrees

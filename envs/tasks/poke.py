@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks.base import Array, State
+from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.ways import length
+from envs.tasks.types import Array, State
 
 MOVED = 0.02  # metres at least that the object is displaced: more than an arm that brushes past it does
 PUSHED = 0.12  # ... and at most: further, and it has been pushed

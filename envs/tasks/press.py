@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from envs.tasks.base import Array, State
 from envs.tasks.operate import Operate
+from envs.tasks.types import Array, State
 
 
 class PressButton(Operate):

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from envs.tasks.base import Array, Column, State
+from envs.tasks.geometry import clear_ways, horizontal, length, lying
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.ways import clear_ways, horizontal, length, lying
+from envs.tasks.types import Array, Column, State
 from language import Placed, Scene
 
 ROOM = 0.06  # metres from the border of where objects are put to those that are pushed: a gripper must get behind them

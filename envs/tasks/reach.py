@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks.base import Array, Outcome, State
-from envs.tasks.task import Task
+from envs.tasks.base import Task
+from envs.tasks.types import Array, Outcome, State
 
 
 class Reach(Task):

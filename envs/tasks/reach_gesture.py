@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from numpy.random import Generator
 
 from conf.schema import ConfigError
-from envs.tasks.base import Episode, TaskConfig
+from envs.tasks.base import TRIES
 from envs.tasks.reach import Reach
-from envs.tasks.task import TRIES
+from envs.tasks.types import Episode, TaskConfig
 from human import Gesture, NothingPointedAt, Person, Unreachable, pointed_object
 from language import Instruction, ObjectPhrase, Placed
 

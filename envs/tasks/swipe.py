@@ -6,9 +6,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from envs.tasks.base import NOTHING, Array, State
+from envs.tasks.geometry import beside, clear_ways, length, put
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.ways import beside, clear_ways, length, put
+from envs.tasks.types import NOTHING, Array, State
 from language import Placed, Scene
 
 LINE = 0.04  # metres that the object may be beside the line

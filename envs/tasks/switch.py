@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from envs.devices import facing
-from envs.tasks.base import Array, State
+from envs.sim.devices import facing
 from envs.tasks.operate import Operate
+from envs.tasks.types import Array, State
 
 BEHIND = 0.035  # metres from a lever's knob to the middle of a gripper that is about to push it
 

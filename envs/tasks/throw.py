@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks.base import NOTHING, Array, State
+from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.ways import length
+from envs.tasks.types import NOTHING, Array, State
 
 SHORT = 0.15  # metres over the table from its target at which the object is let go of, at least
 HIGH = 0.03  # metres above the table, at least

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from envs.devices import facing
-from envs.tasks.base import Array, State
+from envs.sim.devices import facing
+from envs.tasks.geometry import length
 from envs.tasks.operate import Operate
-from envs.tasks.ways import length
+from envs.tasks.types import Array, State
 
 BESIDE = 0.035  # metres from a wheel's peg to the middle of a gripper that is about to push it
 

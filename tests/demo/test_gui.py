@@ -2,9 +2,9 @@
 
 import pytest
 
-from demo.casting import choose
 from demo.gui import HELP, Gui
 from demo.session import Session
+from demo.session_config import choose
 from human import Written
 
 

@@ -8,9 +8,9 @@ import pytest
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 from benchmarks.visitor import CHROMIUM, SIZE, Served, Visitor, browsing
-from demo.casting import choose
-from demo.door import CAMERA, LENS, LOOK_AT
 from demo.session import Session
+from demo.session_config import choose
+from demo.splash_page import CAMERA, LENS, LOOK_AT
 
 LIKELY = r"(?:[6-9]\d|100)%"
 FREE = (0.4, -0.22, 0.025)  # metres: where nothing stands in the first scene

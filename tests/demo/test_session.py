@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from conf.schema import ConfigError
-from demo.casting import choose
 from demo.session import LOW, Session
+from demo.session_config import choose
 from human import Unreachable
 from language import LanguageError
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from demo.talk import LONGEST, Talk
+from demo.dialogue import LONGEST, Talk
 from language import Object, Scene
 
 RED_CUBE, BLUE_CUBE, RED_BALL = range(3)

@@ -3,11 +3,11 @@
 import numpy as np
 import pybullet as bullet
 import pytest
-from env_cases import ROBOTS
 
 from conf.overrides import compose
 from envs import read_env
-from envs.robot import load, read_chain
+from envs.sim.robot import load, read_chain
+from tests.helpers.env_cases import ROBOTS
 
 
 @pytest.fixture(scope="module", params=ROBOTS)

@@ -6,15 +6,15 @@ import json
 
 import numpy as np
 import pytest
-from env_cases import compose
 
-import envs.by_hand
+import envs.interactive.by_hand
 import evaluate
 from conf.schema import ConfigError
 from envs import read_env
-from envs.by_hand import HandEnv, play
 from envs.experts import Oracle, ReachExpert
+from envs.interactive.by_hand import HandEnv, play
 from human import NothingPointedAt, ScriptedKeys, Written
+from tests.helpers.env_cases import compose
 
 STEPS = (0.10, 0.01)
 
@@ -110,7 +110,7 @@ def test_words_that_fit_nothing_that_is_shown_are_asked_about():
     env = made("task=nl_reach_gesture")
     try:
         env.reset()
-        pointing = envs.by_hand.Pointing(env)
+        pointing = envs.interactive.by_hand.Pointing(env)
         scene = env.scene()
         fitting, refused = [], []
         for index, place in enumerate(scene.positions):
@@ -148,12 +148,12 @@ def test_without_a_display_there_is_one_clear_line(display, said, monkeypatch):
 
 def test_evaluate_saves_what_was_played_by_hand(monkeypatch, tmp_path):
     import train
-    from trainers import checkpoint
+    from trainers.run import checkpoint
 
     tiny = ["task=reach_gesture", "total_frames=64", "collector.workers=1", "collector.worlds=4", "algo.horizon=16"]
     tiny += ["eval.episodes=4", "eval.interval_episodes=4", "eval.worlds=4", "eval.video_episodes=0", "logger=[]"]
     train.run(compose([*tiny, "algo.minibatch=32"]), tmp_path)
-    monkeypatch.setattr(envs.by_hand, "HandEnv", lambda config, seed: _unseen(config, seed))
+    monkeypatch.setattr(envs.interactive.by_hand, "HandEnv", lambda config, seed: _unseen(config, seed))
     report = evaluate.main([f"checkpoint={tmp_path}", "by_hand=true", "episodes=3", "reader=oracle"])
     assert checkpoint.find(tmp_path).is_file()
     assert (report["by_hand"], report["episodes"], report["success_at_end"]) == (True, 2, 1.0)

@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 import torch
-from env_cases import CONTROLS, ROBOTS, act, hold, make
+
+from tests.helpers.env_cases import CONTROLS, ROBOTS, act, hold, make
 
 DIRECTIONS = [np.eye(3)[axis] * sign for axis, sign in itertools.product(range(3), (1, -1))]
 EXACT = 0.003  # metres

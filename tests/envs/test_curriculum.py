@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from env_cases import ROBOTS, act, make
 
 from conf.overrides import compose
 from conf.schema import ConfigError
 from envs import read_env
 from envs.tasks import NOTHING
+from tests.helpers.env_cases import ROBOTS, act, make
 
 WORLDS = 4
 

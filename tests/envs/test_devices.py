@@ -5,15 +5,15 @@ import re
 import numpy as np
 import pytest
 import torch
-from env_cases import ROBOTS, Poker, act, differences, hold, make, partial_reset, task_of
 from torchrl.envs.utils import check_env_specs
 
 from conf.schema import ConfigError
 from envs.experts import expert
-from envs.observation import FACING, lasting_rows, seen_scene
+from envs.mdp.observation_spec import FACING, lasting_rows, seen_scene
 from envs.tasks import State
 from envs.tasks.operate import MEDDLED, OPERATED
 from language import DEVICES, ground, parse
+from tests.helpers.env_cases import ROBOTS, Poker, act, differences, hold, make, partial_reset, task_of
 
 TASKS = {"press": "button", "switch": "lever", "turn": "wheel"}
 STAYING = ["switch", "turn"]

@@ -5,10 +5,10 @@ from collections import Counter
 import numpy as np
 import pytest
 import torch
-from env_cases import act, make, task_of
 
 from conf.overrides import compose
 from language import COLORS, NOUNS, SHAPES, Object, Scene, color_name, ground, parse
+from tests.helpers.env_cases import act, make, task_of
 
 DRAWS = 3000
 

@@ -8,10 +8,10 @@ import random
 import numpy as np
 import pytest
 import torch
-from env_cases import FEWER, Poker, act, differences, hold, leaves, make, name_of, partial_reset
 from torchrl.envs.utils import check_env_specs
 
-from envs.observation import COLUMNS
+from envs.mdp.observation_spec import COLUMNS
+from tests.helpers.env_cases import FEWER, Poker, act, differences, hold, leaves, make, name_of, partial_reset
 
 WORLDS = 3
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pybullet as bullet
 import pytest
-from env_cases import COMBINATIONS, ROBOTS, act, make, name_of, options, partial_reset
 
 from envs.experts import ReachExpert, expert
+from tests.helpers.env_cases import COMBINATIONS, ROBOTS, act, make, name_of, options, partial_reset
 
 WORLDS, EPISODES = 4, 24
 ENOUGH = 0.9  # of so few episodes; `python -m benchmarks.experts` asks for 0.95 of 200

@@ -3,7 +3,8 @@
 import numpy as np
 import pybullet as bullet
 import pytest
-from env_cases import ROBOTS, act, make
+
+from tests.helpers.env_cases import ROBOTS, act, make
 
 SIZE = 0.05  # metres
 

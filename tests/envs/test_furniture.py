@@ -7,13 +7,13 @@ import numpy as np
 import pybullet as bullet
 import pytest
 import torch
-from env_cases import ROBOTS, act, differences, make, options, partial_reset
 from omegaconf import OmegaConf
 from torchrl.envs.utils import check_env_specs
 
 from conf.overrides import compose
 from conf.schema import ConfigError
 from envs import read_env
+from tests.helpers.env_cases import ROBOTS, act, differences, make, options, partial_reset
 
 WORKSPACES = options("workspace")
 CONFIGS = {name: read_env(compose([f"workspace={name}"])).workspace for name in WORKSPACES}

@@ -8,8 +8,8 @@ from PIL import Image
 
 from conf.overrides import groups
 from conf.schema import ConfigError
-from envs import gallery
-from envs.gallery import COLUMNS, HEIGHT, MARGIN, WIDTH, main, sheet, tasks, workspaces
+from envs.tools import gallery
+from envs.tools.gallery import COLUMNS, HEIGHT, MARGIN, WIDTH, main, sheet, tasks, workspaces
 
 SHIRT = (42, 71, 105)  # what the person wears, lit, in RGB
 
@@ -82,7 +82,7 @@ def test_bad_arguments_are_refused_in_one_line(word, message, tmp_path):
 
 
 def test_the_committed_sheets_are_small_and_used_in_the_docs():
-    docs = Path(gallery.__file__).parent.parent / "docs"
+    docs = Path(gallery.__file__).parents[2] / "docs"
     pages = [page.read_text("utf-8") for page in docs.glob("*.md")]
     for name, cells in (("workspaces.png", 12), ("tasks.png", 18)):
         assert (docs / "gallery" / name).stat().st_size < 500_000

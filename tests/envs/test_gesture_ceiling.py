@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from env_cases import make
 
 from benchmarks.gesture import told
 from envs.experts import Oracle
-from trainers.evaluation import evaluate
+from tests.helpers.env_cases import make
+from trainers.rollout.evaluation import evaluate
 
 SCENES, NOISE = 200, 2.0
 

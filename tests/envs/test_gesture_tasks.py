@@ -12,8 +12,8 @@ from envs import make_env
 from envs.experts import Oracle, ReachExpert
 from human import beside, pointed_object
 from language import matches, parse
-from tests.envs.env_cases import Poker, act, differences, make, rollout, task_of
-from trainers.probes import run_to_end
+from tests.helpers.env_cases import Poker, act, differences, make, rollout, task_of
+from trainers.rollout.instruction_ablations import run_to_end
 
 GESTURE_TASKS = ["reach_gesture", "nl_reach_gesture"]
 PUBLIC = ("robot", "objects", "objects_mask", "instruction", "gesture", "hold")

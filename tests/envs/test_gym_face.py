@@ -3,11 +3,11 @@
 import gymnasium
 import numpy as np
 import pytest
-from env_cases import CONTROLS, ROBOTS
 from gymnasium.utils.env_checker import check_env
 
 import envs  # noqa: F401  registers the ids
 from conf.schema import ConfigError
+from tests.helpers.env_cases import CONTROLS, ROBOTS
 
 IDS = sorted(name for name in gymnasium.registry if name.startswith("Deixis/"))
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from env_cases import act, leaves, make
 
 from envs.experts import expert
-from envs.observation import OBJECT_WIDTH
+from envs.mdp.observation_spec import OBJECT_WIDTH
 from language import parse
+from tests.helpers.env_cases import act, leaves, make
 
 WORLDS, SEED = 6, 11
 TASKS = ("nl_reach", "nl_push", "nl_pick_and_place")

@@ -8,12 +8,12 @@ import pytest
 
 from conf.overrides import compose
 from envs import read_env
-from envs.stage import Stage
+from envs.interactive.interactive_env import InteractiveEnv
 from language import rgba as named
 
 
 def made(*overrides):
-    return Stage(read_env(compose([*overrides, "workspace=collabtable"])), seed=0)
+    return InteractiveEnv(read_env(compose([*overrides, "workspace=collabtable"])), seed=0)
 
 
 def centres(stage, bodies):

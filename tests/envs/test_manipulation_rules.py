@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from env_cases import task_of
 
 from envs.tasks import NOTHING, TASKS, State
 from envs.tasks.manipulation import Manipulation
 from envs.tasks.operate import Operate
+from tests.helpers.env_cases import task_of
 
 REST = 0.025  # metres of an object's middle above the table
 THING, OTHER = np.array([0.4, 0.2, REST]), np.array([0.4, -0.2, REST])

@@ -10,9 +10,9 @@ from envs import make_env, read_env
 from envs.experts import Oracle
 from envs.tasks import Episode
 from language import parse, say
-from tests.envs.env_cases import act, make, task_of
-from trainers.checkpoint import CheckpointError, check_fits, widths
-from trainers.probes import run_to_end
+from tests.helpers.env_cases import act, make, task_of
+from trainers.rollout.instruction_ablations import run_to_end
+from trainers.run.checkpoint import CheckpointError, check_fits, widths
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,13 @@ import re
 import numpy as np
 import pytest
 import torch
-from env_cases import Poker, act, differences, hold, make, rollout, task_of
 from torchrl.envs.utils import check_env_specs
 
 from conf.schema import ConfigError
 from envs.tasks import Episode
-from envs.tasks.layout import scatter
+from envs.tasks.object_layout import scatter
 from language import COLORS, SHAPES, Object, Scene, rgba
+from tests.helpers.env_cases import Poker, act, differences, hold, make, rollout, task_of
 
 CUBE = "{noun: cube, color: red, area: [0.35, 0.45, -0.3, -0.1, 0.025, 0.025], random_rotation: true}"
 POST = "{noun: cylinder, color: blue, area: [0.35, 0.5, 0.1, 0.3, 0.025, 0.025], fixed: true}"

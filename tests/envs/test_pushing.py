@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from envs.experts import expert
-from tests.envs.env_cases import act, make
+from tests.helpers.env_cases import act, make
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
-from env_cases import act, make, task_of
 
 from conf.schema import ConfigError
 from envs.tasks import TASKS, Reach, State
+from tests.helpers.env_cases import act, make, task_of
 
 REACHING = [name for name, kind in TASKS.items() if issubclass(kind, Reach)]
 TARGET, OTHER = np.array([0.4, 0.2, 0.025]), np.array([0.4, -0.2, 0.025])

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from env_cases import TASKS, act, make, partial_reset, task_of
 
 from envs.experts import Oracle
 from envs.tasks.manipulation import Manipulation
 from language import parse
+from tests.helpers.env_cases import TASKS, act, make, partial_reset, task_of
 
 SPOKEN = [name for name in TASKS if isinstance(task_of(name), Manipulation) and task_of(name).speaks]
 SAID = {

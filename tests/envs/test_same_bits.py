@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 import torch
-from env_cases import CONTROLS, ROBOTS, Poker, act, differences, make, rollout
+
+from tests.helpers.env_cases import CONTROLS, ROBOTS, Poker, act, differences, make, rollout
 
 STEPS = 100
 

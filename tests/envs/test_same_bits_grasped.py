@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import torch
-from env_cases import ROBOTS, act, differences, make, partial_reset, rollout
 
 from envs.experts import expert
+from tests.helpers.env_cases import ROBOTS, act, differences, make, partial_reset, rollout
 
 STEPS = 60
 

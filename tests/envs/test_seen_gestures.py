@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import torch
-from env_cases import differences, hold, make, partial_reset
 
 from conf.schema import ConfigError
 from human import pointed_object
-from human.sight import Block, Light, Sight, draw
+from human.person_camera import Block, Light, Sight, draw
+from tests.helpers.env_cases import differences, hold, make, partial_reset
 
 CAMERA = ("kuka", "step", "reach_gesture", "gesture=camera")
 

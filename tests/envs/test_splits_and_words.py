@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from env_cases import make, task_of
 
 from conf.schema import ConfigError
 from envs.experts import Oracle
-from envs.observation import seen_scene
+from envs.mdp.observation_spec import seen_scene
 from language import ground, parse, say
+from tests.helpers.env_cases import make, task_of
 
 PAIRS = {("red", "cube"), ("green", "sphere"), ("blue", "cylinder")}
 RELATED = {("left of", "cube"), ("behind", "sphere"), ("nearest to", "cylinder")}

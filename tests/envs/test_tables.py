@@ -6,10 +6,11 @@ import pytest
 
 from conf.overrides import groups
 from conf.schema import ConfigError
-from envs import make_env, tables
-from envs.tables import main
+from envs import make_env
+from envs.tools import tables
+from envs.tools.tables import main
 
-REFERENCE = Path(tables.__file__).parent.parent / "docs" / "reference"
+REFERENCE = Path(tables.__file__).parents[2] / "docs" / "reference"
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +20,7 @@ def pages():
 
 def test_the_committed_pages_are_up_to_date(pages):
     for name, text in pages.items():
-        assert (REFERENCE / name).read_text("utf-8") == text, "python -m envs.tables writes them anew"
+        assert (REFERENCE / name).read_text("utf-8") == text, "python -m envs.tools.tables writes them anew"
     assert sorted(path.name for path in REFERENCE.iterdir()) == sorted(pages)
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from env_cases import CONTROLS, ROBOTS, act, make
 
-from envs.controls import TURN, YAW
+from envs.mdp.controls import TURN, YAW
+from tests.helpers.env_cases import CONTROLS, ROBOTS, act, make
 
 PLACE = np.array([[0.45, 0.05, 0.2]])
 

@@ -7,7 +7,7 @@ most that they can be.
 
 import numpy as np
 import pytest
-from test_manipulation_rules import DONE, MOVING, fitting, four, judged, moment
+from tests.envs.test_manipulation_rules import DONE, MOVING, fitting, four, judged, moment
 
 from envs.tasks import TASKS
 from language import LIFTED

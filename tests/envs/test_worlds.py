@@ -7,7 +7,8 @@ import numpy as np
 import pybullet as bullet
 import pytest
 import torch
-from env_cases import ROBOTS, Poker, act, hold, make
+
+from tests.helpers.env_cases import ROBOTS, Poker, act, hold, make
 
 
 def test_objects_rest_exactly_where_they_were_put_until_touched():

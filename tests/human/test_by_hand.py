@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from human_cases import step
 
 from human import Body, Hand, NothingPointedAt, ScriptedKeys, Written, choose, pointed_object
+from tests.helpers.human_cases import step
 
 MIDDLE = (0.45, 0.0, 0.02)
 BOUNDS = (-1.0, 2.0, -1.0, 1.0, -0.1, 1.0)
@@ -43,7 +43,7 @@ def arm(standing_body):
 
 @pytest.fixture(scope="module")
 def standing_body():
-    from human_cases import standing
+    from tests.helpers.human_cases import standing
 
     with standing() as body:
         yield body

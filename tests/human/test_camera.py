@@ -18,10 +18,10 @@ from human.arm import Unreachable
 from human.camera import Place, main, scatter, shoot
 from human.config import HumanConfig
 from human.model import urdf
-from human.practice import Studio, astray, light
-from human.reader import SHIPPED, Network, Reader, as_input, load, save
-from human.sight import Frame, Light, Sight
-from human.teaching import angles, fit, miss
+from human.person_camera import Frame, Light, Sight
+from human.ray_reader import SHIPPED, Network, Reader, as_input, load, save
+from human.synthetic_frames import Studio, astray, light
+from human.train_reader import angles, fit, miss
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGETS = [(0.33, -0.28, 0.025), (0.44, 0.0, 0.025), (0.55, 0.28, 0.025)]
@@ -263,7 +263,7 @@ def test_weights_fit_wherever_person_and_camera_are_put_together(place, weights)
 
 def test_training_and_trying_from_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(camera, "TRIALS", 1)
-    monkeypatch.setattr("human.practice.BODIES", 2)
+    monkeypatch.setattr("human.synthetic_frames.BODIES", 2)
     out = tmp_path / "deep" / "weights.npz"
     main(["train", f"out={out}", "frames=70", "epochs=2"])
     assert "epoch 2/2: loss" in capsys.readouterr().out
@@ -317,7 +317,7 @@ def test_training_leaves_the_weights_that_come_with_the_project_alone(place, mon
     before = SHIPPED.stat().st_mtime_ns
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(camera, "TRIALS", 1)
-    monkeypatch.setattr("human.practice.BODIES", 1)
+    monkeypatch.setattr("human.synthetic_frames.BODIES", 1)
     main(["train", "frames=2", "epochs=1"])
     load(tmp_path / "pointing.npz", place.human)
     assert SHIPPED.stat().st_mtime_ns == before

@@ -7,10 +7,10 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pybullet as bullet
 import pytest
-from human_cases import REST, standing
 
 from conf.schema import ConfigError
 from human.model import Proportions, urdf, write
+from tests.helpers.human_cases import REST, standing
 
 
 def root(proportions: Proportions | None = None) -> ElementTree.Element:

@@ -4,10 +4,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from language_cases import random_scenes
 
 from language import COLORS, KINDS, NOUNS, RELATIONS, ROLES, SUPERLATIVES, Describer, ObjectPhrase, matches
 from language.relations import ABSENT, CLEAR
+from tests.helpers.language_cases import random_scenes
 
 
 @pytest.mark.parametrize("redundant", [False, True])

@@ -2,7 +2,6 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from language_cases import TABLE, random_scenes, scene
 
 from language import (
     KINDS,
@@ -19,6 +18,7 @@ from language import (
     parse,
     say,
 )
+from tests.helpers.language_cases import TABLE, random_scenes, scene
 
 ONE_STEP = [kind for kind in KINDS if kind != "nested"]
 

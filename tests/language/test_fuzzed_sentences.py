@@ -4,9 +4,9 @@ import string
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from language_cases import TABLE, answer, meanings
 
 from language import NothingFits, NotUnderstood, SeveralFit, Tokenizer, Understood, parse, say
+from tests.helpers.language_cases import TABLE, answer, meanings
 
 WORDS = st.sampled_from([*Tokenizer.default().vocabulary[2:], ",", ".", "!", "?", "-", "\x00", "'", "\u202e", "\ud800"])
 HOSTILE = st.text(max_size=60) | st.text(st.characters(categories=["Cs", "Cc", "Cf", "Mn", "Lo"]), max_size=40)

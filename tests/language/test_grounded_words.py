@@ -1,7 +1,7 @@
 import pytest
-from language_cases import PLACES, TABLE, scene, steps
 
 from language import ObjectPhrase, Scene, SeveralFit, ground, matches, parse
+from tests.helpers.language_cases import PLACES, TABLE, scene, steps
 
 ACROSS = Scene(TABLE, viewpoint="human")
 

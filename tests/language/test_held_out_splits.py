@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from language_cases import random_scenes
 
 from language import KINDS, Describer, HeldOut, Instruction, LanguageError, Split, ground
+from tests.helpers.language_cases import random_scenes
 
 HELD_OUT = HeldOut(
     color_noun=(("red", "cube"), ("blue", "sphere"), ("gray", "cylinder"), ("green", "cube")),

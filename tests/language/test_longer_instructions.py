@@ -1,9 +1,9 @@
 """Chains of steps, and corrections of what was said before."""
 
 import pytest
-from language_cases import PLACES, TABLE, answer, steps
 
 from language import Chain, NothingFits, SeveralFit, parse, revise, say
+from tests.helpers.language_cases import PLACES, TABLE, answer, steps
 
 LIFT_AND_TOUCH = [("lift", 1, None), ("reach", None, 2)]
 

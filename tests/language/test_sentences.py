@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from language_cases import meanings, phrases
 
 from language import Chain, Correction, Instruction, LanguageError, ObjectPhrase, Wording, parse, say
+from tests.helpers.language_cases import meanings, phrases
 
 BLUE_SPHERE = ObjectPhrase("sphere", "blue")
 CUBE = ObjectPhrase("cube")

@@ -1,11 +1,11 @@
 """Each task, in all the words that ask for it, and the tasks as the original asked for them."""
 
 import pytest
-from language_cases import PLACES, TABLE, steps
 
 from language import TASKS, Instruction, LanguageError, ObjectPhrase, Step, Task, Tokenizer, parse, say
 from language.tasks import GOAL, OBJECT
 from language.tasks import PLACES as WORDS_FOR_PLACES
+from tests.helpers.language_cases import PLACES, TABLE, steps
 
 CUBE = ObjectPhrase("cube", "green")
 MARK = ObjectPhrase("cube", "red", role="target")

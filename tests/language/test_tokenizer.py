@@ -3,9 +3,9 @@ import pickle
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from language_cases import meanings, random_scenes
 
 from language import COLORS, KINDS, Color, Describer, LanguageError, Tokenizer, Wording, say
+from tests.helpers.language_cases import meanings, random_scenes
 
 TOKENIZER = Tokenizer.default()
 LONG = Tokenizer.default(length=300)

@@ -4,9 +4,9 @@ import re
 
 import numpy as np
 import pytest
-from language_cases import PLACES, TABLE, answer, random_scenes, scene
 
 from language import NothingFits, NotUnderstood, Object, Scene, SeveralFit, ground, parse
+from tests.helpers.language_cases import PLACES, TABLE, answer, random_scenes, scene
 
 
 @pytest.mark.parametrize(

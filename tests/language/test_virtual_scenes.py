@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from language_cases import PLACES, random_scenes
 
 from language import (
     TASKS,
@@ -17,6 +16,7 @@ from language import (
     say,
     understand,
 )
+from tests.helpers.language_cases import PLACES, random_scenes
 
 
 @pytest.mark.parametrize("task", [task for task, known in TASKS.items() if known.effect == "goal"])

@@ -4,7 +4,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from language_cases import answer, random_scenes, scene, steps
 
 from language import (
     DEVICES,
@@ -28,6 +27,7 @@ from language import (
     superlative,
     unregister,
 )
+from tests.helpers.language_cases import answer, random_scenes, scene, steps
 
 BLUE_SPHERE = ObjectPhrase("sphere", "blue")
 

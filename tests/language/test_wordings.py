@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from language_cases import PLACES, steps
 
 from language import HeldOut, Instruction, LanguageError, ObjectPhrase, Split, Wording, parse, say
+from tests.helpers.language_cases import PLACES, steps
 
 TOUCH = parse("reach the gray sphere left of the cube")
 HELD_OUT = HeldOut(phrases=("ball", "to the left of", "touch {object}", "grey"))

@@ -6,8 +6,8 @@ import sys
 import pytest
 import torch
 
-from trainers import checkpoint
-from trainers.checkpoint import CheckpointError
+from trainers.run import checkpoint
+from trainers.run.checkpoint import CheckpointError
 
 PAYLOAD = {
     "config": {"seed": 0},

@@ -4,9 +4,9 @@ import torch
 from PIL import ImageFont
 from tensordict.nn import TensorDictModule
 
-from tests.trainers.fake_env import FakeEnv, make_env
-from trainers.evaluation import Interrupted, evaluate, quotas, wilson
-from trainers.video import caption, record
+from tests.helpers.fake_env import FakeEnv, make_env
+from trainers.rollout.evaluation import Interrupted, evaluate, quotas, wilson
+from trainers.rollout.video import caption, record
 
 
 class Expert(torch.nn.Module):

@@ -11,15 +11,15 @@ from pathlib import Path
 import pytest
 import torch
 
-from tests.trainers.fake_env import WORDS, FakeEnv, make_env
-from tests.trainers.plans import config, plan
-from trainers import checkpoint
-from trainers.collection import CollectionError, Episodes, Rollouts, derive_seed
-from trainers.evaluation import evaluate
-from trainers.fit import fit
-from trainers.learning import DivergedError
-from trainers.metrics import Metrics, read_metrics
-from trainers.policy import build
+from tests.helpers.fake_env import WORDS, FakeEnv, make_env
+from tests.helpers.plans import config, plan
+from trainers.algorithms.algorithm import DivergedError
+from trainers.models.policy import build
+from trainers.rollout.collection import CollectionError, Episodes, Rollouts, derive_seed
+from trainers.rollout.evaluation import evaluate
+from trainers.run import checkpoint
+from trainers.run.metrics import Metrics, read_metrics
+from trainers.run.train_loop import fit
 
 ROOT = Path(__file__).parents[2]
 
@@ -155,7 +155,7 @@ def test_two_workers_get_the_weights_and_one_killed_ends_the_run():
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_workers_killed_before_they_take_new_weights_end_the_run_too(monkeypatch, count):
-    monkeypatch.setattr("trainers.collection.GRACE", 1.0)
+    monkeypatch.setattr("trainers.rollout.collection.GRACE", 1.0)
     env = make_env(4, 0)
     policy = build(plan().policy, env.observation_spec, env.action_unit)
     rollouts = Rollouts(make_env, policy, plan(overrides=("collector.workers=2",)).collector, 4, 0)
@@ -179,9 +179,9 @@ def drain(rollouts, policy=None):
 SCRIPT = """
 from pathlib import Path
 from functools import partial
-from tests.trainers.fake_env import WORDS, FakeEnv
-from tests.trainers.plans import config, plan
-from trainers.fit import fit
+from tests.helpers.fake_env import WORDS, FakeEnv
+from tests.helpers.plans import config, plan
+from trainers.run.train_loop import fit
 def make(worlds, seed):
     return FakeEnv(worlds, seed, nap=0.002)
 if __name__ == "__main__":
@@ -195,7 +195,7 @@ def test_who_stops_a_run_in_an_evaluation_loses_no_row(tmp_path, monkeypatch):
         signal.raise_signal(signal.SIGINT)
         return evaluate(*arguments, **options)
 
-    monkeypatch.setattr("trainers.fit.evaluate", stopped)
+    monkeypatch.setattr("trainers.run.train_loop.evaluate", stopped)
     with pytest.raises(SystemExit) as left:
         run(tmp_path, overrides=["eval.interval=256"])
     assert left.value.code == 130

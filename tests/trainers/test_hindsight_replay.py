@@ -3,13 +3,13 @@
 import pytest
 import torch
 
-from tests.trainers.fake_env import NEAR, make_env
-from tests.trainers.plans import plan
+from tests.helpers.fake_env import NEAR, make_env
+from tests.helpers.plans import plan
 from tests.trainers.test_fit import run
-from trainers.build import build_algorithm
-from trainers.collection import Rollouts
-from trainers.hindsight import Hindsight
-from trainers.metrics import read_metrics
+from trainers.algorithms.build import build_algorithm
+from trainers.algorithms.relabelling import Hindsight
+from trainers.rollout.collection import Rollouts
+from trainers.run.metrics import read_metrics
 
 
 @pytest.fixture

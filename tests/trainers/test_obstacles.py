@@ -7,9 +7,9 @@ import torch
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from envs import make_env
-from envs.observation import NEAR, OFFSET
-from tests.trainers.plans import plan
-from trainers.policy import build
+from envs.mdp.observation_spec import NEAR, OFFSET
+from tests.helpers.plans import plan
+from trainers.models.policy import build
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from conf.schema import ConfigError
-from tests.trainers.plans import config, plan
+from tests.helpers.plans import config, plan
 from trainers.config import frames_per_batch, read_plan, workers
 
 ROOM = Path(__file__).parents[2] / "trainers"

@@ -8,9 +8,9 @@ from tensordict.nn import TensorDictModule
 from torchrl.data import Unbounded
 
 import evaluate as program
-from tests.trainers.fake_env import FakeEnv, make_env
-from trainers.evaluation import BINS, Episode, by_pointing, evaluate
-from trainers.plots import bin_name, pointing_plot
+from tests.helpers.fake_env import FakeEnv, make_env
+from trainers.reports.plots import bin_name, pointing_plot
+from trainers.rollout.evaluation import BINS, Episode, by_pointing, evaluate
 
 STILL = TensorDictModule(lambda robot: robot[:, :3] * 0, in_keys=["robot"], out_keys=["action"])
 

@@ -2,12 +2,12 @@ import pytest
 import torch
 from torchrl.envs.utils import ExplorationType, check_env_specs, set_exploration_type
 
-from tests.trainers.fake_env import make_env
-from tests.trainers.plans import plan
-from trainers.build import build_algorithm
-from trainers.grounding import grounding
-from trainers.policy import build
-from trainers.ppo import surrogate_actor
+from tests.helpers.fake_env import make_env
+from tests.helpers.plans import plan
+from trainers.algorithms.build import build_algorithm
+from trainers.algorithms.ppo import surrogate_actor
+from trainers.models.grounding import grounding
+from trainers.models.policy import build
 
 
 @pytest.fixture(scope="module")

@@ -2,12 +2,12 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from tests.trainers.fake_env import make_env
-from tests.trainers.plans import plan
-from trainers.build import build_algorithm
-from trainers.collection import Rollouts
-from trainers.learning import DivergedError
-from trainers.ppo import advantages
+from tests.helpers.fake_env import make_env
+from tests.helpers.plans import plan
+from trainers.algorithms.algorithm import DivergedError
+from trainers.algorithms.build import build_algorithm
+from trainers.algorithms.ppo import advantages
+from trainers.rollout.collection import Rollouts
 
 GAMMA, LMBDA = 0.9, 0.8
 

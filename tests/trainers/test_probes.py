@@ -2,12 +2,12 @@ import pytest
 import torch
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from tests.trainers.fake_env import make_env
-from tests.trainers.plans import plan
+from tests.helpers.fake_env import make_env
+from tests.helpers.plans import plan
+from trainers.algorithms.ppo import PPO
 from trainers.config import PPOConfig
-from trainers.policy import build
-from trainers.ppo import PPO
-from trainers.probes import Misheard, run_to_end
+from trainers.models.policy import build
+from trainers.rollout.instruction_ablations import Misheard, run_to_end
 
 
 class Seer:

@@ -1,4 +1,4 @@
-from trainers.progress import RECENT, Progress
+from trainers.run.progress import RECENT, Progress
 
 
 def row(frames, episodes, success, **more):

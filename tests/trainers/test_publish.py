@@ -15,11 +15,12 @@ import evaluate
 import train
 from conf.overrides import compose
 from conf.schema import ConfigError
-from tests.tiny_run import TINY
-from trainers import checkpoint, publish
-from trainers.checkpoint import CheckpointError
-from trainers.command import overrides
-from trainers.fit import fit
+from tests.helpers.tiny_run import TINY
+from trainers.export import publish
+from trainers.run import checkpoint
+from trainers.run.checkpoint import CheckpointError
+from trainers.run.train_loop import fit
+from trainers.sweeps.overrides_of import overrides
 
 
 @pytest.fixture(scope="module")
@@ -141,8 +142,8 @@ def test_a_directory_of_runs_is_refused(run, tmp_path):
 def test_training_cannot_go_on_from_a_policy_alone(policy, tmp_path):
     with pytest.raises(CheckpointError, match="a policy alone, without optimiser and critic"):
         train.resumed(str(policy), [])
-    from tests.trainers.fake_env import FakeEnv
-    from tests.trainers.plans import plan
+    from tests.helpers.fake_env import FakeEnv
+    from tests.helpers.plans import plan
 
     with pytest.raises(CheckpointError, match="a policy alone"):
         fit(plan(), FakeEnv, tmp_path, {}, [], resume=checkpoint.find(policy), progress=False)

@@ -6,9 +6,9 @@ import torch
 
 from envs import make_env
 from human import beside
-from tests.trainers.plans import plan
-from trainers.grounding import aimed, grounding
-from trainers.policy import build
+from tests.helpers.plans import plan
+from trainers.models.grounding import aimed, grounding
+from trainers.models.policy import build
 
 
 @pytest.fixture(scope="module")

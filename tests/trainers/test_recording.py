@@ -21,11 +21,11 @@ from conf.overrides import compose
 from conf.schema import ConfigError
 from envs import make_env
 from envs.experts import expert
-from tests.tiny_run import TINY
-from trainers import dataset, lerobot_stats
-from trainers.demonstrations import demonstrate
-from trainers.evaluation import Interrupted
-from trainers.parquet import Shards, as_column
+from tests.helpers.tiny_run import TINY
+from trainers.datasets import dataset, lerobot_stats
+from trainers.datasets.demonstrations import demonstrate
+from trainers.datasets.parquet import Shards, as_column
+from trainers.rollout.evaluation import Interrupted
 
 ROOT = Path(record.__file__).parent
 POINTED = ["task=nl_reach_gesture", "gesture.switch=1.0", "gesture.noise_deg=3"]

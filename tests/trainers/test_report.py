@@ -14,11 +14,11 @@ import pytest
 import yaml
 
 from conf.schema import ConfigError
-from tests.trainers.run_folders import add_run, config
-from trainers import figures
-from trainers.report import write
-from trainers.runs import find_runs, groups
-from trainers.scores import bootstrap, iqm, kept, reached, score
+from tests.helpers.run_folders import add_run, config
+from trainers.reports import figures
+from trainers.reports.report import write
+from trainers.reports.scores import bootstrap, iqm, kept, reached, score
+from trainers.sweeps.runs import find_runs, groups
 
 ROOT = Path(__file__).parents[2]
 DEFAULT = "kuka step nl_reach ppo"
@@ -267,7 +267,11 @@ def test_bad_input_gets_one_line_and_no_traceback(arguments, message, tmp_path):
     (tmp_path / "file").touch()
     words = [word.format(tmp=tmp_path) for word in arguments]
     done = subprocess.run(
-        [sys.executable, "-m", "trainers.report", *words], capture_output=True, text=True, cwd=ROOT, env=os.environ
+        [sys.executable, "-m", "trainers.reports.report", *words],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env=os.environ,
     )
     assert done.returncode == 1
     assert done.stdout == ""

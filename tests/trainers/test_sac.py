@@ -2,11 +2,11 @@ import pytest
 import torch
 from torchrl.modules import TanhNormal
 
-from tests.trainers.fake_env import make_env
-from tests.trainers.plans import plan
-from trainers.build import build_algorithm
-from trainers.collection import Rollouts
-from trainers.sac import frozen, squashed
+from tests.helpers.fake_env import make_env
+from tests.helpers.plans import plan
+from trainers.algorithms.build import build_algorithm
+from trainers.algorithms.sac import frozen, squashed
+from trainers.rollout.collection import Rollouts
 
 
 @pytest.fixture

@@ -10,15 +10,16 @@ import torch
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from conf.schema import ConfigError
-from tests.trainers.fake_env import WORDS, make_env
-from tests.trainers.plans import config, plan
-from trainers import checkpoint, sentence
-from trainers.build import build_algorithm, restore_policy
-from trainers.collection import Rollouts
+from tests.helpers.fake_env import WORDS, make_env
+from tests.helpers.plans import config, plan
+from trainers.algorithms.build import build_algorithm, restore_policy
 from trainers.config import read_plan
-from trainers.fit import fit
-from trainers.policy import build
-from trainers.sentence import STATE, SentenceWords
+from trainers.models import sentence_encoder as sentence
+from trainers.models.policy import build
+from trainers.models.sentence_encoder import STATE, SentenceWords
+from trainers.rollout.collection import Rollouts
+from trainers.run import checkpoint
+from trainers.run.train_loop import fit
 
 SENTENCE = ("policy.encoder=sentence",)
 VOCABULARY = [

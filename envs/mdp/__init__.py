@@ -1,0 +1,1 @@
+"""Controls, observations, rewards, initial states, gestures and relabelling, as arrays over worlds."""

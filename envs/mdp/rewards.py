@@ -1,0 +1,39 @@
+"""What a control step came to, as the environment tells it."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from envs.sim.kinematics import Array
+from envs.tasks import State, Task
+
+
+def weights(task: Task) -> Array:
+    """(T,) the weight of each reward term, in the order of `terms`; 0 where the config has none."""
+    return np.array([task.config.weights.get(name, 0.0) for name in task.terms])
+
+
+def judge(task: Task, state: State, weights: Array) -> dict[str, Tensor]:
+    """The task's next control step: reward_terms (N, T), their sum, and how episodes ended, (N, 1) each.
+
+    All but the end by time, which no task knows of.
+    """
+    outcome = task.step(state)
+    terms = np.stack([outcome.terms[name] for name in task.terms], axis=1) * weights
+    never = np.zeros_like(outcome.success)
+    wrong_target = never if outcome.wrong_target is None else outcome.wrong_target
+    failed = never if outcome.failed is None else outcome.failed
+    flags = {
+        "success": outcome.success,
+        "wrong_object": outcome.wrong_object,
+        "wrong_target": wrong_target,
+        "at_goal": outcome.at_goal,
+        "terminated": outcome.success | outcome.wrong_object | wrong_target | failed,
+    }
+    return {
+        "reward_terms": torch.from_numpy(terms.astype(np.float32)),
+        "reward": torch.from_numpy(terms.sum(1, keepdims=True).astype(np.float32)),
+        **{name: torch.from_numpy(flag[:, None]) for name, flag in flags.items()},
+    }

@@ -1,0 +1,1 @@
+"""PyBullet: worlds, robots, grippers, furniture, devices. The only package that imports PyBullet."""

@@ -1,0 +1,55 @@
+"""A magnet on the robot: a cylinder from the flange to the gripper centre, written into a copy of the URDF."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from envs.sim.collision_hulls import scratch
+
+MASS = 0.1  # kg
+Numbers = tuple[float, ...]
+
+
+@cache
+def with_magnet(urdf: Path, link: str, end: Numbers, way: Numbers, radius: float, length: float) -> Path:
+    """The URDF with a cylinder, metres, whose far face is at `end` and points along the unit vector `way`, both (3,) in
+    the frame of `link`."""
+    tree = ElementTree.parse(urdf)
+    for mesh in tree.iter("mesh"):
+        mesh.set("filename", _found(str(mesh.get("filename")), urdf))
+    root = tree.getroot()
+    body = ElementTree.SubElement(root, "link", name="deixis_magnet")
+    inertial = ElementTree.SubElement(body, "inertial")
+    ElementTree.SubElement(inertial, "mass", value=str(MASS))
+    spin = str(MASS * radius**2)
+    ElementTree.SubElement(inertial, "inertia", ixx=spin, iyy=spin, izz=spin, ixy="0", ixz="0", iyz="0")
+    for kind in ("visual", "collision"):
+        part = ElementTree.SubElement(body, kind)
+        shape = ElementTree.SubElement(part, "geometry")
+        ElementTree.SubElement(shape, "cylinder", radius=str(radius), length=str(length))
+        if kind == "visual":
+            material = ElementTree.SubElement(part, "material", name="deixis_magnet")
+            ElementTree.SubElement(material, "color", rgba="0.25 0.25 0.28 1")
+    joint = ElementTree.SubElement(root, "joint", name="deixis_magnet_mount", type="fixed")
+    ElementTree.SubElement(joint, "parent", link=link)
+    ElementTree.SubElement(joint, "child", link="deixis_magnet")
+    middle = [a - length / 2 * b for a, b in zip(end, way, strict=True)]
+    pitch, yaw = math.atan2(math.hypot(way[0], way[1]), way[2]), math.atan2(way[1], way[0])
+    ElementTree.SubElement(joint, "origin", xyz=" ".join(map(str, middle)), rpy=f"0 {pitch} {yaw}")
+    return _written(tree, urdf)
+
+
+def _found(mesh: str, urdf: Path) -> str:
+    """The mesh's absolute place, looked for beside the URDF and above it, as Bullet does; else as it is."""
+    name = mesh.removeprefix("package://")
+    return next((str(folder / name) for folder in urdf.resolve().parents if (folder / name).is_file()), mesh)
+
+
+def _written(tree: Any, urdf: Path) -> Path:
+    target = scratch() / f"{urdf.stem}_with_magnet.urdf"
+    tree.write(target)
+    return target

@@ -1,0 +1,62 @@
+"""What an episode that moved objects can be said to have been for, once it is over."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from envs.tasks.types import Array, State
+
+
+class Meant(NamedTuple):
+    """referent, target: numbers of objects; no target: nothing marks a place. places: (K, 3) metres, as all began."""
+
+    referent: int
+    target: int | None
+    places: Array
+
+
+def meant_by(moments: State, moved: float, still: float, radius: float, rng: Generator) -> Meant | None:
+    """The object that was moved first, and a target where it came to be; None: that is what was meant anyway.
+
+    moments: of one episode, as `Task.retold` has them. moved: metres from where an object began that count as such.
+    still: metres a step below which it is at rest. radius: metres from a target that count as there.
+
+    A target that stands there already is named as it is; else one is put there, at its own height: in the air it would
+    ask for what no episode asks.
+    """
+    gone = _lengths(moments.objects - moments.objects[0]) > moved
+    movable = np.flatnonzero(moments.movable[0] & gone.any(0))
+    if not len(movable):
+        return None
+    referent, places = int(movable[gone[:, movable].argmax(0).argmin()]), moments.objects[0].copy()
+    other = referent != moments.referent[0]
+    targets = np.flatnonzero(moments.targets[0])
+    if not len(targets):
+        return Meant(referent, None, places) if other else None
+    place = moments.objects[_when(moments, referent, gone[:, referent], still, rng), referent]
+    near = _lengths(places[targets] - place)
+    if near.min() <= radius:
+        target = int(targets[near.argmin()])
+        return Meant(referent, target, places) if other or target != moments.target[0] else None
+    target = int(rng.choice(targets))
+    places[target, :2] = place[:2]
+    return Meant(referent, target, places)
+
+
+def _when(moments: State, referent: int, gone: NDArray[np.bool_], still: float, rng: Generator) -> int:
+    """A moment after the object had been moved, at rest and let go of where there is such a one.
+
+    This is the strategy "future" of hindsight experience replay, Andrychowicz et al. 2017 (arXiv:1707.01495).
+    """
+    places = moments.objects[:, referent]
+    rests = np.append(False, _lengths(np.diff(places, axis=0)) < still)
+    left = gone & rests & (moments.held != referent)
+    return int(rng.choice(np.flatnonzero(left if left.any() else gone)))
+
+
+def _lengths(vectors: Array) -> Array:
+    return np.sqrt((vectors * vectors).sum(-1))

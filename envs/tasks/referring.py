@@ -1,0 +1,46 @@
+"""Tasks in which a sentence tells what to do with which object, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.random import Generator
+
+from conf.schema import ConfigError
+from envs.tasks.base import Task
+from envs.tasks.types import TaskConfig
+from human import Person
+from language import KINDS, Describer, Placed
+
+TRIES = 1000
+EVERYBODY = ("all", "train", "test_paraphrase")  # splits in which every object of a scene can be named
+
+
+class Named(Task):
+    """Scenes are drawn until every object in them can be named, and what is meant is then drawn evenly among them:
+    so nothing but the words tells which one it is. The splits test_composition and test_length, which can name but
+    few, draw evenly among those.
+    """
+
+    kind_names: tuple[str, ...] = KINDS
+    speaks = True
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        super().__init__(config, object_area, num_worlds, person)
+        kinds = ["nested"] if self._split.name == "test_length" else config.kinds
+        self._describer = Describer(kinds or KINDS, self._split)
+
+    def _nameable_scene(self, rng: Generator) -> tuple[Placed, np.ndarray]:
+        """A scene, and which of its objects can be named, (K,) bool."""
+        for _ in range(TRIES):
+            placed = self._placed(rng)
+            nameable = self._describer.nameable(placed.scene)
+            if nameable.all() if self.config.split in EVERYBODY else nameable.any():
+                return placed, nameable
+        within = "" if self.config.split == "all" else f" in task.split={self.config.split}"
+        raise ConfigError(
+            f"task.kinds={list(self.config.kinds)} cannot name each of {self.config.num_objects} objects{within}"
+        )

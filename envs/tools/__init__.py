@@ -1,0 +1,1 @@
+"""Programs that write pictures and reference tables of what conf/ offers."""

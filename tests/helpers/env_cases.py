@@ -1,0 +1,114 @@
+"""What the tests of the worlds share: every combination that conf/ offers, and ways to drive an environment."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+import conf
+from conf.overrides import compose
+from envs import make_env, read_env
+from envs.mdp.gestures import meet
+from envs.tasks import TASKS as KNOWN
+
+CONF = Path(conf.__file__).parent
+
+
+def options(group):
+    """Every option of a config group, as its YAML files say."""
+    return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+
+
+ROBOTS, CONTROLS, TASKS = options("robot"), options("control"), options("task")
+
+
+def covering(everywhere=TASKS):
+    """(robot, control, task): the tasks of `everywhere` with every robot, others with one each; controls in turn."""
+    combinations = []
+    for i, task in enumerate(TASKS):
+        robots = ROBOTS if task in everywhere else [ROBOTS[i % len(ROBOTS)]]
+        combinations += [
+            (robot, CONTROLS[(i // len(ROBOTS) + ROBOTS.index(robot)) % len(CONTROLS)], task) for robot in robots
+        ]
+    return combinations
+
+
+COMBINATIONS = covering()
+FEWER = covering(everywhere=("nl_reach", "nl_pick_and_place", "nl_push"))
+
+
+def name_of(combination):
+    return "-".join(combination)
+
+
+def make(robot="kuka", control="step", task="nl_reach", *more, worlds=1, seed=0, render=False):
+    overrides = [f"robot={robot}", f"control={control}", f"task={task}", *more]
+    return make_env(overrides, num_worlds=worlds, seed=seed, render=render)
+
+
+def task_of(name, *overrides, worlds=1):
+    config = read_env(compose([f"task={name}", *overrides]))
+    person = meet(config.workspace.human, config.gesture)
+    return KNOWN[config.task.name](config.task, config.workspace.object_area, worlds, person)
+
+
+def act(env, td, action):
+    """One step under action (N, A): what the env says "next"."""
+    return env.step(td.clone(recurse=False).set("action", torch.as_tensor(action, dtype=torch.float32)))["next"]
+
+
+def partial_reset(env, td, worlds):
+    """td with these worlds' episodes begun anew."""
+    mask = torch.zeros(*env.batch_size, 1, dtype=torch.bool)
+    mask[worlds] = True
+    return env.reset(td.exclude("reward", "action").clone().set("_reset", mask))
+
+
+def leaves(td):
+    """Every tensor with its key."""
+    return dict(td.items(include_nested=True, leaves_only=True))
+
+
+def differences(one, other):
+    """Keys of the leaves that are not bit-equal (NaN equals itself)."""
+    a, b = leaves(one), leaves(other)
+    assert set(a) == set(b)
+    return [key for key in a if not torch.equal(a[key].nan_to_num(7.5), b[key].nan_to_num(7.5))]
+
+
+def hold(env, td):
+    """The action that keeps every gripper where it is."""
+    return env.towards(env.gripper)
+
+
+class Poker:
+    """Drives each gripper into an object and on, with noise, the shown slots in turn: objects get touched.
+
+    World i's actions come from what world i shows and its own generator, so they do not depend on N.
+    """
+
+    def __init__(self, env, seed=0):
+        self._env, self._steps = env, 0
+        self._noise = [np.random.default_rng((seed, i)) for i in range(env.batch_size[0])]
+
+    def __call__(self, td):
+        turn, self._steps = self._steps // 30, self._steps + 1
+        shown = [np.flatnonzero(row) for row in td["objects_mask"].numpy()]
+        slots = [int(row[turn % len(row)]) for row in shown]
+        aim = td["objects"][range(len(slots)), slots, :3].double().numpy()
+        noise = np.array([generator.uniform(-1, 1, 3) for generator in self._noise])
+        return self._env.towards(aim + [0.0, 0.0, -0.02] + 0.08 * noise * [1, 1, 0.3])
+
+
+def rollout(env, steps, policy, resets=lambda t, i: False):
+    """The "next" of every step, stacked (T, N): episodes that end, or that `resets` names, begin anew."""
+    td = env.reset()
+    kept = [td.clone()]
+    for t in range(steps):
+        td = act(env, td, policy(td))
+        kept.append(td.exclude("reward", "action").clone())
+        over = [i for i in range(env.batch_size[0]) if td["done"][i] or resets(t, i)]
+        if over:
+            td = partial_reset(env, td, over)
+            kept.append(td.clone())
+    return torch.stack(kept)

@@ -1,0 +1,171 @@
+"""Import directions, import cycles, light imports, and the sizes of files and functions."""
+
+import ast
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = {  # package -> the packages that it may import beside itself
+    "conf": set(),
+    "language": set(),
+    "human": {"conf", "language"},
+    "envs": {"conf", "language", "human"},
+    "trainers": {"conf"},
+    "demo": {"conf", "language", "human", "envs", "trainers"},
+}
+LAYERS = {  # sub-package of envs -> the sub-packages that it may import beside itself
+    "sim": set(),
+    "tasks": {"sim"},
+    "mdp": {"sim", "tasks"},
+}
+PYBULLET = {"envs/sim", "human/body.py", "human/person_camera.py", "human/suppress_stdout.py", "human/window.py"}
+GENERATED = {"build", "dist", "outputs", "multirun", "site"}  # folders that programs write
+MAX_FILE_LINES = 300
+MAX_FUNCTION_LINES = 50
+
+
+@cache
+def written():
+    """Every Python file of the project, as paths relative to its root."""
+    paths = sorted(path.relative_to(ROOT) for path in ROOT.rglob("*.py"))
+    return [path for path in paths if path.parts[0] not in GENERATED and not path.parts[0].startswith(".")]
+
+
+def sources(folder):
+    return [path for path in written() if path.is_relative_to(folder)]
+
+
+@cache
+def tree(path):
+    return ast.parse((ROOT / path).read_text(encoding="utf-8"))
+
+
+def imported(path):
+    """The dotted names of modules that a file imports anywhere in it; `from a import b` gives a and a.b."""
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute"
+            yield node.module
+            yield from (f"{node.module}.{name.name}" for name in node.names)
+
+
+def top_level(path):
+    return {name.split(".")[0] for name in imported(path)}
+
+
+def programs():
+    return {path.stem for path in ROOT.glob("*.py")} | {"benchmarks", "tests"}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_imports_only_the_packages_below_it(package):
+    assert sources(package)
+    barred = (set(PACKAGES) | programs()) - PACKAGES[package] - {package}
+    assert {str(path): found for path in sources(package) if (found := barred & top_level(path))} == {}
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_a_layer_of_envs_imports_only_the_layers_below_it(layer):
+    allowed = {f"envs.{name}" for name in LAYERS[layer] | {layer}}
+    for path in sources(f"envs/{layer}"):
+        used = {".".join(name.split(".")[:2]) for name in imported(path) if name.startswith("envs.")}
+        assert used <= allowed, path
+
+
+def test_every_package_is_listed_here():
+    packages = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"benchmarks", "tests"}
+    assert packages <= set(PACKAGES)
+
+
+def test_pybullet_is_imported_in_the_simulation_and_the_human_body_only():
+    users = {path.as_posix() for path in written() if "pybullet" in top_level(path)}
+    users = {user for user in users if not user.startswith(("tests/", "benchmarks/"))}
+    assert {user for user in users if not user.startswith("envs/sim/")} <= PYBULLET
+
+
+def test_no_module_imports_itself_through_others():
+    modules = {}
+    for path in written():
+        parts = path.with_suffix("").parts
+        modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    graph = {}
+    for name, path in modules.items():
+        found = {each for each in imported(path) if each in modules}
+        # `from package import module` needs the module; the package's own __init__ is loaded first, by Python.
+        found -= {name} | {".".join(name.split(".")[:i]) for i in range(1, name.count(".") + 1)}
+        graph[name] = found
+    assert cycle_in(graph) == []
+
+
+def cycle_in(graph):
+    """A cycle as a list of names, or []."""
+    done = set()
+
+    def visit(name, trail):
+        if name in trail:
+            return [*trail[trail.index(name) :], name]
+        if name in done:
+            return []
+        done.add(name)
+        return next((found for each in sorted(graph[name]) if (found := visit(each, [*trail, name]))), [])
+
+    return next((found for name in sorted(graph) if (found := visit(name, []))), [])
+
+
+def test_the_search_for_cycles_finds_one():
+    assert cycle_in({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c", "b"]
+    assert cycle_in({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("language", {"torch", "tensordict", "torchrl", "pybullet", "hydra", "matplotlib"}),
+        ("conf.schema", {"torch", "pybullet", "hydra", "omegaconf", "numpy"}),
+        ("conf.overrides", {"torch", "pybullet", "hydra"}),
+    ],
+)
+def test_a_light_module_loads_no_heavy_library(module, heavy):
+    code = f"import sys, {module}; print(*set({sorted(heavy)}) & set(sys.modules))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert found.stdout.split() == []
+
+
+def test_no_file_is_too_long():
+    lengths = {path.as_posix(): len((ROOT / path).read_text("utf-8").splitlines()) for path in written()}
+    assert {name: lines for name, lines in lengths.items() if lines > MAX_FILE_LINES} == {}
+
+
+def test_no_function_is_too_long():
+    lengths = {
+        f"{path}:{node.lineno} {node.name}": node.end_lineno - node.lineno + 1
+        for path in written()
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    }
+    assert {name: lines for name, lines in lengths.items() if lines > MAX_FUNCTION_LINES} == {}
+
+
+def test_tests_import_no_benchmarks_and_no_other_tests():
+    for path in sources("tests"):
+        names = set(imported(path))
+        assert not {name for name in names if name.split(".")[0] == "benchmarks"}, path
+        assert not {name for name in names if name.split(".")[-1].startswith("test_")}, path
+
+
+def test_helpers_of_tests_are_imported_by_one_name_only():
+    helpers = {path.stem for path in sources("tests/helpers")}
+    for path in sources("tests"):
+        assert not helpers & {name.split(".")[0] for name in imported(path)}, path
+
+
+def test_test_files_have_distinct_names_and_no_packages():
+    names = [path.name for path in sources("tests")]
+    assert len(names) == len(set(names))
+    assert "__init__.py" not in names

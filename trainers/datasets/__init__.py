@@ -1,0 +1,1 @@
+"""Demonstrations as LeRobot and Minari datasets."""

@@ -1,0 +1,1 @@
+"""Reports, figures and statistics of finished runs."""

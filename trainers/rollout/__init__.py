@@ -1,0 +1,1 @@
+"""Collection, evaluation, instruction ablations and video."""

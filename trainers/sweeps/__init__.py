@@ -1,0 +1,1 @@
+"""Several runs: jobs, and the records that they leave."""

@@ -1,0 +1,1 @@
+"""Helpers without a concept of their own."""
