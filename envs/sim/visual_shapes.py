@@ -24,7 +24,7 @@ BASE = -1  # Bullet's name for the link that a body begins with
 class VisualShape:
     """One visual shape.
 
-    body, link: Bullet's ids; `VisualShapes.poses` gives the link's pose. kind: a value of KINDS. size: (3,): metres of a box;
+    body, link: Bullet's ids; `VisualShapes.poses` gives the pose. kind: a value of KINDS. size: (3,): metres of a box;
     the radius first of a sphere; length and radius of a cylinder or capsule (along z); the scale of a mesh's axes.
     mesh: its file. position (3,), metres, and quaternion (4,), x, y, z, w: in the link's frame. rgba: in [0, 1].
     """

@@ -7,10 +7,10 @@ most that they can be.
 
 import numpy as np
 import pytest
-from tests.envs.test_manipulation_rules import DONE, MOVING, fitting, four, judged, moment
 
 from envs.tasks import TASKS
 from language import LIFTED
+from tests.envs.test_manipulation_rules import DONE, MOVING, fitting, four, judged, moment
 
 MOST = {"approach": 0, "grasp": 1, "lift": 1, "transport": 0, "release": 1, "rest": 1, "height": LIFTED, "turn": 1} | {
     "touch": 1,
