@@ -10,6 +10,7 @@ import numpy as np
 
 from language.errors import LanguageError, quote
 from language.lexicon import lexicon, split
+from language.word_order import WORD_ORDER
 
 PAD, UNKNOWN = "<pad>", "<unk>"  # always numbers 0 and 1
 
@@ -36,8 +37,11 @@ class Tokenizer:
 
     @classmethod
     def default(cls, length: int = 32) -> Tokenizer:
-        """For every word that the grammar knows now, in the registries' order."""
-        return cls((PAD, UNKNOWN, *lexicon().words()), length)
+        """Returns the tokenizer of all words of the grammar: `WORD_ORDER`, then newer words in the registries' order.
+
+        Adding a word leaves the ids of the others unchanged.
+        """
+        return cls(tuple(dict.fromkeys((PAD, UNKNOWN, *WORD_ORDER, *lexicon().words()))), length)
 
     @cached_property
     def _number(self) -> dict[str, int]:
