@@ -31,7 +31,7 @@ from language import (
     KINDS,
     SHAPES,
     SPOKEN,
-    TASKS,
+    VERBS,
     VIEWPOINTS,
     Chain,
     Command,
@@ -57,8 +57,8 @@ LONGEST_MESSAGE = 1000  # characters that a person may be asked to read
 SLOW = 0.005  # seconds
 REPEATS = 5  # of each timing; the median counts
 ERRORS = (NotUnderstood, NothingFits, SeveralFit)
-STILL = [name for name, task in TASKS.items() if not task.moves]  # what leaves the scene as it is described
-GOING = [name for name, task in TASKS.items() if task.moves and task.takes_goal]
+STILL = [name for name, task in VERBS.items() if not task.moves]  # what leaves the scene as it is described
+GOING = [name for name, task in VERBS.items() if task.moves and task.takes_goal]
 
 Pair = tuple[int | None, int | None]  # init and goal
 

@@ -17,7 +17,7 @@ from language import (
     parse,
     say,
 )
-from language.tasks import HERE, POINTING
+from language.verbs import HERE, POINTING
 
 LONGEST = 300  # characters of a sentence that are looked at
 

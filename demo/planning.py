@@ -9,7 +9,7 @@ import numpy as np
 from envs.interactive.interactive_env import InteractiveEnv
 from language import (
     KINDS,
-    TASKS,
+    VERBS,
     Describer,
     Instruction,
     LanguageError,
@@ -19,7 +19,7 @@ from language import (
     describe,
     say,
 )
-from language.tasks import GOAL, OBJECT
+from language.verbs import GOAL, OBJECT
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ class Planner:
         movable = [index for index in range(len(scene)) if not scene.targets[index]]
         targets = [index for index in range(len(scene)) if scene.targets[index]]
         names = all_called(scene)
-        verb, takes = self.verb, bool(targets) and TASKS[self.verb].takes_goal
-        form = next(t for t in TASKS[verb].templates if (GOAL in t) == takes)
+        verb, takes = self.verb, bool(targets) and VERBS[self.verb].takes_goal
+        form = next(t for t in VERBS[verb].templates if (GOAL in t) == takes)
         said = form.replace(OBJECT, names[movable[0]])
         return said.replace(GOAL, f"to the same position as {names[targets[0]]}") if takes else said
 

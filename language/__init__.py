@@ -15,9 +15,9 @@ from language.objects import DEVICES, NOUNS, ROLES, SHAPES, SIZES, Object, Scene
 from language.placement import Layout, ObjectSpec, Placed, from_all, from_lists, from_pairs
 from language.relations import HOLDS, RELATIONS, SUPERLATIVES, Relation, Superlative, relation, superlative, unregister
 from language.splits import SPLITS, HeldOut, Split
-from language.tasks import LIFTED, TASKS, Task
 from language.tokenizer import Tokenizer
 from language.understanding import Step, Understood, parse, revise, understand
+from language.verbs import LIFTED, VERBS, Verb
 from language.viewpoint import VIEWPOINTS, Viewpoint
 from language.virtual import GeneratedTask, after, generate_tasks
 from language.wording import Wording
@@ -38,7 +38,7 @@ __all__ = [
     "SPLITS",
     "SPOKEN",
     "SUPERLATIVES",
-    "TASKS",
+    "VERBS",
     "VIEWPOINTS",
     "Chain",
     "Color",
@@ -63,9 +63,9 @@ __all__ = [
     "Split",
     "Step",
     "Superlative",
-    "Task",
     "Tokenizer",
     "Understood",
+    "Verb",
     "Viewpoint",
     "Wording",
     "after",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import prod
 
 from language.lexicon import Lexicon, lexicon
-from language.tasks import GOAL, OBJECT
+from language.verbs import GOAL, OBJECT
 
 
 def count(depth: int, words: Lexicon | None = None) -> int:

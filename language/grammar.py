@@ -15,7 +15,7 @@ from language.errors import LanguageError, NotUnderstood, closest, quote
 from language.instruction import Chain, Correction, Instruction, Meaning, ObjectPhrase
 from language.lexicon import Lexicon, Word, lexicon, split
 from language.relations import RELATIONS
-from language.tasks import GOAL, OBJECT
+from language.verbs import GOAL, OBJECT
 
 if TYPE_CHECKING:  # lark is slow to import, and only parsing needs it
     from lark import Lark

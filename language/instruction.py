@@ -11,7 +11,7 @@ from language.errors import LanguageError, check_known
 from language.lexicon import lexicon
 from language.objects import NOUNS, ROLE_WORDS, SIZES
 from language.relations import RELATIONS, SUPERLATIVES
-from language.tasks import GOAL, HERE, IT, OBJECT, POINTING, TASKS
+from language.verbs import GOAL, HERE, IT, OBJECT, POINTING, VERBS
 
 DETERMINERS = ("the", *POINTING, *HERE, IT)
 
@@ -168,11 +168,11 @@ class Instruction:
     goal: ObjectPhrase | None = None
 
     def __post_init__(self) -> None:
-        if self.task not in TASKS:
-            check_known("task", self.task, TASKS)
-        if self.goal is None and TASKS[self.task].needs_goal:
+        if self.task not in VERBS:
+            check_known("task", self.task, VERBS)
+        if self.goal is None and VERBS[self.task].needs_goal:
             raise LanguageError(f"{self.task!r} needs a goal: say where")
-        if self.goal is not None and not TASKS[self.task].takes_goal:
+        if self.goal is not None and not VERBS[self.task].takes_goal:
             raise LanguageError(f"{self.task!r} takes no goal: {str(self.goal)!r} is given")
 
     @property

@@ -10,7 +10,7 @@ from language.colors import COLORS
 from language.errors import NotUnderstood
 from language.objects import ANY_NOUN, NOUNS, ROLE_WORDS, SIZES
 from language.relations import RELATIONS, SUPERLATIVES
-from language.tasks import (
+from language.verbs import (
     AFTER,
     BUT,
     CLOSINGS,
@@ -23,8 +23,8 @@ from language.tasks import (
     OPENINGS,
     PLACES,
     POINTING,
-    TASKS,
     THEN,
+    VERBS,
 )
 
 LONGEST_SENTENCE = 1000  # characters; what is longer is no instruction, and is refused before any work
@@ -66,7 +66,7 @@ class Lexicon:
         if category != "task":
             return self.categories[category][meaning]
         task, has_goal = meaning
-        return tuple(words for words in TASKS[task].templates if (GOAL in words) == has_goal)
+        return tuple(words for words in VERBS[task].templates if (GOAL in words) == has_goal)
 
     def phrases(self) -> tuple[str, ...]:
         """Everything that stands as one piece in a sentence, once."""
@@ -79,7 +79,7 @@ class Lexicon:
         return tuple(dict.fromkeys(word for phrase in self.phrases() for word in phrase.split()))
 
 
-_REGISTRIES: tuple[dict[str, Any], ...] = (COLORS, NOUNS, ROLE_WORDS, SIZES, RELATIONS, SUPERLATIVES, TASKS)
+_REGISTRIES: tuple[dict[str, Any], ...] = (COLORS, NOUNS, ROLE_WORDS, SIZES, RELATIONS, SUPERLATIVES, VERBS)
 _latest: tuple[tuple[dict[str, Any], ...], Lexicon] | None = None
 
 
@@ -123,7 +123,7 @@ def _read() -> Lexicon:
             "not": {"not": NOT},
             "but": {"but": BUT},
         },
-        templates={name: tuple(cut(words) for words in task.templates) for name, task in TASKS.items()},
+        templates={name: tuple(cut(words) for words in task.templates) for name, task in VERBS.items()},
     )
 
 

@@ -15,7 +15,7 @@ from language.instruction import Command, Instruction, ObjectPhrase, say
 from language.lexicon import LONGEST_SENTENCE
 from language.objects import Scene
 from language.placement import ObjectSpec, from_all
-from language.tasks import TASKS
+from language.verbs import VERBS
 from language.virtual import generate_tasks
 from language.wording import Wording
 
@@ -116,12 +116,12 @@ def _instruction(scene: Scene, describer: Describer, rng: Generator) -> Instruct
     things, movable, goals = (np.flatnonzero(fit) for fit in (named, named & ~scene.targets, named & scene.targets))
     possible = [
         name
-        for name, task in TASKS.items()
+        for name, task in VERBS.items()
         if len(movable if task.moves else things) and (len(goals) or not task.needs_goal)
     ]
     if not possible:
         return None
     task = possible[rng.integers(len(possible))]
-    phrase = describer.phrase(scene, int(rng.choice(movable if TASKS[task].moves else things)), rng)
-    says_goal = len(goals) and TASKS[task].takes_goal and (TASKS[task].needs_goal or rng.random() < 0.5)
+    phrase = describer.phrase(scene, int(rng.choice(movable if VERBS[task].moves else things)), rng)
+    says_goal = len(goals) and VERBS[task].takes_goal and (VERBS[task].needs_goal or rng.random() < 0.5)
     return Instruction(task, phrase, describer.phrase(scene, int(rng.choice(goals)), rng) if says_goal else None)

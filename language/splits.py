@@ -12,7 +12,7 @@ from language.errors import LanguageError, check_known
 from language.lexicon import lexicon
 from language.objects import NOUNS, Scene
 from language.relations import RELATIONS, Relation
-from language.tasks import TASKS
+from language.verbs import VERBS
 
 SPLITS = ("all", "train", "test_composition", "test_paraphrase", "test_length")
 
@@ -95,5 +95,5 @@ class Split:
 def _spoken() -> dict[str, int]:
     """Every phrase with its place among those that say the same."""
     by_meaning = [forms for meanings in lexicon().categories.values() for forms in meanings.values()]
-    by_meaning += [lexicon().forms("task", (task, has_goal)) for task in TASKS for has_goal in (False, True)]
+    by_meaning += [lexicon().forms("task", (task, has_goal)) for task in VERBS for has_goal in (False, True)]
     return {phrase: place for forms in by_meaning for place, phrase in enumerate(forms)}

@@ -11,7 +11,7 @@ from language.grammar import parse_words
 from language.grounding import Listener
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase
 from language.objects import Scene
-from language.tasks import HERE, POINTING, TASKS
+from language.verbs import HERE, POINTING, VERBS
 from language.virtual import after
 
 
@@ -81,7 +81,7 @@ def understand(command: Command, scene: Scene, pointed: Sequence[int] = ()) -> U
 
 
 def _step(instruction: Instruction, listener: Listener) -> Step:
-    task = TASKS[instruction.task]
+    task = VERBS[instruction.task]
     among = ~listener.scene.targets if task.moves else None  # a target only marks a place: nobody can move it
     named = listener.the_one(instruction.phrase, among)
     goal = None if instruction.goal is None else listener.the_one(instruction.goal)
@@ -174,7 +174,7 @@ def _corrected(steps: Sequence[Instruction], correction: Correction) -> tuple[in
     """Which step is corrected, and whether it is its goal: the last that says what is rejected, or the last of all."""
     last = len(steps) - 1
     if correction.goal is not None:
-        return last, TASKS[steps[last].task].takes_goal
+        return last, VERBS[steps[last].task].takes_goal
     if correction.rejected is not None:
         for at in range(last, -1, -1):
             for is_goal, phrase in ((False, steps[at].phrase), (True, steps[at].goal)):

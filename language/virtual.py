@@ -10,7 +10,7 @@ from language.describing import Describer
 from language.errors import LanguageError, check_known
 from language.instruction import Chain, Command, Instruction
 from language.objects import Scene
-from language.tasks import LIFTED, TASKS
+from language.verbs import LIFTED, VERBS
 
 OCCUPIED = 0.04  # metres between centres: nearer than this, a place is taken
 CHAINED = ("reach", "push", "pick_and_place", "swipe", "throw", "lift")  # the tasks that generated chains are made of
@@ -22,8 +22,8 @@ def after(task: str, init: int | None, goal: int | None, scene: Scene) -> Scene:
     init: index of the object that is moved, goal: of the one whose place it takes.
     Raises LanguageError for an unknown task.
     """
-    check_known("task", task, TASKS)
-    effect = TASKS[task].effect
+    check_known("task", task, VERBS)
+    effect = VERBS[task].effect
     if init is None or not effect or (effect == "goal" and goal is None):
         return scene
     positions = scene.positions.copy()
@@ -57,7 +57,7 @@ def generate_tasks(
         if value < 1:
             raise LanguageError(f"{name}={value} must be at least 1")
     for task in tasks:
-        check_known("task", task, TASKS)
+        check_known("task", task, VERBS)
     rng = np.random.default_rng(seed)
     describer = describer or Describer(("color", "shape", "color_shape", "superlative", "relation"))
     found: dict[Command, GeneratedTask] = {}
@@ -89,10 +89,10 @@ def _feasible(task: str, scene: Scene, describer: Describer) -> list[tuple[str, 
     """(task, init, goal) for all that can be done and named here."""
     named = describer.nameable(scene)
     things = np.flatnonzero(named).tolist()
-    if not TASKS[task].moves:
+    if not VERBS[task].moves:
         return [(task, None, goal) for goal in things]
     movable = [thing for thing in things if not scene.targets[thing] and _is_free(scene, thing)]
-    if not TASKS[task].takes_goal:
+    if not VERBS[task].takes_goal:
         return [(task, init, None) for init in movable]
     goals = [goal for goal in things if scene.targets[goal] and _is_free(scene, goal)]
     return [(task, init, goal) for init in movable for goal in goals]

@@ -16,8 +16,7 @@ from envs.tasks.geometry import length, lifted, put
 from envs.tasks.referring import Named
 from envs.tasks.types import NOTHING, Array, Episode, Outcome, Start, State, TaskConfig
 from human import Person
-from language import TASKS as VERBS
-from language import Instruction, Placed, Scene
+from language import VERBS, Instruction, Placed, Scene
 
 DISTURBED = 0.05  # metres that another object is moved before it counts as the wrong one
 NEAR = 0.1  # metres at which a gripper is near an object

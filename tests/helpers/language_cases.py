@@ -10,7 +10,7 @@ from language import (
     RELATIONS,
     SIZES,
     SUPERLATIVES,
-    TASKS,
+    VERBS,
     Chain,
     Correction,
     Instruction,
@@ -112,11 +112,11 @@ phrases = phrases_to(3)
 
 @st.composite
 def _instructions(draw):
-    task = draw(_one_of(TASKS))
+    task = draw(_one_of(VERBS))
     goals = phrases | spots
-    if not TASKS[task].takes_goal:
+    if not VERBS[task].takes_goal:
         goals = st.none()
-    elif not TASKS[task].needs_goal:
+    elif not VERBS[task].needs_goal:
         goals = st.none() | goals
     return Instruction(task, draw(phrases | spots), draw(goals))
 

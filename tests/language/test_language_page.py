@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import language
-from language import COLORS, NOUNS, RELATIONS, SIZES, SUPERLATIVES, TASKS
+from language import COLORS, NOUNS, RELATIONS, SIZES, SUPERLATIVES, VERBS
 from language.cli import main
 
 PAGE = (Path(language.__file__).parent.parent / "docs" / "language.md").read_text(encoding="utf-8")
@@ -19,7 +19,7 @@ PYTHON = [code for kind, code in BLOCKS if kind == "python"]
 CONSOLE = "".join(text for kind, text in BLOCKS if kind == "console")
 STEP = dict.fromkeys(language.Step.__dataclass_fields__, str)
 KNOWN = {"object": language.Object, "scene": language.Scene, **STEP}  # what the table speaks of
-REGISTRIES = (COLORS, NOUNS, SIZES, RELATIONS, SUPERLATIVES, TASKS)
+REGISTRIES = (COLORS, NOUNS, SIZES, RELATIONS, SUPERLATIVES, VERBS)
 
 
 @pytest.fixture

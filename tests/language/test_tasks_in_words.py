@@ -2,14 +2,14 @@
 
 import pytest
 
-from language import TASKS, Instruction, LanguageError, ObjectPhrase, Step, Task, Tokenizer, parse, say
-from language.tasks import GOAL, OBJECT
-from language.tasks import PLACES as WORDS_FOR_PLACES
+from language import VERBS, Instruction, LanguageError, ObjectPhrase, Step, Tokenizer, Verb, parse, say
+from language.verbs import GOAL, OBJECT
+from language.verbs import PLACES as WORDS_FOR_PLACES
 from tests.helpers.language_cases import PLACES, TABLE, steps
 
 CUBE = ObjectPhrase("cube", "green")
 MARK = ObjectPhrase("cube", "red", role="target")
-TEMPLATES = [(task, template) for task, known in TASKS.items() for template in known.templates]
+TEMPLATES = [(task, template) for task, known in VERBS.items() for template in known.templates]
 
 
 @pytest.mark.parametrize(("task", "template"), TEMPLATES)
@@ -70,7 +70,7 @@ def test_every_task_says_what_it_moves_and_how_it_is_rewarded(sentence, init, go
 
 
 def test_a_new_verb_is_one_line(monkeypatch):
-    monkeypatch.setitem(TASKS, "wave", Task(("wave at {object}", "greet {object} from afar")))
+    monkeypatch.setitem(VERBS, "wave", Verb(("wave at {object}", "greet {object} from afar")))
     instruction = Instruction("wave", ObjectPhrase("sphere"))
     assert parse("greet the ball from afar") == instruction
     assert parse(say(instruction)) == instruction
@@ -79,9 +79,9 @@ def test_a_new_verb_is_one_line(monkeypatch):
 
 
 def test_a_new_template_is_one_string(monkeypatch):
-    push = TASKS["push"]
+    push = VERBS["push"]
     monkeypatch.setitem(
-        TASKS, "push", Task((*push.templates, "slide {object} across {goal}"), moves=True, effect="goal")
+        VERBS, "push", Verb((*push.templates, "slide {object} across {goal}"), moves=True, effect="goal")
     )
     assert steps("slide the green cube across to the transparent red cube", PLACES) == [("push", 1, 3)]
     assert say(parse("slide the green cube across there")) == "push the green cube there"
@@ -92,4 +92,4 @@ def test_a_new_template_is_one_string(monkeypatch):
 )
 def test_a_template_without_its_slots_in_order_is_refused(template):
     with pytest.raises(LanguageError, match="a template has one"):
-        Task((template,))
+        Verb((template,))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from language import (
-    TASKS,
+    VERBS,
     Describer,
     HeldOut,
     LanguageError,
@@ -19,7 +19,7 @@ from language import (
 from tests.helpers.language_cases import PLACES, random_scenes
 
 
-@pytest.mark.parametrize("task", [task for task, known in TASKS.items() if known.effect == "goal"])
+@pytest.mark.parametrize("task", [task for task, known in VERBS.items() if known.effect == "goal"])
 def test_what_goes_somewhere_is_where_the_goal_was(task):
     done = after(task, 0, 3, PLACES)
     assert (done.positions[0] == PLACES.positions[3]).all()

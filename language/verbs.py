@@ -1,6 +1,6 @@
 """What can be asked for, and in which words: one table, read by `say` and by the grammar alike.
 
-    "wave": Task(("wave at {object}", "greet {object}"))
+    "wave": Verb(("wave at {object}", "greet {object}"))
 
 That is all a verb needs; one more template is one more string.
 """
@@ -22,7 +22,7 @@ PLACES = ("to the same position as", "to the position of", "at the position of",
 
 
 @dataclass(frozen=True)
-class Task:
+class Verb:
     """templates: the first with the slots that are filled is what we say, all are what we understand.
 
     reward, networks: what the original system trains the task with: the reward's name, and one network a phase.
@@ -56,16 +56,16 @@ class Task:
 
 LIFTED = 0.15  # metres
 
-TASKS: dict[str, Task] = {
-    "reach": Task(
+VERBS: dict[str, Verb] = {
+    "reach": Verb(
         ("reach {object}", "touch {object}", "go to {object}", "move to {object}", "reach for {object}"),
     ),
-    "push": Task(
+    "push": Verb(
         ("push {object} {goal}", "shove {object} {goal}"),
         moves=True,
         effect="goal",
     ),
-    "pick_and_place": Task(
+    "pick_and_place": Verb(
         (
             "pick {object} and place it {goal}",
             "pick up {object} and place it {goal}",
@@ -82,7 +82,7 @@ TASKS: dict[str, Task] = {
         moves=True,
         effect="goal",
     ),
-    "pick_and_rotate": Task(
+    "pick_and_rotate": Verb(
         (
             "pick {object} and rotate it {goal}",
             "pick {object} and rotate it",
@@ -96,28 +96,28 @@ TASKS: dict[str, Task] = {
         moves=True,
         effect="goal",
     ),
-    "swipe": Task(
+    "swipe": Verb(
         ("swipe {object} along the line {goal}", "swipe {object} {goal}", "drag {object} along the line {goal}"),
         reward="pnpswipe",
         networks=3,
         moves=True,
         effect="goal",
     ),
-    "throw": Task(("throw {object} {goal}", "toss {object} {goal}"), "throw", 3, moves=True, effect="goal"),
-    "poke": Task(
+    "throw": Verb(("throw {object} {goal}", "toss {object} {goal}"), "throw", 3, moves=True, effect="goal"),
+    "poke": Verb(
         ("poke {object} {goal}", "poke {object}", "nudge {object} {goal}", "nudge {object}"),
         reward="poke",
         networks=3,
         moves=True,
         effect="goal",
     ),
-    "press": Task(("press {object}", "press down on {object}"), "press", 3),
-    "turn": Task(("turn {object}", "twist {object}"), "turn", 3),
-    "switch": Task(("switch {object}", "flip {object}", "toggle {object}"), "switch", 3),
-    "grasp": Task(
+    "press": Verb(("press {object}", "press down on {object}"), "press", 3),
+    "turn": Verb(("turn {object}", "twist {object}"), "turn", 3),
+    "switch": Verb(("switch {object}", "flip {object}", "toggle {object}"), "switch", 3),
+    "grasp": Verb(
         ("grasp {object}", "grab {object}", "take hold of {object}", "take {object}", "get {object}"), "grasp", 1
     ),
-    "lift": Task(
+    "lift": Verb(
         (
             "lift {object}",
             "lift up {object}",
