@@ -1,15 +1,8 @@
-"""Robots, controls, workspaces and tasks; the batched TorchRL environment and its Gymnasium face."""
+"""Robots, controls, workspaces and tasks: the batched TorchRL environment and its Gymnasium interface."""
 
-import gymnasium
-
-from envs.config import EnvConfig, make_env, read_env
+from envs.config import EnvConfig, read_env
+from envs.registration import make_env, register_gym_ids
 
 __all__ = ["EnvConfig", "make_env", "read_env"]
 
-for _id, _task in (
-    ("Reach", "reach"),
-    ("NLReach", "nl_reach"),
-    ("ReachGesture", "reach_gesture"),
-    ("NLReachGesture", "nl_reach_gesture"),
-):
-    gymnasium.register(f"Deixis/{_id}-v0", entry_point="envs.gym_env:GymEnv", kwargs={"task": _task})
+register_gym_ids()

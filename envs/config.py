@@ -1,12 +1,10 @@
-"""From Hydra overrides to checked configs, and from those to environments."""
+"""The configuration of an environment: a composed Hydra config, checked and turned into dataclasses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from conf.overrides import check, compose
 from conf.schema import ConfigError, did_you_mean, read
 from envs.mdp.controls import ControlConfig
 from envs.sim.gripper import GripperConfig
@@ -15,9 +13,6 @@ from envs.sim.workspace import WorkspaceConfig
 from envs.sim.world import PhysicsConfig
 from envs.tasks import TASKS, CurriculumConfig, TaskConfig
 from human import GestureConfig
-
-if TYPE_CHECKING:
-    from envs.workspace_env import WorkspaceEnv
 
 
 @dataclass(frozen=True)
@@ -58,14 +53,3 @@ def read_env(config: Any) -> EnvConfig:
         read(GestureConfig, config["gesture"], "gesture"),
         gripper,
     )
-
-
-def make_env(overrides: Sequence[str] = (), num_worlds: int = 1, seed: int = 0, render: bool = False) -> WorkspaceEnv:
-    """The TorchRL environment of `overrides`, as N = num_worlds worlds: make_env(["robot=panda"], 16).
-
-    Raises ConfigError.
-    """
-    from envs.workspace_env import WorkspaceEnv
-
-    check(overrides)
-    return WorkspaceEnv(read_env(compose(overrides)), num_worlds, seed, render)

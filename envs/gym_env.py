@@ -38,7 +38,7 @@ class GymEnv(gym.Env):
         overrides: Sequence[str] = (),
         render_mode: str | None = None,
     ) -> None:
-        from envs.config import make_env
+        from envs.registration import make_env
 
         self.render_mode = render_mode
         groups = [f"task={task}", f"robot={robot}", f"control={control}", *overrides]

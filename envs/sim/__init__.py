@@ -1,1 +1,6 @@
-"""PyBullet: worlds, robots, grippers, furniture, devices. The only package that imports PyBullet."""
+"""PyBullet: worlds, robots, grippers, furniture, devices. The only package of envs that imports PyBullet."""
+
+from human.suppress_stdout import quiet
+
+with quiet():  # PyBullet prints its build time when it is first imported
+    import pybullet  # noqa: F401

@@ -11,16 +11,13 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-
-from human.suppress_stdout import quiet
-
-with quiet():
-    import pybullet as bullet
+import pybullet as bullet
 
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, within
 from envs.sim.collision_hulls import lean
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.urdf_magnet import with_magnet
+from human.suppress_stdout import quiet
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,46 @@
+"""Building environments from Hydra overrides, and the Gymnasium ids: one for every option of `task=`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import gymnasium
+
+from conf.overrides import check, compose, groups
+from envs.config import read_env
+
+if TYPE_CHECKING:
+    from envs.workspace_env import WorkspaceEnv
+
+ENTRY_POINT = "envs.gym_env:GymEnv"
+
+
+def make_env(overrides: Sequence[str] = (), num_worlds: int = 1, seed: int = 0, render: bool = False) -> WorkspaceEnv:
+    """Build the TorchRL environment that Hydra overrides describe: `make_env(["robot=panda"], num_worlds=16)`.
+
+    Args:
+        overrides: Hydra overrides of conf/config.yaml.
+        num_worlds: the number N of PyBullet worlds, which is the batch size.
+        seed: seed of the worlds' random generators.
+        render: load visual shapes, for `WorkspaceEnv.render`.
+
+    Raises:
+        ConfigError: for an unknown or invalid override.
+    """
+    from envs.workspace_env import WorkspaceEnv  # torch is imported only where an environment is built
+
+    check(overrides)
+    return WorkspaceEnv(read_env(compose(overrides)), num_worlds, seed, render)
+
+
+def gym_id(task: str) -> str:
+    """The Gymnasium id of an option of `task=`: "nl_pick_and_place" gives "Deixis/NLPickAndPlace-v0"."""
+    words = ["NL" if word == "nl" else word.capitalize() for word in task.split("_")]
+    return f"Deixis/{''.join(words)}-v0"
+
+
+def register_gym_ids() -> None:
+    """Register an id for every task of conf/task with Gymnasium."""
+    for task in groups()["task"]:
+        gymnasium.register(gym_id(task), entry_point=ENTRY_POINT, kwargs={"task": task})
