@@ -19,7 +19,7 @@ from language import (
     describe,
     say,
 )
-from language.verbs import GOAL, OBJECT
+from language.verbs import BASE, GOAL, OBJECT, has_goal
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,8 @@ class Planner:
         targets = [index for index in range(len(scene)) if scene.targets[index]]
         names = all_called(scene)
         verb, takes = self.verb, bool(targets) and VERBS[self.verb].takes_goal
-        form = next(t for t in VERBS[verb].templates if (GOAL in t) == takes)
-        said = form.replace(OBJECT, names[movable[0]])
+        form = next(t for t in VERBS[verb].templates if has_goal(t) == takes)
+        said = form.replace(OBJECT, names[movable[0]]).replace(BASE, names[movable[-1]])
         return said.replace(GOAL, f"to the same position as {names[targets[0]]}") if takes else said
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import prod
 
 from language.lexicon import Lexicon, lexicon
-from language.verbs import GOAL, OBJECT
+from language.verbs import BASE, GOAL, OBJECT
 
 
 def count(depth: int, words: Lexicon | None = None) -> int:
@@ -18,7 +18,7 @@ def count(depth: int, words: Lexicon | None = None) -> int:
     spots = _forms(words, "spot")
     objects, goals = phrases + spots, _forms(words, "place") * phrases + spots
     cuts = [pieces for templates in words.templates.values() for pieces in templates]
-    return sum(objects ** pieces.count(OBJECT) * goals ** pieces.count(GOAL) for pieces in cuts)
+    return sum(objects ** (pieces.count(OBJECT) + pieces.count(BASE)) * goals ** pieces.count(GOAL) for pieces in cuts)
 
 
 def _phrases(depth: int, words: Lexicon) -> int:

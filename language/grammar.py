@@ -15,7 +15,7 @@ from language.errors import LanguageError, NotUnderstood, closest, quote
 from language.instruction import Chain, Correction, Instruction, Meaning, ObjectPhrase
 from language.lexicon import Lexicon, Word, lexicon, split
 from language.relations import RELATIONS
-from language.verbs import GOAL, OBJECT
+from language.verbs import BASE, GOAL, OBJECT
 
 if TYPE_CHECKING:  # lark is slow to import, and only parsing needs it
     from lark import Lark
@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # lark is slow to import, and only parsing needs it
 
 _MARKS = {",": "_COMMA", ".": "_STOP", "!": "_STOP", "?": "_STOP"}
 _AFTER_COMMA = {"then", "closing", "but"}  # what a comma may come before, as one piece with it
-_SLOTS = {OBJECT: "object", GOAL: "goal"}
+_SLOTS = {OBJECT: "object", GOAL: "goal", BASE: "object"}
 _POSITIONED = ("the", "pointing", "it", "spot", "excluding")  # whose place in the sentence is kept
 _END = "$END"  # lark's name for the end of the sentence
 _LISTED = 12  # expected phrases that a message lists
@@ -170,7 +170,7 @@ def _categories(words: Lexicon) -> dict[str, tuple[str, ...]]:
 def _pieces(words: Lexicon) -> Iterator[str]:
     for cuts in words.templates.values():
         for pieces in cuts:
-            yield from (piece for piece in pieces if piece not in (OBJECT, GOAL))
+            yield from (piece for piece in pieces if piece not in _SLOTS)
 
 
 def _terminal(categories: tuple[str, ...]) -> str:

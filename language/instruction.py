@@ -11,7 +11,7 @@ from language.errors import LanguageError, check_known
 from language.lexicon import lexicon
 from language.objects import NOUNS, ROLE_WORDS, SIZES
 from language.relations import RELATIONS, SUPERLATIVES
-from language.verbs import GOAL, HERE, IT, OBJECT, POINTING, VERBS
+from language.verbs import BASE, GOAL, HERE, IT, OBJECT, POINTING, VERBS
 
 DETERMINERS = ("the", *POINTING, *HERE, IT)
 
@@ -188,7 +188,9 @@ class Instruction:
     def words(self, form: Form) -> str:
         """The instruction with a choice of words."""
         said = form("task", (self.task, self.goal is not None)).replace(OBJECT, self.phrase.words(form))
-        return said if self.goal is None else said.replace(GOAL, _place_words(self.goal, form))
+        if self.goal is None:
+            return said
+        return said.replace(BASE, self.goal.words(form)).replace(GOAL, _place_words(self.goal, form))
 
     def __str__(self) -> str:
         return self.words(lexicon().form)

@@ -12,6 +12,7 @@ from language.objects import ANY_NOUN, NOUNS, ROLE_WORDS, SIZES
 from language.relations import RELATIONS, SUPERLATIVES
 from language.verbs import (
     AFTER,
+    BASE,
     BUT,
     CLOSINGS,
     GOAL,
@@ -25,6 +26,7 @@ from language.verbs import (
     POINTING,
     THEN,
     VERBS,
+    has_goal,
 )
 
 LONGEST_SENTENCE = 1000  # characters; what is longer is no instruction, and is refused before any work
@@ -36,7 +38,8 @@ Forms = dict[Any, tuple[str, ...]]
 
 _WORD_OR_MARK = re.compile(r"[^\W\d_]+(?:['\u2019][^\W\d_]+)?|\w+|[^\w\s]")
 _SAME = str.maketrans({"\u2019": "'", ";": ","})
-_SLOT = re.compile(f"({re.escape(OBJECT)}|{re.escape(GOAL)})")
+_SLOTS = (OBJECT, GOAL, BASE)
+_SLOT = re.compile(f"({'|'.join(map(re.escape, _SLOTS))})")
 
 
 class Word(NamedTuple):
@@ -65,14 +68,14 @@ class Lexicon:
         """Every way to say the meaning, ours first."""
         if category != "task":
             return self.categories[category][meaning]
-        task, has_goal = meaning
-        return tuple(words for words in VERBS[task].templates if (GOAL in words) == has_goal)
+        task, with_goal = meaning
+        return tuple(words for words in VERBS[task].templates if has_goal(words) == with_goal)
 
     def phrases(self) -> tuple[str, ...]:
         """Everything that stands as one piece in a sentence, once."""
         forms = [form for meanings in self.categories.values() for forms in meanings.values() for form in forms]
         pieces = [piece for cut in self.templates.values() for template in cut for piece in template]
-        return tuple(dict.fromkeys(piece for piece in (*pieces, *forms) if piece not in (OBJECT, GOAL)))
+        return tuple(dict.fromkeys(piece for piece in (*pieces, *forms) if piece not in _SLOTS))
 
     def words(self) -> tuple[str, ...]:
         """Every word once, in the order of the registries."""

@@ -113,15 +113,18 @@ def _command(scene: Scene, describer: Describer, rng: Generator, steps: int) -> 
 def _instruction(scene: Scene, describer: Describer, rng: Generator) -> Instruction | None:
     """A task, evenly among those that can be done here, for an object and perhaps a goal that can be named."""
     named = describer.nameable(scene)
-    things, movable, goals = (np.flatnonzero(fit) for fit in (named, named & ~scene.targets, named & scene.targets))
+    things, movable, targets = (np.flatnonzero(fit) for fit in (named, named & ~scene.targets, named & scene.targets))
     possible = [
         name
         for name, task in VERBS.items()
-        if len(movable if task.moves else things) and (len(goals) or not task.needs_goal)
+        if len(movable if task.moves else things)
+        and (not task.needs_goal or len(targets if task.effect != "on" else movable[1:]))
     ]
     if not possible:
         return None
     task = possible[rng.integers(len(possible))]
-    phrase = describer.phrase(scene, int(rng.choice(movable if VERBS[task].moves else things)), rng)
+    referent = int(rng.choice(movable if VERBS[task].moves else things))
+    phrase = describer.phrase(scene, referent, rng)
+    goals = targets if VERBS[task].effect != "on" else movable[movable != referent]
     says_goal = len(goals) and VERBS[task].takes_goal and (VERBS[task].needs_goal or rng.random() < 0.5)
     return Instruction(task, phrase, describer.phrase(scene, int(rng.choice(goals)), rng) if says_goal else None)

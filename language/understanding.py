@@ -84,7 +84,8 @@ def _step(instruction: Instruction, listener: Listener) -> Step:
     task = VERBS[instruction.task]
     among = ~listener.scene.targets if task.moves else None  # a target only marks a place: nobody can move it
     named = listener.the_one(instruction.phrase, among)
-    goal = None if instruction.goal is None else listener.the_one(instruction.goal)
+    real = ~listener.scene.targets if task.effect == "on" else None  # nothing can stand on a target
+    goal = None if instruction.goal is None else listener.the_one(instruction.goal, real)
     if goal == named:
         message = f"'{instruction.goal}' is the object itself that is to be moved; say another place"
         raise NothingFits(message, str(instruction.goal), instruction.goal.position if instruction.goal else 0)

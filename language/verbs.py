@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from language.errors import LanguageError
 
 OBJECT, GOAL = "{object}", "{goal}"  # where the name of the object goes, and where the words for the place
+BASE = "{base}"  # where the name of the object goes that it is put on
 
 POINTING = ("this", "that")  # with or without a noun: a gesture tells which one
 HERE = ("here", "there")  # what stands there: a gesture tells where
@@ -27,7 +28,8 @@ class Verb:
 
     reward, networks: what the original system trains the task with: the reward's name, and one network a phase.
     moves: the named object is what is moved ("init"); otherwise it is where the gripper goes ("goal").
-    effect: what becomes of the moved object: "goal" (it is where the goal was), "up" (it is LIFTED higher) or "".
+    effect: what becomes of the moved object: "goal" (it is where the goal was), "on" (it stands on the goal, a real
+    object), "up" (it is LIFTED higher) or "".
     Raises LanguageError for a template that lacks its slots, or has them in another order.
     """
 
@@ -40,18 +42,25 @@ class Verb:
     def __post_init__(self) -> None:
         for template in self.templates:
             before, _, behind = template.partition(OBJECT)
-            if template.count(OBJECT) != 1 or GOAL in before or behind.count(GOAL) > 1:
-                raise LanguageError(f"{template!r}: a template has one {OBJECT} and, if any, one {GOAL} after it")
+            if template.count(OBJECT) != 1 or has_goal(before) or behind.count(GOAL) + behind.count(BASE) > 1:
+                raise LanguageError(
+                    f"{template!r}: a template has one {OBJECT} and, if any, one {GOAL} or {BASE} after it"
+                )
 
     @property
     def takes_goal(self) -> bool:
         """Whether a place can be said."""
-        return any(GOAL in template for template in self.templates)
+        return any(map(has_goal, self.templates))
 
     @property
     def needs_goal(self) -> bool:
         """Whether a place must be said."""
-        return all(GOAL in template for template in self.templates)
+        return all(map(has_goal, self.templates))
+
+
+def has_goal(template: str) -> bool:
+    """Whether the template has a slot for the goal."""
+    return GOAL in template or BASE in template
 
 
 LIFTED = 0.15  # metres
@@ -110,6 +119,18 @@ VERBS: dict[str, Verb] = {
         networks=3,
         moves=True,
         effect="goal",
+    ),
+    "stack": Verb(
+        (
+            "stack {object} on {base}",
+            "stack {object} on top of {base}",
+            "put {object} on top of {base}",
+            "place {object} on top of {base}",
+        ),
+        reward="stack",
+        networks=3,
+        moves=True,
+        effect="on",
     ),
     "press": Verb(("press {object}", "press down on {object}"), "press", 3),
     "turn": Verb(("turn {object}", "twist {object}"), "turn", 3),

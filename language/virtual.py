@@ -19,15 +19,20 @@ CHAINED = ("reach", "push", "pick_and_place", "swipe", "throw", "lift")  # the t
 def after(task: str, init: int | None, goal: int | None, scene: Scene) -> Scene:
     """The scene when the task is done, without simulation; the same one where nothing moves.
 
-    init: index of the object that is moved, goal: of the one whose place it takes.
+    init: index of the object that is moved, goal: of the one whose place it takes, or on top of which it goes.
     Raises LanguageError for an unknown task.
     """
     check_known("task", task, VERBS)
     effect = VERBS[task].effect
-    if init is None or not effect or (effect == "goal" and goal is None):
+    if init is None or not effect or (effect in ("goal", "on") and goal is None):
         return scene
     positions = scene.positions.copy()
-    positions[init] = positions[init] + (0.0, 0.0, LIFTED) if effect == "up" else scene.positions[goal]
+    if effect == "up":
+        positions[init] += (0.0, 0.0, LIFTED)
+    else:
+        positions[init] = scene.positions[goal]
+    if effect == "on":
+        positions[init, 2] += (scene.sizes[init] + scene.sizes[goal]) / 2
     return scene.moved(positions)
 
 
@@ -94,8 +99,9 @@ def _feasible(task: str, scene: Scene, describer: Describer) -> list[tuple[str, 
     movable = [thing for thing in things if not scene.targets[thing] and _is_free(scene, thing)]
     if not VERBS[task].takes_goal:
         return [(task, init, None) for init in movable]
-    goals = [goal for goal in things if scene.targets[goal] and _is_free(scene, goal)]
-    return [(task, init, goal) for init in movable for goal in goals]
+    real = VERBS[task].effect == "on"
+    goals = [goal for goal in things if scene.targets[goal] != real and _is_free(scene, goal)]
+    return [(task, init, goal) for init in movable for goal in goals if goal != init]
 
 
 def _is_free(scene: Scene, thing: int) -> bool:

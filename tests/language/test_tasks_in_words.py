@@ -3,7 +3,7 @@
 import pytest
 
 from language import VERBS, Instruction, LanguageError, ObjectPhrase, Step, Tokenizer, Verb, parse, say
-from language.verbs import GOAL, OBJECT
+from language.verbs import BASE, GOAL, OBJECT, has_goal
 from language.verbs import PLACES as WORDS_FOR_PLACES
 from tests.helpers.language_cases import PLACES, TABLE, steps
 
@@ -14,8 +14,8 @@ TEMPLATES = [(task, template) for task, known in VERBS.items() for template in k
 
 @pytest.mark.parametrize(("task", "template"), TEMPLATES)
 def test_every_template_of_a_task_is_understood(task, template):
-    sentence = template.replace(OBJECT, str(CUBE)).replace(GOAL, f"to {MARK}")
-    assert parse(sentence) == Instruction(task, CUBE, MARK if GOAL in template else None)
+    sentence = template.replace(OBJECT, str(CUBE)).replace(GOAL, f"to {MARK}").replace(BASE, str(MARK))
+    assert parse(sentence) == Instruction(task, CUBE, MARK if has_goal(template) else None)
 
 
 @pytest.mark.parametrize("place", WORDS_FOR_PLACES)
@@ -56,6 +56,8 @@ def test_the_originals_own_phrasings_are_understood(sentence, step):
         ("pick the ball and rotate it", 2, None, "pnprot", 3),
         ("poke the ball", 2, None, "poke", 3),
         ("poke the ball to the transparent sphere", 2, 4, "poke", 3),
+        ("stack the ball on the red cube", 2, 0, "stack", 3),
+        ("put the ball on top of the green one", 2, 1, "stack", 3),
         ("press the green cube", None, 1, "press", 3),
         ("turn the green cube", None, 1, "turn", 3),
         ("switch the green cube", None, 1, "switch", 3),

@@ -9,7 +9,7 @@ from language import (
     COLORS,
     KINDS,
     NOUNS,
-    TASKS,
+    VERBS,
     Color,
     Describer,
     LanguageError,
@@ -119,7 +119,7 @@ def test_new_words_get_ids_after_all_existing_ones(monkeypatch):
     try:
         monkeypatch.setitem(COLORS, "brown", Color((0.5, 0.25, 0.0)))
         monkeypatch.setitem(NOUNS, "pyramid", ("spire",))
-        monkeypatch.setitem(TASKS, "kick", replace(TASKS["push"], templates=("kick {object}",)))
+        monkeypatch.setitem(VERBS, "kick", replace(VERBS["push"], templates=("kick {object}",)))
         grown = Tokenizer.default().vocabulary
     finally:
         unregister("to the north of")

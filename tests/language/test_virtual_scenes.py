@@ -26,6 +26,19 @@ def test_what_goes_somewhere_is_where_the_goal_was(task):
     assert (done.positions[1:] == PLACES.positions[1:]).all()
 
 
+def test_a_stacked_object_stands_on_its_base():
+    done = after("stack", 2, 1, PLACES)
+    assert (done.positions - PLACES.positions)[[0, 1, 3, 4]].any() == np.False_
+    assert done.positions[2].tolist() == [0.4, 0.0, 0.02 + (PLACES.sizes[2] + PLACES.sizes[1]) / 2]
+
+
+def test_objects_are_only_stacked_on_real_ones():
+    generated = generate_tasks(PLACES, width=40, depth=1, tasks=("stack",))
+    assert {(step.init, step.goal) for each in generated for step in understand(each.command, PLACES).steps} == {
+        (init, goal) for init in range(3) for goal in range(3) if init != goal
+    }
+
+
 def test_what_is_lifted_is_higher():
     done = after("lift", 1, None, PLACES)
     assert (done.positions - PLACES.positions).nonzero()[0].tolist() == [1]
