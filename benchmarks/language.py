@@ -11,10 +11,7 @@ gives the same scenes, sentences and strings, however many workers share them.
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import os
-import platform
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -26,6 +23,7 @@ import numpy as np
 from numpy.random import Generator
 
 from benchmarks.hostile import WRITERS
+from benchmarks.results import rows, write_section
 from language import (
     COLORS,
     KINDS,
@@ -272,41 +270,6 @@ def _outcome(text: str, scene: Scene, previous: Command | None) -> str:
     return "understood"
 
 
-def machine() -> dict[str, Any]:
-    """What the figures were measured on; the load is that of the last minute before."""
-    return {
-        "python": platform.python_version(),
-        "processor": platform.machine(),
-        "cores": len(os.sched_getaffinity(0)),
-        "load_before": round(os.getloadavg()[0], 2),
-        "numpy": np.__version__,
-    }
-
-
-def rows(result: dict[str, Any], name: str = "") -> list[tuple[str, str]]:
-    """The result as lines of a table, what is nested under its path."""
-    lines = []
-    for key, value in result.items():
-        path = f"{name} {key}".strip().replace("_", " ")
-        lines += rows(value, path) if isinstance(value, dict) else [(path, _told(value))]
-    return lines
-
-
-def _told(value: Any) -> str:
-    if isinstance(value, list):
-        return "\n".join(value) or "none"
-    return f"{value:,}" if isinstance(value, int | float) else str(value)
-
-
-def write(path: Path, module: str, section: str, result: dict[str, Any]) -> None:
-    """Put the section that the module measured into the JSON file, which is made where there is none."""
-    known = json.loads(path.read_text()) if path.exists() else {}
-    command = " ".join(["python -m", module, *sys.argv[1:]])
-    known[section] = {"command": command, "machine": machine(), **result}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(known, indent=1, ensure_ascii=True) + "\n")
-
-
 def failed(section: str, result: dict[str, Any]) -> bool:
     """Whether anything happened that never may. How fast it went is for the reader to judge."""
     if section == "round_trip":
@@ -330,7 +293,7 @@ def main() -> None:
     for name, value in rows(result):
         print(f"{name:32} {value}")
     if args.out:
-        write(args.out, "benchmarks.language", args.what, result)
+        write_section(args.out, "benchmarks.language", args.what, result)
     sys.exit(failed(args.what, result))
 
 

@@ -28,10 +28,10 @@ from PIL import Image
 
 from benchmarks.hostile import WRITERS
 from benchmarks.language import random_scene
-from benchmarks.visitor import CHROMIUM, PATIENCE, WIDE, Served, Visitor, browsing
 from demo.loop import Loop
 from demo.session import Session
 from demo.session_config import choose
+from tools.browser import CHROMIUM, TIMEOUT, WIDE, PageTab, PlayServer, headless_browser
 from trainers.rollout.evaluation import wilson
 from trainers.utils.system_info import machine
 
@@ -53,24 +53,24 @@ WATCH = """() => {
 
 def start(args: argparse.Namespace) -> dict[str, Any]:
     """Seconds to the page, milliseconds to first motions, and the clock while it moves."""
-    with browsing() as browser:
+    with headless_browser() as browser:
         began = time.perf_counter()
-        served = Served(*args.words)
+        server = PlayServer(*args.words)
         answers = time.perf_counter() - began
-        visitor = Visitor(browser, served.address)
+        page = PageTab(browser, server.address)
         there = time.perf_counter() - began
         motions, clocks = [], []
         for _ in range(args.count):
-            name = visitor.objects()[0]
-            visitor.tab.evaluate(WATCH)
-            visitor.says(f"reach {name}")
-            visitor.tab.wait_for_function("window.moved !== null")
-            motions.append(visitor.tab.evaluate("window.moved"))
-            visitor.shows("Done in|Not done")
-            clocks.append(visitor.clock())
-            visitor.presses("Shuffle")
-            visitor.shows("Say what to do")
-        served.close()
+            name = page.object_names()[0]
+            page.tab.evaluate(WATCH)
+            page.say(f"reach {name}")
+            page.tab.wait_for_function("window.moved !== null")
+            motions.append(page.tab.evaluate("window.moved"))
+            page.wait_for_text("Done in|Not done")
+            clocks.append(page.clock())
+            page.press("Shuffle")
+            page.wait_for_text("Say what to do")
+        server.close()
     quantiles, clock = [float(np.median(motions)), max(motions)], [min(clocks), max(clocks)]
     times = {"seconds_to_answer": answers, "seconds_to_page": there}
     return {**times, "first_motion_ms_median_worst": quantiles, "clock_least_most": clock}
@@ -95,7 +95,7 @@ def motion(args: argparse.Namespace) -> dict[str, Any]:
         moved.clear()
         began = time.perf_counter()
         loop.ask(lambda session: session.say(session.example()))
-        moved.wait(PATIENCE)
+        moved.wait(TIMEOUT)
         motions.append(1000 * (time.perf_counter() - began))
     loop.stop()
     thread.join()
@@ -106,15 +106,15 @@ def motion(args: argparse.Namespace) -> dict[str, Any]:
 def said(args: argparse.Namespace) -> dict[str, Any]:
     """Sentences typed into the page, each in a scene of its own, and how they ended."""
     rng, ends = np.random.default_rng(args.seed), []
-    served = Served("--seed", str(args.seed), *args.words)
-    with browsing() as browser:
-        visitor = Visitor(browser, served.address)
+    server = PlayServer("--seed", str(args.seed), *args.words)
+    with headless_browser() as browser:
+        page = PageTab(browser, server.address)
         for _ in range(args.count):
-            names = visitor.objects()
-            ends.append(visitor.gets(f"reach {names[rng.integers(len(names))]}"))
-            visitor.presses("Shuffle")
-            visitor.shows("Say what to do")
-    served.close()
+            names = page.object_names()
+            ends.append(page.say_and_wait(f"reach {names[rng.integers(len(names))]}"))
+            page.press("Shuffle")
+            page.wait_for_text("Say what to do")
+    server.close()
     done = ends.count("Done in")
     failed = {end: ends.count(end) for end in sorted(set(ends)) if end != "Done in"}
     return {"count": len(ends), "success": done / len(ends), "ci95": list(wilson(done, len(ends))), "failed": failed}
@@ -123,29 +123,29 @@ def said(args: argparse.Namespace) -> dict[str, Any]:
 def hostile(args: argparse.Namespace) -> dict[str, Any]:
     """Whatever people, programs and cats may do, for minutes; memory each minute, and what went wrong."""
     rng = np.random.default_rng(args.seed)
-    served = Served("--seed", str(args.seed), *args.words)
+    server = PlayServer("--seed", str(args.seed), *args.words)
     done = dict.fromkeys(DEEDS, 0)
-    with browsing() as browser:
-        visitor = Visitor(browser, served.address)
+    with headless_browser() as browser:
+        page = PageTab(browser, server.address)
         for robot in CHANGES["Robot"]:  # each is loaded once, and kept
-            visitor.chooses("Robot", robot)
-            visitor.presses("Change")
-            visitor.gets(f"reach {visitor.objects()[0]}")
-        memory, began = [served.megabytes()], time.monotonic()
+            page.choose("Robot", robot)
+            page.press("Change")
+            page.say_and_wait(f"reach {page.object_names()[0]}")
+        memory, began = [server.megabytes()], time.monotonic()
         while time.monotonic() - began < 60 * args.minutes:
             deed = str(rng.choice(list(DEEDS), p=np.array(list(DEEDS.values())) / sum(DEEDS.values())))
-            visitor = _does(deed, visitor, browser, served.address, rng)
+            page = _does(deed, page, browser, server.address, rng)
             done[deed] += 1
             if time.monotonic() - began > 60 * len(memory):
-                memory.append(served.megabytes())
+                memory.append(server.megabytes())
                 print(f"{len(memory) - 1} min: {memory[-1]:.0f} MB", file=sys.stderr)
-        visitor.tab.reload()
-        visitor.clock()  # it still goes
-    errors = served.close()
+        page.tab.reload()
+        page.clock()  # it still goes
+    errors = server.close()
     return {
         "minutes": args.minutes,
         "deeds": done,
-        "exit_code": served.process.returncode,
+        "exit_code": server.process.returncode,
         "exceptions": errors.count("Traceback"),
         "first": errors[errors.find("Traceback") :][:2000] if "Traceback" in errors else "",
         "megabytes": [round(each, 1) for each in memory],
@@ -153,58 +153,58 @@ def hostile(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _does(deed: str, visitor: Visitor, browser: Any, address: str, rng: np.random.Generator) -> Visitor:
+def _does(deed: str, page: PageTab, browser: Any, address: str, rng: np.random.Generator) -> PageTab:
     """One deed. Returns who comes next: a second tab takes over from the first."""
     if deed in ("type", "enter"):
         text = WRITERS[rng.integers(len(WRITERS))](rng, random_scene(rng, (3, 3)))
         text = text.encode("utf-8", "replace").decode()  # a browser types no half characters
-        (visitor.types if deed == "type" else visitor.says)(text)
+        (page.type_sentence if deed == "type" else page.say)(text)
     elif deed == "button":
-        visitor.presses(str(rng.choice(["Stop", "Shuffle", "Go where I point"])))
+        page.press(str(rng.choice(["Stop", "Shuffle", "Go where I point"])))
     elif deed == "click":
-        visitor.tab.mouse.click(*rng.integers(20, 480, 2).tolist())  # left of the panel
+        page.tab.mouse.click(*rng.integers(20, 480, 2).tolist())  # left of the panel
     elif deed == "key":
-        visitor.tab.keyboard.press(str(rng.choice(KEYS)))
+        page.tab.keyboard.press(str(rng.choice(KEYS)))
     elif deed == "reload":
-        visitor.tab.reload()
-        visitor.field("Say").wait_for()
+        page.tab.reload()
+        page.field("Say").wait_for()
     elif deed == "second tab":
-        other = Visitor(browser, address)
-        visitor.tab.close()
+        other = PageTab(browser, address)
+        page.tab.close()
         return other
     else:
         label = str(rng.choice(list(CHANGES)))
-        visitor.chooses(label, str(rng.choice(CHANGES[label])))
-        visitor.presses("Change")
-    return visitor
+        page.choose(label, str(rng.choice(CHANGES[label])))
+        page.press("Change")
+    return page
 
 
 def film(args: argparse.Namespace) -> dict[str, Any]:
     """A sentence and, in mid-motion, its correction, a picture every second control step."""
-    served = Served("--seed", str(args.seed), *args.words)
+    server = PlayServer("--seed", str(args.seed), *args.words)
     pictures: list[Image.Image] = []
-    with browsing() as browser:
-        visitor = Visitor(browser, served.address, sharp=True)
+    with headless_browser() as browser:
+        page = PageTab(browser, server.address, sharp=True)
 
         def step(times: int) -> None:
             for _ in range(times):
                 for _ in range(2):
-                    visitor.presses("One step")
+                    page.press("One step")
                 time.sleep(SETTLED)
-                pictures.append(Image.open(io.BytesIO(visitor.tab.screenshot())))
+                pictures.append(Image.open(io.BytesIO(page.tab.screenshot())))
 
-        names = visitor.objects()
-        visitor.tab.locator(".mantine-Notification-closeButton").first.click()  # that there is no graphics card
-        visitor.presses("Time")
-        visitor.tab.get_by_label("Pause").click()
-        visitor.types(f"reach {names[0]}")
+        names = page.object_names()
+        page.tab.locator(".mantine-Notification-closeButton").first.click()  # that there is no graphics card
+        page.press("Time")
+        page.tab.get_by_label("Pause").click()
+        page.type_sentence(f"reach {names[0]}")
         step(2)
-        visitor.says(f"reach {names[0]}")
+        page.say(f"reach {names[0]}")
         step(5)
-        visitor.types(f"no, {names[-1]}")
-        visitor.says(f"no, {names[-1]}")
+        page.type_sentence(f"no, {names[-1]}")
+        page.say(f"no, {names[-1]}")
         step(11)
-    served.close()
+    server.close()
     small = [picture.convert("RGB").resize((WIDE[0] * 3 // 4, WIDE[1] * 3 // 4)) for picture in pictures]
     palette = small[-1].quantize(256, Image.Quantize.MAXCOVERAGE)  # small things keep their colours
     colors = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in small]

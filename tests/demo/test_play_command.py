@@ -11,8 +11,8 @@ import imageio.v2 as imageio
 import pytest
 
 import play
-from benchmarks.visitor import free_port
 from conf.schema import ConfigError
+from tools.browser import free_port
 
 ROOT = Path(__file__).resolve().parents[2]
 
