@@ -163,10 +163,10 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
 def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
     """What came of the episodes in which a person at the window chose what is meant."""
     from envs.interactive.by_hand import play
-    from human.suppress_stdout import quiet
+    from human.suppress_stdout import suppress_stdout
     from trainers.rollout.evaluation import wilson
 
-    with quiet():  # Bullet's window talks as it is closed
+    with suppress_stdout():  # Bullet's window talks as it is closed
         played = play(env, actor, episodes, *env.face())
     successes = sum(each.success for each in played)
     return {

@@ -76,16 +76,16 @@ def session(given: argparse.Namespace) -> Session:
 
 def show(given: argparse.Namespace) -> None:
     """PyBullet's window, until it is left. Raises ConfigError."""
-    from human.suppress_stdout import quiet
+    from human.suppress_stdout import suppress_stdout
 
     played = session(given)
     from demo.gui import Gui
-    from human.window import TYPED, WindowKeys, WindowView
+    from human.body.window import TYPED, WindowDisplay, WindowKeys
 
     try:
-        with quiet(), suppress(KeyboardInterrupt):  # Bullet's window talks as it is closed
+        with suppress_stdout(), suppress(KeyboardInterrupt):  # Bullet's window talks as it is closed
             client = played.stage.client
-            Gui(played, WindowKeys(client, TYPED), WindowView(client)).run()
+            Gui(played, WindowKeys(client, TYPED), WindowDisplay(client)).run()
     finally:
         played.close()
 

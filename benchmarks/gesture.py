@@ -33,7 +33,7 @@ from envs.mdp.gestures import meet
 from envs.tasks import TASKS
 from envs.tasks.object_layout import scatter
 from envs.workspace_env import WorkspaceEnv
-from human import STYLES, Body, Person, Unreachable, beside, pointed_object, posterior
+from human import STYLES, Body, Person, Unreachable, pointed_object, posterior, ray_offsets
 from tools.referent_beliefs import PointedScene, accuracy, accuracy_by_cue, calibration, insider_belief
 
 Array = NDArray[np.float64]
@@ -125,7 +125,7 @@ def _pointing_errors(env: WorkspaceEnv, style: str, targets: Array) -> dict[str,
 def angle_to(person: Body, target: Array, style: str) -> float:
     """Degrees between the style's ray, by Bullet's link states, and target (3,), seen from the fingertip."""
     origin, direction = person.drawn(style)
-    return float(np.rad2deg(beside(origin, direction, target[None]).angle[0]))
+    return float(np.rad2deg(ray_offsets(origin, direction, target[None]).angle[0]))
 
 
 def percentiles(values: Any) -> dict[str, float]:

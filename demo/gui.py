@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from demo.loop import PLAIN
 from demo.session import Session
 from demo.session_config import DRIVERS
-from human import Keys, View
-from human.by_hand import direction
-from human.window import CLOSED, MOVES
+from human import Display, KeySource
+from human.body.window import CLOSED, MOVES
+from human.by_hand import key_direction
 
 Array = NDArray[np.float64]
 HELP = (
@@ -26,7 +26,7 @@ HELP = (
 class Gui:
     """A person who presses keys and looks at a view of a session. hurry: don't wait for real time to pass."""
 
-    def __init__(self, session: Session, keys: Keys, view: View, hurry: bool = False) -> None:
+    def __init__(self, session: Session, keys: KeySource, view: Display, hurry: bool = False) -> None:
         self._session, self._keys, self._view = session, keys, view
         self._period = 0.0 if hurry else session.period
         self._typed, self._told = "", f"try: {session.example()}"
@@ -45,7 +45,7 @@ class Gui:
                 due = max(due + self._period, time.monotonic())
                 time.sleep(max(0.0, due - time.monotonic()))
         except CLOSED:
-            if not self._keys.left():  # else the window was closed, in the middle of something
+            if not self._keys.escape_pressed():  # else the window was closed, in the middle of something
                 raise
 
     def _press(self, key: str) -> None:
@@ -71,7 +71,7 @@ class Gui:
         }
         try:
             if key in MOVES:
-                self._session.nudge(direction(key, self._view.yaw))
+                self._session.nudge(key_direction(key, self._view.yaw))
             else:
                 does[key]()
         except PLAIN as error:

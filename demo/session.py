@@ -18,7 +18,7 @@ from demo.planning import Job, Planner, all_called
 from demo.session_config import Cast, Choice, cast
 from demo.view_state import Show
 from envs.experts import expert
-from human import NothingPointedAt, Unreachable, meant, named, posterior
+from human import NothingPointedAt, Unreachable, fuse, posterior, referring_phrase
 from language import Instruction, LanguageError, ObjectPhrase, Scene
 from trainers.rollout.video import outcome
 
@@ -162,8 +162,8 @@ class Session:
     def _together(self, sentence: str, shown: int, likely: Array) -> int:
         """What finger and words single out together ("that red one")."""
         try:
-            return int(meant(named(sentence), self.scene(), likely).argmax())
-        except (LanguageError, NothingPointedAt, AssertionError):  # a correction names nothing by itself
+            return int(fuse(referring_phrase(sentence), self.scene(), likely).argmax())
+        except (LanguageError, NothingPointedAt):  # a correction names no object by itself
             return shown
 
     def go(self) -> None:

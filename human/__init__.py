@@ -1,50 +1,57 @@
-"""The person: the body that points, its ray, and what the ray singles out.
+"""The person: the arm that points, the ray of its finger, and which object that ray refers to.
 
 Knows no robots. Positions are in metres in the workspace frame: origin on the table top where the robot is mounted,
 x away from the robot, y to the robot's left, z up.
 """
 
-from human.arm import Arm, Unreachable
 from human.body import Body, read_arm
-from human.by_hand import Hand, Keys, ScriptedKeys, View, Written, choose
+from human.by_hand import (
+    Display,
+    KeyboardPointer,
+    KeySource,
+    RecordingDisplay,
+    ScriptedKeys,
+    choose_object,
+)
 from human.config import SOURCES, STYLES, Camera, GestureConfig, HumanConfig
-from human.fusion import meant, named
+from human.fusion import fuse, referring_phrase
 from human.person import Gesture, Person
 from human.pointing import (
-    Beside,
     NothingPointedAt,
-    beside,
+    RayOffsets,
+    add_aiming_noise,
     pointed_object,
     posterior,
-    strayed,
+    ray_offsets,
     visibility,
 )
+from human.pointing_arm import PointingArm, Unreachable
 
 __all__ = [
     "SOURCES",
     "STYLES",
-    "Arm",
-    "Beside",
     "Body",
     "Camera",
+    "Display",
     "Gesture",
     "GestureConfig",
-    "Hand",
     "HumanConfig",
-    "Keys",
+    "KeySource",
+    "KeyboardPointer",
     "NothingPointedAt",
     "Person",
+    "PointingArm",
+    "RayOffsets",
+    "RecordingDisplay",
     "ScriptedKeys",
     "Unreachable",
-    "View",
-    "Written",
-    "beside",
-    "choose",
-    "meant",
-    "named",
+    "add_aiming_noise",
+    "choose_object",
+    "fuse",
     "pointed_object",
     "posterior",
+    "ray_offsets",
     "read_arm",
-    "strayed",
+    "referring_phrase",
     "visibility",
 ]

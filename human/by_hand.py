@@ -1,6 +1,6 @@
 """A person chooses what is meant: keys move the finger, and what it shows is written where they see it.
 
-Keys come from a `Keys`, words go to a `View`; `human/window.py` has both for PyBullet's window.
+Keys come from a `Keys`, words go to a `View`; `human/body/window.py` has both for PyBullet's window.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from human.arm import Unreachable
 from human.pointing import Array, NothingPointedAt
+from human.pointing_arm import Unreachable
 
 STEPS = {**{str(cm): cm / 100 for cm in range(1, 10)}, "0": 0.10}  # key -> metres that the others move by
 TABLE = {"right": (1, 0), "left": (-1, 0), "up": (0, 1), "down": (0, -1)}  # (right, away), as the viewer sees them
@@ -24,17 +24,17 @@ HELP = (
 )
 
 
-class Keys(Protocol):
+class KeySource(Protocol):
     """What a person presses: "left", "right", "up", "down", "pageup", "pagedown", "enter", "escape", "0" to "9"."""
 
     def poll(self) -> list[str]:
         """The keys pressed since the last call, oldest first."""
 
-    def left(self) -> bool:
+    def escape_pressed(self) -> bool:
         """Was Escape pressed since the last call, while nothing else is listened to?"""
 
 
-class View(Protocol):
+class Display(Protocol):
     """Where the person looks."""
 
     @property
@@ -51,7 +51,7 @@ class View(Protocol):
         """Show nothing any more."""
 
 
-class Arm(Protocol):
+class PointingPerson(Protocol):
     """Whom the keys move."""
 
     def point(self, target: Array) -> Array:
@@ -76,11 +76,11 @@ class ScriptedKeys:
     def poll(self) -> list[str]:
         return [self._script.pop(0) if self._script else "escape"]
 
-    def left(self) -> bool:
+    def escape_pressed(self) -> bool:
         return self._script[:1] == ["escape"]
 
 
-class Written:
+class RecordingDisplay:
     """A view that nobody looks at: it keeps what it was told. pages: every list of lines, oldest first."""
 
     def __init__(self, yaw: float = 0.0) -> None:
@@ -98,14 +98,14 @@ class Written:
         self.beam = None
 
 
-class Hand:
+class KeyboardPointer:
     """The place pointed at, moved key by key.
 
     target: (3,) metres in the workspace frame, where the finger points. step: metres a key. note: why the last key did
     nothing, or "". bounds: x0, x1, y0, y1, z0, z1 of the target. Raises Unreachable for a start that can't be shown.
     """
 
-    def __init__(self, arm: Arm, view: View, start: ArrayLike, bounds: Sequence[float]) -> None:
+    def __init__(self, arm: PointingPerson, view: Display, start: ArrayLike, bounds: Sequence[float]) -> None:
         self._arm, self._view = arm, view
         self._low, self._high = np.reshape(bounds, (3, 2)).T
         self.step, self.note = STEPS["5"], ""
@@ -117,7 +117,7 @@ class Hand:
         self.step = STEPS.get(key, self.step)
         if key not in TABLE and key not in HEIGHT:
             return
-        target = self.target + self.step * direction(key, self._view.yaw)
+        target = self.target + self.step * key_direction(key, self._view.yaw)
         if (target < self._low - 1e-9).any() or (target > self._high + 1e-9).any():
             self.note = "the finger stays: that is too far away from the table"
             return
@@ -149,7 +149,7 @@ class Hand:
         self._view.draw(tip, target)
 
 
-def choose(hand: Hand, keys: Keys, view: View, title: Sequence[str] = ()) -> int | None:
+def choose_object(hand: KeyboardPointer, keys: KeySource, view: Display, title: Sequence[str] = ()) -> int | None:
     """The object that a person chooses: they move the finger and press Enter. None: they pressed Escape.
 
     title: lines above the hints.
@@ -166,7 +166,7 @@ def choose(hand: Hand, keys: Keys, view: View, title: Sequence[str] = ()) -> int
             view.write([*title, *HELP, *hand.said()])
 
 
-def direction(key: str, yaw: float) -> Array:
+def key_direction(key: str, yaw: float) -> Array:
     """(3,) unit vector along an axis of the workspace frame: the one nearest to where the key goes in this view."""
     if key in HEIGHT:
         return np.array([0.0, 0.0, HEIGHT[key]])

@@ -33,15 +33,15 @@ from numpy.random import Generator
 from conf.arguments import run, split
 from conf.overrides import check, compose
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
-from human.arm import Unreachable
+from human.body.person_camera import FurnitureBox, PersonCamera, camera_of
 from human.config import HumanConfig
-from human.person_camera import Block, Sight, camera_of
 from human.pointing import Array, NothingPointedAt, pointed_object
-from human.ray_reader import Network, Reader, save
-from human.synthetic_frames import Frames, Studio
-from human.train_reader import errors, fit
+from human.pointing_arm import Unreachable
+from human.ray_reader import RayNetwork, RayReader, save
+from human.synthetic_frames import FrameGenerator, LabelledFrames
+from human.train_reader import error_summary, fit
 
-TRIALS = 8  # bodies, and 100 times as many frames, that are not learned from
+VALIDATION_BODIES = 8  # bodies, and 100 times as many frames, that are not learned from
 TRIES = 1000
 
 
@@ -78,15 +78,15 @@ class Objects(Checked):
 
 
 @dataclass(frozen=True)
-class Place:
+class Setup:
     """Where it all happens: the person, the furniture, and where objects are put."""
 
     human: HumanConfig
-    furniture: list[Block]
+    furniture: list[FurnitureBox]
     objects: Objects
 
     @classmethod
-    def of(cls, overrides: Sequence[str]) -> Place:
+    def of(cls, overrides: Sequence[str]) -> Setup:
         """The place that a task with a pointing person has. Raises ConfigError."""
         overrides = ["task=reach_gesture", *overrides]
         check(overrides)
@@ -97,7 +97,7 @@ class Place:
         human = read(HumanConfig, workspace["human"], "workspace.human")
         camera_of(human)
         boxes = workspace["furniture"].values()
-        blocks = [Block(list(box["size"]), list(box["position"]), list(box["color"])) for box in boxes]
+        blocks = [FurnitureBox(list(box["size"]), list(box["position"]), list(box["color"])) for box in boxes]
         numbers = {"object_area": workspace["object_area"], **{name: task[name] for name in ("spacing", "object_size")}}
         return cls(human, blocks, read(Objects, numbers, ""))
 
@@ -105,14 +105,17 @@ class Place:
 # ---------------------------------------------------------------------------------------------------------- train
 
 
-def train(config: TrainConfig, place: Place) -> Network:
+def train(config: TrainConfig, place: Setup) -> RayNetwork:
     """Draw frames, learn from them, save and return the network."""
     camera = camera_of(place.human)
     if camera.width != camera.height or camera.width % 16:
         raise ConfigError(f"workspace.human.camera.width={camera.width} must be its height, and a multiple of 16")
     out = _writable(config.out)
     rng, began = np.random.default_rng(config.seed), time.perf_counter()
-    frames, trial = shoot(place, config.frames, rng), shoot(place, 100 * TRIALS, rng, TRIALS)
+    frames, trial = (
+        generate_frames(place, config.frames, rng),
+        generate_frames(place, 100 * VALIDATION_BODIES, rng, VALIDATION_BODIES),
+    )
     print(f"{config.frames} frames drawn in {time.perf_counter() - began:.0f} s", flush=True)
     network = fit(frames, config.epochs, config.seed, trial)
     save(out, network, place.human)
@@ -134,9 +137,9 @@ def _writable(name: str) -> Path:
     return path
 
 
-def shoot(place: Place, count: int, rng: Generator, bodies: int | None = None) -> Frames:
+def generate_frames(place: Setup, count: int, rng: Generator, bodies: int | None = None) -> LabelledFrames:
     """So many frames of people drawn anew."""
-    studio = Studio(place.human, place.furniture, place.objects.object_area, rng, bodies)
+    studio = FrameGenerator(place.human, place.furniture, place.objects.object_area, rng, bodies)
     try:
         return studio.frames(count)
     finally:
@@ -146,31 +149,31 @@ def shoot(place: Place, count: int, rng: Generator, bodies: int | None = None) -
 # ------------------------------------------------------------------------------------------------------- evaluate
 
 
-def evaluate(config: EvaluateConfig, place: Place) -> dict[str, float]:
+def evaluate(config: EvaluateConfig, place: Setup) -> dict[str, float]:
     """Let the person point at objects, print and return how often the camera's ray finds them."""
     rng = np.random.default_rng(config.seed)
-    sight = Sight(place.human, place.furniture)
-    sight.spare()
-    reader = Reader(place.human, config.weights)
+    sight = PersonCamera(place.human, place.furniture)
+    sight.hide_invisible_shapes()
+    reader = RayReader(place.human, config.weights)
     rays, right, spent = [], [], 0.0
     for _ in range(config.scenes):
         positions, meant, joints = _scene(config, place, sight, rng)
         began = time.perf_counter()
-        tips, directions = reader.see(sight.picture(joints)[None])
+        tips, directions = reader.read(sight.picture(joints)[None])
         spent += time.perf_counter() - began
         true = sight.body.ray()
         rays.append((tips[0], directions[0], *true))
         right.append([_found(ray, positions) == meant for ray in ((tips[0], directions[0]), true)])
     sight.close()
     camera, true_ray = np.mean(right, axis=0).tolist()
-    print(errors(*(np.stack(each) for each in zip(*rays, strict=True))))
+    print(error_summary(*(np.stack(each) for each in zip(*rays, strict=True))))
     print(f"pointed object of {config.objects}: camera {camera:.3f}, true ray {true_ray:.3f}, {config.scenes} scenes")
     rate = config.scenes / spent
     print(f"{rate:.0f} frames/s rendered and read")
     return {"camera": camera, "true_ray": true_ray, "frames_per_second": rate}
 
 
-def _scene(config: EvaluateConfig, place: Place, sight: Sight, rng: Generator) -> tuple[Array, int, Array]:
+def _scene(config: EvaluateConfig, place: Setup, sight: PersonCamera, rng: Generator) -> tuple[Array, int, Array]:
     """Objects at (K, 3), metres, which of them is meant, and the arm (J,) of who points at it. Raises ConfigError."""
     while True:
         positions = scatter(place, config.objects, rng)
@@ -199,7 +202,7 @@ def _found(ray: tuple[Array, Array], positions: Array) -> int | None:
         return None
 
 
-def scatter(place: Place, count: int, rng: Generator) -> Array:
+def scatter(place: Setup, count: int, rng: Generator) -> Array:
     """(count, 3) centres of objects that lie on the table, none nearer to another than the spacing; metres."""
     x0, x1, y0, y1 = place.objects.object_area
     for _ in range(TRIES):
@@ -232,7 +235,7 @@ def main(arguments: Sequence[str]) -> Any:
         key = word.partition("=")[0]
         if key.split(".")[0] not in ("workspace", "task"):
             raise ConfigError(f"{word}: {key} is not a known key" + did_you_mean(key, names))
-    return carry_out(read(kind, DEFAULTS[kind] | own, ""), Place.of(overrides))
+    return carry_out(read(kind, DEFAULTS[kind] | own, ""), Setup.of(overrides))
 
 
 if __name__ == "__main__":

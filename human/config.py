@@ -28,10 +28,14 @@ class Camera(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class HumanConfig(Checked):
-    """The person. position: where the URDF's origin, between the feet, stands, metres. yaw: degrees, 0 faces +x.
+    """The person.
 
-    urdf: a file; none: our own, `human/model.py`. rest: angles (rad) of the joints that move in pointing, in the
-    posture from which they do; the others stay at 0. camera: the fixed one that sees them point, for gesture=camera.
+    urdf: a file; None: the project's own model, `human/body/urdf_model.py`.
+    position: of the URDF's origin, which lies between the feet, in metres.
+    yaw: degrees; 0 faces +x.
+    rest: angles in radians of the joints that move in pointing, in the posture that pointing starts from. All other
+        joints stay at 0.
+    camera: the fixed camera that sees the person point, needed for gesture=camera; None: no camera.
     """
 
     urdf: str | None

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from human.body import read_arm
+from human.body.pybullet_body import read_arm
 from human.config import GestureConfig, HumanConfig
-from human.pointing import Array, strayed
+from human.pointing import Array, add_aiming_noise
 
 FARTHEST = 3.0  # times as far as the target: where a finger that strays upwards meets the target's height no sooner
 
@@ -47,7 +47,7 @@ class Person:
         """
         exact = exact or self.aim(target)
         shown = bool(rng.random() >= self.config.dropout) or always
-        direction = strayed(exact.direction, self.config.noise_deg, rng)
+        direction = add_aiming_noise(exact.direction, self.config.noise_deg, rng)
         if not shown:
             return Gesture(self._arm.hanging, exact.origin, exact.direction, shown=False)
         if self.config.noise_deg == 0:

@@ -16,15 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from human.pointing_ik import Array
 
-WIDEST = np.deg2rad(45)  # nobody who points that far beside a thing means it
-HIDDEN = 0.1  # how likely a thing is meant that the person doesn't see, beside one in plain sight
+MAX_ANGLE = np.deg2rad(45)  # nobody who points that far beside a thing means it
+HIDDEN_PRIOR = 0.1  # how likely a thing is meant that the person doesn't see, beside one in plain sight
 
 
 class NothingPointedAt(ValueError):
     """Nothing lies along the ray. The text is the whole message."""
 
 
-class Beside(NamedTuple):
+class RayOffsets(NamedTuple):
     """How objects lie to a ray, each (..., K): metres along it, metres beside it, radians beside it."""
 
     along: Array
@@ -32,13 +32,13 @@ class Beside(NamedTuple):
     angle: Array
 
 
-def beside(origin: ArrayLike, direction: ArrayLike, positions: ArrayLike) -> Beside:
+def ray_offsets(origin: ArrayLike, direction: ArrayLike, positions: ArrayLike) -> RayOffsets:
     """origin, direction (..., 3), positions (..., K, 3). Raises ValueError for a direction of no length."""
     v = unit(direction)[..., None, :]
     offset = np.asarray(positions, np.float64) - np.asarray(origin, np.float64)[..., None, :]
     along = (offset * v).sum(-1)
     distance = np.linalg.norm(offset - along[..., None] * v, axis=-1)
-    return Beside(along, distance, np.arctan2(distance, along))
+    return RayOffsets(along, distance, np.arctan2(distance, along))
 
 
 def unit(vector: ArrayLike) -> Array:
@@ -57,7 +57,7 @@ def pointed_object(
 
     shown: (..., K) bool, which objects are there at all. Raises NothingPointedAt where there is none along a ray.
     """
-    lies = beside(origin, direction, positions)
+    lies = ray_offsets(origin, direction, positions)
     distance = np.where(_possible(lies, shown), lies.distance, np.inf)
     nearest = distance.min(-1, initial=np.inf)
     if not np.isfinite(nearest).all():
@@ -79,7 +79,7 @@ def posterior(
     (..., K) how likely each was before anyone pointed (`visibility`), not normalised. shown: (..., K) bool, as above.
     Rows sum to 1. Raises NothingPointedAt.
     """
-    lies = beside(origin, direction, positions)
+    lies = ray_offsets(origin, direction, positions)
     possible = _possible(lies, shown)
     lost = np.asarray(~possible.any(-1))
     if lost.any():
@@ -100,12 +100,12 @@ def visibility(eyes: ArrayLike, positions: ArrayLike, size: float) -> Array:
     places = np.asarray(positions, np.float64)
     sight = places - np.asarray(eyes, np.float64)[..., None, :]
     depth = np.linalg.norm(sight, axis=-1)
-    lies = beside(np.asarray(eyes)[..., None, :], sight, places[..., None, :, :])  # k's line of sight, each j
+    lies = ray_offsets(np.asarray(eyes)[..., None, :], sight, places[..., None, :, :])  # k's line of sight, each j
     hides = (lies.distance < size / 2) & (lies.along < depth[..., None] - size / 2) & (lies.along > 0)
-    return np.where(hides.any(-1), HIDDEN, 1.0)
+    return np.where(hides.any(-1), HIDDEN_PRIOR, 1.0)
 
 
-def strayed(direction: ArrayLike, noise_deg: float, rng: Generator) -> Array:
+def add_aiming_noise(direction: ArrayLike, noise_deg: float, rng: Generator) -> Array:
     """Directions (..., 3) turned by a normal angle of standard deviation noise_deg in both directions across them."""
     v = unit(direction)
     across = unit(_cross(v, np.eye(3)[np.abs(v).argmin(-1)]))
@@ -121,16 +121,16 @@ def _cross(a: Array, b: Array) -> Array:
     return a[..., after] * b[..., last] - a[..., last] * b[..., after]
 
 
-def _possible(lies: Beside, shown: ArrayLike | None) -> NDArray[np.bool_]:
-    possible = np.asarray(lies.angle < WIDEST)
+def _possible(lies: RayOffsets, shown: ArrayLike | None) -> NDArray[np.bool_]:
+    possible = np.asarray(lies.angle < MAX_ANGLE)
     return possible if shown is None else possible & np.asarray(shown, bool)
 
 
-def _nothing(lies: Beside, rows: NDArray[np.bool_]) -> str:
+def _nothing(lies: RayOffsets, rows: NDArray[np.bool_]) -> str:
     if lies.angle.shape[-1] == 0:
         return "nothing lies along the ray: there is no object"
     nearest = np.rad2deg(lies.angle[rows].min())
     return (
         f"nothing lies along the ray: the nearest object is {nearest:.0f} degrees beside it, "
-        f"and less than {np.rad2deg(WIDEST):.0f} is wanted; point at an object"
+        f"and less than {np.rad2deg(MAX_ANGLE):.0f} is wanted; point at an object"
     )

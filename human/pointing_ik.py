@@ -24,7 +24,7 @@ NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # of a cross product's co
 
 
 @dataclass(frozen=True)
-class Point:
+class AttachedPoint:
     """A place (3,) in the frame of a joint's child, whose index among the chain's joints is `joint`; -1: the ground."""
 
     joint: int
@@ -65,7 +65,7 @@ class _Miss(NamedTuple):
         return -shifting - turning * (self.ahead if self.ahead > 0.1 else 1.0)
 
 
-class Chain:
+class PointingChain:
     """Revolute joints, each after the one that carries it.
 
     parents: index of the joint that carries each; -1: the ground. steps: (J, 4, 4), from the parent's child frame to
@@ -95,12 +95,12 @@ class Chain:
                 np.matmul(frames[parent], frames[joint], out=frames[joint])
         return frames
 
-    def place(self, point: Point, frames: Array) -> Array:
+    def place(self, point: AttachedPoint, frames: Array) -> Array:
         if point.joint < 0:
             return point.place
         return frames[point.joint, :3, :3] @ point.place + frames[point.joint, :3, 3]
 
-    def aim(self, start: Array, target: Array, tip: Point, rear: Point) -> tuple[Array, Array] | None:
+    def aim(self, start: Array, target: Array, tip: AttachedPoint, rear: AttachedPoint) -> tuple[Array, Array] | None:
         """Angles (J,) near `start` at which the line from rear through tip goes on through target (3,).
 
         Of the angles that do, those with the smallest sum of squared turns from `start`, as far as limits let them.

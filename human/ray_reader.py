@@ -16,18 +16,18 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from conf.schema import ConfigError
+from human.body.person_camera import CameraFrame, FurnitureBox, PersonCamera, Picture, camera_of
 from human.config import Camera, GestureConfig, HumanConfig
-from human.person_camera import Block, Frame, Picture, Sight, camera_of
 from human.pointing_ik import Array
 
-SHIPPED = Path(__file__).parent / "weights" / "pointing.npz"
+SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "pointing.npz"
 SCALE = 0.1  # metres to which one of the network's units amounts
 KEY = "gesture.weights"
 TRAIN = "train others: python -m human.camera train out=<file>"
 MOVED, TURNED = 0.1, 6.0  # metres and degrees that a camera may stand beside where it stood in training
 
 
-class Network(nn.Module):
+class RayNetwork(nn.Module):
     """Pictures (M, 3, H, W) in [0, 1] to fingertips (M, 3), metres, and unit directions (M, 3), in the camera's frame.
 
     size: H = W, pixels, a multiple of 16. middle: (3,) metres, where fingertips are on average.
@@ -63,7 +63,7 @@ def as_input(pictures: Picture) -> Tensor:
     return torch.from_numpy(pictures).permute(0, 3, 1, 2).float().div_(255)
 
 
-def save(path: Path, network: Network, human: HumanConfig) -> None:
+def save(path: Path, network: RayNetwork, human: HumanConfig) -> None:
     """Write what `load` reads: the parameters, and how the camera stood that they were trained for."""
     arrays = {name: value.numpy() for name, value in network.state_dict().items() if "num_batches" not in name}
     halves = {name: value.astype(np.float32 if name == "middle" else np.float16) for name, value in arrays.items()}
@@ -72,7 +72,7 @@ def save(path: Path, network: Network, human: HumanConfig) -> None:
         np.savez_compressed(file, lens=_lens(camera_of(human)), stand=_stand(human), **halves)
 
 
-def load(path: Path, human: HumanConfig) -> Network:
+def load(path: Path, human: HumanConfig) -> RayNetwork:
     """The network, ready to read what this person's camera sees. Raises ConfigError where it isn't made for that."""
     if not path.is_file():
         raise ConfigError(f"{KEY}={path} is not a file; train it: python -m human.camera train out={path}")
@@ -80,7 +80,7 @@ def load(path: Path, human: HumanConfig) -> Network:
         with np.load(path, allow_pickle=False) as archive:
             arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
         _fits(path, arrays.pop("lens"), arrays.pop("stand"), human)
-        network = _filled(Network(camera_of(human).width), arrays).eval()
+        network = _filled(RayNetwork(camera_of(human).width), arrays).eval()
         # how pictures come: a third faster
         return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
     except ConfigError:
@@ -90,7 +90,7 @@ def load(path: Path, human: HumanConfig) -> Network:
         raise ConfigError(f"{KEY}={path} is damaged, or holds other weights: {why}") from None
 
 
-def _filled(network: Network, arrays: dict[str, Any]) -> Network:
+def _filled(network: RayNetwork, arrays: dict[str, Any]) -> RayNetwork:
     """The network with these parameters. Raises RuntimeError or ValueError for others than it has."""
     state = {name: torch.from_numpy(value.astype(np.float32)) for name, value in arrays.items()}
     if not all(value.isfinite().all() for value in state.values()):
@@ -121,42 +121,42 @@ def _lens(camera: Camera) -> Array:
 
 def _stand(human: HumanConfig) -> Array:
     """(6,) where the camera is, metres, and where it looks, both as seen by the person: x is where they face."""
-    frame, yaw = Frame.of(camera_of(human)), np.deg2rad(human.yaw)
+    frame, yaw = CameraFrame.of(camera_of(human)), np.deg2rad(human.yaw)
     turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     return np.concatenate((turn @ (frame.place - human.position), turn @ frame.axes[2]))
 
 
-class Reader:
+class RayReader:
     """Reads rays off pictures of one camera. Raises ConfigError for weights that are missing or not for it."""
 
     def __init__(self, human: HumanConfig, weights: str | Path | None = None) -> None:
-        self._network = load(Path(weights) if weights is not None else SHIPPED, human)
-        self._frame = Frame.of(camera_of(human))
+        self._network = load(Path(weights) if weights is not None else SHIPPED_WEIGHTS, human)
+        self._frame = CameraFrame.of(camera_of(human))
 
     @torch.no_grad()
-    def see(self, pictures: Picture) -> tuple[Array, Array]:
+    def read(self, pictures: Picture) -> tuple[Array, Array]:
         """Fingertips (M, 3), metres, and unit directions (M, 3) in the workspace frame, of (M, H, W, 3) pictures.
 
         One picture after the other: in batches a picture's result depends in its last bits on how many there are.
         """
         rays = [self._network(as_input(picture[None])) for picture in pictures]
         tips, directions = (torch.cat(each).numpy().astype(np.float64) for each in zip(*rays, strict=True))
-        return self._frame.outward(tips, directions)
+        return self._frame.to_workspace(tips, directions)
 
 
-class Watch:
+class CameraRayReader:
     """A camera that watches people who look alike and stand alike, and tells the ray of each. Raises ConfigError."""
 
-    def __init__(self, human: HumanConfig, furniture: Iterable[Block], config: GestureConfig) -> None:
+    def __init__(self, human: HumanConfig, furniture: Iterable[FurnitureBox], config: GestureConfig) -> None:
         if config.style != "finger":
             raise ConfigError(f"gesture.style={config.style} can't be read from the camera; gesture.style=finger can")
-        self._reader = Reader(human, config.weights)
-        self._sight = Sight(human, furniture)
-        self._sight.spare()
+        self._reader = RayReader(human, config.weights)
+        self._sight = PersonCamera(human, furniture)
+        self._sight.hide_invisible_shapes()
 
     def rays(self, arms: Sequence[Array]) -> tuple[Array, Array]:
         """Fingertips (M, 3), metres, and unit directions (M, 3) of people with their arms at these M angles (J,)."""
-        return self._reader.see(np.stack([self._sight.picture(joints) for joints in arms]))
+        return self._reader.read(np.stack([self._sight.picture(joints) for joints in arms]))
 
     def close(self) -> None:
         self._sight.close()

@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from human.pointing_ik import Array
-from human.ray_reader import Network, as_input
-from human.synthetic_frames import Frames
+from human.ray_reader import RayNetwork, as_input
+from human.synthetic_frames import LabelledFrames
 
 REACH = 0.6  # metres from the fingertip to what is pointed at, at which an error of the direction is weighed
 BATCH = 64
 RATE = 3e-3
 
 
-def fit(frames: Frames, epochs: int, seed: int, trial: Frames | None = None) -> Network:
+def fit(frames: LabelledFrames, epochs: int, seed: int, trial: LabelledFrames | None = None) -> RayNetwork:
     """A network that has learned these frames. trial: others, to print how well it reads them."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        network = Network(frames.pictures.shape[1], frames.tips.mean(0))
+        network = RayNetwork(frames.pictures.shape[1], frames.tips.mean(0))
     rng, chance = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
     steps = epochs * max(1, len(frames.tips) // BATCH)
     optimizer = torch.optim.AdamW(network.parameters(), RATE, weight_decay=1e-3)
@@ -35,13 +35,13 @@ def fit(frames: Frames, epochs: int, seed: int, trial: Frames | None = None) -> 
 
 
 def _epoch(
-    network: Network, frames: Frames, rng: Generator, chance: torch.Generator, optimizer: Any, schedule: Any
+    network: RayNetwork, frames: LabelledFrames, rng: Generator, chance: torch.Generator, optimizer: Any, schedule: Any
 ) -> float:
     """Learn once from every frame; returns the loss on average."""
     order, losses = rng.permutation(len(frames.tips)), []
     for batch in np.split(order, range(BATCH, len(order) - BATCH + 1, BATCH)):
-        pictures = exposed(as_input(frames.pictures[batch]), chance)
-        loss = miss(network(pictures), frames, batch)
+        pictures = vary_exposure(as_input(frames.pictures[batch]), chance)
+        loss = ray_loss(network(pictures), frames, batch)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
@@ -50,7 +50,7 @@ def _epoch(
     return float(np.mean(losses))
 
 
-def exposed(pictures: Tensor, chance: torch.Generator) -> Tensor:
+def vary_exposure(pictures: Tensor, chance: torch.Generator) -> Tensor:
     """The pictures (M, 3, H, W) as another exposure by a noisy sensor would have them."""
     m = len(pictures)
     gain = (0.8 + 0.4 * torch.rand(m, 1, 1, 1, generator=chance)) * (
@@ -60,30 +60,30 @@ def exposed(pictures: Tensor, chance: torch.Generator) -> Tensor:
     return (pictures * gain + noise).clamp_(0, 1)
 
 
-def miss(seen: tuple[Tensor, Tensor], frames: Frames, picked: NDArray[np.int64]) -> Tensor:
+def ray_loss(seen: tuple[Tensor, Tensor], frames: LabelledFrames, picked: NDArray[np.int64]) -> Tensor:
     """Metres: how far off the fingertips are, and how far off the directions lead at REACH from there."""
     tips, directions = (torch.from_numpy(each[picked]).float() for each in (frames.tips, frames.directions))
     return ((seen[0] - tips).norm(dim=1) + REACH * (seen[1] - directions).norm(dim=1)).mean()
 
 
 @torch.no_grad()
-def _tried(network: Network, trial: Frames | None) -> str:
+def _tried(network: RayNetwork, trial: LabelledFrames | None) -> str:
     if trial is None:
         return ""
     parts = [network(as_input(part)) for part in np.array_split(trial.pictures, 8)]
     tips, directions = (torch.cat(each).numpy().astype(np.float64) for each in zip(*parts, strict=True))
-    return "; people not learned from: " + errors(tips, directions, trial.tips, trial.directions)
+    return "; people not learned from: " + error_summary(tips, directions, trial.tips, trial.directions)
 
 
-def errors(tips: Array, directions: Array, true_tips: Array, true_directions: Array) -> str:
+def error_summary(tips: Array, directions: Array, true_tips: Array, true_directions: Array) -> str:
     """How far off rays (N, 3) are, in words."""
-    angle, off = angles(directions, true_directions), 100 * np.linalg.norm(tips - true_tips, axis=1)
+    angle, off = angles_between(directions, true_directions), 100 * np.linalg.norm(tips - true_tips, axis=1)
     return (
         f"direction {np.median(angle):.2f} degrees off (90 %: {np.quantile(angle, 0.9):.2f}), "
         f"fingertip {np.median(off):.2f} cm (90 %: {np.quantile(off, 0.9):.2f})"
     )
 
 
-def angles(one: Array, other: Array) -> Array:
+def angles_between(one: Array, other: Array) -> Array:
     """(N,) degrees between unit vectors (N, 3)."""
     return np.degrees(2 * np.arcsin(np.clip(np.linalg.norm(one - other, axis=1) / 2, 0, 1)))

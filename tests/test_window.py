@@ -20,7 +20,7 @@ from conf.overrides import compose
 from envs import read_env
 from envs.interactive.by_hand import HandEnv, play
 from envs.experts import Oracle
-from human.window import WindowView
+from human.body.window import WindowView
 
 class Told(WindowView):
     def write(self, lines):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.tasks import Episode
-from human import Person, beside, meant, posterior, visibility
+from human import Person, fuse, posterior, ray_offsets, visibility
 from language import parse
 from trainers.rollout.evaluation import wilson
 
@@ -44,10 +44,10 @@ def accuracy_by_cue(episodes: Sequence[Episode], person: Person, noise_deg: floa
         phrase = command.steps[-1].phrase
         finger = posterior(gesture.origin, gesture.direction, scene.positions, noise_deg, prior)
         shown = PointedScene(gesture.origin, gesture.direction, scene.positions, episode.referent, prior)
-        beliefs["words"].append(meant(phrase, scene, prior))
+        beliefs["words"].append(fuse(phrase, scene, prior))
         beliefs["finger"].append(finger)
-        beliefs["both"].append(meant(phrase, scene, finger))
-        beliefs["insider"].append(meant(phrase, scene, insider_belief(person, shown, noise_deg)))
+        beliefs["both"].append(fuse(phrase, scene, finger))
+        beliefs["insider"].append(fuse(phrase, scene, insider_belief(person, shown, noise_deg)))
     referents = [episode.referent for episode in episodes]
     return {name: calibration(each, referents) for name, each in beliefs.items()}
 
@@ -67,7 +67,7 @@ def insider_belief(person: Person, shown: PointedScene, noise_deg: float) -> Arr
     sight = spot - fingertips
     distance = np.linalg.norm(sight, axis=1)
     spots = np.broadcast_to(spot, (len(fingertips), 1, 3))
-    angle = beside(fingertips, shown.positions - fingertips, spots).angle[:, 0]
+    angle = ray_offsets(fingertips, shown.positions - fingertips, spots).angle[:, 0]
     solid_angle = np.abs(sight[:, 2]) / distance**3  # of a spot of unit area
     log = -0.5 * (angle / np.deg2rad(noise_deg)) ** 2 + np.log(solid_angle)
     weight = np.exp(log - log.max()) * shown.prior

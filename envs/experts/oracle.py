@@ -9,7 +9,7 @@ from tensordict import TensorDictBase
 from envs.experts.registry import expert
 from envs.mdp.observation_spec import seen_scene
 from envs.workspace_env import WorkspaceEnv
-from human import NothingPointedAt, meant, named, posterior, visibility
+from human import NothingPointedAt, fuse, posterior, referring_phrase, visibility
 from language import Scene, parse
 
 CAMERA_DEG = 2.0  # how far a ray that is read from a picture strays
@@ -55,13 +55,13 @@ class Oracle:
 
     def _shown(self, world: int, sentence: str, scene: Scene, ray: NDArray) -> int | None:
         """The likeliest object by words and finger; None while a finger on its way shows nothing that they fit."""
-        phrase = named(sentence)
+        phrase = referring_phrase(sentence)
         try:
-            return int(meant(phrase, scene, self._weights(scene, ray)).argmax())
+            return int(fuse(phrase, scene, self._weights(scene, ray)).argmax())
         except NothingPointedAt:
             if self._env.elapsed[world]:
                 return None
-            return int(meant(phrase, scene, np.ones(len(scene))).argmax())
+            return int(fuse(phrase, scene, np.ones(len(scene))).argmax())
 
     def _weights(self, scene: Scene, ray: NDArray) -> NDArray[np.float64]:
         """(K,) how likely each object is by what the person sees and shows, without the words."""

@@ -18,8 +18,8 @@ from envs.config import EnvConfig
 from envs.mdp.observation_spec import seen_scene
 from envs.sim.window import Window
 from envs.workspace_env import WorkspaceEnv
-from human import Hand, Keys, View, choose, meant, named, pointed_object, posterior
-from human.window import WindowKeys, WindowView
+from human import Display, KeyboardPointer, KeySource, choose_object, fuse, pointed_object, posterior, referring_phrase
+from human.body.window import WindowDisplay, WindowKeys
 from language import LanguageError, Scene, describe
 
 Array = NDArray[np.float64]
@@ -41,10 +41,10 @@ class HandEnv(WorkspaceEnv):
         self._window = Window(config.workspace.camera) if window else None
         super().__init__(config, seed=seed, window=self._window)
 
-    def face(self) -> tuple[Keys, View]:
+    def face(self) -> tuple[KeySource, Display]:
         """The keys and the view of the window."""
         assert self._window is not None
-        return WindowKeys(self._window.client), WindowView(self._window.client)
+        return WindowKeys(self._window.client), WindowDisplay(self._window.client)
 
     def point(self, target: Array) -> tuple[Array, Array]:
         """Move the finger to target (3,), metres, in `gesture.frames` physics steps; no control step passes.
@@ -73,7 +73,7 @@ class Pointing:
     def __init__(self, env: HandEnv) -> None:
         self._env, self._scene = env, env.scene()
         sentence = env.sentence()
-        self._phrase = named(sentence) if sentence else None
+        self._phrase = referring_phrase(sentence) if sentence else None
         self._ray = np.zeros(3), np.zeros(3)
 
     def point(self, target: Array) -> Array:
@@ -85,7 +85,7 @@ class Pointing:
 
     def meant(self) -> int:
         shown = posterior(*self._ray, self._scene.positions, noise_deg=0)
-        return int((shown if self._phrase is None else meant(self._phrase, self._scene, shown)).argmax())
+        return int((shown if self._phrase is None else fuse(self._phrase, self._scene, shown)).argmax())
 
     def name(self, index: int) -> str:
         try:
@@ -114,8 +114,8 @@ def play(
     env: HandEnv,
     policy: Callable[[TensorDictBase], TensorDictBase],
     episodes: int,
-    keys: Keys,
-    view: View,
+    keys: KeySource,
+    view: Display,
     hurry: bool = False,
 ) -> list[Played]:
     """So many episodes with the deterministic policy, or as many as were played to their end before Escape.
@@ -131,20 +131,20 @@ def play(
                 if not _go_on(keys):
                     break
     except bullet.error:
-        if not keys.left():  # else the window was closed, in the middle of something
+        if not keys.escape_pressed():  # else the window was closed, in the middle of something
             raise
     view.clear()
     return played
 
 
-def _episode(env: HandEnv, policy: Callable, keys: Keys, view: View, period: float) -> Played | None:
+def _episode(env: HandEnv, policy: Callable, keys: KeySource, view: Display, period: float) -> Played | None:
     """None: the person left."""
     env.reset()
     sentence = f'"{env.sentence()}"'
     arm, workspace = Pointing(env), env.config.workspace
     x0, x1, y0, y1 = workspace.object_area
     middle = ((x0 + x1) / 2, (y0 + y1) / 2, env.config.task.object_size / 2)
-    chosen = choose(Hand(arm, view, middle, workspace.bounds), keys, view, [sentence])
+    chosen = choose_object(KeyboardPointer(arm, view, middle, workspace.bounds), keys, view, [sentence])
     if chosen is None:
         return None
     name = arm.name(chosen)
@@ -157,10 +157,12 @@ def _episode(env: HandEnv, policy: Callable, keys: Keys, view: View, period: flo
     return played
 
 
-def _watch(env: HandEnv, policy: Callable, state: TensorDictBase, keys: Keys, period: float) -> TensorDictBase | None:
+def _watch(
+    env: HandEnv, policy: Callable, state: TensorDictBase, keys: KeySource, period: float
+) -> TensorDictBase | None:
     """The end of the episode that `state` begins, a control step each `period` seconds; None: the person left."""
     due = time.monotonic()
-    while not keys.left():
+    while not keys.escape_pressed():
         state["action"] = policy(state.exclude("privileged"))["action"]
         state = env.step(state)["next"]
         if state["done"][0]:
@@ -170,7 +172,7 @@ def _watch(env: HandEnv, policy: Callable, state: TensorDictBase, keys: Keys, pe
     return None
 
 
-def _go_on(keys: Keys) -> bool:
+def _go_on(keys: KeySource) -> bool:
     """Wait for Enter; False: it was Escape."""
     while True:
         for key in keys.poll():

@@ -11,9 +11,9 @@ from conf.schema import ConfigError
 from envs.sim.workspace import WorkspaceConfig
 from envs.sim.world import World
 from envs.tasks import Episode, GestureSwitch
-from human import Arm, Gesture, GestureConfig, HumanConfig, Person, beside
-from human.person_camera import Block
-from human.ray_reader import Watch
+from human import Gesture, GestureConfig, HumanConfig, Person, PointingArm, ray_offsets
+from human.body.person_camera import FurnitureBox
+from human.ray_reader import CameraRayReader
 
 RAY_WIDTH = 7  # origin (m), unit direction, and 1 where a gesture is shown; all 0 where none is
 NEVER = -1
@@ -28,12 +28,12 @@ def meet(human: HumanConfig | None, config: GestureConfig) -> Person | None:
     return Person(human, config)
 
 
-def watch(workspace: WorkspaceConfig, config: GestureConfig) -> Watch | None:
+def watch(workspace: WorkspaceConfig, config: GestureConfig) -> CameraRayReader | None:
     """The camera whose pictures rays are read from; None where they are not. Raises ConfigError."""
     if config.source != "camera" or workspace.human is None:
         return None
-    blocks = [Block(box.size, box.position, box.color) for box in workspace.furniture.values()]
-    return Watch(workspace.human, blocks, config)
+    blocks = [FurnitureBox(box.size, box.position, box.color) for box in workspace.furniture.values()]
+    return CameraRayReader(workspace.human, blocks, config)
 
 
 def ray_of(gesture: Gesture | None) -> NDArray[np.float64]:
@@ -49,7 +49,7 @@ class Gestures:
     watch: the camera whose pictures rays are read from; none: they are the fingers' own.
     """
 
-    def __init__(self, config: GestureConfig, worlds: Sequence[World], watch: Watch | None = None) -> None:
+    def __init__(self, config: GestureConfig, worlds: Sequence[World], watch: CameraRayReader | None = None) -> None:
         self._config, self._worlds, self._watch = config, worlds, watch
         self.points = config.source != "none"
         self.rays = np.zeros((len(worlds), RAY_WIDTH))
@@ -139,10 +139,10 @@ class Gestures:
         each, raised = np.arange(len(rows)), self.rays[rows, 6:]
         origin = self.rays[rows, :3]
         offset = places[each, meant] - origin
-        apart = np.where(shown, beside(origin, offset, places).angle, np.inf)
+        apart = np.where(shown, ray_offsets(origin, offset, places).angle, np.inf)
         apart[each, meant] = np.inf
         direction = np.where(raised > 0, self.rays[rows, 3:6], offset)
-        ray = beside(origin, direction, (origin + offset)[:, None]).angle[:, 0]
+        ray = ray_offsets(origin, direction, (origin + offset)[:, None]).angle[:, 0]
         rival = np.minimum(apart.min(1), np.pi)
         return raised * np.stack((ray, rival, np.linalg.norm(offset, axis=1)), axis=1)
 
@@ -151,7 +151,7 @@ class Gestures:
         if self._watch is not None:
             self._watch.close()
 
-    def _person(self, i: int) -> Arm:
+    def _person(self, i: int) -> PointingArm:
         person = self._worlds[i].person
         assert person is not None
         return person

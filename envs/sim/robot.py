@@ -17,7 +17,7 @@ from conf.schema import Checked, ConfigError, did_you_mean, one_of, within
 from envs.sim.collision_hulls import lean
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.urdf_magnet import with_magnet
-from human.suppress_stdout import quiet
+from human.suppress_stdout import suppress_stdout
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +181,7 @@ def _load_file(path: Path, config: RobotConfig, client: int, flags: int) -> int:
     if config.package == "example_robot_data":
         bullet.setAdditionalSearchPath(str(_example_robot_data()), client)
     try:
-        with quiet():
+        with suppress_stdout():
             return bullet.loadURDF(str(path), config.base, useFixedBase=True, flags=flags, physicsClientId=client)
     except bullet.error as error:
         raise ConfigError(f"robot.urdf={config.urdf} does not load: {error}") from None

@@ -12,7 +12,7 @@ import pybullet as bullet
 
 from conf.schema import ConfigError
 from human import Camera
-from human.suppress_stdout import quiet
+from human.suppress_stdout import suppress_stdout
 
 WIDTH, HEIGHT = 960, 720  # pixels
 PAPER = "--background_color_red=0.93 --background_color_green=0.94 --background_color_blue=0.96"
@@ -35,7 +35,7 @@ class Window:
     def __init__(self, camera: Camera, asked: str = "by_hand=true") -> None:
         _check_display(asked)
         try:
-            with quiet():
+            with suppress_stdout():
                 self.client = bullet.connect(bullet.GUI, options=f"--width={WIDTH} --height={HEIGHT} {PAPER}")
         except bullet.error as error:
             raise ConfigError(f"{asked} opens no window: {error}") from None
@@ -57,7 +57,7 @@ class Window:
         bullet.configureDebugVisualizer(bullet.COV_ENABLE_RENDERING, int(now), physicsClientId=self.client)
 
     def close(self) -> None:
-        with quiet(), suppress(bullet.error):  # a person may have closed it
+        with suppress_stdout(), suppress(bullet.error):  # a person may have closed it
             bullet.disconnect(self.client)
 
 

@@ -21,7 +21,7 @@ from envs.sim.robot import Robot, RobotConfig
 from envs.sim.window import Window
 from envs.sim.workspace import WorkspaceConfig
 from envs.tasks.types import NOTHING
-from human import Arm, Body, Camera, read_arm
+from human import Body, Camera, PointingArm, read_arm
 from language import SEE_THROUGH
 
 PARKED = (0.0, 0.0, -5.0)  # where objects wait that this episode does not show, asleep
@@ -106,7 +106,7 @@ class World:
         ]
         # After all that moves, or those would come in another order where somebody looks, and give other bits.
         human = self._workspace.human
-        self.person: Arm | None = None  # nothing touches a person: one whom nobody sees needs no body
+        self.person: PointingArm | None = None  # nothing touches a person: one whom nobody sees needs no body
         if human is not None:
             self.person = Body(human, self.client, visuals=True) if self._visuals else read_arm(human)
         self.stock = self._shown = [body for pool in self._pool for bodies in pool for body in bodies]
@@ -291,7 +291,7 @@ class World:
         """One physics step."""
         self._step()
         if self.person is not None and self.person.moving:
-            self.person.stepped()
+            self.person.advance()
 
     def objects(self) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
         """(position, quaternion) of the object, or of the device's handle, in each slot."""

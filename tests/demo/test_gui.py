@@ -5,7 +5,7 @@ import pytest
 from demo.gui import HELP, Gui
 from demo.session import Session
 from demo.session_config import choose
-from human import Written
+from human import RecordingDisplay
 
 
 class Typist:
@@ -21,7 +21,7 @@ class Typist:
         assert self._patience, "it never came to that"
         return ["escape"] if self._until() else []
 
-    def left(self):
+    def escape_pressed(self):
         return False
 
 
@@ -41,7 +41,7 @@ def session(stood):
 
 def driven(session, *steps, until=lambda: True):
     """The pages that a person saw who pressed this."""
-    view = Written()
+    view = RecordingDisplay()
     Gui(session, Typist(steps, until), view, hurry=True).run()
     return view
 

@@ -13,7 +13,7 @@ from conf.schema import ConfigError
 from envs import read_env
 from envs.experts import Oracle, ReachExpert
 from envs.interactive.by_hand import HandEnv, play
-from human import NothingPointedAt, ScriptedKeys, Written
+from human import NothingPointedAt, RecordingDisplay, ScriptedKeys
 from tests.helpers.env_cases import compose
 
 STEPS = (0.10, 0.01)
@@ -54,7 +54,7 @@ def scenes(env, count):
 def test_each_object_in_turn_is_reached_when_it_is_chosen(env):
     places = scenes(env, 3)
     script = [key for k in range(3) for key in [*keys_to(env, places[k][k]), "enter", "enter"]]
-    view = Written()
+    view = RecordingDisplay()
     played = play(env, Oracle(env), 3, ScriptedKeys(script), view, hurry=True)
     assert [each.ending for each in played] == ["success"] * 3
     assert view.beam is None
@@ -171,4 +171,4 @@ class _unseen(HandEnv):
         super().__init__(config, seed, window=False)
 
     def face(self):
-        return ScriptedKeys(["up", "enter", "enter", "left", "enter", "enter", "escape"]), Written()
+        return ScriptedKeys(["up", "enter", "enter", "left", "enter", "enter", "escape"]), RecordingDisplay()

@@ -10,7 +10,7 @@ import torch
 from conf.schema import ConfigError
 from envs import make_env
 from envs.experts import Oracle, ReachExpert
-from human import beside, pointed_object
+from human import pointed_object, ray_offsets
 from language import matches, parse
 from tests.helpers.env_cases import Poker, act, differences, make, rollout, task_of
 from trainers.rollout.instruction_ablations import run_to_end
@@ -90,7 +90,7 @@ def test_the_ray_observed_is_that_of_the_persons_fingertip_and_goes_through_what
     ray, goal = rows(shown, "gesture").astype(float), rows(shown, ("privileged", "goal"))
     assert (ray[:, 6] == 1).all()
     np.testing.assert_allclose(np.linalg.norm(ray[:, 3:6], axis=1), 1.0, atol=1e-6)
-    angle = beside(ray[:, :3], ray[:, 3:6], goal[:, None]).angle
+    angle = ray_offsets(ray[:, :3], ray[:, 3:6], goal[:, None]).angle
     assert np.rad2deg(angle).max() < 0.5
     assert (ray[:, 2] > 0.05).all()  # above the table
     assert (ray[:, 0] > 0.6).all()  # on the person's side of the objects

@@ -6,7 +6,7 @@ import torch
 
 from conf.schema import ConfigError
 from human import pointed_object
-from human.person_camera import Block, Light, Sight, draw
+from human.body.person_camera import FurnitureBox, Light, PersonCamera, draw
 from tests.helpers.env_cases import differences, hold, make, partial_reset
 
 CAMERA = ("kuka", "step", "reach_gesture", "gesture=camera")
@@ -92,8 +92,8 @@ def test_the_camera_sees_what_it_would_see_in_the_whole_world():
     env = make(*CAMERA, "task.num_objects=6", render=True)
     env.reset()
     world, workspace = env._worlds[0], env.config.workspace
-    blocks = [Block(box.size, box.position, box.color) for box in workspace.furniture.values()]
-    sight = Sight(workspace.human, blocks)
+    blocks = [FurnitureBox(box.size, box.position, box.color) for box in workspace.furniture.values()]
+    sight = PersonCamera(workspace.human, blocks)
     world.show_finger(False)  # the cone that a film shows
     whole, _ = draw(world.client, sight.camera, Light())
     assert np.array_equal(sight.picture(world.person.angles), whole)

@@ -64,4 +64,4 @@ def step(body: Body, count: int) -> None:
     for _ in range(count):
         bullet.stepSimulation(body.client)
         if body.moving:
-            body.stepped()
+            body.advance()

@@ -6,8 +6,8 @@ import numpy as np
 import pybullet as bullet
 import pytest
 
-from human.arm import STYLES, Unreachable
 from human.body import Body, read_arm
+from human.pointing_arm import STYLES, Unreachable
 from tests.helpers.human_cases import angles, config, off, standing, step, table
 
 CUBE, OTHER = (0.45, 0.0, 0.025), (0.5, 0.28, 0.025)
@@ -127,8 +127,8 @@ def test_an_arm_that_nobody_sees_is_the_same_without_a_body(body):
         for each in (arm, body):
             each.point_at(place, frames=frames)
         for _ in range(frames):
-            arm.stepped()
-            body.stepped()
+            arm.advance()
+            body.advance()
             np.testing.assert_array_equal(arm.ray(), body.ray())
     np.testing.assert_array_equal(arm.eyes, body.eyes)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from human import Body, Hand, NothingPointedAt, ScriptedKeys, Written, choose, pointed_object
+from human import Body, KeyboardPointer, NothingPointedAt, RecordingDisplay, ScriptedKeys, choose_object, pointed_object
 from tests.helpers.human_cases import step
 
 MIDDLE = (0.45, 0.0, 0.02)
@@ -51,7 +51,7 @@ def standing_body():
 
 def moved(arm, *keys, yaw=0.0):
     """How far the target goes, metres."""
-    hand = Hand(arm, Written(yaw), MIDDLE, BOUNDS)
+    hand = KeyboardPointer(arm, RecordingDisplay(yaw), MIDDLE, BOUNDS)
     for key in keys:
         hand.press(key)
     return (hand.target - MIDDLE).round(6).tolist()
@@ -85,7 +85,7 @@ def test_other_keys_do_nothing(arm):
 
 
 def test_the_arm_moves_through_what_lies_between(arm):
-    hand = Hand(arm, Written(), MIDDLE, BOUNDS)
+    hand = KeyboardPointer(arm, RecordingDisplay(), MIDDLE, BOUNDS)
     arm.rays.clear()
     before = arm.body.ray()[1]
     hand.press("0")
@@ -102,7 +102,7 @@ def test_the_arm_moves_through_what_lies_between(arm):
 
 def test_what_cannot_be_pointed_at_is_refused_and_the_finger_stays(arm):
     beside = (1.05, 0.04, 0.64)
-    hand = Hand(arm, Written(), beside, BOUNDS)
+    hand = KeyboardPointer(arm, RecordingDisplay(), beside, BOUNDS)
     before = arm.body.ray()
     hand.press("right")
     assert hand.note.startswith("the finger stays: target=(1.100, 0.040, 0.640) m")
@@ -113,7 +113,7 @@ def test_what_cannot_be_pointed_at_is_refused_and_the_finger_stays(arm):
 
 
 def test_the_finger_stays_within_the_workspace(arm):
-    hand = Hand(arm, Written(), MIDDLE, (0.4, 0.5, -0.3, 0.3, 0.0, 0.3))
+    hand = KeyboardPointer(arm, RecordingDisplay(), MIDDLE, (0.4, 0.5, -0.3, 0.3, 0.0, 0.3))
     hand.press("left")
     hand.press("left")
     assert hand.note == "the finger stays: that is too far away from the table"
@@ -121,8 +121,13 @@ def test_the_finger_stays_within_the_workspace(arm):
 
 
 def test_enter_chooses_what_is_pointed_at_and_says_it_in_words(arm):
-    view = Written()
-    assert choose(Hand(arm, view, MIDDLE, BOUNDS), ScriptedKeys(["0", "up", "up", "enter"]), view, ["title"]) == 1
+    view = RecordingDisplay()
+    assert (
+        choose_object(
+            KeyboardPointer(arm, view, MIDDLE, BOUNDS), ScriptedKeys(["0", "up", "up", "enter"]), view, ["title"]
+        )
+        == 1
+    )
     said = [[line for line in page if line.startswith("pointing at")] for page in view.pages]
     assert said[0] == ["pointing at the red cube"]
     assert said[-1] == ["pointing at the blue sphere"]
@@ -131,19 +136,22 @@ def test_enter_chooses_what_is_pointed_at_and_says_it_in_words(arm):
 
 
 def test_enter_on_nothing_shows_why_and_goes_on(arm):
-    view = Written()
+    view = RecordingDisplay()
     high = [*["0", "pageup"], *["pageup"] * 7]
-    assert choose(Hand(arm, view, MIDDLE, BOUNDS), ScriptedKeys([*high, "enter"]), view) is None
+    assert choose_object(KeyboardPointer(arm, view, MIDDLE, BOUNDS), ScriptedKeys([*high, "enter"]), view) is None
     with pytest.raises(NothingPointedAt) as refused:
         arm.nearest()
     assert str(refused.value) in view.pages[-1]
     assert "pointing at nothing" in view.pages[-1]
     back = ["0", *["pagedown"] * 8]
-    assert choose(Hand(arm, view, MIDDLE, BOUNDS), ScriptedKeys([*high, "enter", *back, "enter"]), view) == 0
+    assert (
+        choose_object(KeyboardPointer(arm, view, MIDDLE, BOUNDS), ScriptedKeys([*high, "enter", *back, "enter"]), view)
+        == 0
+    )
 
 
 def test_escape_leaves(arm):
-    view = Written()
+    view = RecordingDisplay()
     keys = ScriptedKeys(["left", "escape", "enter"])
-    assert choose(Hand(arm, view, MIDDLE, BOUNDS), keys, view) is None
+    assert choose_object(KeyboardPointer(arm, view, MIDDLE, BOUNDS), keys, view) is None
     assert keys.poll() == ["enter"]

@@ -14,14 +14,14 @@ import torch
 
 from conf.schema import ConfigError
 from human import camera
-from human.arm import Unreachable
-from human.camera import Place, main, scatter, shoot
+from human.body.person_camera import CameraFrame, Light, PersonCamera
+from human.body.urdf_model import urdf
+from human.camera import Setup, generate_frames, main, scatter
 from human.config import HumanConfig
-from human.model import urdf
-from human.person_camera import Frame, Light, Sight
-from human.ray_reader import SHIPPED, Network, Reader, as_input, load, save
-from human.synthetic_frames import Studio, astray, light
-from human.train_reader import angles, fit, miss
+from human.pointing_arm import Unreachable
+from human.ray_reader import SHIPPED_WEIGHTS, RayNetwork, RayReader, as_input, load, save
+from human.synthetic_frames import FrameGenerator, perturb_camera, sample_light
+from human.train_reader import angles_between, fit, ray_loss
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGETS = [(0.33, -0.28, 0.025), (0.44, 0.0, 0.025), (0.55, 0.28, 0.025)]
@@ -29,12 +29,12 @@ TARGETS = [(0.33, -0.28, 0.025), (0.44, 0.0, 0.025), (0.55, 0.28, 0.025)]
 
 @pytest.fixture(scope="module")
 def place():
-    return Place.of([])
+    return Setup.of([])
 
 
 @pytest.fixture(scope="module")
 def sight(place):
-    sight = Sight(place.human, place.furniture)
+    sight = PersonCamera(place.human, place.furniture)
     yield sight
     sight.close()
 
@@ -42,7 +42,7 @@ def sight(place):
 @pytest.fixture(scope="module")
 def few(place):
     """Some frames of two people."""
-    return shoot(place, 64, np.random.default_rng(0), bodies=2)
+    return generate_frames(place, 64, np.random.default_rng(0), bodies=2)
 
 
 def paint(sight, link, rgba):
@@ -60,7 +60,7 @@ def test_the_cone_along_the_finger_is_not_seen(place, sight, tmp_path):
     for mesh in meshes.glob("*.obj"):
         (tmp_path / mesh.name).write_bytes(mesh.read_bytes())
     (tmp_path / "human.urdf").write_text(text)
-    without = Sight(replace(place.human, urdf=str(tmp_path / "human.urdf")), place.furniture)
+    without = PersonCamera(replace(place.human, urdf=str(tmp_path / "human.urdf")), place.furniture)
     for target in TARGETS:
         joints = sight.body.solve(target)
         assert np.array_equal(sight.picture(joints), without.picture(joints))
@@ -73,7 +73,7 @@ def test_the_cone_along_the_finger_is_not_seen(place, sight, tmp_path):
 
 def pixel(camera, points):
     """(..., 2) columns and rows at which the camera sees points (..., 3), metres, workspace frame."""
-    seen, _ = Frame.of(camera).inward(points, np.zeros(3))
+    seen, _ = CameraFrame.of(camera).from_workspace(points, np.zeros(3))
     scale = camera.height / 2 / math.tan(math.radians(camera.fov) / 2)
     return seen[..., :2] / seen[..., 2:] * scale + np.array([camera.width, camera.height]) / 2
 
@@ -101,9 +101,9 @@ def _name(sight, link):
 
 
 def test_rays_go_into_the_cameras_frame_and_back(sight):
-    frame, rng = Frame.of(sight.camera), np.random.default_rng(0)
+    frame, rng = CameraFrame.of(sight.camera), np.random.default_rng(0)
     points, directions = rng.normal(size=(2, 5, 3))
-    back = frame.outward(*frame.inward(points, directions))
+    back = frame.to_workspace(*frame.from_workspace(points, directions))
     np.testing.assert_allclose(back, (points, directions), atol=1e-12)
     np.testing.assert_allclose(pixel(sight.camera, np.array(sight.camera.target)), (64, 64), atol=1e-9)
 
@@ -112,14 +112,14 @@ def test_light_and_camera_change_the_picture_and_the_same_again_does_not(sight):
     joints, rng = sight.body.solve(TARGETS[1]), np.random.default_rng(0)
     plain = sight.picture(joints)
     assert np.array_equal(plain, sight.picture(joints))
-    assert not np.array_equal(plain, sight.picture(joints, light=light(rng)))
-    assert not np.array_equal(plain, sight.picture(joints, camera=astray(sight.camera, rng)))
+    assert not np.array_equal(plain, sight.picture(joints, light=sample_light(rng)))
+    assert not np.array_equal(plain, sight.picture(joints, camera=perturb_camera(sight.camera, rng)))
     assert np.array_equal(plain, sight.picture(joints, light=Light()))
 
 
 def test_what_is_spared_was_never_seen(place, sight):
-    spared = Sight(place.human, place.furniture)
-    spared.spare()
+    spared = PersonCamera(place.human, place.furniture)
+    spared.hide_invisible_shapes()
     for target in [*TARGETS, (0.2, 0.4, 0.0), (0.7, -0.4, 0.1)]:
         joints = sight.body.solve(target)
         assert np.array_equal(spared.picture(joints), sight.picture(joints))
@@ -130,13 +130,13 @@ def test_frames_to_learn_from_are_all_different_and_the_same_for_the_same_seed(p
     flat = few.pictures.reshape(len(few.pictures), -1)
     assert len(np.unique(flat, axis=0)) == len(flat)
     np.testing.assert_allclose(np.linalg.norm(few.directions, axis=1), 1)
-    again = shoot(place, 5, np.random.default_rng(0), bodies=2)
+    again = generate_frames(place, 5, np.random.default_rng(0), bodies=2)
     assert np.array_equal(again.pictures, few.pictures[:5])
     assert np.array_equal(again.tips, few.tips[:5])
 
 
 def test_people_to_learn_from_are_built_differently(place):
-    studio = Studio(place.human, (), place.objects.object_area, np.random.default_rng(0), bodies=3)
+    studio = FrameGenerator(place.human, (), place.objects.object_area, np.random.default_rng(0), bodies=3)
     eyes = [sight.body.eyes[2] for sight in studio._sights]
     studio.close()
     assert max(eyes) - min(eyes) > 0.01
@@ -150,7 +150,7 @@ def test_a_handful_of_frames_is_learned(few):
 
     def loss(network):
         with torch.no_grad():
-            return float(miss(network(as_input(few.pictures)), few, every))
+            return float(ray_loss(network(as_input(few.pictures)), few, every))
 
     before = loss(fit(few, 1, seed=0))
     assert loss(fit(few, 25, seed=0)) < 0.6 * before
@@ -163,28 +163,28 @@ def test_training_gives_the_same_bits_for_the_same_seed(few):
 
 
 def test_shipped_weights_read_fresh_pictures(place, sight):
-    reader, rng = Reader(place.human), np.random.default_rng(9)
+    reader, rng = RayReader(place.human), np.random.default_rng(9)
     arms = [sight.body.solve(each) for each in scatter(place, 6, rng)] + [sight.body.solve(t) for t in TARGETS]
-    tips, directions = reader.see(np.stack([sight.picture(joints) for joints in arms]))
+    tips, directions = reader.read(np.stack([sight.picture(joints) for joints in arms]))
     true = []
     for joints in arms:
         sight.body.pose(joints)
         true.append(sight.body.ray())
     true_tips, true_directions = (np.stack(each) for each in zip(*true, strict=True))
-    assert np.median(angles(directions, true_directions)) < 3
+    assert np.median(angles_between(directions, true_directions)) < 3
     assert np.median(np.linalg.norm(tips - true_tips, axis=1)) < 0.03
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-6)
 
 
 def test_a_picture_is_read_the_same_beside_any_others(place, few):
-    reader = Reader(place.human)
-    alone, together = reader.see(few.pictures[3:4]), reader.see(few.pictures[:6])
+    reader = RayReader(place.human)
+    alone, together = reader.read(few.pictures[3:4]), reader.read(few.pictures[:6])
     assert all(np.array_equal(one[0], all_[3]) for one, all_ in zip(alone, together, strict=True))
 
 
 def test_weights_are_small_and_not_pickled():
-    assert SHIPPED.stat().st_size < 500_000
-    assert b"pickle" not in SHIPPED.read_bytes()
+    assert SHIPPED_WEIGHTS.stat().st_size < 500_000
+    assert b"pickle" not in SHIPPED_WEIGHTS.read_bytes()
 
 
 # ------------------------------------------------------------------------------------------------- the weights' file
@@ -193,7 +193,7 @@ def test_weights_are_small_and_not_pickled():
 @pytest.fixture
 def weights(tmp_path, place):
     path = tmp_path / "weights.npz"
-    save(path, Network(128), place.human)
+    save(path, RayNetwork(128), place.human)
     return path
 
 
@@ -210,7 +210,7 @@ def test_damaged_weights_are_refused(weights, place, spoil):
     load(weights, place.human)
     weights.write_bytes(spoil(weights.read_bytes()))
     with pytest.raises(ConfigError, match=r"^gesture\.weights=\S+ is damaged, or holds other weights: [^\n]+$"):
-        Reader(place.human, weights)
+        RayReader(place.human, weights)
 
 
 @pytest.mark.parametrize(
@@ -230,12 +230,12 @@ def test_other_arrays_are_refused(weights, place, change):
     change(arrays)
     np.savez(weights, **arrays)
     with pytest.raises(ConfigError, match=r"gesture\.weights"):
-        Reader(place.human, weights)
+        RayReader(place.human, weights)
 
 
 def test_missing_weights_are_refused(place, tmp_path):
     with pytest.raises(ConfigError, match=r"^gesture\.weights=\S+none\.npz is not a file; train it: "):
-        Reader(place.human, tmp_path / "none.npz")
+        RayReader(place.human, tmp_path / "none.npz")
 
 
 @pytest.mark.parametrize(
@@ -244,7 +244,7 @@ def test_missing_weights_are_refused(place, tmp_path):
 def test_weights_for_another_camera_are_refused(place, weights, change):
     moved = replace(place.human, camera=replace(place.human.camera, **change))
     with pytest.raises(ConfigError, match=r"gesture\.weights=.*workspace\.human\.camera.*human\.camera train"):
-        Reader(moved, weights)
+        RayReader(moved, weights)
 
 
 def test_weights_fit_wherever_person_and_camera_are_put_together(place, weights):
@@ -262,7 +262,7 @@ def test_weights_fit_wherever_person_and_camera_are_put_together(place, weights)
 
 
 def test_training_and_trying_from_the_command_line(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(camera, "TRIALS", 1)
+    monkeypatch.setattr(camera, "VALIDATION_BODIES", 1)
     monkeypatch.setattr("human.synthetic_frames.BODIES", 2)
     out = tmp_path / "deep" / "weights.npz"
     main(["train", f"out={out}", "frames=70", "epochs=2"])
@@ -310,17 +310,17 @@ def test_places_that_nobody_can_point_at_are_told_in_one_line(place, monkeypatch
     with pytest.raises(ConfigError, match=r"^workspace\.object_area=\[.*holds places out of reach: target"):
         main(["evaluate", "scenes=1"])
     with pytest.raises(ConfigError, match=r"^workspace\.object_area=\[.*can't point at any of 1000 places$"):
-        shoot(place, 1, np.random.default_rng(0), bodies=1)
+        generate_frames(place, 1, np.random.default_rng(0), bodies=1)
 
 
 def test_training_leaves_the_weights_that_come_with_the_project_alone(place, monkeypatch, tmp_path):
-    before = SHIPPED.stat().st_mtime_ns
+    before = SHIPPED_WEIGHTS.stat().st_mtime_ns
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(camera, "TRIALS", 1)
+    monkeypatch.setattr(camera, "VALIDATION_BODIES", 1)
     monkeypatch.setattr("human.synthetic_frames.BODIES", 1)
     main(["train", "frames=2", "epochs=1"])
     load(tmp_path / "pointing.npz", place.human)
-    assert SHIPPED.stat().st_mtime_ns == before
+    assert SHIPPED_WEIGHTS.stat().st_mtime_ns == before
 
 
 def test_errors_end_with_exit_code_1_and_without_a_traceback():

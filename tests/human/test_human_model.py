@@ -9,7 +9,7 @@ import pybullet as bullet
 import pytest
 
 from conf.schema import ConfigError
-from human.model import Proportions, urdf, write
+from human.body.urdf_model import Proportions, urdf, write
 from tests.helpers.human_cases import REST, standing
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from human import NothingPointedAt, beside, pointed_object, posterior, strayed, visibility
-from human.pointing import HIDDEN, WIDEST
+from human import NothingPointedAt, add_aiming_noise, pointed_object, posterior, ray_offsets, visibility
+from human.pointing import HIDDEN_PRIOR, MAX_ANGLE
 
 ORIGIN = np.array([0.8, 0.1, 0.3])
 
@@ -18,7 +18,7 @@ def test_distance_and_angle_are_those_of_the_right_triangle_between_ray_and_obje
     rng = np.random.default_rng(0)
     origin, direction = rays(rng, 50)
     positions = rng.normal(size=(50, 4, 3))
-    lies = beside(origin, direction, positions)
+    lies = ray_offsets(origin, direction, positions)
     offset = positions - origin[:, None]
     cross = np.linalg.norm(np.cross(offset, direction[:, None]), axis=-1)
     np.testing.assert_allclose(lies.distance, cross, atol=1e-12)
@@ -86,7 +86,7 @@ def test_the_posterior_is_as_often_right_as_it_says():
     count, noise = 20_000, 5.0
     positions = ORIGIN + [-0.5, 0.0, -0.2] + rng.uniform(-0.08, 0.08, (count, 4, 3))
     meant = rng.integers(4, size=count)
-    direction = strayed(positions[np.arange(count), meant] - ORIGIN, noise, rng)
+    direction = add_aiming_noise(positions[np.arange(count), meant] - ORIGIN, noise, rng)
     said = posterior(np.broadcast_to(ORIGIN, (count, 3)), direction, positions, noise)
     np.testing.assert_allclose(said.sum(-1), 1.0)
     for low in np.arange(0.0, 1.0, 0.2):
@@ -103,19 +103,19 @@ def test_without_noise_only_the_nearest_object_is_possible():
 def test_the_finger_strays_by_the_noise_in_both_directions_across_it():
     rng = np.random.default_rng(3)
     direction = np.array([0.0, 0.6, -0.8])
-    turned = strayed(np.broadcast_to(direction, (50_000, 3)), 4.0, rng)
+    turned = add_aiming_noise(np.broadcast_to(direction, (50_000, 3)), 4.0, rng)
     np.testing.assert_allclose(np.linalg.norm(turned, axis=-1), 1.0)
     across = np.stack(([1.0, 0.0, 0.0], np.cross(direction, [1.0, 0.0, 0.0])))
     spread = np.rad2deg(np.std(turned @ across.T, axis=0))
     np.testing.assert_allclose(spread, 4.0, rtol=0.02)
-    np.testing.assert_array_equal(strayed(direction, 0.0, rng), direction)
+    np.testing.assert_array_equal(add_aiming_noise(direction, 0.0, rng), direction)
 
 
 def test_an_object_that_another_hides_from_the_eyes_is_less_likely():
     eyes = np.array([1.5, 0.0, 0.9])
     sight = np.array([0.5, 0.0, 0.0]) - eyes
     hidden, hider, plain = eyes + sight, eyes + 0.9 * sight, eyes + sight + [0.0, 0.2, 0.0]
-    assert visibility(eyes, [hidden, hider, plain], size=0.05).tolist() == [HIDDEN, 1.0, 1.0]
+    assert visibility(eyes, [hidden, hider, plain], size=0.05).tolist() == [HIDDEN_PRIOR, 1.0, 1.0]
     prior = visibility(eyes, [hidden, plain, hider], size=0.05)
     between = (hidden + plain) / 2 - ORIGIN
     evenly, knowing = (posterior(ORIGIN, between, [hidden, plain, hider], 5.0, each) for each in (None, prior))
@@ -123,7 +123,7 @@ def test_an_object_that_another_hides_from_the_eyes_is_less_likely():
 
 
 def test_nothing_is_meant_at_the_widest_angle_or_beyond():
-    for angle, meant in ((WIDEST - 0.01, True), (WIDEST + 0.01, False)):
+    for angle, meant in ((MAX_ANGLE - 0.01, True), (MAX_ANGLE + 0.01, False)):
         place = ORIGIN + 0.3 * np.array([-np.cos(angle), np.sin(angle), 0.0])
         if meant:
             assert pointed_object(ORIGIN, [-1.0, 0.0, 0.0], [place]) == 0

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from envs import make_env
-from human import beside
+from human import ray_offsets
 from tests.helpers.plans import plan
 from trainers.models.grounding import aimed, grounding
 from trainers.models.policy import build
@@ -50,7 +50,7 @@ def test_how_an_object_lies_to_a_ray_is_what_pointing_says():
     places, origin = rng.normal(size=(20, 5, 3)), rng.normal(size=(20, 3))
     direction = rng.normal(size=(20, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    lies = beside(origin, direction, places)
+    lies = ray_offsets(origin, direction, places)
     gesture = np.concatenate((origin, direction, np.ones((20, 1))), axis=1)
     seen = aimed(torch.from_numpy(places), torch.from_numpy(gesture)).numpy()
     np.testing.assert_allclose(seen[..., 0], 10 * lies.angle, atol=1e-9)

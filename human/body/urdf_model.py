@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from human.shapes import Part, Point, Ring, ball, box, loft, mesh, rod
+from human.body.shapes import Part, Point, Ring, ball, box, loft, mesh, rod
 
 SIDES = {"r": -1, "l": 1}  # where an arm is along y
 CONE_LENGTH, CONE_RADIUS = 0.35, 0.04

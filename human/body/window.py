@@ -71,7 +71,7 @@ class WindowKeys:
             time.sleep(WAIT)
         return pressed
 
-    def left(self) -> bool:
+    def escape_pressed(self) -> bool:
         return "escape" in self.poll()
 
     def _events(self) -> dict[str, int]:
@@ -109,7 +109,7 @@ class _Pages:
         return [name for code, name in self._codes.items() if bits[code // 8] >> code % 8 & 1]
 
 
-class WindowView:
+class WindowDisplay:
     """Writes at the top left of the window of this client, wherever its camera looks from."""
 
     def __init__(self, client: int) -> None:

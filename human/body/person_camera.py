@@ -17,20 +17,20 @@ import pybullet as bullet
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError
-from human.body import Body
+from human.body.pybullet_body import Body
+from human.body.urdf_model import Proportions
 from human.config import Camera, HumanConfig
-from human.model import Proportions
 from human.pointing_ik import Array
 
 Picture = NDArray[np.uint8]
 Color = tuple[float, float, float]
 Rgba = tuple[float, float, float, float]
-CLEAR: Rgba = (0.0, 0.0, 0.0, 0.0)
+TRANSPARENT: Rgba = (0.0, 0.0, 0.0, 0.0)
 NEAR, FAR = 0.05, 10.0  # metres between which anything is drawn
 
 
 @dataclass(frozen=True)
-class Block:
+class FurnitureBox:
     """A piece of furniture: size and position of its centre in metres, color RGB in [0, 1]."""
 
     size: Sequence[float]
@@ -49,29 +49,29 @@ class Light:
     specular: float = 0.05
 
 
-class Sight:
+class PersonCamera:
     """A person and the furniture in a PyBullet client of their own, posed for a camera. Raises ConfigError."""
 
     def __init__(
-        self, human: HumanConfig, furniture: Iterable[Block] = (), proportions: Proportions | None = None
+        self, human: HumanConfig, furniture: Iterable[FurnitureBox] = (), proportions: Proportions | None = None
     ) -> None:
         self.camera = camera_of(human)
         self.client = bullet.connect(bullet.DIRECT)
         try:
-            self.blocks = [self._block(block) for block in furniture]
+            self._furniture = [self._box(box) for box in furniture]
             self.body = Body(human, self.client, visuals=True, proportions=proportions)
         except BaseException:
             self.close()
             raise
         if self.body.cone is not None:
-            self.paint(self.body.cone, 0, CLEAR)
+            self.paint(self.body.cone, 0, TRANSPARENT)
 
-    def _block(self, block: Block) -> int:
-        half = [side / 2 for side in block.size]
+    def _box(self, box: FurnitureBox) -> int:
+        half = [side / 2 for side in box.size]
         visual = bullet.createVisualShape(
-            bullet.GEOM_BOX, halfExtents=half, rgbaColor=[*block.color, 1], physicsClientId=self.client
+            bullet.GEOM_BOX, halfExtents=half, rgbaColor=[*box.color, 1], physicsClientId=self.client
         )
-        return bullet.createMultiBody(0, -1, visual, block.position, physicsClientId=self.client)
+        return bullet.createMultiBody(0, -1, visual, box.position, physicsClientId=self.client)
 
     def picture(self, joints: Array, camera: Camera | None = None, light: Light | None = None) -> Picture:
         """The person with the arm at these angles (J,), as (height, width, 3)."""
@@ -84,16 +84,16 @@ class Sight:
         self.body.pose(joints)
         return draw(self.client, camera or self.camera, light or Light())
 
-    def spare(self) -> None:
+    def hide_invisible_shapes(self) -> None:
         """Draw no longer what `camera` does not see, however the arm is: it takes a fifth of the time."""
         arm, shapes = self._arm(), self.shapes()
         for link, index, _ in shapes:
             if link in arm:
-                self.paint(link, index, CLEAR)
+                self.paint(link, index, TRANSPARENT)
         plain = draw(self.client, self.camera, Light())[0]
         for link, index, rgba in shapes:
             if link not in arm:
-                self.paint(link, index, CLEAR)
+                self.paint(link, index, TRANSPARENT)
             if link in arm or not np.array_equal(plain, draw(self.client, self.camera, Light())[0]):
                 self.paint(link, index, rgba)
 
@@ -119,8 +119,17 @@ class Sight:
         """Give one of the person's shapes this colour; opacity 0 is not drawn at all."""
         bullet.changeVisualShape(self.body.body, link, index, rgbaColor=rgba, physicsClientId=self.client)
 
+    @property
+    def furniture_count(self) -> int:
+        """How many boxes of furniture are drawn."""
+        return len(self._furniture)
+
+    def paint_furniture(self, index: int, color: Sequence[float]) -> None:
+        """Gives box `index` of the furniture an opaque colour, RGB in [0, 1]."""
+        bullet.changeVisualShape(self._furniture[index], -1, rgbaColor=[*color, 1], physicsClientId=self.client)
+
     def close(self) -> None:
-        """Free the client. Twice is once."""
+        """Disconnects the client. Idempotent."""
         if self.client >= 0:
             bullet.disconnect(self.client)
             self.client = -1
@@ -156,14 +165,14 @@ def camera_of(human: HumanConfig) -> Camera:
 
 
 @dataclass(frozen=True)
-class Frame:
+class CameraFrame:
     """A camera's own frame. place: (3,) metres in the workspace frame. axes: (3, 3), its rows right, down and ahead."""
 
     place: Array
     axes: Array
 
     @classmethod
-    def of(cls, camera: Camera) -> Frame:
+    def of(cls, camera: Camera) -> CameraFrame:
         yaw, pitch = math.radians(camera.yaw), math.radians(camera.pitch)
         ahead = np.array([-math.sin(yaw) * math.cos(pitch), math.cos(yaw) * math.cos(pitch), math.sin(pitch)])
         right = np.array([math.cos(yaw), math.sin(yaw), 0.0])
@@ -171,11 +180,11 @@ class Frame:
             np.asarray(camera.target) - camera.distance * ahead, np.array([right, np.cross(ahead, right), ahead])
         )
 
-    def inward(self, points: Array, directions: Array) -> tuple[Array, Array]:
+    def from_workspace(self, points: Array, directions: Array) -> tuple[Array, Array]:
         """Points and directions (..., 3) of the workspace frame in the camera's."""
         return _turned(points - self.place, self.axes.T), _turned(directions, self.axes.T)
 
-    def outward(self, points: Array, directions: Array) -> tuple[Array, Array]:
+    def to_workspace(self, points: Array, directions: Array) -> tuple[Array, Array]:
         """Points and directions (..., 3) of the camera's frame in the workspace's."""
         return _turned(points, self.axes) + self.place, _turned(directions, self.axes)
 

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 
 from conf.schema import did_you_mean
 from human.config import STYLES
-from human.pointing_ik import Array, Chain, Point
+from human.pointing_ik import Array, AttachedPoint, PointingChain
 
-TIP = "r_index3_endeffector"
-REARS = dict(zip(STYLES, ("r_index2", "r_hand", "eyes"), strict=True))  # where each style's line starts
+FINGERTIP = "r_index3_endeffector"
+LINE_STARTS = dict(zip(STYLES, ("r_index2", "r_hand", "eyes"), strict=True))  # where each style's line starts
 NEAREST = 0.03  # metres from the fingertip: what is nearer is touched, not pointed at
 
 
@@ -25,15 +25,15 @@ class Unreachable(ValueError):
 
 
 @dataclass(frozen=True)
-class Build:
+class ArmModel:
     """How an arm is made. rest: (J,) radians, the posture that it points from. points: TIP and REARS by their names."""
 
-    chain: Chain
+    chain: PointingChain
     rest: Array
-    points: dict[str, Point]
+    points: dict[str, AttachedPoint]
 
 
-class Arm:
+class PointingArm:
     """Of a person who stands where they stand.
 
     low, high, rest, angles: (J,) radians of the joints that move in pointing, from the body on: their limits, the
@@ -43,7 +43,7 @@ class Arm:
     After `move` call `stepped` after every physics step for as long as `moving`, a bool.
     """
 
-    def __init__(self, build: Build) -> None:
+    def __init__(self, build: ArmModel) -> None:
         self.build, self.rest = build, build.rest
         self._chain, self._points = build.chain, build.points
         self.low, self.high = build.chain.low, build.chain.high
@@ -63,7 +63,7 @@ class Arm:
     @property
     def eyes(self) -> Array:
         """(3,) metres, between the eyes."""
-        return self._places(REARS["eye"])[0]
+        return self._places(LINE_STARTS["eye"])[0]
 
     # ------------------------------------------------------------------------------------------------- where to
 
@@ -79,18 +79,18 @@ class Arm:
         goal = np.asarray(target, np.float64)
         if goal.shape != (3,) or not np.isfinite(goal).all():
             raise ValueError(f"target={goal.tolist()} must be 3 finite numbers")
-        tip, behind = self._points[TIP], self._points[rear(style)]
+        tip, behind = self._points[FINGERTIP], self._points[line_start(style)]
         for start in self._starts:
             aimed = self._chain.aim(start, goal, tip, behind)
             if aimed is not None and math.dist(aimed[1][0], goal) >= NEAREST:
                 joints, ends = aimed
-                return joints, *line(*ends)
+                return joints, *ray_through(*ends)
         place = ", ".join(f"{metres:.3f}" for metres in goal)
         raise Unreachable(f"target=({place}) m: the person can't point there (style={style})")
 
     def ray(self, style: str = "finger") -> tuple[Array, Array]:
         """The fingertip (3,), metres, and the unit direction (3,) of the style's line, as the arm is now."""
-        return line(*self._places(TIP, rear(style)))
+        return ray_through(*self._places(FINGERTIP, line_start(style)))
 
     def _places(self, *links: str) -> list[Array]:
         """(3,) metres each, where these links are now."""
@@ -126,7 +126,7 @@ class Arm:
         self._from, self._to = self.angles, np.asarray(joints, np.float64)
         self._frames, self._since, self.moving = frames, 0, True
 
-    def stepped(self) -> None:
+    def advance(self) -> None:
         """Tells an arm that is `moving` that a physics step has passed: it gathers speed, and slows down."""
         self._since += 1
         self.moving = self._since < self._frames
@@ -138,14 +138,14 @@ class Arm:
         self.angles = joints
 
 
-def rear(style: str) -> str:
+def line_start(style: str) -> str:
     """The link where the style's line starts. Raises ValueError for an unknown style."""
-    if style not in REARS:
-        raise ValueError(f"style={style}" + did_you_mean(style, REARS))
-    return REARS[style]
+    if style not in LINE_STARTS:
+        raise ValueError(f"style={style}" + did_you_mean(style, LINE_STARTS))
+    return LINE_STARTS[style]
 
 
-def line(tip: Array, behind: Array) -> tuple[Array, Array]:
+def ray_through(tip: Array, behind: Array) -> tuple[Array, Array]:
     """The ray from a point (3,) behind through the tip (3,): the tip, and the unit direction."""
     offset = tip - behind
     return tip, offset / math.sqrt(offset @ offset)

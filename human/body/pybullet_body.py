@@ -11,16 +11,14 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pybullet as bullet
 
 from conf.schema import ConfigError, did_you_mean
-from human.arm import REARS, TIP, Arm, Build, line, rear
+from human.body.urdf_model import Proportions, write
 from human.config import HumanConfig
-from human.model import Proportions, write
-from human.pointing_ik import Array, Chain, Point
-from human.suppress_stdout import quiet
-
-with quiet():
-    import pybullet as bullet
+from human.pointing_arm import FINGERTIP, LINE_STARTS, ArmModel, PointingArm, line_start, ray_through
+from human.pointing_ik import Array, AttachedPoint, PointingChain
+from human.suppress_stdout import suppress_stdout
 
 ASLEEP = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
 
@@ -41,7 +39,7 @@ class _Joint:
         return min(max(angle, self.low), self.high)
 
 
-class Body(Arm):
+class Body(PointingArm):
     """An arm with a body that is drawn.
 
     body: Bullet's id. joints: indices of those that move in pointing. cone: the link that is drawn along the finger, or
@@ -70,7 +68,7 @@ class Body(Arm):
         super().__init__(self._read(np.array([config.rest[self._info[i].name] for i in self.joints])))
 
     def _check(self, config: HumanConfig) -> None:
-        for link in (TIP, *REARS.values()):
+        for link in (FINGERTIP, *LINE_STARTS.values()):
             if link not in self._links:
                 raise ConfigError(
                     f"workspace.human.urdf={config.urdf} has no link {link!r}" + did_you_mean(link, self._links)
@@ -97,10 +95,10 @@ class Body(Arm):
 
     def drawn(self, style: str = "finger") -> tuple[Array, Array]:
         """As `ray`, by what Bullet says of the links."""
-        tip, behind = (self._frame(self._links.index(link))[:3, 3] for link in (TIP, rear(style)))
-        return line(tip, behind)
+        tip, behind = (self._frame(self._links.index(link))[:3, 3] for link in (FINGERTIP, line_start(style)))
+        return ray_through(tip, behind)
 
-    def _read(self, rest: Array) -> Build:
+    def _read(self, rest: Array) -> ArmModel:
         """The joints that point, as they are with the others at the angles that those keep."""
         self._take(np.zeros(len(self.joints)))
         frames = [self._frame(index) for index in self.joints]
@@ -109,8 +107,8 @@ class Body(Arm):
         axes, low, high = (
             np.array([getattr(self._info[i], name) for i in self.joints]) for name in ("axis", "low", "high")
         )
-        points = {link: self._point(link) for link in (TIP, *REARS.values())}
-        return Build(Chain(parents, np.array(steps), axes, low, high), rest, points)
+        points = {link: self._point(link) for link in (FINGERTIP, *LINE_STARTS.values())}
+        return ArmModel(PointingChain(parents, np.array(steps), axes, low, high), rest, points)
 
     def _carrier(self, link: int) -> int:
         """Which of the joints that point carries this link; -1: none."""
@@ -118,12 +116,12 @@ class Body(Arm):
             link = self._info[link].parent
         return self.joints.index(link) if link >= 0 else -1
 
-    def _point(self, link: str) -> Point:
+    def _point(self, link: str) -> AttachedPoint:
         """The link's origin as the chain knows it. All joints that point must be at 0."""
         carrier, place = self._carrier(self._links.index(link)), self._frame(self._links.index(link))
         if carrier >= 0:
             place = np.linalg.inv(self._frame(self.joints[carrier])) @ place
-        return Point(carrier, place[:3, 3])
+        return AttachedPoint(carrier, place[:3, 3])
 
     def _frame(self, link: int) -> Array:
         state = bullet.getLinkState(self.body, link, computeForwardKinematics=True, physicsClientId=self.client)
@@ -133,10 +131,10 @@ class Body(Arm):
         return frame
 
 
-_builds: dict[str, Build] = {}
+_builds: dict[str, ArmModel] = {}
 
 
-def read_arm(config: HumanConfig) -> Arm:
+def read_arm(config: HumanConfig) -> PointingArm:
     """The arm of this person, without a body. Raises ConfigError."""
     if repr(config) not in _builds:
         client = bullet.connect(bullet.DIRECT)
@@ -144,7 +142,7 @@ def read_arm(config: HumanConfig) -> Arm:
             _builds[repr(config)] = Body(config, client).build
         finally:
             bullet.disconnect(client)
-    return Arm(_builds[repr(config)])
+    return PointingArm(_builds[repr(config)])
 
 
 @cache
@@ -163,7 +161,7 @@ def _load(config: HumanConfig, client: int, visuals: bool, proportions: Proporti
     looks = bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES if visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
     yaw = math.radians(config.yaw) / 2
     try:
-        with quiet():
+        with suppress_stdout():
             return bullet.loadURDF(
                 str(path),
                 config.position,
