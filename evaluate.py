@@ -239,5 +239,10 @@ def _numbered(path: Path) -> Path:
     return next(name for name in names if not name.exists())
 
 
-if __name__ == "__main__":
+def cli() -> None:
+    """Runs `main` on the process's arguments."""
     run(main, __doc__)
+
+
+if __name__ == "__main__":
+    cli()

@@ -174,8 +174,13 @@ def _named(sentence: str, names: list[str]) -> str:
     return sentence
 
 
-if __name__ == "__main__":
+def cli() -> None:
+    """Runs `main` on the process's arguments."""
     try:
         main(sys.argv[1:])
     except ConfigError as error:
         sys.exit(f"error: {error}")
+
+
+if __name__ == "__main__":
+    cli()

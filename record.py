@@ -207,5 +207,10 @@ def _replay(folder: Path, tolerance: float) -> None:
     print(f"{result.episodes} episodes, {result.steps} steps: all states as recorded, {exactly}")
 
 
-if __name__ == "__main__":
+def cli() -> None:
+    """Runs `main` on the process's arguments."""
     run(main, __doc__)
+
+
+if __name__ == "__main__":
+    cli()

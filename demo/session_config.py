@@ -14,10 +14,9 @@ from envs.config import read_env
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.window import Window
 from trainers.algorithms.build import fitted_policy
+from trainers.export.pretrained import FOLDER, names
 from trainers.run import checkpoint
 
-ROOT = Path(__file__).resolve().parents[1]
-PRETRAINED = ROOT / "pretrained"
 DRIVERS = ("policy", "expert", "hand")
 USUAL: dict[str, Any] = {
     "task": "nl_reach",
@@ -79,7 +78,7 @@ class Trained:
 @cache
 def pretrained() -> tuple[Trained, ...]:
     """Those that come with the project."""
-    return tuple(_trained(folder, _load(folder)) for folder in sorted(PRETRAINED.glob("*")) if folder.is_dir())
+    return tuple(_trained(FOLDER / name, _load(FOLDER / name)) for name in names())
 
 
 def _trained(path: Path, saved: dict[str, Any]) -> Trained:
@@ -118,8 +117,8 @@ def cast(choice: Choice, seed: int, gui: bool = False) -> Cast:
 def _chosen(choice: Choice) -> tuple[dict[str, Any] | None, Choice, str]:
     """The checkpoint's payload, and the choice with what follows from it."""
     if choice.checkpoint is not None:
-        path = Path(choice.checkpoint)
-        saved = _load(path)
+        path = checkpoint.find(Path(choice.checkpoint))
+        saved = checkpoint.load(path)
         known = _trained(path, saved)
         return saved, replace(choice, task=known.task, robot=known.robot, control=known.control), ""
     wanted = choice.task, choice.robot, choice.control

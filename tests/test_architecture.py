@@ -16,6 +16,7 @@ PACKAGES = {  # package -> the packages that it may import beside itself
     "envs": {"conf", "language", "human"},
     "trainers": {"conf"},
     "demo": {"conf", "language", "human", "envs", "trainers"},
+    "deixis": {"conf", "language", "human", "envs", "trainers", "demo"},
     "tools": {"conf", "language", "human", "envs", "trainers", "demo"},  # what tests and benchmarks share
 }
 LAYERS = {  # sub-package of envs -> the sub-packages that it may import beside itself

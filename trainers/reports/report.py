@@ -172,8 +172,13 @@ def main(words: Sequence[str]) -> None:
     print(write(Path(words[0])))
 
 
-if __name__ == "__main__":
+def cli() -> None:
+    """Runs `main` on the process's arguments."""
     try:
         main(sys.argv[1:])
     except ConfigError as error:
         sys.exit(f"error: {error}")
+
+
+if __name__ == "__main__":
+    cli()

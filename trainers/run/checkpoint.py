@@ -12,7 +12,7 @@ from typing import Any
 import torch
 
 from conf.schema import ConfigError
-from trainers.export import policy_file
+from trainers.export import policy_file, pretrained
 
 FORMAT = 1
 POLICY = ("config", "vocabulary", "widths", "algorithm")  # what it takes to act
@@ -78,10 +78,14 @@ def load(path: Path, to_train: bool = False) -> dict[str, Any]:
 def find(path: Path, name: str = "last") -> Path:
     """The checkpoint file that a run directory, its checkpoints/, a published policy or the file itself stands for.
 
+    The name of a pretrained policy stands for that policy, unless a file or directory has this name.
+
     name: "last" or "best", where there is a choice; the other one where only that exists. Raises CheckpointError.
     """
     if path.is_file():
         return path
+    if not path.exists():
+        path = pretrained.folder_of(path) or path
     other = "best" if name == "last" else "last"
     for folder in (path / "checkpoints", path):
         for choice in (name, other):
@@ -90,7 +94,10 @@ def find(path: Path, name: str = "last") -> Path:
     if (path / policy_file.NAME).is_file():
         return path / policy_file.NAME
     if not path.exists():
-        raise CheckpointError(f"checkpoint={path} does not exist; give a run directory or a file")
+        raise CheckpointError(
+            f"checkpoint={path} does not exist; give a run directory, a file or a pretrained policy"
+            + pretrained.suggestion(path)
+        )
     raise CheckpointError(f"checkpoint={path} holds no checkpoints/last.pt or best.pt, and no {policy_file.NAME}")
 
 

@@ -1,0 +1,83 @@
+"""The console command `deixis`: one sub-command for each program of the project."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+
+from conf.schema import ConfigError, did_you_mean
+from deixis import __version__
+from deixis.origins import ForeignPackageError, check_origins
+
+WRONG = 2  # exit code for an unknown sub-command
+
+
+@dataclass(frozen=True)
+class Program:
+    """A sub-command. entry: its module and function. about: one line of the help."""
+
+    entry: str
+    about: str
+
+    def load(self) -> Callable[[], int | None]:
+        """The function, which reads `sys.argv`. Raises ForeignPackageError as `check_origins` does."""
+        module, _, function = self.entry.partition(":")
+        check_origins(module.split(".")[0])
+        return getattr(import_module(module), function)
+
+
+PROGRAMS = {
+    "train": Program("train:cli", "train a policy: deixis train robot=panda task=nl_reach"),
+    "evaluate": Program(
+        "evaluate:cli", "success of a policy on fresh episodes: deixis evaluate checkpoint=nl_reach_kuka"
+    ),
+    "play": Program("play:cli", "talk to a robot and point, in the browser: deixis play"),
+    "record": Program("record:cli", "demonstrations for LeRobot or Minari: deixis record checkpoint=nl_reach_kuka"),
+    "report": Program("trainers.reports.report:cli", "tables and figures of finished runs: deixis report outputs"),
+    "parse": Program("language.__main__:run", 'what a sentence asks for: deixis parse "reach the red cube"'),
+    "describe": Program(
+        "language.__main__:run", "a name for each object of a scene: deixis describe --scene scene.yaml"
+    ),
+}
+SHARED = ("parse", "describe")  # sub-commands of `python -m language`, which reads their names itself
+
+
+def main() -> int:
+    """Runs the sub-command that `sys.argv` names; returns the exit code."""
+    words = sys.argv[1:]
+    if not words or words[0] in ("-h", "--help"):
+        print(usage())
+        return 0
+    if words[0] in ("-V", "--version"):
+        print(f"deixis {__version__}")
+        return 0
+    name, *rest = words
+    if name not in PROGRAMS:
+        print(f"error: {name} is not a command of deixis{did_you_mean(name, PROGRAMS)}", file=sys.stderr)
+        return WRONG
+    sys.argv = ["deixis", *words] if name in SHARED else [f"deixis {name}", *rest]
+    try:
+        return PROGRAMS[name].load()() or 0
+    except (ConfigError, ForeignPackageError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+
+
+def usage() -> str:
+    """The text of `deixis --help`."""
+    width = max(map(len, PROGRAMS))
+    lines = [f"  {name:{width}}  {program.about}" for name, program in PROGRAMS.items()]
+    return "\n".join(
+        [
+            "usage: deixis <command> [key=value ...]",
+            "",
+            "Robot arms that do what a sentence and a pointing finger ask, trained by reinforcement learning.",
+            "",
+            "commands:",
+            *lines,
+            "",
+            "deixis <command> --help lists what a command takes; deixis --version prints the version.",
+        ]
+    )

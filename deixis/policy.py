@@ -1,0 +1,84 @@
+"""Trained policies as callables, with the settings of the environment that they were trained in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+from torchrl.envs.utils import ExplorationType, set_exploration_type
+
+from conf.overrides import apply
+from envs.config import read_env
+from envs.workspace_env import WorkspaceEnv
+from trainers.algorithms.build import fitted_policy
+from trainers.run import checkpoint
+
+
+class LoadedPolicy(TensorDictModuleBase):
+    """A policy that acts on the observations of its environment: `policy(observation)["action"]`.
+
+    TorchRL takes it wherever it takes a policy, such as in `env.rollout(100, policy)`.
+
+    Attributes:
+        path: the file that it was loaded from.
+        config: the composed config of its training run, as plain values.
+        deterministic: whether it takes the mean action; otherwise it samples, as in training.
+    """
+
+    def __init__(self, path: Path, payload: dict[str, Any], deterministic: bool = True) -> None:
+        """payload: as `checkpoint.load` returns it. Raises CheckpointError where it does not fit this version."""
+        super().__init__()
+        self.path, self.config, self.deterministic = path, payload["config"], deterministic
+        env = self.make_env()
+        try:
+            self._actor = fitted_policy(payload, self.config, env).act
+        finally:
+            env.close()
+        self.in_keys, self.out_keys = self._actor.in_keys, ["action"]
+
+    def make_env(
+        self, num_worlds: int = 1, overrides: Sequence[str] = (), seed: int = 0, render: bool = False
+    ) -> WorkspaceEnv:
+        """The environment that the policy was trained in, without the curriculum.
+
+        Args:
+            num_worlds: N, the worlds that step together.
+            overrides: Hydra overrides on top of the run's config, such as `task.num_objects=6`.
+            seed: of the episodes.
+            render: whether to load visuals, which `env.render` needs.
+
+        Raises:
+            ConfigError: for an override that is unknown, or that changes what the policy was trained with.
+        """
+        return WorkspaceEnv(read_env(apply(self.config, overrides)).judged(), num_worlds, seed, render)
+
+    @torch.no_grad()
+    def forward(self, observation: TensorDictBase) -> TensorDictBase:
+        """Writes `action` (N, A), in [-1, 1], to an observation (N,) of the environment, and returns it."""
+        kind = ExplorationType.DETERMINISTIC if self.deterministic else ExplorationType.RANDOM
+        with set_exploration_type(kind):
+            acted = self._actor(observation.select(*self.in_keys))
+        return observation.set("action", acted["action"])
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"{group}={self.config[group]['name']}" for group in ("task", "robot", "control", "algo"))
+        return f"LoadedPolicy({str(self.path)!r}, {names})"
+
+
+def load_policy(source: str | Path, deterministic: bool = True) -> LoadedPolicy:
+    """A trained policy, ready to act.
+
+    Args:
+        source: the name of a pretrained policy (`nl_reach_kuka`), a run folder, or a file (`last.pt`, `best.pt`,
+            `policy.safetensors`).
+        deterministic: whether the policy takes its mean action.
+
+    Raises:
+        CheckpointError: where `source` names nothing, or a file that is damaged or made for another version.
+    """
+    path = checkpoint.find(Path(source))
+    return LoadedPolicy(path, checkpoint.load(path), deterministic)
