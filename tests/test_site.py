@@ -1,4 +1,4 @@
-"""The pages: each is in the navigation, links lead somewhere, and the site builds and loads nothing from elsewhere."""
+"""Docs: every page is in the navigation, links and anchors resolve, the site builds and loads no other host."""
 
 import importlib.util
 import re
@@ -18,11 +18,11 @@ EXAMPLES = re.findall(r"^```python\n(.*?)^```$", (DOCS / "quickstart.md").read_t
 
 
 class Loader(yaml.SafeLoader):
-    """As mkdocs reads its file."""
+    """Reads mkdocs.yml."""
 
 
 def pages(entry):
-    """Every page below an entry of the navigation."""
+    """Every page in an entry of the navigation."""
     if isinstance(entry, str):
         return [entry]
     return [page for each in (entry if isinstance(entry, list) else entry.values()) for page in pages(each)]
@@ -39,6 +39,20 @@ def test_links_between_pages_and_into_the_tree_lead_somewhere():
             assert link.startswith("http") or (page.parent / link).exists(), f"{page.name}: {link}"
 
 
+def test_a_link_or_anchor_that_leads_nowhere_fails_the_strict_build():
+    checked = yaml.load((ROOT / "mkdocs.yml").read_text("utf-8"), Loader)["validation"]
+    assert set(checked["links"].values()) == set(checked["nav"].values()) == {"warn"}
+    assert {"not_found", "anchors", "absolute_links", "unrecognized_links"} <= set(checked["links"])
+    assert {"not_found", "omitted_files"} <= set(checked["nav"])
+
+
+def test_the_glossary_defines_each_word_once():
+    words = re.findall(r"^\| ([\w -]+?) \|", (DOCS / "glossary.md").read_text("utf-8"), re.MULTILINE)
+    words = [word for word in words if word != "word"]
+    assert len(words) >= 40
+    assert len(words) == len(set(words))
+
+
 @pytest.mark.parametrize("code", EXAMPLES, ids=range(len(EXAMPLES)))
 def test_an_example_of_the_quick_start_runs(code):
     exec(compile(code, "docs/quickstart.md", "exec"), {"__name__": "example"})
@@ -47,7 +61,12 @@ def test_an_example_of_the_quick_start_runs(code):
 @pytest.mark.skipif(importlib.util.find_spec("mkdocs") is None, reason='mkdocs is missing: pip install -e ".[docs]"')
 def test_the_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path):
     build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
-    offline = {"PATH": "/usr/bin:/bin", "http_proxy": "http://127.0.0.1:9", "https_proxy": "http://127.0.0.1:9"}
+    offline = {
+        "PATH": "/usr/bin:/bin",
+        "NO_MKDOCS_2_WARNING": "1",
+        "http_proxy": "http://127.0.0.1:9",
+        "https_proxy": "http://127.0.0.1:9",
+    }
     done = subprocess.run(build, cwd=ROOT, env=offline, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     made = sorted(tmp_path.rglob("*.html"))
@@ -56,4 +75,7 @@ def test_the_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path):
         assert not LOADED.search(page.read_text("utf-8")), page
     styles = "".join(path.read_text("utf-8") for path in tmp_path.rglob("*.css"))
     assert not re.search(r"url\([\"']?(?:https?:)?//|@import", styles)
-    assert "on_page_markdown" not in "".join(path.name for path in tmp_path.rglob("*"))
+    assert not list(tmp_path.rglob("*.py"))
+    for name, item in (("deixis", "deixis.policy.load_policy"), ("envs", "envs.registration.make_env")):
+        assert f'id="{item}"' in (tmp_path / "reference" / "api" / f"{name}.html").read_text("utf-8")
+    assert 'href="../tasks.html"' in (tmp_path / "reference" / "api" / "envs.html").read_text("utf-8")
