@@ -23,6 +23,7 @@ task.num_objects=8.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -81,7 +82,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
 
     from trainers.reports.plots import pointing_plot
     from trainers.run import checkpoint
-    from trainers.run.metrics import write_json
+    from trainers.utils.atomic_io import write_json
 
     path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path)
@@ -239,9 +240,9 @@ def _numbered(path: Path) -> Path:
     return next(name for name in names if not name.exists())
 
 
-def cli() -> None:
-    """Runs `main` on the process's arguments."""
-    run(main, __doc__)
+def cli(words: Sequence[str] | None = None) -> None:
+    """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
+    run(main, __doc__, words)
 
 
 if __name__ == "__main__":

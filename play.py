@@ -17,7 +17,7 @@ import ipaddress
 import signal
 import socket
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -174,10 +174,10 @@ def _named(sentence: str, names: list[str]) -> str:
     return sentence
 
 
-def cli() -> None:
-    """Runs `main` on the process's arguments."""
+def cli(words: Sequence[str] | None = None) -> None:
+    """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
     try:
-        main(sys.argv[1:])
+        main(sys.argv[1:] if words is None else list(words))
     except ConfigError as error:
         sys.exit(f"error: {error}")
 

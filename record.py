@@ -1,4 +1,4 @@
-"""Demonstrations for other libraries: `python -m trainers.record checkpoint=<run dir or file> format=lerobot`.
+"""Demonstrations for other libraries: `python record.py checkpoint=<run dir or file> format=lerobot`.
 
     checkpoint=...    a run directory, a checkpoint file, or a published policy (pretrained/<name>)
     episodes=100      fresh episodes, deterministic policy
@@ -18,6 +18,7 @@ docs/recording.md tells what is in a dataset, and how others load it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -86,15 +87,15 @@ def _record(config: RecordConfig, overrides: list[str]) -> None:
     from trainers.rollout.evaluation import Interrupted
     from trainers.run.train_loop import Stop
     from trainers.utils.atomic_io import refuse_existing
-    from trainers.utils.optional_imports import needed
+    from trainers.utils.optional_imports import import_optional
 
-    needed(*{"lerobot": ["pyarrow"], "minari": ["minari", "h5py"]}[config.format])
+    import_optional(*{"lerobot": ["pyarrow"], "minari": ["minari", "h5py"]}[config.format])
     saved, whole = _asked(config, overrides)
     made = _judged(whole)
     place = Path(config.out) if config.out else _numbered(made, config)
     refuse_existing(place)
     with closing(WorkspaceEnv(made, 1, 0, config.camera)) as env, Stop() as stop:
-        about = _about(env, config)
+        about = _about(env, config, whole.get("choices", {}))
         try:
             told = write(
                 place,
@@ -142,7 +143,7 @@ def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None
     return fitted_policy(saved, whole, env).act
 
 
-def _about(env: WorkspaceEnv, config: RecordConfig) -> dict[str, Any]:
+def _about(env: WorkspaceEnv, config: RecordConfig, choices: Mapping[str, str]) -> dict[str, Any]:
     """What the formats want to know of the environment beside its episodes."""
     made = env.config
     period = made.physics.time_step * made.physics.substeps
@@ -157,28 +158,34 @@ def _about(env: WorkspaceEnv, config: RecordConfig) -> dict[str, Any]:
         "robot": made.robot.name,
         "fps": max(1, round(1 / period)),
         "names": {"robot": names},
-        "gym": _gym(made),
+        "gym": _gym_spec(made, choices),
     }
 
 
-def _gym(config: EnvConfig) -> Any:
-    """The spec by which Gymnasium makes the environment; None where no overrides do."""
+def _gym_spec(config: EnvConfig, choices: Mapping[str, str]) -> Any:
+    """The spec with which Gymnasium makes the environment; None if no overrides compose its config.
+
+    Args:
+        config: of the environment.
+        choices: the option of each config group that it was composed from; empty if an earlier version trained it.
+    """
     from gymnasium.envs.registration import EnvSpec
 
     from envs.config import read_env
-    from trainers.sweeps.overrides_of import overrides
+    from trainers.sweeps.overrides_of import overrides_of
 
-    words = overrides(asdict(config))
+    if not choices:
+        return None
+    words = overrides_of(asdict(config) | {"choices": choices})
     try:
         check(words)
         if read_env(compose(words)) != config:
             return None
     except ConfigError:
         return None
-    chosen = {name: value for name, _, value in (word.partition("=") for word in words)}
-    groups = {name: chosen.get(name, compose()[name].name) for name in ("task", "robot", "control")}
+    groups = ("task", "robot", "control")
     others = [word for word in words if word.partition("=")[0] not in groups]
-    kwargs = {**groups, "overrides": others}
+    kwargs = {**{group: choices[group] for group in groups}, "overrides": others}
     return EnvSpec(f"Deixis/{config.task.name}-v0", entry_point="envs.gym_env:GymEnv", kwargs=kwargs)
 
 
@@ -207,9 +214,9 @@ def _replay(folder: Path, tolerance: float) -> None:
     print(f"{result.episodes} episodes, {result.steps} steps: all states as recorded, {exactly}")
 
 
-def cli() -> None:
-    """Runs `main` on the process's arguments."""
-    run(main, __doc__)
+def cli(words: Sequence[str] | None = None) -> None:
+    """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
+    run(main, __doc__, words)
 
 
 if __name__ == "__main__":

@@ -1,20 +1,22 @@
-"""Compose, build, fit, evaluate, report: `python train.py robot=panda algo=sac`. See `python train.py --help`.
+"""Train a policy: `python train.py robot=panda algo=sac`. See `python train.py --help`.
 
-The only file that knows every room. What is slow to import waits until it is needed.
+Composes the config, builds the environment, trains, evaluates and writes the report. This program connects all
+packages. Modules that are slow to import are imported where they are used.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import hydra
 
-from conf.overrides import apply, check, quoted
+from conf.overrides import apply, check, quoted, with_choices
 from conf.schema import ConfigError, RunError
-from trainers.sweeps.sweep import arguments
+from trainers.sweeps.arguments import expand_resume, register_resolvers
 
 if TYPE_CHECKING:
     from envs.config import EnvConfig
@@ -22,14 +24,26 @@ if TYPE_CHECKING:
 
 
 def build_env(config: EnvConfig, num_worlds: int, seed: int, render: bool = False) -> WorkspaceEnv:
-    """A picklable way to the environment, for worker processes."""
+    """The environment. A module-level function, so that worker processes can unpickle it."""
     from envs.workspace_env import WorkspaceEnv
 
     return WorkspaceEnv(config, num_worlds, seed, render)
 
 
 def run(config: Any, folder: Path) -> dict[str, Any]:
-    """Train by the composed config and leave the report in folder. Raises ConfigError before any long work."""
+    """Train with a composed config and write the report.
+
+    Args:
+        config: as `conf.overrides.compose` returns it.
+        folder: of the run; created if missing.
+
+    Returns:
+        The values of eval.json.
+
+    Raises:
+        ConfigError: for a bad value, before anything slow is done.
+        RunError: the run had to end early.
+    """
     from omegaconf import OmegaConf
 
     from envs.config import read_env
@@ -59,7 +73,15 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
 
 
 def resumed(path: str, overrides: list[str]) -> tuple[Any, Path]:
-    """The config and folder of the run to go on with, these overrides on top. Raises ConfigError."""
+    """The config and the folder of a run to resume.
+
+    Args:
+        path: the run's directory or checkpoint.
+        overrides: applied on top of the run's config.
+
+    Raises:
+        ConfigError: there is no checkpoint, or an override does not apply to it.
+    """
     from trainers.run.checkpoint import find, load
 
     file = find(Path(path))
@@ -69,33 +91,36 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path]:
     return config, file.parent.parent
 
 
-@hydra.main(version_base="1.3", config_path="conf", config_name="config")
+@hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")
 def main(config: Any) -> dict[str, Any] | None:
+    """Run with the config that Hydra composed, in the folder that Hydra chose; in a sweep, run one of its jobs."""
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
 
     job = HydraConfig.get()
-    fresh = folder = Path(job.runtime.output_dir)
+    hydra_folder = folder = Path(job.runtime.output_dir)
     if job.mode == RunMode.MULTIRUN:
-        from trainers.sweeps.job import work
+        from trainers.sweeps.job import run_job
 
-        work(Path(__file__), config, list(job.overrides.task), folder)
+        run_job(Path(__file__), config, list(job.overrides.task), folder)
         return None
     try:
         if config.resume:
             config, folder = resumed(config.resume, list(job.overrides.task))
+        else:
+            config = with_choices(config, job.runtime.choices)
         result = run(config, folder)
     except (ConfigError, RunError) as error:
         sys.exit(f"error: {error}")
     finally:
-        if fresh.is_dir() and not any(fresh.iterdir()):
-            fresh.rmdir()  # Hydra's, which a refused or a resumed run does not use
+        if hydra_folder.is_dir() and not any(hydra_folder.iterdir()):
+            hydra_folder.rmdir()  # not used by a refused or a resumed run
     print(summary(result, folder))
     return result
 
 
 def summary(result: dict[str, Any], folder: Path) -> str:
-    """The result in one line, and where it is."""
+    """The result and its folder in one line."""
     low, high = result["ci95"]
     return (
         f"success_at_end {result['success_at_end']:.3f} (95 %: {low:.3f}-{high:.3f}, {result['episodes']} episodes), "
@@ -103,14 +128,19 @@ def summary(result: dict[str, Any], folder: Path) -> str:
     )
 
 
-def cli() -> None:
-    """Check what was typed, then hand it to Hydra."""
+def cli(words: Sequence[str] | None = None) -> None:
+    """The program: check the overrides, then start Hydra. Exits with one line for bad input.
+
+    Args:
+        words: command-line words; by default those of this process.
+    """
+    register_resolvers()
     try:
-        words = arguments(sys.argv[1:])
+        words = expand_resume(sys.argv[1:] if words is None else words)
         check(words)
     except ConfigError as error:
         sys.exit(f"error: {error}")
-    sys.argv[1:] = quoted(words)
+    sys.argv[1:] = quoted(words)  # Hydra reads them there
     main()
 
 

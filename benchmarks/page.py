@@ -33,7 +33,7 @@ from demo.session import Session
 from demo.session_config import choose
 from tools.browser import CHROMIUM, TIMEOUT, WIDE, PageTab, PlayServer, headless_browser
 from trainers.rollout.evaluation import wilson
-from trainers.utils.system_info import machine
+from trainers.utils.system_info import system_info
 
 MOVED = 0.001  # metres
 SETTLED = 1.0  # seconds that a browser without a graphics card may take to draw a step
@@ -228,7 +228,7 @@ def main() -> None:
         options.error("--count is at least 1, --minutes greater than 0, --seed at least 0")
     if args.what == "film" and args.out is None:
         options.error("film needs --out, a gif")
-    print(json.dumps({"machine": machine(), args.what: WHAT[args.what](args)}, indent=1))
+    print(json.dumps({"machine": system_info(), args.what: WHAT[args.what](args)}, indent=1))
 
 
 WHAT = {"start": start, "motion": motion, "said": said, "hostile": hostile, "film": film}

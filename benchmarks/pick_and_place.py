@@ -49,8 +49,9 @@ from tools.peer_comparison import (
     summarize,
     table,
 )
-from trainers.run.metrics import Metrics, write_json
-from trainers.utils.system_info import machine
+from trainers.run.metrics import MetricsWriter
+from trainers.utils.atomic_io import write_json
+from trainers.utils.system_info import system_info
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULE = "benchmarks.pick_and_place"
@@ -123,7 +124,7 @@ def run_peer(setting: str, seed: int, minutes: float, target: float, folder: Pat
 
     torch.set_num_threads(1)
     folder.mkdir(parents=True, exist_ok=True)
-    metrics, seeds, ended = Metrics(folder, COLUMNS), itertools.count(FIRST_EVALUATION_SEED), False
+    metrics, seeds, ended = MetricsWriter(folder, COLUMNS), itertools.count(FIRST_EVALUATION_SEED), False
     start = time.perf_counter()
     deadline = start + 60 * minutes
     model, evaluation_env = make_model(setting, seed), make_env()
@@ -239,7 +240,7 @@ def peer_versions() -> dict[str, str]:
 def compare(args: argparse.Namespace) -> None:
     """Runs every pair and rewrites the JSON file after each. Raises SideError."""
     about: dict[str, Any] = {"command": shlex.join(["python", "-m", MODULE, *sys.argv[1:]]), "target": args.target}
-    about |= {"machine": machine() | peer_versions() | {"load_before": os.getloadavg()[0]}}
+    about |= {"machine": system_info() | peer_versions() | {"load_before": os.getloadavg()[0]}}
     about |= {"peer": {"shared": SHARED, "hindsight": HINDSIGHT, **SETTINGS}, "curve": Evaluation._fields}
     cores, pairs = sorted(os.sched_getaffinity(0))[:2], []
     if len(cores) < 2:

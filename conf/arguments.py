@@ -35,12 +35,19 @@ def out_folder(name: str) -> Path:
     return Path(name)
 
 
-def run(main: Callable[[list[str]], object], help_text: str | None) -> None:
-    """Call main with what was typed; print the help where that is asked for, and bad input in one line."""
-    if any(word in ("-h", "--help") for word in sys.argv[1:]):
+def run(main: Callable[[list[str]], object], help_text: str | None, words: Sequence[str] | None = None) -> None:
+    """Run a program: print its help for -h or --help; otherwise call `main`. Exits with one line for bad input.
+
+    Args:
+        main: takes the words; raises ConfigError for bad input.
+        help_text: the program's help.
+        words: command-line words; by default those of this process.
+    """
+    words = sys.argv[1:] if words is None else list(words)
+    if any(word in ("-h", "--help") for word in words):
         print(help_text)
         return
     try:
-        main(sys.argv[1:])
+        main(words)
     except ConfigError as error:
         sys.exit(f"error: {error}")

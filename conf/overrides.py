@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +47,7 @@ def check(arguments: Sequence[str]) -> None:
     for override in plain:
         if override.key_or_group.startswith("hydra"):
             continue
-        keys = keys or set(_keys(compose([word for word in chosen if word])))
+        keys = keys or set(_keys(_compose([word for word in chosen if word])[0]))
         if override.key_or_group not in keys:
             known = [*keys, *groups()]
             raise ConfigError(
@@ -57,18 +57,47 @@ def check(arguments: Sequence[str]) -> None:
 
 
 def compose(overrides: Iterable[str] = ()) -> Any:
-    """The project's config with Hydra overrides. Raises ConfigError for what Hydra refuses."""
+    """The project's config with Hydra overrides, and the chosen options as `with_choices` adds them.
+
+    Raises ConfigError for what Hydra refuses.
+    """
+    return with_choices(*_compose(overrides))
+
+
+def with_choices(config: Any, choices: Mapping[str, Any]) -> Any:
+    """The composed config with a key `choices`: the option of each config group, such as `{"robot": "kuka", ...}`.
+
+    A group's values alone do not tell its option: options can share a name, and single keys can be overridden.
+
+    Args:
+        config: a composed DictConfig; it is changed.
+        choices: `hydra.runtime.choices`.
+    """
+    from omegaconf import open_dict
+
+    with open_dict(config):
+        config["choices"] = {group: str(choices[group]) for group in groups() if group in choices}
+    return config
+
+
+def _compose(overrides: Iterable[str]) -> tuple[Any, Mapping[str, Any]]:
+    """The composed config and the option of each group. Raises ConfigError."""
     from hydra import compose as hydra_compose
     from hydra import initialize_config_module
     from hydra.core.global_hydra import GlobalHydra
     from hydra.errors import HydraException
+    from omegaconf import open_dict
 
     GlobalHydra.instance().clear()
     try:
         with initialize_config_module("conf", version_base="1.3"):
-            return hydra_compose("config", quoted(overrides))
+            config = hydra_compose("config", quoted(overrides), return_hydra_config=True)
     except HydraException as error:
         raise ConfigError(str(error)) from None
+    choices = config.hydra.runtime.choices
+    with open_dict(config):
+        del config["hydra"]
+    return config, choices
 
 
 TRAINED = ("robot", "control", "policy", "algo")  # groups that a checkpoint cannot change any more
@@ -98,6 +127,8 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
             raise ConfigError(f"{word}: {key} is not a key of this run's config" + did_you_mean(key, _keys(changed)))
         else:
             OmegaConf.update(changed, key, OmegaConf.from_dotlist([f"v={value}"]).v)
+        if key in groups() and "choices" in changed:
+            changed.choices[key] = fresh.choices[key]
     return changed
 
 

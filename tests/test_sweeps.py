@@ -17,8 +17,8 @@ from conf.schema import ConfigError
 from tests.helpers.processes import left_over
 from trainers.run import checkpoint
 from trainers.run.metrics import read_metrics
-from trainers.sweeps.job import find_place, shared, told
-from trainers.sweeps.sweep import arguments
+from trainers.sweeps.arguments import expand_resume
+from trainers.sweeps.job import core_share, failure_message, find_job_folder
 
 ROOT = Path(train.__file__).parent
 TINY = [
@@ -156,7 +156,7 @@ def test_when_the_sweep_itself_is_killed_its_jobs_end_too(tmp_path):
     [
         (["-m", "sweep.resume=/nowhere"], "sweep.resume=/nowhere is not the directory of a sweep"),
         (["-m", "seed=0,1", "sweep.jobs=0"], "sweep.jobs=0 is out of range"),
-        (["-m", "seed=0,1", "resume=outputs/there"], "a sweep goes on with sweep.resume=<sweep dir>"),
+        (["-m", "seed=0,1", "resume=outputs/there"], "a sweep is resumed with sweep.resume=<sweep dir>"),
         (["-m", "scenario=1,6"], "scenario=6 is not known"),
     ],
 )
@@ -181,31 +181,31 @@ def remembered(folder: Path, *overrides: str) -> Path:
 def test_resume_alone_stands_for_what_the_last_start_was_told(tmp_path):
     folder = remembered(tmp_path, "scenario='1','2'", "seed=0,1")
     told = ["--multirun", "scenario='1','2'", "seed=0,1", f"hydra.sweep.dir='{folder}'"]
-    assert arguments(["-m", f"sweep.resume={folder}"]) == told
-    assert arguments([f"sweep.resume={folder}"]) == told
-    assert arguments([f"sweep.resume={folder}", "sweep.jobs=1"]) == [*told[:-1], "sweep.jobs=1", told[-1]]
+    assert expand_resume(["-m", f"sweep.resume={folder}"]) == told
+    assert expand_resume([f"sweep.resume={folder}"]) == told
+    assert expand_resume([f"sweep.resume={folder}", "sweep.jobs=1"]) == [*told[:-1], "sweep.jobs=1", told[-1]]
 
 
 def test_resume_takes_other_overrides_too(tmp_path):
     folder = remembered(tmp_path, "seed=0,1")
     words = ["-m", "seed=0,1,2", f"sweep.resume={folder}"]
-    assert arguments(words) == ["--multirun", "seed=0,1,2", f"hydra.sweep.dir='{folder}'"]
-    assert arguments(["robot=panda", "sweep.resume=null"]) == ["robot=panda", "sweep.resume=null"]
+    assert expand_resume(words) == ["--multirun", "seed=0,1,2", f"hydra.sweep.dir='{folder}'"]
+    assert expand_resume(["robot=panda", "sweep.resume=null"]) == ["robot=panda", "sweep.resume=null"]
 
 
 def test_a_damaged_memory_is_named(tmp_path):
     (tmp_path / "sweep.yaml").write_text("- overrides: [a\n- {")
     with pytest.raises(ConfigError, match=r"sweep\.yaml is damaged"):
-        arguments([f"sweep.resume={tmp_path}"])
+        expand_resume([f"sweep.resume={tmp_path}"])
 
 
 def test_a_job_is_known_by_its_overrides_whatever_its_number(tmp_path):
     for name, overrides in (("0_a", ["seed=0"]), ("1_a", ["seed=1", "robot=kuka"])):
         (tmp_path / name).mkdir()
         (tmp_path / name / "job.json").write_text(json.dumps({"overrides": overrides}))
-    assert find_place(tmp_path / "7_a", ["robot=kuka", "seed=1"]) == tmp_path / "1_a"
-    assert find_place(tmp_path / "7_a", ["seed=2"]) == tmp_path / "7_a"
-    assert find_place(tmp_path / "1_a", ["seed=2"]) == tmp_path / "1_a-2"
+    assert find_job_folder(tmp_path / "7_a", ["robot=kuka", "seed=1"]) == tmp_path / "1_a"
+    assert find_job_folder(tmp_path / "7_a", ["seed=2"]) == tmp_path / "7_a"
+    assert find_job_folder(tmp_path / "1_a", ["seed=2"]) == tmp_path / "1_a-2"
 
 
 @pytest.mark.parametrize(("cores", "jobs", "workers"), [(2, 2, 1), (2, 1, 2), (8, 2, 4), (1, 2, 1), (6, 2, 2)])
@@ -214,10 +214,10 @@ def test_a_job_collects_on_its_share_of_the_cores(cores, jobs, workers, monkeypa
 
     monkeypatch.setattr("trainers.config.cores", lambda: cores)
     monkeypatch.setattr("trainers.sweeps.job.cores", lambda: cores)
-    assert shared(compose([f"sweep.jobs={jobs}"])) == [f"collector.workers={workers}"]
-    assert shared(compose([f"sweep.jobs={jobs}", "collector.workers=4"])) == []
+    assert core_share(compose([f"sweep.jobs={jobs}"])) == [f"collector.workers={workers}"]
+    assert core_share(compose([f"sweep.jobs={jobs}", "collector.workers=4"])) == []
     asked = ["collector.workers=4", "update_threads=0"]
-    assert shared(compose([f"sweep.jobs={jobs}", *asked])) == [f"update_threads={max(1, cores // jobs)}"]
+    assert core_share(compose([f"sweep.jobs={jobs}", *asked])) == [f"update_threads={max(1, cores // jobs)}"]
 
 
 @pytest.mark.parametrize(
@@ -231,4 +231,4 @@ def test_a_job_collects_on_its_share_of_the_cores(cores, jobs, workers, monkeypa
     ],
 )
 def test_an_error_is_one_line_where_the_run_knew_and_all_that_it_said_where_not(code, errors, text):
-    assert told(code, errors) == text
+    assert failure_message(code, errors) == text

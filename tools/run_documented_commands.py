@@ -12,7 +12,7 @@ The files and diffs of a page are applied to the copy while the page's commands 
 | python train.py ... | SHORT below; LONGER if it sets the frames; the first seed of a sweep, two jobs at a time |
 | python evaluate.py ... | 2 episodes in 2 worlds, a video of 1, 1 scene for in_turn |
 | python -m benchmarks.experts ... | 2 episodes; one task, robot and control where all are the default |
-| python -m trainers.record ... | 2 episodes |
+| python record.py ... | 2 episodes |
 | <run dir>, <sweep dir>, <dataset dir> | made beforehand with SHORT, for the task that the command is about |
 | <folder>, <file>, <name> | paths in the copy |
 | pip install ... && ... | what follows; `--fresh` does the installation |
@@ -72,7 +72,7 @@ def shorten(line: str) -> str:
     if "evaluate.py" in line:
         line = re.sub(r"in_turn=\d+", "in_turn=1", re.sub(r"video=\d+", "video=1", line))
         return with_values(line, EVALUATION, "=")
-    if "trainers.record" in line and "replay=" not in line:
+    if "record.py" in line and "replay=" not in line:
         return with_values(line, {"episodes": "2"}, "=")
     return with_values(line, EXPERTS, " ") if "benchmarks.experts" in line else line
 
@@ -100,7 +100,7 @@ def preparation_commands(commands: Iterable[Command]) -> list[Command]:
     """The commands that make the runs, the sweep and the dataset that placeholders of these commands stand for."""
     runs = [f"python train.py task={task} hydra.run.dir=prepared/{task}" for task in RUN_TASKS]
     sweep = "python train.py -m seed=0 hydra.sweep.dir=prepared/sweep"
-    dataset = "python -m trainers.record checkpoint=prepared/nl_reach format=lerobot out=prepared/dataset"
+    dataset = "python record.py checkpoint=prepared/nl_reach format=lerobot out=prepared/dataset"
     needed = " ".join(shorten(command.line) for command in commands if not command.skip_reason)
     if "prepared/dataset" in needed:
         needed += " prepared/nl_reach"

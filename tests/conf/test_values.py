@@ -46,7 +46,7 @@ def test_every_option_reads_into_its_dataclass(group, option):
 
 def test_every_key_of_the_config_is_declared_somewhere(default):
     environment, plan = read_env(default), read_plan(default)
-    declared = {*vars(environment), *vars(plan), *vars(plan.run), "resume", "run", "sweep"}
+    declared = {*vars(environment), *vars(plan), *vars(plan.run), "choices", "resume", "run", "sweep"}
     assert set(default) <= declared
 
 

@@ -62,7 +62,7 @@ def test_shortened_commands_compose():
 def test_only_required_preparations_are_made():
     sweep = preparation_commands([Command("here", "python -m trainers.reports.report <sweep dir>")])
     assert [command.line.rpartition("=")[2] for command in sweep] == ["prepared/sweep"]
-    replay = preparation_commands([Command("here", "python -m trainers.record replay=<dataset dir>")])
+    replay = preparation_commands([Command("here", "python record.py replay=<dataset dir>")])
     assert [command.line.rpartition("=")[2] for command in replay] == ["prepared/nl_reach", "prepared/dataset"]
     assert preparation_commands([Command("here", "python -m language count")]) == []
 

@@ -18,7 +18,7 @@ from trainers.models.policy import build
 from trainers.rollout.collection import CollectionError, Episodes, Rollouts, derive_seed
 from trainers.rollout.evaluation import evaluate
 from trainers.run import checkpoint
-from trainers.run.metrics import Metrics, read_metrics
+from trainers.run.metrics import MetricsWriter, read_metrics
 from trainers.run.train_loop import fit
 
 ROOT = Path(__file__).parents[2]
@@ -117,13 +117,13 @@ def test_episodes_are_carried_over_from_batch_to_batch():
 
 
 def test_metrics_keep_one_header_and_forget_what_comes_again(tmp_path):
-    metrics = Metrics(tmp_path, ["frames", "a"])
+    metrics = MetricsWriter(tmp_path, ["frames", "a"])
     for frames in (1, 2, 3):
         metrics.write({"frames": frames, "a": frames / 3} if frames != 2 else {"frames": 2})
     with pytest.raises(ValueError, match="b"):
         metrics.write({"frames": 4, "b": 0})
     metrics.close()
-    Metrics(tmp_path, ["frames", "a"], after=2).close()
+    MetricsWriter(tmp_path, ["frames", "a"], after=2).close()
     assert [row["frames"] for row in read_metrics(tmp_path / "metrics.csv")] == [1, 2]
     assert read_metrics(tmp_path / "metrics.csv")[0]["a"] == 1 / 3
 

@@ -20,7 +20,7 @@ from trainers.export import publish
 from trainers.run import checkpoint
 from trainers.run.checkpoint import CheckpointError
 from trainers.run.train_loop import fit
-from trainers.sweeps.overrides_of import overrides
+from trainers.sweeps.overrides_of import overrides_of
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def train_keys(config):
 )
 def test_a_config_is_told_as_the_words_that_compose_it(words):
     config = compose(words)
-    told = overrides(OmegaConf.to_container(config, resolve=True))
+    told = overrides_of(OmegaConf.to_container(config, resolve=True))
     assert train_keys(compose(told)) == train_keys(config)
     assert len(told) == len(words)
 

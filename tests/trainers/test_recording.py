@@ -252,8 +252,8 @@ def test_a_format_without_its_library_is_refused_with_the_remedy(monkeypatch, tm
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command_is_a_module_of_trainers():
-    words = [sys.executable, "-m", "trainers.record"]
+def test_record_prints_its_help_and_refuses_bad_input_in_one_line():
+    words = [sys.executable, "record.py"]
     told = subprocess.run([*words, "--help"], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert "format=lerobot" in told.stdout
     refused = subprocess.run([*words, "episodes=2"], cwd=ROOT, capture_output=True, text=True, timeout=60)

@@ -17,8 +17,8 @@ from conf.schema import ConfigError
 from tests.helpers.run_folders import add_run, config
 from trainers.reports import figures
 from trainers.reports.report import write
-from trainers.reports.scores import bootstrap, iqm, kept, reached, score
-from trainers.sweeps.runs import find_runs, groups
+from trainers.reports.scores import bootstrap, final_over_best, iqm, score, time_to_level
+from trainers.sweeps.runs import find_runs, group_by_configuration
 
 ROOT = Path(__file__).parents[2]
 DEFAULT = "kuka step nl_reach ppo"
@@ -54,7 +54,7 @@ def table(text: str, heading: str) -> list[list[str]]:
 
 def test_the_table_tells_what_the_seeds_came_to(sweep):
     write(sweep)
-    header, first, second, together = table((sweep / "report.md").read_text(), "How good, and how soon")
+    header, first, second, together = table((sweep / "report.md").read_text(), "Final success and time to success")
     row = dict(zip(header, first, strict=True))
     assert row["configuration"] == "1: kuka absolute ppo"
     assert row["seeds"] == "3"
@@ -115,8 +115,8 @@ def test_words_of_a_run_cannot_break_the_page(tmp_path):
 
 
 def test_curves_are_of_evaluation_episodes_never_of_exploring_ones(sweep):
-    runs = groups([run for run in find_runs(sweep) if run.result])["1: kuka absolute ppo"]
-    first = figures.curves(runs, "eval/success_at_end")[0]
+    runs = group_by_configuration([run for run in find_runs(sweep) if run.result])["1: kuka absolute ppo"]
+    first = figures.evaluation_curves(runs, "eval/success_at_end")[0]
     assert first.tolist() == [[100, 200, 300], [0.2, 0.6, 0.95]]
 
 
@@ -159,7 +159,7 @@ def test_the_main_tasks_have_a_picture_where_there_are_any(tmp_path):
 def test_runs_are_told_apart_by_what_differs_other_than_the_seed(values, labels, tmp_path):
     for number, each in enumerate(values):
         add_run(tmp_path / f"{number}_a", each)
-    assert list(groups(find_runs(tmp_path))) == labels
+    assert list(group_by_configuration(find_runs(tmp_path))) == labels
 
 
 def test_jobs_are_read_in_the_order_of_their_numbers(tmp_path):
@@ -203,9 +203,9 @@ def test_the_bootstrap_draws_seeds_within_each_configuration():
 
 def test_frames_and_seconds_to_a_level_are_those_of_the_first_evaluation_there(tmp_path):
     (run,) = find_runs(add_run(tmp_path / "run", config(), (0.2, 0.9, 0.5, 0.95)))
-    assert reached(run.evaluated, 0.9) == (200, 20)
-    assert reached(run.evaluated, 0.95) == (400, 40)
-    assert reached(run.evaluated, 0.99) == (math.inf, math.inf)
+    assert time_to_level(run.evaluations, 0.9) == (200, 20)
+    assert time_to_level(run.evaluations, 0.95) == (400, 40)
+    assert time_to_level(run.evaluations, 0.99) == (math.inf, math.inf)
 
 
 def test_final_over_best_is_that_of_the_seed_that_kept_least(tmp_path):
@@ -213,9 +213,9 @@ def test_final_over_best_is_that_of_the_seed_that_kept_least(tmp_path):
     add_run(tmp_path / "1_a", config(1), (0.2, 0.5), success=0.5)
     add_run(tmp_path / "2_a", config(2), (0.0, 0.0), success=0.0)
     runs = find_runs(tmp_path)
-    assert [kept(run) for run in runs[:2]] == pytest.approx([0.8, 1.0])
-    assert math.isnan(kept(runs[2]))
-    assert score(runs).kept == pytest.approx(0.8)
+    assert [final_over_best(run) for run in runs[:2]] == pytest.approx([0.8, 1.0])
+    assert math.isnan(final_over_best(runs[2]))
+    assert score(runs).final_over_best == pytest.approx(0.8)
 
 
 # ---- bad input -----------------------------------------------------------------------------------------------------
@@ -225,7 +225,7 @@ def test_a_line_that_a_kill_cut_short_is_left_out(tmp_path):
     folder = add_run(tmp_path / "run", config())
     with open(folder / "metrics.csv", "a") as file:
         file.write("400,1.0,0.1,0.1,0.9")
-    assert [row["frames"] for row in find_runs(folder)[0].evaluated] == [100, 200, 300]
+    assert [row["frames"] for row in find_runs(folder)[0].evaluations] == [100, 200, 300]
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,7 @@ from trainers.datasets.demonstrations import Actor, Demonstration, demonstrate
 from trainers.datasets.lerobot_dataset import LeRobotWriter, read_lerobot
 from trainers.datasets.minari_dataset import MinariWriter, read_minari
 from trainers.rollout.evaluation import Interrupted, wilson
-from trainers.run.metrics import write_json
-from trainers.utils.atomic_io import whole
+from trainers.utils.atomic_io import atomic_directory, write_json
 
 FORMATS: dict[str, Any] = {"lerobot": (LeRobotWriter, read_lerobot), "minari": (MinariWriter, read_minari)}
 ABOUT = "deixis.json"  # beside the format's own files
@@ -39,7 +38,7 @@ def write(
     asks for. stop: asked at each episode; raises Interrupted once it says so. Raises ConfigError.
     """
     steps = successes = 0
-    with whole(place) as folder:
+    with atomic_directory(place) as folder:
         shape = env.render().shape if pictures else None
         writer = FORMATS[kind][0](folder, place.name, env, about, shape)
         for episode in demonstrate(env, actor, episodes, seed, pictures):

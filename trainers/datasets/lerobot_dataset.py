@@ -28,8 +28,8 @@ from trainers.datasets.demonstrations import Demonstration
 from trainers.datasets.lerobot_stats import Stats
 from trainers.datasets.parquet import Shards, as_column, write_index
 from trainers.rollout.video import writer
-from trainers.run.metrics import write_json
-from trainers.utils.optional_imports import needed
+from trainers.utils.atomic_io import write_json
+from trainers.utils.optional_imports import import_optional
 
 VERSION = "v3.0"
 PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
@@ -49,7 +49,7 @@ class LeRobotWriter:
     def __init__(
         self, folder: Path, name: str, env: EnvBase, about: dict[str, Any], shape: tuple[int, ...] | None
     ) -> None:
-        needed("pyarrow")
+        import_optional("pyarrow")
         self._folder, self._about, self._shape = folder, about, shape and _even(shape)
         self._data = Shards(folder / "data", FILES, DATA_MB)
         self._episodes = Shards(folder / "meta" / "episodes", FILES, DATA_MB, rows=100)
@@ -149,7 +149,7 @@ class LeRobotWriter:
 
 def read_lerobot(folder: Path) -> Iterator[Demonstration]:
     """The episodes that were written, without pictures, and without what was seen after the last action."""
-    needed("pyarrow")
+    import_optional("pyarrow")
     from pyarrow import parquet
 
     keys = {feature: key for key, feature in STATES.items()}

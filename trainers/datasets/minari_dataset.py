@@ -18,7 +18,7 @@ from torchrl.data import Binary, Bounded
 from torchrl.envs import EnvBase
 
 from trainers.datasets.demonstrations import SEEN, Demonstration
-from trainers.utils.optional_imports import needed
+from trainers.utils.optional_imports import import_optional
 
 CAMERA = "camera"
 
@@ -33,7 +33,7 @@ class MinariWriter:
     def __init__(
         self, folder: Path, name: str, env: EnvBase, about: dict[str, Any], shape: tuple[int, ...] | None
     ) -> None:
-        minari, _ = needed("minari", "h5py")
+        minari, _ = import_optional("minari", "h5py")
         from minari.data_collector import EpisodeBuffer
         from minari.dataset.minari_storage import MinariStorage
 
@@ -78,7 +78,7 @@ class MinariWriter:
 
 def read_minari(folder: Path) -> Iterator[Demonstration]:
     """The episodes that were written, without pictures. Raises ConfigError."""
-    (minari,) = needed("minari")
+    (minari,) = import_optional("minari")
     dataset = minari.MinariDataset(folder / "data")
     metadata = dataset.storage.get_episode_metadata(range(dataset.total_episodes))
     for episode, told in zip(dataset.iterate_episodes(), metadata, strict=True):

@@ -7,21 +7,21 @@ with `python evaluate.py checkpoint=pretrained/<name>`.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any
 
+from conf import arguments
 from conf.overrides import comment
 from conf.schema import ConfigError
 from trainers.export import policy_file
-from trainers.reports.scores import reached, result
+from trainers.reports.scores import result_of, time_to_level
 from trainers.run import checkpoint
-from trainers.sweeps.overrides_of import overrides
-from trainers.sweeps.runs import Run, find_runs, typed
-from trainers.utils.atomic_io import whole
-from trainers.utils.system_info import machine
+from trainers.sweeps.overrides_of import overrides_of
+from trainers.sweeps.runs import RunRecord, command_line, find_runs
+from trainers.utils.atomic_io import atomic_directory
+from trainers.utils.system_info import system_info
 
 MOST = 1_000_000  # bytes of a file that is to be in a repository
 GROUPS = ("robot", "control", "workspace", "task", "algo", "policy")
@@ -32,7 +32,7 @@ def publish(folder: Path, place: Path) -> Path:
 
     Raises ConfigError, and then leaves nothing.
     """
-    with whole(place) as fresh:
+    with atomic_directory(place) as fresh:
         for name, content in _files(folder, place).items():
             if len(content) >= MOST:
                 raise ConfigError(f"{place / name} would have {len(content):,} bytes; a file is to stay below {MOST:,}")
@@ -44,24 +44,24 @@ def _files(folder: Path, place: Path) -> dict[str, bytes]:
     """What is to be in `place`."""
     run = _finished(folder)
     payload = checkpoint.load(folder / "checkpoints" / "last.pt")
-    if payload["counters"]["frames"] != result(run)["frames"]:
+    if payload["counters"]["frames"] != result_of(run)["frames"]:
         raise ConfigError(
-            f"{folder} has gone on since its eval.json: {result(run)['frames']} frames there, "
+            f"{folder} has gone on since its eval.json: {result_of(run)['frames']} frames there, "
             f"{payload['counters']['frames']} in the checkpoint; let it finish: python train.py resume={folder}"
         )
     payload["config"] = config = _own(payload["config"])
-    words = [*overrides(config), f"seed={config['seed']}"]
+    words = [*overrides_of(config), f"seed={config['seed']}"]
     return {policy_file.NAME: policy_file.pack(payload, checkpoint.FORMAT), "README.md": _card(run, place, words)}
 
 
-def _finished(folder: Path) -> Run:
+def _finished(folder: Path) -> RunRecord:
     """Raises ConfigError for what is not one run that has come to its end."""
     run = next((run for run in find_runs(folder) if run.folder == folder), None)
     if run is None:
         raise ConfigError(f"{folder} holds several runs; give the directory of one")
     if run.result is None:
         raise ConfigError(
-            f"{folder} {run.ending}: it has no eval.json; python train.py resume={folder} goes on with it"
+            f"{folder} {run.status}: it has no eval.json; python train.py resume={folder} goes on with it"
         )
     return run
 
@@ -72,16 +72,16 @@ def _own(config: dict[str, Any]) -> dict[str, Any]:
     return config | {"resume": None} | sweep
 
 
-def _card(run: Run, place: Path, words: Sequence[str]) -> bytes:
-    config, final = run.config, result(run)
+def _card(run: RunRecord, place: Path, words: Sequence[str]) -> bytes:
+    config, final = run.config, result_of(run)
     low, high = final["ci95"]
     rows = [[name, config[name]["name"]] for name in GROUPS]
     rows += [["seed", config["seed"]], ["frames", f"{final['frames']:,}, in {_minutes(final['wall_s'])}"]]
-    frames, seconds = reached(run.evaluated, 0.9)
+    frames, seconds = time_to_level(run.evaluations, 0.9)
     if math.isfinite(frames):
         rows += [["to 90 % success", f"{frames:,.0f} frames, {_minutes(seconds)}"]]
     rows += [["date", date.fromtimestamp((run.folder / "eval.json").stat().st_mtime).isoformat()]]
-    rows += [[name, text] for name, text in machine().items()]
+    rows += [[name, text] for name, text in system_info().items()]
     different = "\n".join(f"* `{word}`" for word in words if not word.startswith("seed=")) or "Nothing."
     text = f"""# {place.name}
 
@@ -95,7 +95,7 @@ The last policy of the run, deterministic, on fresh episodes that training never
 {_kinds(final.get("by_kind", {}))}
 ```
 python evaluate.py checkpoint={place.as_posix()}   # judges it again, on other episodes
-{typed(words)}   # how it was trained
+{command_line(words)}   # how it was trained
 ```
 
 ## Config that differs from the default
@@ -139,15 +139,17 @@ def _purpose(words: Sequence[str], config: dict[str, Any]) -> str:
 
 def main(words: Sequence[str]) -> None:
     """Raises ConfigError."""
-    if len(words) != 2 or {"-h", "--help"} & set(words):
+    if len(words) != 2:
         raise ConfigError("give a run and where it goes: python -m trainers.export.publish <run dir> pretrained/<name>")
     place = publish(Path(words[0]), Path(words[1]))
     sizes = ", ".join(f"{file.name} ({file.stat().st_size:,} bytes)" for file in sorted(place.iterdir()))
     print(f"{place}: {sizes}")
 
 
+def cli(words: Sequence[str] | None = None) -> None:
+    """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
+    arguments.run(main, __doc__, words)
+
+
 if __name__ == "__main__":
-    try:
-        main(sys.argv[1:])
-    except ConfigError as error:
-        sys.exit(f"error: {error}")
+    cli()

@@ -1,13 +1,14 @@
-"""A report as Markdown, with its pictures beside it, and as one HTML file that holds them."""
+"""A report as Markdown with image files, and as one HTML file with embedded images."""
 
 from __future__ import annotations
 
 import base64
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+
+from trainers.utils.atomic_io import write_text
 
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 1200px; margin: 2em auto; padding: 0 1em; color: #222; }
@@ -21,6 +22,8 @@ th { border-bottom: 2px solid #888; }
 
 @dataclass(frozen=True)
 class Heading:
+    """A heading of the second level."""
+
     text: str
 
     def markdown(self) -> str:
@@ -32,6 +35,8 @@ class Heading:
 
 @dataclass(frozen=True)
 class Paragraph:
+    """A paragraph of plain text."""
+
     text: str
 
     def markdown(self) -> str:
@@ -43,7 +48,7 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Picture:
-    """file: the name of a PNG in the report's directory."""
+    """An image. file: the name of a PNG in the report's directory. title: alternative text."""
 
     file: str
     title: str
@@ -58,6 +63,8 @@ class Picture:
 
 @dataclass(frozen=True)
 class Table:
+    """A table of text cells."""
+
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
 
@@ -71,21 +78,18 @@ class Table:
         return f'<div class="wide"><table><tr>{head}</tr>\n{body}</table></div>'
 
 
-Part = Heading | Paragraph | Picture | Table
+Block = Heading | Paragraph | Picture | Table
 
 
-def write(folder: Path, title: str, parts: Sequence[Part]) -> Path:
-    """report.md and report.html in `folder`, where the pictures are. The HTML file."""
-    _whole(folder / "report.md", "\n\n".join([f"# {title}", *(part.markdown() for part in parts)]) + "\n")
-    body = "\n".join(part.html(folder) for part in parts)
+def write_page(folder: Path, title: str, blocks: Sequence[Block]) -> Path:
+    """Write report.md and report.html to `folder`, which holds the images.
+
+    Returns:
+        The path of the HTML file.
+    """
+    write_text(folder / "report.md", "\n\n".join([f"# {title}", *(block.markdown() for block in blocks)]) + "\n")
+    body = "\n".join(block.html(folder) for block in blocks)
     head = f'<meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}</style>'
     page = f"<head>{head}</head>\n<body>\n<h1>{escape(title)}</h1>\n{body}\n</body>"
-    _whole(folder / "report.html", f'<!doctype html>\n<html lang="en">\n{page}\n</html>\n')
+    write_text(folder / "report.html", f'<!doctype html>\n<html lang="en">\n{page}\n</html>\n')
     return folder / "report.html"
-
-
-def _whole(path: Path, text: str) -> None:
-    """Written whole or not at all."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(text, encoding="utf-8")
-    os.replace(beside, path)

@@ -1,121 +1,127 @@
-"""What a sweep came to, in pictures and tables: `python -m trainers.reports.report <sweep dir>`.
+"""The report of a sweep, with figures and tables: `python -m trainers.reports.report <sweep dir>`.
 
-Writes report.html, one file with everything in it, and report.md, with its pictures beside it, into the directory. All
-curves come from evaluation episodes of the deterministic policy. A directory of several sweeps, or a single run's, will
-do as well.
+Writes report.html, one file with embedded images, and report.md, with image files beside it, into the directory. All
+curves are of evaluation episodes of the deterministic policy. The directory may also hold several sweeps, or be that of
+a single run.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from conf.schema import ConfigError
-from trainers.reports import figures, page
-from trainers.reports.figures import MAIN_TASKS
-from trainers.reports.page import Heading, Paragraph, Part, Picture, Table
-from trainers.reports.scores import LEVELS, bootstrap, iqm, kept, reached, result, score
-from trainers.sweeps.runs import Run, find_runs, groups, typed
-from trainers.sweeps.sweep import starts
-from trainers.utils.system_info import machine
+import numpy as np
 
-SEEDS = "The line is the mean over seeds, the band goes from the worst to the best one."
+from conf import arguments
+from conf.schema import ConfigError
+from trainers.reports import figures
+from trainers.reports.figures import MAIN_TASKS
+from trainers.reports.page import Block, Heading, Paragraph, Picture, Table, write_page
+from trainers.reports.scores import LEVELS, bootstrap, final_over_best, iqm, result_of, score, time_to_level
+from trainers.sweeps.runs import RunRecord, command_line, find_runs, group_by_configuration
+from trainers.sweeps.sweep_file import NAME, read_starts
+from trainers.utils.system_info import system_info
+
+Groups = dict[str, list[RunRecord]]
+USAGE = "give one directory of runs: python -m trainers.reports.report <sweep dir>"
+SEEDS = "The line is the mean over seeds; the band reaches from the worst to the best seed."
+LEVEL_NAMES = [f"{level:.0%}".replace("%", " %") for level in LEVELS]
+METHOD = (
+    "Success: interquartile mean of the seeds' final success (of fewer than four seeds, their mean), with a bootstrap "
+    "interval over seeds, resampled within each configuration. The worst seed's interval is Wilson's, over its "
+    "episodes. Wrong object: share of the final episodes, mean over seeds. Final / best: final success over the best "
+    "evaluation during training, minimum over seeds. Frames and seconds: to the first evaluation with that success, "
+    "median over seeds; '-' if it was never reached. Seconds are wall-clock time with start-up and evaluations."
+)
 
 
 def write(folder: Path) -> Path:
-    """The report of the runs in `folder`, as report.html and report.md there. The HTML file. Raises ConfigError."""
+    """Write report.html and report.md about the runs in `folder`.
+
+    Returns:
+        The path of the HTML file.
+
+    Raises:
+        ConfigError: no run has finished, or a file is damaged.
+    """
     runs = find_runs(folder)
-    begun = groups([run for run in runs if run.config])
-    grouped = {label: done for label, each in begun.items() if (done := [run for run in each if run.result])}
-    if not grouped:
+    started = group_by_configuration([run for run in runs if run.config])
+    finished = {label: done for label, each in started.items() if (done := [run for run in each if run.result])}
+    if not finished:
         raise ConfigError(f"no run in {folder} has finished" + failures(runs))
-    parts: list[Part] = [
+    blocks: list[Block] = [
         Heading("Success ratio"),
-        *_success(grouped, folder),
-        Heading("How good, and how soon"),
-        *_configurations(grouped, {label: len(each) for label, each in begun.items()}),
+        *_success_section(finished, folder),
+        Heading("Final success and time to success"),
+        *_configuration_table(finished, {label: len(each) for label, each in started.items()}),
         Heading("Every seed"),
-        _seeds(grouped),
-        *_main_tasks(grouped, folder),
-        *_losses(grouped, folder),
-        *_unfinished(runs),
-        *_circumstances(folder),
+        _seed_table(finished),
+        *_main_tasks_section(finished, folder),
+        *_losses_section(finished, folder),
+        *_unfinished_section(runs),
+        *_machine_section(folder),
     ]
-    count = sum(map(len, grouped.values()))
-    return page.write(folder, f"{count} runs of {len(grouped)} configurations", parts)
+    count = sum(map(len, finished.values()))
+    return write_page(folder, f"{count} runs of {len(finished)} configurations", blocks)
 
 
-def failures(runs: Sequence[Run]) -> str:
-    """The first error, to end a message with."""
+def failures(runs: Sequence[RunRecord]) -> str:
+    """The number of failed runs and the first error, as the end of a message; "" if none has failed."""
     errors = [run.reason for run in runs if run.error]
     return f"; {len(errors)} failed: {errors[0]}" if errors else ""
 
 
-def _success(grouped: dict[str, list[Run]], folder: Path) -> list[Part]:
-    figures.success(grouped, folder / "success.png")
-    episodes = "Evaluation episodes of the deterministic policy, none of which was trained on. "
+def _success_section(groups: Groups, folder: Path) -> list[Block]:
+    figures.success(groups, folder / "success.png")
+    episodes = "Evaluation episodes of the deterministic policy; none of them was used for training. "
     return [Picture("success.png", "Success ratio against frames"), Paragraph(episodes + SEEDS)]
 
 
-def _configurations(grouped: dict[str, list[Run]], begun: dict[str, int]) -> list[Part]:
-    """begun: how many runs of each there are, those that did not finish included."""
-    levels = [f"{level:.0%}".replace("%", " %") for level in LEVELS]
+def _configuration_table(groups: Groups, started: dict[str, int]) -> list[Block]:
+    """started: how many runs of each configuration were started, unfinished ones included."""
     header = ["configuration", "seeds", "success (95 %)", "worst seed (95 %)", "wrong object", "final / best"]
-    header += [f"frames to {level}" for level in levels] + [f"seconds to {level}" for level in levels]
+    header += [f"frames to {level}" for level in LEVEL_NAMES] + [f"seconds to {level}" for level in LEVEL_NAMES]
     rows = []
-    for label, runs in grouped.items():
+    for label, runs in groups.items():
         s = score(runs)
-        seeds = f"{s.seeds}" if s.seeds == begun[label] else f"{s.seeds} of {begun[label]}"
-        row = [label, seeds, _within(s.success, s.interval), f"seed {s.worst.seed}: {_success_of(s.worst)}"]
-        row += [f"{s.wrong:.3f}", _number(s.kept, ".2f")]
+        seeds = f"{s.seeds}" if s.seeds == started[label] else f"{s.seeds} of {started[label]}"
+        row = [label, seeds, _with_interval(s.success, s.interval), f"seed {s.worst.seed}: {_success(s.worst)}"]
+        row += [f"{s.wrong_object:.3f}", _number(s.final_over_best, ".2f")]
         rows.append(row + [_number(x, ",.0f") for x in (*s.frames, *s.seconds)])
-    if len(grouped) > 1:
-        rows.append(_together(grouped, len(header)))
-    return [Table(header, rows), Paragraph(HOW)]
+    if len(groups) > 1:
+        rows.append(_overall_row(groups, len(header)))
+    return [Table(header, rows), Paragraph(METHOD)]
 
 
-HOW = (
-    "Success: interquartile mean of the seeds' final success (of fewer than four seeds, their mean), with a bootstrap "
-    "interval over seeds, drawn again within each configuration. The worst seed's interval is Wilson's, over its "
-    "episodes. Wrong object: share of the final episodes, mean over seeds. Final / best: final success over the best "
-    "evaluation along the way, of the seed that kept least. Frames and seconds: to the first evaluation with that "
-    "success, median over seeds; '-' where it was never reached. Seconds are wall-clock, with start-up and evaluations."
-)
-
-
-def _together(grouped: dict[str, list[Run]], width: int) -> list[str]:
-    """The row of all configurations."""
-    import numpy as np
-
-    strata = [[result(run)["success_at_end"] for run in runs] for runs in grouped.values()]
+def _overall_row(groups: Groups, width: int) -> list[str]:
+    """The row for all configurations together."""
+    strata = [[result_of(run)["success_at_end"] for run in runs] for runs in groups.values()]
     scores = [x for each in strata for x in each]
-    row = ["all", f"{len(scores)}", _within(float(iqm(np.array(scores))), bootstrap(strata))]
+    row = ["all", f"{len(scores)}", _with_interval(float(iqm(np.array(scores))), bootstrap(strata))]
     return row + [""] * (width - len(row))
 
 
-def _seeds(grouped: dict[str, list[Run]]) -> Table:
+def _seed_table(groups: Groups) -> Table:
     header = ["configuration", "seed", "success (95 %)", "episodes", "wrong object", "final / best"]
-    header += ["frames", "seconds"]
-    header += [f"to {level:.0%}".replace("%", " %") for level in LEVELS]
-    return Table(header, [_seed(label, run) for label, runs in grouped.items() for run in runs])
+    header += ["frames", "seconds", *(f"to {level}" for level in LEVEL_NAMES)]
+    return Table(header, [_seed_row(label, run) for label, runs in groups.items() for run in runs])
 
 
-def _seed(label: str, run: Run) -> list[str]:
-    final = result(run)
-    row = [label, f"{run.seed}", _success_of(run), f"{final['episodes']}", f"{final['wrong_object']:.3f}"]
-    row += [_number(kept(run), ".2f"), f"{final['frames']:,}", f"{final['wall_s']:,.0f}"]
+def _seed_row(label: str, run: RunRecord) -> list[str]:
+    final = result_of(run)
+    row = [label, f"{run.seed}", _success(run), f"{final['episodes']}", f"{final['wrong_object']:.3f}"]
+    row += [_number(final_over_best(run), ".2f"), f"{final['frames']:,}", f"{final['wall_s']:,.0f}"]
     for level in LEVELS:
-        frames, seconds = reached(run.evaluated, level)
+        frames, seconds = time_to_level(run.evaluations, level)
         row.append(f"{frames:,.0f} ({seconds:,.0f} s)" if math.isfinite(frames) else "-")
     return row
 
 
-def _main_tasks(grouped: dict[str, list[Run]], folder: Path) -> list[Part]:
-    """Figure of the tasks that the original was judged on, where the runs have any."""
-    main = {label: runs for label, runs in grouped.items() if _task(runs[0]) in MAIN_TASKS}
+def _main_tasks_section(groups: Groups, folder: Path) -> list[Block]:
+    """The figure of the tasks that the original project was evaluated on; empty if no run has one of them."""
+    main = {label: runs for label, runs in groups.items() if _task(runs[0]) in MAIN_TASKS}
     if not main:
         return []
     figures.tasks(main, folder / "tasks.png")
@@ -124,40 +130,40 @@ def _main_tasks(grouped: dict[str, list[Run]], folder: Path) -> list[Part]:
     return [Heading("Main tasks"), picture, Paragraph(f"Evaluation episodes of {names}. {SEEDS}")]
 
 
-def _task(run: Run) -> str:
+def _task(run: RunRecord) -> str:
     return str(run.config.get("task", {}).get("name"))
 
 
-def _losses(grouped: dict[str, list[Run]], folder: Path) -> list[Part]:
-    if not figures.losses(grouped, folder / "losses.png"):
+def _losses_section(groups: Groups, folder: Path) -> list[Block]:
+    if not figures.losses(groups, folder / "losses.png"):
         return []
-    said = Paragraph(f"As measured at each update, averaged over {figures.BINS} stretches of the run. {SEEDS}")
-    return [Heading("Losses"), Picture("losses.png", "Losses against frames"), said]
+    text = f"Measured at each update and averaged over {figures.BINS} intervals of the run. {SEEDS}"
+    return [Heading("Losses"), Picture("losses.png", "Losses against frames"), Paragraph(text)]
 
 
-def _unfinished(runs: Sequence[Run]) -> list[Part]:
-    """What is in none of the numbers above."""
-    rows = [[run.folder.name, run.command, run.ending] for run in runs if not run.result]
+def _unfinished_section(runs: Sequence[RunRecord]) -> list[Block]:
+    """The runs that the figures and tables leave out."""
+    rows = [[run.folder.name, run.command, run.status] for run in runs if not run.result]
     return [Heading("Runs that did not finish"), Table(["run", "command", "why"], rows)] if rows else []
 
 
-def _circumstances(folder: Path) -> list[Part]:
-    """Commands and machine: as each sweep's own file tells, or as they are now."""
-    files = [folder / "sweep.yaml", *sorted(folder.glob("*/sweep.yaml"))]
-    begun = [start for file in files if file.is_file() for start in starts(file.parent)]
-    if not begun:
-        return [Heading("Machine of this report"), Table(["", ""], [list(item) for item in machine().items()])]
-    commands = [[f"{start.get('time', '-')}", typed(start["overrides"], "-m")] for start in begun]
-    known: dict[str, Any] = begun[-1].get("machine", {})
-    parts: list[Part] = [Heading("Commands"), Table(["started", "command"], commands)]
-    return [*parts, Heading("Machine"), Table(["", ""], [[name, str(value)] for name, value in known.items()])]
+def _machine_section(folder: Path) -> list[Block]:
+    """Commands and machine from each sweep.yaml; without one, the machine that writes the report."""
+    files = [folder / NAME, *sorted(folder.glob(f"*/{NAME}"))]
+    starts = [start for file in files if file.is_file() for start in read_starts(file.parent)]
+    if not starts:
+        return [Heading("Machine of this report"), Table(["", ""], [list(item) for item in system_info().items()])]
+    commands = [[f"{start.get('time', '-')}", command_line(start["overrides"], "-m")] for start in starts]
+    machine: dict[str, Any] = starts[-1].get("machine", {})
+    blocks: list[Block] = [Heading("Commands"), Table(["started", "command"], commands)]
+    return [*blocks, Heading("Machine"), Table(["", ""], [[name, str(value)] for name, value in machine.items()])]
 
 
-def _success_of(run: Run) -> str:
-    return _within(result(run)["success_at_end"], result(run)["ci95"])
+def _success(run: RunRecord) -> str:
+    return _with_interval(result_of(run)["success_at_end"], result_of(run)["ci95"])
 
 
-def _within(value: float, interval: Sequence[float]) -> str:
+def _with_interval(value: float, interval: Sequence[float]) -> str:
     return f"{value:.3f} ({interval[0]:.3f}-{interval[1]:.3f})"
 
 
@@ -166,18 +172,15 @@ def _number(value: float, form: str) -> str:
 
 
 def main(words: Sequence[str]) -> None:
-    """Raises ConfigError."""
-    if len(words) != 1 or words[0] in ("-h", "--help"):
-        raise ConfigError("give one directory of runs: python -m trainers.reports.report <sweep dir>")
+    """Write the report of the directory that `words` names, and print its path. Raises ConfigError."""
+    if len(words) != 1:
+        raise ConfigError(USAGE)
     print(write(Path(words[0])))
 
 
-def cli() -> None:
-    """Runs `main` on the process's arguments."""
-    try:
-        main(sys.argv[1:])
-    except ConfigError as error:
-        sys.exit(f"error: {error}")
+def cli(words: Sequence[str] | None = None) -> None:
+    """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
+    arguments.run(main, __doc__, words)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What several seeds of one configuration came to: interquartile mean, bootstrap interval, time to success."""
+"""Statistics over the seeds of a configuration: interquartile mean, bootstrap interval, time to a success rate."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from trainers.sweeps.runs import Run
+from trainers.sweeps.runs import RunRecord
 
 RESAMPLES = 10_000
-LEVELS = (0.5, 0.9, 0.95)  # success ratios to be reached
+LEVELS = (0.5, 0.9, 0.95)  # success rates whose first evaluation is reported
 
 
 def iqm(scores: np.ndarray) -> np.ndarray:
-    """Interquartile mean over the last axis: without the lowest and the highest quarter, rounded down.
+    """Interquartile mean over the last axis: the lowest and the highest quarter, rounded down, are left out.
 
     Of fewer than four scores none is left out. As in rliable, Agarwal et al. 2021 (arXiv:2108.13264).
     """
@@ -25,10 +25,13 @@ def iqm(scores: np.ndarray) -> np.ndarray:
 
 
 def bootstrap(strata: Sequence[Sequence[float]], seed: int = 0) -> tuple[float, float]:
-    """95 % percentile interval of the interquartile mean of all scores.
+    """95 % percentile interval of the interquartile mean of all scores, by stratified bootstrap over seeds.
 
-    strata: the scores of each configuration, one a seed; seeds are drawn again within each. Tells what other seeds
-    would give, not how many episodes each was judged on.
+    The interval covers the variation between seeds, not the sampling error of each seed's episodes.
+
+    Args:
+        strata: the scores of each configuration, one a seed; seeds are resampled within each configuration.
+        seed: of the resampling.
     """
     rng = np.random.default_rng(seed)
     drawn = [np.asarray(scores)[rng.integers(len(scores), size=(RESAMPLES, len(scores)))] for scores in strata]
@@ -36,57 +39,63 @@ def bootstrap(strata: Sequence[Sequence[float]], seed: int = 0) -> tuple[float, 
     return float(low), float(high)
 
 
-def reached(evaluated: Sequence[Mapping[str, float]], level: float) -> tuple[float, float]:
-    """Frames and seconds at the first evaluation in which success was at least `level`; infinite where it never was.
+def time_to_level(evaluations: Sequence[Mapping[str, float]], level: float) -> tuple[float, float]:
+    """Frames and seconds at the first evaluation with a success rate of at least `level`; infinite if there is none.
 
-    evaluated: rows of metrics.csv, in order.
+    Args:
+        evaluations: rows of metrics.csv, in order.
+        level: in [0, 1].
     """
-    for row in evaluated:
+    for row in evaluations:
         if row["eval/success_at_end"] >= level:
             return row["frames"], row["time/total"]
     return math.inf, math.inf
 
 
-def kept(run: Run) -> float:
-    """Success at the end over the best success along the way, NaN where it never had any."""
-    best = max((row["eval/success_at_end"] for row in run.evaluated), default=0.0)
-    return result(run)["success_at_end"] / best if best else math.nan
+def final_over_best(run: RunRecord) -> float:
+    """Final success over the best success of the evaluations during training; NaN if that is 0."""
+    best = max((row["eval/success_at_end"] for row in run.evaluations), default=0.0)
+    return result_of(run)["success_at_end"] / best if best else math.nan
 
 
-def result(run: Run) -> dict[str, Any]:
-    """A finished run's eval.json."""
-    assert run.result is not None
+def result_of(run: RunRecord) -> dict[str, Any]:
+    """A finished run's eval.json. Raises ValueError if the run has not finished."""
+    if run.result is None:
+        raise ValueError(f"{run.folder} has not finished: it has no eval.json")
     return run.result
 
 
 @dataclass(frozen=True)
 class Score:
-    """Finished runs of one configuration.
+    """Statistics over the finished runs of one configuration.
 
-    frames, seconds: to each of `LEVELS`, median over seeds; infinite where it was never reached.
+    success: interquartile mean of the final success rates. interval: its 95 % bootstrap interval. worst: the run with
+    the lowest final success. wrong_object: share of the final episodes, mean over seeds. final_over_best: minimum over
+    seeds. frames, seconds: to each of `LEVELS`, median over seeds; infinite if a level was never reached.
     """
 
     seeds: int
-    success: float  # interquartile mean
+    success: float
     interval: tuple[float, float]
-    worst: Run
-    wrong: float  # share of episodes that ended at the wrong object, mean over seeds
-    kept: float  # of the seed that kept least of its best
+    worst: RunRecord
+    wrong_object: float
+    final_over_best: float
     frames: tuple[float, ...]
     seconds: tuple[float, ...]
 
 
-def score(runs: Sequence[Run]) -> Score:
-    """runs: finished, at least one."""
-    success = [result(run)["success_at_end"] for run in runs]
-    times = np.median([[reached(run.evaluated, level) for level in LEVELS] for run in runs], axis=0)
+def score(runs: Sequence[RunRecord]) -> Score:
+    """The statistics over at least one finished run of a configuration."""
+    success = [result_of(run)["success_at_end"] for run in runs]
+    times = np.median([[time_to_level(run.evaluations, level) for level in LEVELS] for run in runs], axis=0)
+    ratios = [final_over_best(run) for run in runs]
     return Score(
         seeds=len(runs),
         success=float(iqm(np.array(success))),
         interval=bootstrap([success]),
-        worst=min(runs, key=lambda run: result(run)["success_at_end"]),
-        wrong=float(np.mean([result(run)["wrong_object"] for run in runs])),
-        kept=min((kept(run) for run in runs), key=lambda share: math.inf if math.isnan(share) else share),
+        worst=min(runs, key=lambda run: result_of(run)["success_at_end"]),
+        wrong_object=float(np.mean([result_of(run)["wrong_object"] for run in runs])),
+        final_over_best=min(ratios, key=lambda ratio: math.inf if math.isnan(ratio) else ratio),
         frames=tuple(times[:, 0]),
         seconds=tuple(times[:, 1]),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import zipfile
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ import torch
 
 from conf.schema import ConfigError
 from trainers.export import policy_file, pretrained
+from trainers.utils.atomic_io import atomic_file
 
 FORMAT = 1
 POLICY = ("config", "vocabulary", "widths", "algorithm")  # what it takes to act
@@ -35,15 +35,8 @@ def save(path: Path, payload: dict[str, Any]) -> None:
         raise CheckpointError(
             f"{path}: {needed / 2**20:.0f} MiB are needed for a checkpoint, {free / 2**20:.0f} are free"
         )
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with open(beside, "wb") as file:
-            torch.save({"format": FORMAT, **payload}, file)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    with atomic_file(path) as file:
+        torch.save({"format": FORMAT, **payload}, file)
 
 
 def load(path: Path, to_train: bool = False) -> dict[str, Any]:

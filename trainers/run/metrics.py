@@ -1,41 +1,46 @@
-"""What a run measures on its way: metrics.csv, events for TensorBoard and W&B, eval.json."""
+"""The measurements of a run: metrics.csv, and events for TensorBoard and Weights & Biases."""
 
 from __future__ import annotations
 
 import csv
-import json
 import math
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from conf.schema import ConfigError
 
-EVALUATED = ("success_at_end", "success_once", "wrong_object", "mean_return", "mean_length")
+EVALUATION_NAMES = ("success_at_end", "success_once", "wrong_object", "mean_return", "mean_length")
 
 
-class Metrics:
-    """metrics.csv, one row an iteration, with a header that never changes, and the loggers beside it.
+class MetricsWriter:
+    """Writes metrics.csv, one row an iteration under a fixed header, and sends the values to the loggers.
 
-    Columns named time/... are timings: two runs of one seed agree in all others. A cell is empty where there was
-    nothing to measure. after: on resuming, rows of more frames than this are dropped, since they come again.
+    Columns named time/... are timings: two runs with the same seed agree in all other columns. The cell of a value that
+    was not measured is empty.
+
+    Args:
+        folder: of the run.
+        columns: names of all columns; the first is "frames".
+        loggers: "tensorboard", "wandb".
+        after: when resuming, the frames of the checkpoint: rows with more frames are dropped, since they are measured
+            again. None starts a new file.
     """
 
     def __init__(
         self, folder: Path, columns: Sequence[str], loggers: Iterable[str] = (), after: int | None = None
     ) -> None:
         self.path, self.columns = folder / "metrics.csv", list(columns)
-        kept = [] if after is None else [row for row in read_metrics(self.path) if row["frames"] <= after]
+        earlier = [] if after is None else [row for row in read_metrics(self.path) if row["frames"] <= after]
         self.file = open(self.path, "w", newline="")  # noqa: SIM115
         self.writer = csv.DictWriter(self.file, self.columns)
         self.writer.writeheader()
-        for row in kept:
+        for row in earlier:
             self.writer.writerow({name: _cell(row.get(name, math.nan)) for name in self.columns})
-        self.loggers = [_logger(name, folder) for name in loggers]
+        self.loggers = [_make_logger(name, folder) for name in loggers]
 
     def write(self, row: Mapping[str, float]) -> None:
-        """One iteration. Raises ValueError for a column that was not announced."""
+        """Write the row of one iteration. Raises ValueError for a name that is not a column."""
         self.writer.writerow({name: _cell(value) for name, value in row.items()})
         self.file.flush()
         for name, value in row.items():
@@ -43,6 +48,7 @@ class Metrics:
                 logger.log_scalar(name, value, step=int(row["frames"]))
 
     def close(self) -> None:
+        """Close the file and the loggers."""
         self.file.close()
         for logger in self.loggers:
             close = getattr(logger.experiment, "close", None) or getattr(logger.experiment, "finish", None)
@@ -51,16 +57,19 @@ class Metrics:
 
 
 def read_metrics(path: Path) -> list[dict[str, float]]:
-    """The rows of a metrics.csv; an empty cell is NaN. No rows where there is no file.
+    """The rows of a metrics.csv; an empty cell is NaN. [] if there is no file.
 
-    A last line that a kill has cut short is left out. Raises ConfigError for any other damage.
+    A last line without an end, as a killed process leaves it, is ignored.
+
+    Raises:
+        ConfigError: the file is damaged in another way.
     """
     if not path.is_file():
         return []
     lines = path.read_bytes().decode(errors="replace").splitlines(keepends=True)
     header, *rest = [line.strip().split(",") for line in lines if line.endswith("\n")] or [["frames"]]
     if "frames" not in header:
-        raise ConfigError(f"{path} is damaged: its first line names no column frames")
+        raise ConfigError(f"{path} is damaged: its first line has no column frames")
     rows = []
     for number, cells in enumerate(rest, 2):
         try:
@@ -70,18 +79,11 @@ def read_metrics(path: Path) -> list[dict[str, float]]:
     return rows
 
 
-def write_json(path: Path, values: Mapping[str, Any]) -> None:
-    """Plain values, written whole or not at all."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(json.dumps(values, indent=2) + "\n")
-    os.replace(beside, path)
-
-
 def _cell(value: float) -> str:
     return repr(float(value)) if math.isfinite(value) else ""
 
 
-def _logger(name: str, folder: Path) -> Any:
+def _make_logger(name: str, folder: Path) -> Any:
     if name == "tensorboard":
         from torchrl.record.loggers.tensorboard import TensorboardLogger
 

@@ -23,8 +23,9 @@ from trainers.rollout.collection import Episodes, MakeEnv, Rollouts, derive_seed
 from trainers.rollout.evaluation import EvalResult, Interrupted, evaluate
 from trainers.rollout.video import record
 from trainers.run import checkpoint
-from trainers.run.metrics import EVALUATED, Metrics, write_json
+from trainers.run.metrics import EVALUATION_NAMES, MetricsWriter
 from trainers.run.progress import Progress
+from trainers.utils.atomic_io import write_json
 
 TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/total", "time/frames_per_s")
 
@@ -114,7 +115,7 @@ class Run:
         checkpoint.save(path, payload)
         return path
 
-    def train(self, metrics: Metrics, stop: Stop, progress: Progress) -> None:
+    def train(self, metrics: MetricsWriter, stop: Stop, progress: Progress) -> None:
         """As many whole batches as total_frames holds, but one at least.
 
         Raises Interrupted between two updates, DivergedError, CollectionError.
@@ -175,7 +176,7 @@ class Run:
             self.counters["best"] = result.success_at_end
             self.save("best")
         self.save("last")
-        return {f"eval/{name}": getattr(result, name) for name in EVALUATED}
+        return {f"eval/{name}": getattr(result, name) for name in EVALUATION_NAMES}
 
     def evaluate(self, episodes: int, index: int, stop: Stop) -> EvalResult:
         """Episodes of evaluation `index`: none of them is ever trained on, or seen by another evaluation."""
@@ -229,10 +230,10 @@ def fit(
             "frames",
             *run.episodes.metrics,
             *run.algorithm.metrics,
-            *(f"eval/{n}" for n in EVALUATED),
+            *(f"eval/{n}" for n in EVALUATION_NAMES),
             *TIMINGS,
         )
-        metrics = Metrics(folder, columns, plan.run.logger, run.counters["frames"] if resume else None)
+        metrics = MetricsWriter(folder, columns, plan.run.logger, run.counters["frames"] if resume else None)
         with Stop() as stop, Progress(plan.run.total_frames, run.counters["frames"], progress) as shown:
             try:
                 run.train(metrics, stop, shown)

@@ -1,1 +1,1 @@
-"""Several runs: jobs, and the records that they leave."""
+"""Several runs together: sweeps, their jobs, and the records that finished runs leave."""

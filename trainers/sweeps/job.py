@@ -1,6 +1,6 @@
-"""One job of a sweep: `python train.py` in a process of its own, begun, gone on with, or not needed any more.
+"""One job of a sweep: `train.py` in a separate process, started, resumed or skipped.
 
-Runs in a worker process of Hydra's launcher, whose main thread waits for the job and passes on what it prints.
+This code runs in a worker process of Hydra's launcher. Its main thread waits for the job and forwards its output.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from omegaconf import DictConfig
 
 from conf.schema import ConfigError, read
 from trainers.config import CollectorConfig, cores, workers
-from trainers.run.metrics import write_json
-from trainers.sweeps.sweep import OURS, as_value
+from trainers.sweeps.arguments import NON_JOB_PREFIXES, quote_path
+from trainers.utils.atomic_io import write_json
 
-PR_SET_PDEATHSIG = 1
+PR_SET_PDEATHSIG = 1  # of prctl(2)
 ENVIRONMENT = {"PYTHONUNBUFFERED": "1", "HYDRA_FULL_ERROR": "1"}
 
 
-class Worker:
-    """This worker process: the job that it waits for, and whether it was asked to stop."""
+class JobWorker:
+    """The state of this worker process: the job that it waits for, and the signal that it received."""
 
     def __init__(self) -> None:
         self.signal = 0
@@ -34,8 +34,8 @@ class Worker:
         self.busy = False
         self.job: subprocess.Popen[str] | None = None
 
-    def listen(self) -> None:
-        """Stop, with the job, on SIGINT and SIGTERM, and when the process that began the sweep is gone."""
+    def handle_signals(self) -> None:
+        """Stop this worker and its job on SIGINT, on SIGTERM, and (on Linux) when the sweep's main process dies."""
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._stop)
         if sys.platform == "linux":
@@ -45,15 +45,24 @@ class Worker:
         self.signal = number
         if self.job is not None:
             self.job.terminate()
-        self.leave_if_alone()
+        self.exit_if_orphaned()
 
-    def leave_if_alone(self) -> None:
-        """End where the process that began the sweep is gone: nobody waits for a result or sends other jobs."""
+    def exit_if_orphaned(self) -> None:
+        """End this process if the sweep's main process is gone: no other process reads results or sends jobs."""
         if not self.busy and os.getppid() != self.parent:
             os._exit(128 + self.signal)
 
     def run(self, command: Sequence[str], errors: Path, name: str) -> int:
-        """The exit status of `command`, whose stdout is passed on line by line, and its stderr kept in a file."""
+        """Run a command and print its stdout line by line.
+
+        Args:
+            command: program and arguments.
+            errors: file for its stderr.
+            name: prefix of each printed line.
+
+        Returns:
+            The exit status; negative for a signal.
+        """
         self.busy = True
         with open(errors, "w") as file:
             job = subprocess.Popen(
@@ -66,7 +75,7 @@ class Worker:
                 env={**os.environ, **ENVIRONMENT},
             )
         self.job = job
-        if self.signal:  # it came before there was a job to ask
+        if self.signal:  # received before the job existed
             job.terminate()
         for line in job.stdout or ():
             print(f"[{name}] {line}", end="", flush=True)
@@ -75,40 +84,52 @@ class Worker:
         return code
 
 
-WORKER = Worker()
+WORKER = JobWorker()
 
 
-def work(program: Path, config: DictConfig, overrides: Sequence[str], folder: Path) -> None:
-    """Run the job of these overrides, unless it is done or the sweep was stopped.
+def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder: Path) -> None:
+    """Run the job with these overrides, unless it has finished or the sweep was stopped.
 
-    program: train.py. config: as composed. folder: made for the job by Hydra; not used where the sweep has another one
-    for the same overrides from before.
+    Args:
+        program: path of train.py.
+        config: the composed config.
+        overrides: of the job, as Hydra has them.
+        folder: made for the job by Hydra; removed if an earlier start of the sweep made another one for this job.
     """
-    WORKER.listen()
-    own = [word for word in overrides if not word.startswith(OURS)]
-    place = find_place(folder, own)
+    WORKER.handle_signals()
+    own = [word for word in overrides if not word.startswith(NON_JOB_PREFIXES)]
+    place = find_job_folder(folder, own)
     if place != folder and not any(folder.iterdir()):
         folder.rmdir()
     if (place / "eval.json").exists():
-        print(f"[{place.name}] finished before", flush=True)
+        print(f"[{place.name}] has finished already", flush=True)
         return
     if WORKER.signal:
-        return WORKER.leave_if_alone()
+        return WORKER.exit_if_orphaned()
     place.mkdir(exist_ok=True)
     write_json(place / "job.json", {"overrides": own})
     (place / "error.txt").unlink(missing_ok=True)
     errors = place / ".stderr"
-    code = WORKER.run(command(program, config, own, place), errors, place.name)
+    code = WORKER.run(job_command(program, config, own, place), errors, place.name)
     if code and not WORKER.signal:
-        text = told(code, errors.read_text(errors="replace"))
-        (place / "error.txt").write_text(text + "\n")
-        print(f"[{place.name}] failed: {text.splitlines()[-1]}", flush=True)
+        message = failure_message(code, errors.read_text(errors="replace"))
+        (place / "error.txt").write_text(message + "\n")
+        print(f"[{place.name}] failed: {message.splitlines()[-1]}", flush=True)
     errors.unlink()
-    WORKER.leave_if_alone()
+    WORKER.exit_if_orphaned()
 
 
-def find_place(folder: Path, overrides: Sequence[str]) -> Path:
-    """The folder in which the sweep has begun this job before, or else `folder`, or one beside it if that is taken."""
+def find_job_folder(folder: Path, overrides: Sequence[str]) -> Path:
+    """The folder of a job in its sweep.
+
+    Args:
+        folder: where Hydra would put the job.
+        overrides: they identify the job, in any order.
+
+    Returns:
+        The folder in which the sweep started this job before; otherwise `folder`, or a numbered one beside it if
+        another job has that.
+    """
     for place in (folder, *sorted(folder.parent.iterdir())):
         file = place / "job.json"
         if file.is_file() and sorted(json.loads(file.read_text())["overrides"]) == sorted(overrides):
@@ -117,33 +138,41 @@ def find_place(folder: Path, overrides: Sequence[str]) -> Path:
     return next(name for name in names if not (name / "job.json").exists())
 
 
-def command(program: Path, config: DictConfig, overrides: Sequence[str], place: Path) -> list[str]:
-    """What runs the job on its share of the cores: from its checkpoint, where it has one."""
-    words = [f"hydra.run.dir={as_value(place)}"]
+def job_command(program: Path, config: DictConfig, overrides: Sequence[str], place: Path) -> list[str]:
+    """The command that runs the job on its share of the cores. It resumes from a checkpoint in `place`, if any."""
+    words = [f"hydra.run.dir={quote_path(place)}"]
     if any((place / "checkpoints").glob("*.pt")):
-        words.append(f"resume={as_value(place)}")
+        words.append(f"resume={quote_path(place)}")
     else:
         words += overrides
-    return [sys.executable, str(program), *words, *shared(config)]
+    return [sys.executable, str(program), *words, *core_share(config)]
 
 
-def shared(config: DictConfig) -> list[str]:
-    """Overrides that keep a job to its share of the cores, where nothing else was asked for."""
+def core_share(config: DictConfig) -> list[str]:
+    """Overrides that limit a job to its share of the cores, for the keys that the user left at their defaults."""
     try:
         collector = read(CollectorConfig, config.collector, "collector")
     except ConfigError:
-        return []  # the job itself says so
+        return []  # the job reports the error itself
     jobs = config.sweep.jobs
     threads = [] if config.update_threads else [f"update_threads={max(1, cores() // jobs)}"]
     return threads if collector.workers else [f"collector.workers={workers(collector, jobs)}", *threads]
 
 
-def told(code: int, errors: str) -> str:
-    """Why a job failed, by its exit status and stderr: one line if it knows, the traceback or all it said if not."""
+def failure_message(code: int, errors: str) -> str:
+    """Why a job failed.
+
+    Args:
+        code: its exit status; negative for a signal.
+        errors: its stderr.
+
+    Returns:
+        The last "error: ..." line; without one, the traceback or the whole stderr, and the signal.
+    """
     lines = errors.splitlines()
-    said = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
-    if said:
-        return said[-1]
-    began = next((i for i, line in enumerate(lines) if line.startswith("Traceback ")), 0)
-    ended = [f"the process was ended by {signal.Signals(-code).name}"] if code < 0 else []
-    return "\n".join([*lines[began:], *ended]).strip() or f"the process ended with exit status {code}"
+    messages = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
+    if messages:
+        return messages[-1]
+    start = next((i for i, line in enumerate(lines) if line.startswith("Traceback ")), 0)
+    ending = [f"the process was ended by {signal.Signals(-code).name}"] if code < 0 else []
+    return "\n".join([*lines[start:], *ending]).strip() or f"the process ended with exit status {code}"

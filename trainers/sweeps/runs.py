@@ -1,4 +1,4 @@
-"""The runs that a directory holds: what each was told, what it measured, and how it ended."""
+"""The runs in a directory: config, overrides, metrics and result of each, and groups of equal configurations."""
 
 from __future__ import annotations
 
@@ -16,15 +16,29 @@ import yaml
 from conf.schema import ConfigError
 from trainers.run.metrics import read_metrics
 
-# What does not make another configuration of a run: the seed, and how or on what it was run.
-ASIDE = ("seed", "resume", "sweep", "device", "logger", "update_threads", "eval", "collector.workers")
-FIRST = ("scenario", "robot.name", "control.name", "task.name", "algo.name", "policy.name")  # what groups are named by
-NEEDED = ("success_at_end", "ci95", "episodes", "wrong_object", "frames", "wall_s")
+# Keys that do not identify a configuration: the seed, and how or on what hardware it was run. `choices` repeats values.
+NOT_CONFIGURATION = (
+    "seed",
+    "resume",
+    "sweep",
+    "device",
+    "logger",
+    "update_threads",
+    "eval",
+    "collector.workers",
+    "choices",
+)
+NAME_KEYS = ("scenario", "robot.name", "control.name", "task.name", "algo.name", "policy.name")  # they name a group
+RESULT_KEYS = ("success_at_end", "ci95", "episodes", "wrong_object", "frames", "wall_s")  # required in eval.json
 
 
 @dataclass(frozen=True)
-class Run:
-    """config: as composed; empty where the run was refused. result: eval.json; None where the run has not finished."""
+class RunRecord:
+    """What a run has left in its folder.
+
+    config: as composed; empty if the run was refused. overrides: of a sweep's job; empty otherwise. result: eval.json;
+    None if the run has not finished. error: why it failed, if it did.
+    """
 
     folder: Path
     config: dict[str, Any]
@@ -34,137 +48,147 @@ class Run:
 
     @cached_property
     def rows(self) -> list[dict[str, float]]:
-        """metrics.csv. Raises ConfigError where it is damaged."""
+        """metrics.csv. Raises ConfigError for a damaged file."""
         return read_metrics(self.folder / "metrics.csv")
 
     @property
-    def evaluated(self) -> list[dict[str, float]]:
-        """The rows in which the deterministic policy was judged on fresh episodes."""
+    def evaluations(self) -> list[dict[str, float]]:
+        """The rows with an evaluation of the deterministic policy."""
         return [row for row in self.rows if row.get("eval/success_at_end", float("nan")) >= 0]
 
     @property
     def seed(self) -> Any:
+        """The run's seed; None if the run was refused."""
         return self.config.get("seed")
 
     @property
     def reason(self) -> str:
-        """The line of `error` that says most: a traceback's last one."""
+        """The last line of `error`: of a traceback, the exception."""
         return (self.error or "").strip().splitlines()[-1]
 
     @property
-    def ending(self) -> str:
-        """How it ended, where it did not finish."""
+    def status(self) -> str:
+        """How the run ended, if it has not finished."""
         return f"failed: {self.reason}" if self.error else "not finished"
 
     @property
     def command(self) -> str:
-        """What one types to get this run by itself; "-" where nothing tells."""
-        return typed(self.overrides) if self.overrides else "-"
+        """The command that repeats this run alone; "-" if its overrides are not known."""
+        return command_line(self.overrides) if self.overrides else "-"
 
 
-def find_runs(folder: Path) -> list[Run]:
-    """The runs in a directory: itself, those in it, and those of the sweeps in it. Raises ConfigError."""
+def find_runs(folder: Path) -> list[RunRecord]:
+    """The runs in a directory: the directory itself, those in it, and those of sweeps in it.
+
+    Raises:
+        ConfigError: it is not a directory, holds no runs, or holds damaged files.
+    """
     if not folder.is_dir():
         raise ConfigError(f"{folder} is not a directory" if folder.exists() else f"{folder} does not exist")
     names = ("config.yaml", "job.json")
     files = [file for depth in ("", "*/", "*/*/") for name in names for file in folder.glob(depth + name)]
-    places = sorted({file.parent for file in files}, key=_order)
+    places = sorted({file.parent for file in files}, key=_job_number)
     if not places:
         raise ConfigError(f"{folder} holds no runs: there is no config.yaml in it, nor in the directories in it")
     return [_load(place) for place in places]
 
 
-def _order(place: Path) -> tuple[Any, ...]:
-    """Jobs of a sweep by their numbers."""
+def _job_number(place: Path) -> tuple[Any, ...]:
+    """Sorts the jobs of a sweep by their numbers."""
     number = place.name.partition("_")[0]
     return (str(place.parent), int(number) if number.isdigit() else -1, place.name)
 
 
-def _load(place: Path) -> Run:
+def _load(place: Path) -> RunRecord:
     result, error = place / "eval.json", place / "error.txt"
-    return Run(
+    return RunRecord(
         place,
-        config=_mapping(place / "config.yaml"),
-        overrides=list(_mapping(place / "job.json").get("overrides", [])),
-        result=_mapping(result, NEEDED) if result.is_file() else None,
+        config=_read_mapping(place / "config.yaml"),
+        overrides=list(_read_mapping(place / "job.json").get("overrides", [])),
+        result=_read_mapping(result, RESULT_KEYS) if result.is_file() else None,
         error=(error.read_text(errors="replace").strip() or "unknown") if error.is_file() else None,
     )
 
 
-def _mapping(file: Path, needed: Sequence[str] = ()) -> dict[str, Any]:
-    """What a YAML or JSON file holds, {} where there is none. Raises ConfigError."""
+def _read_mapping(file: Path, required: Sequence[str] = ()) -> dict[str, Any]:
+    """The mapping in a YAML or JSON file; {} if there is no file. Raises ConfigError."""
     if not file.is_file():
         return {}
     try:
         text = file.read_text()
-        known = json.loads(text) if file.suffix == ".json" else yaml.safe_load(text) or {}
-        missing = [name for name in needed if name not in known]
+        values = json.loads(text) if file.suffix == ".json" else yaml.safe_load(text) or {}
+        missing = [name for name in required if name not in values]
     except (ValueError, TypeError, yaml.YAMLError):
         raise ConfigError(f"{file} is damaged") from None
-    if not isinstance(known, dict) or missing:
+    if not isinstance(values, dict) or missing:
         raise ConfigError(f"{file} is damaged" + f": it has no {', '.join(missing)}" * bool(missing))
-    return known
+    return values
 
 
-def typed(overrides: Sequence[str], *flags: str) -> str:
-    """A command as a person types it in a shell."""
-    return shlex.join(["python", "train.py", *flags, *map(plain, overrides)])
+def command_line(overrides: Sequence[str], *flags: str) -> str:
+    """The shell command that runs train.py with these overrides and flags."""
+    return shlex.join(["python", "train.py", *flags, *map(unquote_numbers, overrides)])
 
 
-def plain(override: str) -> str:
-    """An override without the quotes that Hydra wants about an option that is a number."""
+def unquote_numbers(override: str) -> str:
+    """An override without the quotes that Hydra requires around an option that is a number."""
     return re.sub(r"'(\d+)'", r"\1", override)
 
 
-def differing(overrides: Sequence[Sequence[str]]) -> list[str]:
-    """Each list of overrides as words, without those that all of them have."""
-    everywhere = set.intersection(*map(set, overrides)) if len(overrides) > 1 else set()
-    return [" ".join(plain(word) for word in words if word not in everywhere) or "default" for words in overrides]
+def distinct_overrides(overrides: Sequence[Sequence[str]]) -> list[str]:
+    """A name for each list of overrides: the overrides that not all lists contain."""
+    common = set.intersection(*map(set, overrides)) if len(overrides) > 1 else set()
+    return [" ".join(unquote_numbers(w) for w in words if w not in common) or "default" for words in overrides]
 
 
-def groups(runs: Sequence[Run]) -> dict[str, list[Run]]:
-    """Runs of the same configuration but for the seed, by a label that tells them from the others.
+def group_by_configuration(runs: Sequence[RunRecord]) -> dict[str, list[RunRecord]]:
+    """Runs that have the same configuration except for the seed, by a label of the configuration.
 
-    The label names what differs: robot, control, task, algo and policy, and of other keys as few as it takes.
+    A label names what differs between the groups: robot, control, task, algo and policy, and few other keys.
     """
     flat = [dict(flatten(run.config)) for run in runs]
-    keys = telling(flat)
-    found: dict[str, list[Run]] = {}
+    keys = distinguishing_keys(flat)
+    grouped: dict[str, list[RunRecord]] = {}
     for run, values in zip(runs, flat, strict=True):
-        found.setdefault(label(keys, values), []).append(run)
-    return found
+        grouped.setdefault(label(keys, values), []).append(run)
+    return grouped
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    """Every value of a nested config with its dotted key, but for those `ASIDE`."""
-    out: list[tuple[str, Any]] = []
+    """The values of a nested config with their dotted keys. Excludes keys that do not identify a configuration."""
+    items: list[tuple[str, Any]] = []
     for name, value in config.items():
         key = f"{prefix}{name}"
-        if key in ASIDE:
+        if key in NOT_CONFIGURATION:
             continue
-        out += flatten(value, f"{key}.") if isinstance(value, dict) else [(key, value)]
-    return out
+        items += flatten(value, f"{key}.") if isinstance(value, dict) else [(key, value)]
+    return items
 
 
-def telling(configs: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Keys by which the configs fall into as many groups as by all keys: names that differ, and what else it takes."""
-    chosen = [key for key in FIRST if _count(configs, [key]) > 1]
-    for key in sorted({key for config in configs for key in config} - set(FIRST)):
-        if _count(configs, [*chosen, key]) > _count(configs, chosen):
+def distinguishing_keys(configs: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Keys that split the configs into as many groups as all keys do: first `NAME_KEYS`, then others as needed."""
+    chosen = [key for key in NAME_KEYS if _count_groups(configs, [key]) > 1]
+    for key in sorted({key for config in configs for key in config} - set(NAME_KEYS)):
+        if _count_groups(configs, [*chosen, key]) > _count_groups(configs, chosen):
             chosen.append(key)
     return chosen
 
 
-def _count(configs: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> int:
+def _count_groups(configs: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> int:
     return len({repr([config.get(key) for key in keys]) for config in configs})
 
 
 def label(keys: Sequence[str], values: Mapping[str, Any]) -> str:
-    """ "2: kuka step ppo", "panda joints sac", "kuka step ppo, policy.networks=2"."""
+    """The label of a configuration: "2: kuka step ppo", "panda joints sac", "kuka step ppo, policy.networks=2".
+
+    Args:
+        keys: those that distinguish the configurations.
+        values: of one configuration, flat.
+    """
     scenario = values.get("scenario") if "scenario" in keys else None
-    names = {"robot.name", "control.name", "algo.name"} if "scenario" in keys else set(FIRST) & set(keys)
+    names = {"robot.name", "control.name", "algo.name"} if "scenario" in keys else set(NAME_KEYS) & set(keys)
     names = names or {"robot.name", "control.name", "task.name", "algo.name"}
-    named = [key for key in FIRST[1:] if key in {*names, *keys}]
+    named = [key for key in NAME_KEYS[1:] if key in {*names, *keys}]
     head = " ".join(str(values.get(key, "-")) for key in named)
-    rest = [f"{key}={values.get(key)}" for key in keys if key not in FIRST]
+    rest = [f"{key}={values.get(key)}" for key in keys if key not in NAME_KEYS]
     return (f"{scenario}: " if scenario else "") + ", ".join(part for part in (head, *rest) if part)

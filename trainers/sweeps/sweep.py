@@ -1,11 +1,11 @@
-"""Sweeps: several runs, some at a time, and a table and report at the end; started again, only what is missing runs.
+"""Sweeps: several runs, some at a time, with a table and a report at the end. A resumed sweep runs only missing jobs.
 
-Hydra's joblib launcher hands the jobs out to worker processes, and a worker runs each job as `python train.py` in a
-process of its own: one that crashes or is killed leaves its error, and the others go on.
+Hydra's joblib launcher distributes the jobs over worker processes. Each worker runs `train.py` in a separate process:
+a job that crashes or is killed leaves its error message, and the other jobs continue.
 
-    <sweep dir>/sweep.yaml       each start of the sweep: when, with which overrides, on what machine
-    <sweep dir>/<job>/job.json   the overrides that make this job
-    <sweep dir>/<job>/error.txt  why it failed, where it did
+    <sweep dir>/sweep.yaml       each start of the sweep: time, overrides, machine
+    <sweep dir>/<job>/job.json   the overrides of this job
+    <sweep dir>/<job>/error.txt  why the job failed, if it did
 """
 
 from __future__ import annotations
@@ -18,69 +18,37 @@ import sys
 import time
 import traceback
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import yaml
 from hydra.experimental.callback import Callback
-from omegaconf import OmegaConf
 
 from conf.schema import ConfigError, read
 from trainers.config import SweepConfig
-from trainers.sweeps.runs import Run, differing, find_runs
-from trainers.utils.system_info import machine
+from trainers.sweeps.arguments import register_resolvers
+from trainers.sweeps.runs import RunRecord, distinct_overrides, find_runs
+from trainers.sweeps.sweep_file import add_start
 
 HEADER = ("run", "success", "ci95", "wrong object", "frames", "seconds")
-PATIENCE = 2.0  # seconds in which a signal heard twice is one: sent to the process, and to its group
-OURS = ("-", "hydra.", "sweep.")  # words that do not tell one job from another
-
-OmegaConf.register_new_resolver("tag", lambda choice: "" if choice == "none" else f"scenario{choice}-", replace=True)
+REPEAT_SECONDS = 2.0  # a terminal signals the process and its group: two signals within this time are one request
 
 
-def arguments(words: Sequence[str]) -> list[str]:
-    """What was typed, as Hydra takes it: sweep.resume=<dir> becomes that sweep's directory and, alone, its overrides.
-
-    Raises ConfigError for a directory that no sweep was started in.
-    """
-    own = [word for word in words if word.startswith("sweep.resume=")]
-    folder = own[-1].partition("=")[2].strip("'\"") if own else "null"
-    if folder == "null":
-        return list(words)
-    others = [word for word in words if word not in (*own, "-m", "--multirun")]
-    if all(word.startswith(OURS) for word in others):
-        others = [*starts(Path(folder))[-1]["overrides"], *others]
-    else:
-        starts(Path(folder))
-    return ["--multirun", *others, f"hydra.sweep.dir={as_value(Path(folder).absolute())}"]
-
-
-def starts(folder: Path) -> list[dict[str, Any]]:
-    """What sweep.yaml tells of each start of a sweep, the last one last. Raises ConfigError."""
-    try:
-        known = yaml.safe_load((folder / "sweep.yaml").read_text())
-        return [start | {"overrides": list(start["overrides"])} for start in known]
-    except FileNotFoundError:
-        raise ConfigError(f"sweep.resume={folder} is not the directory of a sweep: it has no sweep.yaml") from None
-    except (yaml.YAMLError, TypeError, KeyError, UnicodeDecodeError):
-        raise ConfigError(f"{folder / 'sweep.yaml'} is damaged") from None
-
-
-def as_value(path: Path) -> str:
-    """A path as the value of a Hydra override, whatever characters it has."""
-    return "'" + str(path).replace("\\", "\\\\").replace("'", "\\'") + "'"
-
-
-class Sweep(Callback):
-    """Begins and ends a multirun in Hydra's main process. The workers' copies have nothing to do."""
+class SweepCallback(Callback):
+    """Hydra's callback for the start and the end of a multirun, in the main process. Copies in workers do nothing."""
 
     def __init__(self) -> None:
-        self.signal, self.asked = 0, 0.0  # and when
+        self.signal, self.signal_time = 0, 0.0
 
     def __getstate__(self) -> dict[str, Any]:
         return {"signal": 0}
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Called in a worker process, where the job's folder name needs the resolvers."""
+        vars(self).update(state)
+        register_resolvers()
+
     def on_multirun_start(self, config: Any, **_: Any) -> None:
+        """Lock the sweep's directory, record the start and handle signals. Exits with a message for bad input."""
         folder = Path(config.hydra.sweep.dir)
         try:
             self._begin(config, folder)
@@ -94,59 +62,66 @@ class Sweep(Callback):
         read(SweepConfig, config.sweep, "sweep")
         overrides = list(config.hydra.overrides.task)
         if any(word.startswith("resume=") for word in overrides):
-            raise ConfigError("resume=<run dir> goes on with one run; a sweep goes on with sweep.resume=<sweep dir>")
+            raise ConfigError("resume=<run dir> resumes a single run; a sweep is resumed with sweep.resume=<sweep dir>")
         folder.mkdir(parents=True, exist_ok=True)
         self.lock = open(folder / ".lock", "w")  # noqa: SIM115  held until this process ends
         try:
             fcntl.flock(self.lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise ConfigError(f"a sweep is running in {folder} already") from None
-        before = starts(folder) if (folder / "sweep.yaml").exists() else []
-        start = {"time": f"{datetime.now():%Y-%m-%d %H:%M:%S}", "overrides": overrides, "machine": machine()}
-        (folder / "sweep.yaml").write_text(yaml.safe_dump([*before, start], sort_keys=False))
+        add_start(folder, overrides)
 
     def _stop(self, number: int, _frame: object) -> None:
-        """Ask the workers to stop: they ask their jobs, which save. Asked again later, give up at once."""
-        if self.signal and time.monotonic() - self.asked > PATIENCE:
+        """Terminate the workers, which stop their jobs, which save a checkpoint. A later second signal ends at once."""
+        if self.signal and time.monotonic() - self.signal_time > REPEAT_SECONDS:
             raise KeyboardInterrupt
-        self.signal, self.asked = number, self.asked or time.monotonic()
+        self.signal, self.signal_time = number, self.signal_time or time.monotonic()
         for worker in multiprocessing.active_children():
             worker.terminate()
 
     def on_multirun_end(self, config: Any, **_: Any) -> None:
+        """Print the table, write the report, and exit with an error unless every run has finished."""
         folder = Path(config.hydra.sweep.dir)
         try:
-            whole = conclude(folder)
+            finished = summarize(folder)
         except ConfigError as error:
             sys.exit(f"error: {error}")
-        except Exception:  # Hydra would make a warning of it, and exit as if all were well
+        except Exception:  # Hydra would print a warning and exit with status 0
             traceback.print_exc()
             sys.exit(1)
-        if self.signal or not whole:
-            missing = shlex.join(["python", "train.py", "-m", f"sweep.resume={folder}"])
-            print(f"what is missing runs with: {missing}", flush=True)
+        if self.signal or not finished:
+            command = shlex.join(["python", "train.py", "-m", f"sweep.resume={folder}"])
+            print(f"run the missing jobs with: {command}", flush=True)
             sys.exit(128 + self.signal if self.signal else 1)
 
 
-def conclude(folder: Path) -> bool:
-    """Print the table and write the report. Whether every run has finished. Raises ConfigError."""
+def summarize(folder: Path) -> bool:
+    """Print the table of a sweep and write its report.
+
+    Returns:
+        Whether every run has finished.
+
+    Raises:
+        ConfigError: a file of a run is damaged.
+    """
     from trainers.reports.report import write  # matplotlib is slow to import
 
     runs = find_runs(folder)
-    print("\n" + table([HEADER, *rows(runs)]), flush=True)
+    print("\n" + format_table([HEADER, *table_rows(runs)]), flush=True)
     if any(run.result for run in runs):
         print(f"report: {write(folder)}", flush=True)
     return all(run.result for run in runs)
 
 
-def rows(runs: Sequence[Run]) -> list[tuple[str, ...]]:
-    """A line of the table for each run, named by what tells it from the others."""
-    return [(name, *_row(run)) for name, run in zip(differing([run.overrides for run in runs]), runs, strict=True)]
+def table_rows(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
+    """A row for each run, named by the overrides that distinguish it from the other runs."""
+    names = distinct_overrides([run.overrides for run in runs])
+    return [(name, *_result_cells(run)) for name, run in zip(names, runs, strict=True)]
 
 
-def _row(run: Run) -> tuple[str, ...]:
+def _result_cells(run: RunRecord) -> tuple[str, ...]:
     if run.result is None:
-        return (run.ending, "", "", "", "")
+        return (run.status, "", "", "", "")
     low, high = run.result["ci95"]
     return (
         f"{run.result['success_at_end']:.3f}",
@@ -157,8 +132,8 @@ def _row(run: Run) -> tuple[str, ...]:
     )
 
 
-def table(rows: Sequence[Sequence[str]]) -> str:
-    """Rows of words as aligned columns, a line under the first. A last word may be longer than its column."""
+def format_table(rows: Sequence[Sequence[str]]) -> str:
+    """Rows of cells as aligned columns with a rule under the header. The last cell of a row may exceed its column."""
     columns = zip(*(row if any(row[2:]) else (row[0], *[""] * (len(row) - 1)) for row in rows), strict=True)
     widths = [max(map(len, column)) for column in columns]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

@@ -1,1 +1,1 @@
-"""Helpers without a concept of their own."""
+"""Atomic file writes, optional imports and system information."""

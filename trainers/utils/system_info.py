@@ -1,4 +1,4 @@
-"""What a run was made on, for reports."""
+"""The machine and library versions that a run was made with, for reports."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from trainers.config import cores
 PACKAGES = ("torch", "torchrl", "tensordict", "pybullet", "numpy")
 
 
-def machine() -> dict[str, str]:
-    """Cores, processor, system and versions, as words."""
-    known = {"cores": str(cores()), "cpu": _cpu(), "system": f"{platform.system()} {platform.machine()}"}
-    known["python"] = platform.python_version()
+def system_info() -> dict[str, str]:
+    """Number of cores, processor, operating system, and versions of Python and of `PACKAGES`, as text."""
+    info = {"cores": str(cores()), "cpu": _cpu_model(), "system": f"{platform.system()} {platform.machine()}"}
+    info["python"] = platform.python_version()
     for package in PACKAGES:
         try:
-            known[package] = version(package)
+            info[package] = version(package)
         except PackageNotFoundError:
-            known[package] = "not installed"
-    return known
+            info[package] = "not installed"
+    return info
 
 
-def _cpu() -> str:
-    """The processor's model, where the system tells."""
+def _cpu_model() -> str:
+    """The model name from /proc/cpuinfo, or what `platform` reports on other systems."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
