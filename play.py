@@ -80,12 +80,12 @@ def show(given: argparse.Namespace) -> None:
 
     played = session(given)
     from demo.gui import Gui
-    from human.body.window import TYPED, WindowDisplay, WindowKeys
+    from human.body.window import TYPING_KEYS, WindowDisplay, WindowKeys
 
     try:
         with suppress_stdout(), suppress(KeyboardInterrupt):  # Bullet's window talks as it is closed
             client = played.stage.client
-            Gui(played, WindowKeys(client, TYPED), WindowDisplay(client)).run()
+            Gui(played, WindowKeys(client, TYPING_KEYS), WindowDisplay(client)).run()
     finally:
         played.close()
 

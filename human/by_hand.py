@@ -1,6 +1,7 @@
-"""A person chooses what is meant: keys move the finger, and what it shows is written where they see it.
+"""Pointing with the keyboard: keys move the place that the finger points at, until a person chooses an object.
 
-Keys come from a `Keys`, words go to a `View`; `human/body/window.py` has both for PyBullet's window.
+Keys come from a `KeySource`; text and the finger's line go to a `Display`. `human/body/window.py` implements both for
+PyBullet's window.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from numpy.typing import ArrayLike
 from human.pointing import Array, NothingPointedAt
 from human.pointing_arm import Unreachable
 
-STEPS = {**{str(cm): cm / 100 for cm in range(1, 10)}, "0": 0.10}  # key -> metres that the others move by
-TABLE = {"right": (1, 0), "left": (-1, 0), "up": (0, 1), "down": (0, -1)}  # (right, away), as the viewer sees them
+STEPS = {**{str(cm): cm / 100 for cm in range(1, 10)}, "0": 0.10}  # key -> metres of one move
+TABLE = {"right": (1, 0), "left": (-1, 0), "up": (0, 1), "down": (0, -1)}  # key -> (right, away) seen by the viewer
 HEIGHT = {"pageup": 1, "pagedown": -1}
 HELP = (
     "arrows: finger left, right, away from you, towards you; page up, page down (or u, d): higher, lower",
@@ -25,50 +26,50 @@ HELP = (
 
 
 class KeySource(Protocol):
-    """What a person presses: "left", "right", "up", "down", "pageup", "pagedown", "enter", "escape", "0" to "9"."""
+    """Key presses: "left", "right", "up", "down", "pageup", "pagedown", "enter", "escape", "0" to "9"."""
 
     def poll(self) -> list[str]:
-        """The keys pressed since the last call, oldest first."""
+        """Returns the keys pressed since the last call, oldest first."""
 
     def escape_pressed(self) -> bool:
-        """Was Escape pressed since the last call, while nothing else is listened to?"""
+        """Returns whether Escape was pressed since the last call. Other keys pressed since then are discarded."""
 
 
 class Display(Protocol):
-    """Where the person looks."""
+    """Where text and the finger's line are shown."""
 
     @property
     def yaw(self) -> float:
-        """Degrees by which they look to the left of the y axis."""
+        """Degrees by which the viewer looks to the left of the y axis."""
 
     def write(self, lines: Sequence[str]) -> None:
-        """Show these lines, and no others."""
+        """Shows these lines in place of the earlier ones."""
 
     def draw(self, origin: ArrayLike, target: ArrayLike) -> None:
-        """Show the line from the fingertip (3,) to the target (3,), metres, and no other."""
+        """Shows the line from the fingertip (3,) to the target (3,), metres, in place of the earlier one."""
 
     def clear(self) -> None:
-        """Show nothing any more."""
+        """Removes all lines."""
 
 
 class PointingPerson(Protocol):
-    """Whom the keys move."""
+    """The person whose finger the keys move."""
 
     def point(self, target: Array) -> Array:
-        """Point at target (3,), metres; the fingertip (3,) then. Raises Unreachable, and stays."""
+        """Points at target (3,), metres; returns the fingertip (3,). Raises Unreachable, and then nothing moves."""
 
     def nearest(self) -> int:
-        """The object nearest to the finger's ray. Raises NothingPointedAt."""
+        """Returns the object nearest to the finger's ray. Raises NothingPointedAt."""
 
     def meant(self) -> int:
-        """The one that is meant, going by the ray and by what is said. Raises NothingPointedAt."""
+        """Returns the referent, given the ray and the words. Raises NothingPointedAt."""
 
     def name(self, index: int) -> str:
-        """This object in words."""
+        """Returns this object's name in words."""
 
 
 class ScriptedKeys:
-    """Presses these keys one after the other, then Escape."""
+    """A key source that yields given keys one at a time, then Escape."""
 
     def __init__(self, script: Iterable[str]) -> None:
         self._script = list(script)
@@ -81,7 +82,10 @@ class ScriptedKeys:
 
 
 class RecordingDisplay:
-    """A view that nobody looks at: it keeps what it was told. pages: every list of lines, oldest first."""
+    """A display that only records.
+
+    pages: every list of lines that was written, oldest first. beam: the last line that was drawn, or None.
+    """
 
     def __init__(self, yaw: float = 0.0) -> None:
         self.yaw = yaw
@@ -99,75 +103,98 @@ class RecordingDisplay:
 
 
 class KeyboardPointer:
-    """The place pointed at, moved key by key.
+    """The place that the finger points at, moved by keys.
 
-    target: (3,) metres in the workspace frame, where the finger points. step: metres a key. note: why the last key did
-    nothing, or "". bounds: x0, x1, y0, y1, z0, z1 of the target. Raises Unreachable for a start that can't be shown.
+    Attributes:
+        target: (3,) metres in the workspace frame, where the finger points.
+        step: metres of one move.
+        note: the reason why the last key had no effect, or "".
     """
 
-    def __init__(self, arm: PointingPerson, view: Display, start: ArrayLike, bounds: Sequence[float]) -> None:
-        self._arm, self._view = arm, view
+    def __init__(self, person: PointingPerson, display: Display, start: ArrayLike, bounds: Sequence[float]) -> None:
+        """Points at `start`.
+
+        Args:
+            person: points where the keys lead.
+            display: shows the finger's line.
+            start: (3,) metres.
+            bounds: x0, x1, y0, y1, z0, z1 of the target, metres.
+
+        Raises:
+            Unreachable: the person can't point at `start`.
+        """
+        self._person, self._display = person, display
         self._low, self._high = np.reshape(bounds, (3, 2)).T
         self.step, self.note = STEPS["5"], ""
-        self._go(np.asarray(start, np.float64))
+        self._point_at(np.asarray(start, np.float64))
 
     def press(self, key: str) -> None:
-        """Move the finger, or set the step. Where the arm can't follow, it stays, and the note says so."""
+        """Moves the finger or sets the step. If the arm can't follow, the finger stays and `note` gives the reason."""
         self.note = ""
         self.step = STEPS.get(key, self.step)
         if key not in TABLE and key not in HEIGHT:
             return
-        target = self.target + self.step * key_direction(key, self._view.yaw)
+        target = self.target + self.step * key_direction(key, self._display.yaw)
         if (target < self._low - 1e-9).any() or (target > self._high + 1e-9).any():
             self.note = "the finger stays: that is too far away from the table"
             return
         try:
-            self._go(target)
+            self._point_at(target)
         except Unreachable as error:
             self.note = f"the finger stays: {error}"
 
     def chosen(self) -> int | None:
-        """The object that is meant; None where there is none, and the note says why."""
+        """Returns the referent; None where there is none, and then `note` gives the reason."""
         try:
             self.note = ""
-            return self._arm.meant()
+            return self._person.meant()
         except NothingPointedAt as error:
             self.note = str(error)
             return None
 
-    def said(self) -> list[str]:
-        """What is pointed at, how far a key goes, and the note."""
+    def status(self) -> list[str]:
+        """Returns lines of text: the object pointed at, the step and the note."""
         try:
-            shown = self._arm.name(self._arm.nearest())
+            shown = self._person.name(self._person.nearest())
         except NothingPointedAt:
             shown = "nothing"
         return [f"pointing at {shown}", f"step {self.step * 100:.0f} cm", self.note]
 
-    def _go(self, target: Array) -> None:
-        tip = self._arm.point(target)
+    def _point_at(self, target: Array) -> None:
+        tip = self._person.point(target)
         self.target = target
-        self._view.draw(tip, target)
+        self._display.draw(tip, target)
 
 
-def choose_object(hand: KeyboardPointer, keys: KeySource, view: Display, title: Sequence[str] = ()) -> int | None:
-    """The object that a person chooses: they move the finger and press Enter. None: they pressed Escape.
+def choose_object(pointer: KeyboardPointer, keys: KeySource, display: Display, title: Sequence[str] = ()) -> int | None:
+    """Lets a person move the finger until they press Enter or Escape.
 
-    title: lines above the hints.
+    Args:
+        pointer: moved by the keys.
+        keys: where key presses come from.
+        display: shows the title, the help and the pointer's status.
+        title: lines above the help.
+
+    Returns:
+        The object chosen with Enter; None for Escape.
     """
-    view.write([*title, *HELP, *hand.said()])
+    display.write([*title, *HELP, *pointer.status()])
     while True:
         for key in keys.poll():
             if key == "escape":
                 return None
-            if key == "enter" and (found := hand.chosen()) is not None:
-                return found
+            if key == "enter" and (chosen := pointer.chosen()) is not None:
+                return chosen
             if key != "enter":
-                hand.press(key)
-            view.write([*title, *HELP, *hand.said()])
+                pointer.press(key)
+            display.write([*title, *HELP, *pointer.status()])
 
 
 def key_direction(key: str, yaw: float) -> Array:
-    """(3,) unit vector along an axis of the workspace frame: the one nearest to where the key goes in this view."""
+    """Returns the axis of the workspace frame nearest to the key's direction in this view, a unit vector (3,).
+
+    yaw: degrees by which the viewer looks to the left of the y axis.
+    """
     if key in HEIGHT:
         return np.array([0.0, 0.0, HEIGHT[key]])
     turn = math.radians(90 * round(yaw / 90))

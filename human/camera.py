@@ -1,21 +1,21 @@
-"""Teach a network to read where a person points, and try it: `python -m human.camera train`, `... evaluate`.
+"""Trains and evaluates the network that reads where a person points: `python -m human.camera train`, `... evaluate`.
 
     train
-      out=pointing.npz  where the weights go; give gesture.weights that file
+      out=pointing.npz  file for the weights; give gesture.weights that file
       frames=16000      pictures that the simulator draws and labels
-      epochs=20         times that each is learned from
+      epochs=20         passes over the frames
       seed=0            of bodies, frames and network
     evaluate
-      weights=<file>    the ones that come with the project otherwise
-      scenes=1000       scattered objects, one of which is pointed at
-      objects=6         in each
-      aim=object        what is pointed at; or area: somewhere, and the object nearest to the true ray is meant
+      weights=<file>    default: the weights that come with the project
+      scenes=1000       of scattered objects, one of which is pointed at
+      objects=6         in each scene
+      aim=object        what is pointed at; aim=area: a random place, and the object nearest to the true ray counts
       seed=1            of the scenes
-    workspace.human.camera.pitch=-9 ...   any key of the workspace, to place camera, person or furniture elsewhere;
-    task.spacing=0.12 task.object_size=0.05   of the task's keys these two count: how far apart objects are, how large
+    workspace.human.camera.pitch=-9 ...   any key of the workspace, to move camera, person or furniture
+    task.spacing=0.12 task.object_size=0.05   of the task's keys these two: the distance between objects, their width
 
-`train` prints after each epoch how far off the ray is on frames of people who were not learned from; `evaluate` prints
-how often the object nearest to the ray is the one that was pointed at.
+`train` prints the ray's errors on people outside the training set after each epoch. `evaluate` prints how often the
+object nearest to the ray is the one that was pointed at.
 """
 
 from __future__ import annotations
@@ -41,12 +41,15 @@ from human.ray_reader import RayNetwork, RayReader, save
 from human.synthetic_frames import FrameGenerator, LabelledFrames
 from human.train_reader import error_summary, fit
 
-VALIDATION_BODIES = 8  # bodies, and 100 times as many frames, that are not learned from
+VALIDATION_BODIES = 8  # people outside the training set
+VALIDATION_FRAMES = 100  # of each of them
 TRIES = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig(Checked):
+    """Keys of `train`; the module's docstring describes them."""
+
     out: str
     frames: int = within(1, 1_000_000)
     epochs: int = within(1, 10_000)
@@ -55,6 +58,8 @@ class TrainConfig(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateConfig(Checked):
+    """Keys of `evaluate`; the module's docstring describes them."""
+
     weights: str | None
     scenes: int = within(1, 1_000_000)
     objects: int = within(1, 12)
@@ -69,8 +74,8 @@ DEFAULTS: dict[type, dict[str, Any]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Objects(Checked):
-    """Where objects are put (x0, x1, y0, y1), how far apart, and how wide they are, metres."""
+class ObjectsConfig(Checked):
+    """Where objects lie (x0, x1, y0, y1), the smallest distance between their centres, and their width, metres."""
 
     object_area: list[float] = within(-5, 5, count=4)
     spacing: float = within(0, 1)
@@ -79,15 +84,15 @@ class Objects(Checked):
 
 @dataclass(frozen=True)
 class Setup:
-    """Where it all happens: the person, the furniture, and where objects are put."""
+    """The person, the furniture in the picture, and where objects lie."""
 
     human: HumanConfig
     furniture: list[FurnitureBox]
-    objects: Objects
+    objects: ObjectsConfig
 
     @classmethod
     def of(cls, overrides: Sequence[str]) -> Setup:
-        """The place that a task with a pointing person has. Raises ConfigError."""
+        """Returns the setup of task=reach_gesture with these overrides. Raises ConfigError."""
         overrides = ["task=reach_gesture", *overrides]
         check(overrides)
         config = compose(overrides)
@@ -97,145 +102,157 @@ class Setup:
         human = read(HumanConfig, workspace["human"], "workspace.human")
         camera_of(human)
         boxes = workspace["furniture"].values()
-        blocks = [FurnitureBox(list(box["size"]), list(box["position"]), list(box["color"])) for box in boxes]
+        furniture = [FurnitureBox(list(box["size"]), list(box["position"]), list(box["color"])) for box in boxes]
         numbers = {"object_area": workspace["object_area"], **{name: task[name] for name in ("spacing", "object_size")}}
-        return cls(human, blocks, read(Objects, numbers, ""))
+        return cls(human, furniture, read(ObjectsConfig, numbers, ""))
 
 
-# ---------------------------------------------------------------------------------------------------------- train
+# ---- Training
 
 
-def train(config: TrainConfig, place: Setup) -> RayNetwork:
-    """Draw frames, learn from them, save and return the network."""
-    camera = camera_of(place.human)
+def train(config: TrainConfig, setup: Setup) -> RayNetwork:
+    """Generates frames, trains a network on them, saves and returns it. Raises ConfigError."""
+    camera = camera_of(setup.human)
     if camera.width != camera.height or camera.width % 16:
         raise ConfigError(f"workspace.human.camera.width={camera.width} must be its height, and a multiple of 16")
     out = _writable(config.out)
     rng, began = np.random.default_rng(config.seed), time.perf_counter()
-    frames, trial = (
-        generate_frames(place, config.frames, rng),
-        generate_frames(place, 100 * VALIDATION_BODIES, rng, VALIDATION_BODIES),
-    )
+    frames = generate_frames(setup, config.frames, rng)
+    validation = generate_frames(setup, VALIDATION_FRAMES * VALIDATION_BODIES, rng, VALIDATION_BODIES)
     print(f"{config.frames} frames drawn in {time.perf_counter() - began:.0f} s", flush=True)
-    network = fit(frames, config.epochs, config.seed, trial)
-    save(out, network, place.human)
+    network = fit(frames, config.epochs, config.seed, validation)
+    save(out, network, setup.human)
     print(f"saved {out.stat().st_size / 1000:.0f} kB in {out}, {time.perf_counter() - began:.0f} s in all")
     return network
 
 
 def _writable(name: str) -> Path:
-    """Where weights can be written. Raises ConfigError now rather than after the training."""
+    """Returns the path if a file can be written there. Raises ConfigError before the training, not after it."""
     path = Path(name)
-    fresh = not path.exists()
+    is_new = not path.exists()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.open("ab").close()
-        if fresh:
+        if is_new:
             path.unlink()
     except OSError as error:
         raise ConfigError(f"out={name} can't be written: {error.strerror}") from None
     return path
 
 
-def generate_frames(place: Setup, count: int, rng: Generator, bodies: int | None = None) -> LabelledFrames:
-    """So many frames of people drawn anew."""
-    studio = FrameGenerator(place.human, place.furniture, place.objects.object_area, rng, bodies)
+def generate_frames(setup: Setup, count: int, rng: Generator, bodies: int | None = None) -> LabelledFrames:
+    """Returns `count` frames of a new pool of random people; bodies: its size."""
+    generator = FrameGenerator(setup.human, setup.furniture, setup.objects.object_area, rng, bodies)
     try:
-        return studio.frames(count)
+        return generator.frames(count)
     finally:
-        studio.close()
+        generator.close()
 
 
-# ------------------------------------------------------------------------------------------------------- evaluate
+# ---- Evaluation
 
 
-def evaluate(config: EvaluateConfig, place: Setup) -> dict[str, float]:
-    """Let the person point at objects, print and return how often the camera's ray finds them."""
+def evaluate(config: EvaluateConfig, setup: Setup) -> dict[str, float]:
+    """Lets the person point at objects, and prints and returns how often the camera's ray finds them.
+
+    Returns:
+        "camera" and "true_ray": the shares of scenes in which the object nearest to that ray is the referent.
+        "frames_per_second": pictures rendered and read per second.
+
+    Raises:
+        ConfigError: objects do not fit the area, or lie out of the person's reach.
+    """
     rng = np.random.default_rng(config.seed)
-    sight = PersonCamera(place.human, place.furniture)
-    sight.hide_invisible_shapes()
-    reader = RayReader(place.human, config.weights)
-    rays, right, spent = [], [], 0.0
+    camera = PersonCamera(setup.human, setup.furniture)
+    camera.hide_invisible_shapes()
+    reader = RayReader(setup.human, config.weights)
+    rays, correct, seconds = [], [], 0.0
     for _ in range(config.scenes):
-        positions, meant, joints = _scene(config, place, sight, rng)
+        positions, referent, joints = _scene(config, setup, camera, rng)
         began = time.perf_counter()
-        tips, directions = reader.read(sight.picture(joints)[None])
-        spent += time.perf_counter() - began
-        true = sight.body.ray()
-        rays.append((tips[0], directions[0], *true))
-        right.append([_found(ray, positions) == meant for ray in ((tips[0], directions[0]), true)])
-    sight.close()
-    camera, true_ray = np.mean(right, axis=0).tolist()
+        tips, directions = reader.read(camera.picture(joints)[None])
+        seconds += time.perf_counter() - began
+        read_ray, true_ray = (tips[0], directions[0]), camera.body.ray()
+        rays.append((*read_ray, *true_ray))
+        correct.append([_pointed_or_none(ray, positions) == referent for ray in (read_ray, true_ray)])
+    camera.close()
+    return _report(config, rays, correct, seconds)
+
+
+def _report(config: EvaluateConfig, rays: list, correct: list[list[bool]], seconds: float) -> dict[str, float]:
+    """Prints and returns the results of `evaluate`."""
+    by_camera, by_true_ray = np.mean(correct, axis=0).tolist()
+    rate = config.scenes / seconds
     print(error_summary(*(np.stack(each) for each in zip(*rays, strict=True))))
-    print(f"pointed object of {config.objects}: camera {camera:.3f}, true ray {true_ray:.3f}, {config.scenes} scenes")
-    rate = config.scenes / spent
+    shares = f"camera {by_camera:.3f}, true ray {by_true_ray:.3f}"
+    print(f"pointed object of {config.objects}: {shares}, {config.scenes} scenes")
     print(f"{rate:.0f} frames/s rendered and read")
-    return {"camera": camera, "true_ray": true_ray, "frames_per_second": rate}
+    return {"camera": by_camera, "true_ray": by_true_ray, "frames_per_second": rate}
 
 
-def _scene(config: EvaluateConfig, place: Setup, sight: PersonCamera, rng: Generator) -> tuple[Array, int, Array]:
-    """Objects at (K, 3), metres, which of them is meant, and the arm (J,) of who points at it. Raises ConfigError."""
+def _scene(config: EvaluateConfig, setup: Setup, camera: PersonCamera, rng: Generator) -> tuple[Array, int, Array]:
+    """Poses the body; returns objects at (K, 3), metres, the referent and the arm's angles (J,). Raises ConfigError."""
     while True:
-        positions = scatter(place, config.objects, rng)
-        meant: int | None = int(rng.integers(config.objects))
-        x0, x1, y0, y1 = place.objects.object_area
-        target = positions[meant]
+        positions = scatter(setup, config.objects, rng)
+        referent: int | None = int(rng.integers(config.objects))
+        x0, x1, y0, y1 = setup.objects.object_area
+        target = positions[referent]
         if config.aim == "area":
-            target = rng.uniform([x0, y0, 0.0], [x1, y1, place.objects.object_size])
+            target = rng.uniform([x0, y0, 0.0], [x1, y1, setup.objects.object_size])
         try:
-            sight.body.pose(sight.body.solve(target))
+            camera.body.pose(camera.body.solve(target))
         except Unreachable as error:
             raise ConfigError(
-                f"workspace.object_area={place.objects.object_area} holds places out of reach: {error}"
+                f"workspace.object_area={setup.objects.object_area} holds places out of reach: {error}"
             ) from None
         if config.aim == "area":
-            meant = _found(sight.body.ray(), positions)
-        if meant is not None:
-            return positions, meant, sight.body.angles
+            referent = _pointed_or_none(camera.body.ray(), positions)
+        if referent is not None:
+            return positions, referent, camera.body.angles
 
 
-def _found(ray: tuple[Array, Array], positions: Array) -> int | None:
-    """The object that is pointed at; none where there is none."""
+def _pointed_or_none(ray: tuple[Array, Array], positions: Array) -> int | None:
+    """Returns the object that is pointed at, or None."""
     try:
         return int(pointed_object(*ray, positions))
     except NothingPointedAt:
         return None
 
 
-def scatter(place: Setup, count: int, rng: Generator) -> Array:
-    """(count, 3) centres of objects that lie on the table, none nearer to another than the spacing; metres."""
-    x0, x1, y0, y1 = place.objects.object_area
+def scatter(setup: Setup, count: int, rng: Generator) -> Array:
+    """Returns centres (count, 3) of objects on the table, metres, at least the spacing apart. Raises ConfigError."""
+    x0, x1, y0, y1 = setup.objects.object_area
     for _ in range(TRIES):
         places: list[Array] = []
-        for spot in rng.uniform([x0, y0], [x1, y1], (8 * count, 2)):
-            if all(np.linalg.norm(spot - other) >= place.objects.spacing for other in places):
-                places.append(spot)
+        for place in rng.uniform([x0, y0], [x1, y1], (8 * count, 2)):
+            if all(np.linalg.norm(place - other) >= setup.objects.spacing for other in places):
+                places.append(place)
         if len(places) >= count:
-            return np.column_stack((places[:count], np.full(count, place.objects.object_size / 2)))
+            return np.column_stack((places[:count], np.full(count, setup.objects.object_size / 2)))
     raise ConfigError(
-        f"objects={count} do not fit workspace.object_area={place.objects.object_area}, "
-        f"task.spacing={place.objects.spacing} apart"
+        f"objects={count} do not fit workspace.object_area={setup.objects.object_area}, "
+        f"task.spacing={setup.objects.spacing} apart"
     )
 
 
-# ------------------------------------------------------------------------------------------------ the command line
+# ---- Command line
 
 COMMANDS: dict[str, tuple[type, Any]] = {"train": (TrainConfig, train), "evaluate": (EvaluateConfig, evaluate)}
 
 
 def main(arguments: Sequence[str]) -> Any:
-    """`train` or `evaluate`, with what follows. Raises ConfigError."""
+    """Runs `train` or `evaluate` with the arguments that follow it. Raises ConfigError."""
     command = arguments[0] if arguments else ""
     if command not in COMMANDS:
         raise ConfigError(f"{command or 'nothing'} is not a command" + did_you_mean(command, COMMANDS))
-    kind, carry_out = COMMANDS[command]
+    kind, command_function = COMMANDS[command]
     names = [field.name for field in fields(kind)]
     own, overrides = split(arguments[1:], names, "seed=1")
     for word in overrides:
         key = word.partition("=")[0]
         if key.split(".")[0] not in ("workspace", "task"):
             raise ConfigError(f"{word}: {key} is not a known key" + did_you_mean(key, names))
-    return carry_out(read(kind, DEFAULTS[kind] | own, ""), Setup.of(overrides))
+    return command_function(read(kind, DEFAULTS[kind] | own, ""), Setup.of(overrides))
 
 
 if __name__ == "__main__":

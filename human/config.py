@@ -1,4 +1,4 @@
-"""What a workspace says of the person in it, and a run of how that person points."""
+"""Configuration of the person in a workspace (`workspace.human`) and of how they point in a run (`gesture`)."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 from conf.schema import Checked, ConfigError, one_of, within
 
-STYLES = ("finger", "wrist", "eye")  # the line of the body that goes through what is meant
+STYLES = ("finger", "wrist", "eye")  # the line of the body that is aimed at the target
 SOURCES = ("none", "ray", "camera")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Camera(Checked):
-    """target and distance in metres, yaw and pitch in degrees, width and height in pixels.
+    """A fixed camera.
 
-    fov: degrees that the picture's height spans.
+    target: the point that it looks at, metres. distance: from the target, metres. yaw, pitch: degrees.
+    fov: vertical field of view, degrees. width, height: pixels.
     """
 
     target: list[float] = within(-20, 20, count=3)
@@ -31,11 +32,11 @@ class HumanConfig(Checked):
     """The person.
 
     urdf: a file; None: the project's own model, `human/body/urdf_model.py`.
-    position: of the URDF's origin, which lies between the feet, in metres.
+    position: of the URDF's origin, which lies between the feet, metres.
     yaw: degrees; 0 faces +x.
     rest: angles in radians of the joints that move in pointing, in the posture that pointing starts from. All other
         joints stay at 0.
-    camera: the fixed camera that sees the person point, needed for gesture=camera; None: no camera.
+    camera: the fixed camera that sees the person point, which gesture=camera needs; None: no camera.
     """
 
     urdf: str | None
@@ -47,15 +48,24 @@ class HumanConfig(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class GestureConfig(Checked):
-    """How the person shows what is meant, and what the policy is given of it."""
+    """How the person points, and what the policy observes of it.
 
-    source: str = one_of(*SOURCES)  # nothing, the finger's true ray, or the one that a network sees in a picture
-    style: str = one_of(*STYLES)  # which line is aimed: through the last finger links, or from wrist or eyes to tip
-    noise_deg: float = within(0, 45)  # aiming error: standard deviation in each of the two directions across the ray
-    dropout: float = within(0, 1)  # how often no gesture is shown
-    switch: float = within(0, 1)  # how often the finger moves on to another object in mid-episode
-    frames: int = within(1, 10_000)  # physics steps that the arm then takes
-    weights: str | None  # of source=camera: a file; none: the ones that come with the project
+    source: "none": no gesture. "ray": the finger's true ray. "camera": the ray that a network reads from a picture.
+    style: the line that is aimed: through the last two finger links, or from the wrist or the eyes to the fingertip.
+    noise_deg: aiming error, the standard deviation in each of the two directions across the ray, degrees.
+    dropout: probability that no gesture is shown.
+    switch: probability that the finger moves on to another object during the episode.
+    frames: physics steps that this motion of the arm takes.
+    weights: of source=camera: a file; None: the weights that come with the project.
+    """
+
+    source: str = one_of(*SOURCES)
+    style: str = one_of(*STYLES)
+    noise_deg: float = within(0, 45)
+    dropout: float = within(0, 1)
+    switch: float = within(0, 1)
+    frames: int = within(1, 10_000)
+    weights: str | None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,4 +1,4 @@
-"""The person as a task knows them: asked to point at a place, they show a gesture, with the errors people make."""
+"""The person as tasks use them: they show gestures for given targets, with aiming errors and dropouts."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
-from human.body.pybullet_body import read_arm
+from human.body import read_arm
 from human.config import GestureConfig, HumanConfig
 from human.pointing import Array, add_aiming_noise
 
-FARTHEST = 3.0  # times as far as the target: where a finger that strays upwards meets the target's height no sooner
+MAX_REACH = 3.0  # limit of the aim distance, as a multiple of the distance to the target (`_aim_distance`)
 
 
 @dataclass(frozen=True)
 class Gesture:
-    """An arm (J,), radians, and the ray from its fingertip: origin (3,), metres, and unit direction (3,).
+    """A posture of the arm and the ray from its fingertip.
 
-    shown: is the arm raised? Where it hangs, the ray is the one that it would have shown.
+    joints: (J,) radians. origin: (3,) metres. direction: (3,), a unit vector.
+    shown: whether the arm is raised. For a lowered arm, the ray is the one that the person would have shown.
     """
 
     joints: Array
@@ -30,20 +31,27 @@ class Gesture:
 
 
 class Person:
-    """Somebody who is only ever asked how they would point. Raises ConfigError."""
+    """A person who computes gestures; nothing moves. Raises ConfigError for a body that cannot be loaded."""
 
     def __init__(self, human: HumanConfig, config: GestureConfig) -> None:
         self.config, self._arm = config, read_arm(human)
         self.eyes = self._arm.eyes
 
     def aim(self, target: ArrayLike) -> Gesture:
-        """The gesture whose ray goes through target (3,), metres. Raises Unreachable."""
+        """Returns the exact gesture, whose ray goes through target (3,), metres. Raises Unreachable."""
         return Gesture(*self._arm.aim(target, self.config.style))
 
     def show(self, target: ArrayLike, rng: Generator, exact: Gesture | None = None, always: bool = False) -> Gesture:
-        """The gesture for target (3,), metres, as this person makes it: strayed, or not shown, unless it `always` is.
+        """Returns a gesture for the target with this person's errors: aiming noise, and sometimes no gesture.
 
-        exact: what `aim` gives for the target, where it is known already. Raises Unreachable.
+        Args:
+            target: (3,) metres.
+            rng: source of the errors.
+            exact: the result of `aim` for the target, if known.
+            always: whether a gesture is certainly shown.
+
+        Raises:
+            Unreachable: no posture points at the target, or where the noise leads.
         """
         exact = exact or self.aim(target)
         shown = bool(rng.random() >= self.config.dropout) or always
@@ -52,15 +60,17 @@ class Person:
             return Gesture(self._arm.hanging, exact.origin, exact.direction, shown=False)
         if self.config.noise_deg == 0:
             return exact
-        return self.aim(exact.origin + direction * _reach(exact.origin, direction, np.asarray(target, np.float64)))
+        distance = _aim_distance(exact.origin, direction, np.asarray(target, np.float64))
+        return self.aim(exact.origin + direction * distance)
 
 
-def _reach(origin: Array, direction: Array, target: Array) -> float:
-    """Metres along the ray at which the finger is aimed: to the target's height, or as far as the target is.
+def _aim_distance(origin: Array, direction: Array, target: Array) -> float:
+    """Metres along the noisy ray at which the finger is aimed: up to the target's height.
 
-    The posture shows, faintly, how far away its aim is. As far as the target in all cases, that would tell which of
-    several objects at one height is meant, beyond what the ray does.
+    The posture depends slightly on the distance of its aim. If that distance were always the target's, the posture
+    would reveal which of several objects at one height is the referent, beyond what the ray tells. Rays that do not
+    reach the target's height within MAX_REACH times the target's distance are aimed at the target's distance.
     """
     far = float(np.linalg.norm(target - origin))
     level = float((target - origin)[2] / direction[2]) if direction[2] != 0 else math.inf
-    return level if 0 < level < FARTHEST * far else far
+    return level if 0 < level < MAX_REACH * far else far

@@ -1,9 +1,9 @@
-"""What a ray singles out. Pure functions of arrays: rays (..., 3), objects (..., K, 3), metres.
+"""Which object a ray refers to. Pure functions of arrays: rays (..., 3), object positions (..., K, 3), metres.
 
-A ray starts at the fingertip, its origin O, and runs along the unit vector v. An object at P lies (P - O).v along it,
-and beside it by the rejection P - O - ((P - O).v) v. What lies behind the fingertip, or WIDEST or more away from the
-ray, can't be meant. All else is judged by its distance to the ray alone (`pointed_object`), or by its angle, with what
-is known of the person's aim (`posterior`).
+A ray starts at the fingertip, its origin O, and runs along the unit vector v. An object at P lies at (P - O).v along
+the ray; its offset from the ray is the rejection P - O - ((P - O).v) v. Objects behind the fingertip, or MAX_ANGLE or
+more away from the ray, cannot be the referent. All others are compared by their distance to the ray alone
+(`pointed_object`), or by their angle and the known aiming error of the person (`posterior`).
 """
 
 from __future__ import annotations
@@ -16,16 +16,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from human.pointing_ik import Array
 
-MAX_ANGLE = np.deg2rad(45)  # nobody who points that far beside a thing means it
-HIDDEN_PRIOR = 0.1  # how likely a thing is meant that the person doesn't see, beside one in plain sight
+MAX_ANGLE = np.deg2rad(45)  # between the ray and an object that can be the referent
+HIDDEN_PRIOR = 0.1  # prior weight of an object that the person does not see; 1 for a visible one
 
 
 class NothingPointedAt(ValueError):
-    """Nothing lies along the ray. The text is the whole message."""
+    """No object lies along the ray. The text is the whole message."""
 
 
 class RayOffsets(NamedTuple):
-    """How objects lie to a ray, each (..., K): metres along it, metres beside it, radians beside it."""
+    """Positions relative to a ray, each (..., K).
+
+    along: metres along the ray. distance: metres from the ray. angle: radians from the ray, seen from its origin.
+    """
 
     along: Array
     distance: Array
@@ -33,7 +36,15 @@ class RayOffsets(NamedTuple):
 
 
 def ray_offsets(origin: ArrayLike, direction: ArrayLike, positions: ArrayLike) -> RayOffsets:
-    """origin, direction (..., 3), positions (..., K, 3). Raises ValueError for a direction of no length."""
+    """Returns how positions lie relative to rays.
+
+    Args:
+        origin, direction: (..., 3); the direction may have any length but 0.
+        positions: (..., K, 3) metres.
+
+    Raises:
+        ValueError: a direction of length 0, or one that is not finite.
+    """
     v = unit(direction)[..., None, :]
     offset = np.asarray(positions, np.float64) - np.asarray(origin, np.float64)[..., None, :]
     along = (offset * v).sum(-1)
@@ -42,7 +53,7 @@ def ray_offsets(origin: ArrayLike, direction: ArrayLike, positions: ArrayLike) -
 
 
 def unit(vector: ArrayLike) -> Array:
-    """The vector (..., 3) at length 1. Raises ValueError where it has none."""
+    """Returns vectors (..., 3) scaled to length 1. Raises ValueError for length 0 and for non-finite numbers."""
     array = np.asarray(vector, np.float64)
     length = np.linalg.norm(array, axis=-1, keepdims=True)
     if not (np.isfinite(length) & (length > 0)).all():
@@ -53,15 +64,21 @@ def unit(vector: ArrayLike) -> Array:
 def pointed_object(
     origin: ArrayLike, direction: ArrayLike, positions: ArrayLike, shown: ArrayLike | None = None
 ) -> NDArray[np.int64]:
-    """(...) index of the object nearest to each ray (..., 3), of those at positions (..., K, 3) that can be meant.
+    """Returns the index (...) of the object nearest to each ray, among those that can be the referent.
 
-    shown: (..., K) bool, which objects are there at all. Raises NothingPointedAt where there is none along a ray.
+    Args:
+        origin, direction: (..., 3).
+        positions: (..., K, 3) metres.
+        shown: (..., K) bool, which objects are present; None: all.
+
+    Raises:
+        NothingPointedAt: no object lies along one of the rays.
     """
-    lies = ray_offsets(origin, direction, positions)
-    distance = np.where(_possible(lies, shown), lies.distance, np.inf)
+    offsets = ray_offsets(origin, direction, positions)
+    distance = np.where(_possible(offsets, shown), offsets.distance, np.inf)
     nearest = distance.min(-1, initial=np.inf)
     if not np.isfinite(nearest).all():
-        raise NothingPointedAt(_nothing(lies, ~np.isfinite(nearest)))
+        raise NothingPointedAt(_nothing_message(offsets, ~np.isfinite(nearest)))
     return distance.argmin(-1)
 
 
@@ -73,40 +90,54 @@ def posterior(
     prior: ArrayLike | None = None,
     shown: ArrayLike | None = None,
 ) -> Array:
-    """(..., K) how likely each object is meant by someone whose finger strays by noise_deg across each ray.
+    """Returns the probability (..., K) that each object is the referent, given normally distributed aiming errors.
 
-    noise_deg: standard deviation in each of the two directions across; 0 leaves the nearest object alone. prior:
-    (..., K) how likely each was before anyone pointed (`visibility`), not normalised. shown: (..., K) bool, as above.
-    Rows sum to 1. Raises NothingPointedAt.
+    Args:
+        origin, direction: (..., 3).
+        positions: (..., K, 3) metres.
+        noise_deg: standard deviation of the aiming error in each of the two directions across the ray, in degrees;
+            0 gives the nearest object all the probability.
+        prior: (..., K), probabilities before the gesture (`visibility`), not necessarily normalised; None: uniform.
+        shown: (..., K) bool, which objects are present; None: all.
+
+    Raises:
+        NothingPointedAt: no object lies along one of the rays.
     """
-    lies = ray_offsets(origin, direction, positions)
-    possible = _possible(lies, shown)
-    lost = np.asarray(~possible.any(-1))
-    if lost.any():
-        raise NothingPointedAt(_nothing(lies, lost))
+    offsets = ray_offsets(origin, direction, positions)
+    possible = _possible(offsets, shown)
+    without = np.asarray(~possible.any(-1))
+    if without.any():
+        raise NothingPointedAt(_nothing_message(offsets, without))
     if noise_deg == 0:
-        nearest = np.where(possible, lies.distance, np.inf).argmin(-1)
+        nearest = np.where(possible, offsets.distance, np.inf).argmin(-1)
         return np.eye(possible.shape[-1])[nearest]
-    log = np.where(possible, -0.5 * (lies.angle / np.deg2rad(noise_deg)) ** 2, -np.inf)
+    log = np.where(possible, -0.5 * (offsets.angle / np.deg2rad(noise_deg)) ** 2, -np.inf)
     weight = np.exp(log - log.max(-1, keepdims=True)) * (1.0 if prior is None else np.asarray(prior))
     return weight / weight.sum(-1, keepdims=True)
 
 
 def visibility(eyes: ArrayLike, positions: ArrayLike, size: float) -> Array:
-    """(..., K) prior for `posterior`: 1, or HIDDEN for an object whose centre another hides from eyes (..., 3).
+    """Returns a prior (..., K) for `posterior`: 1, or HIDDEN_PRIOR where another object hides an object's centre.
 
-    size: metres that an object is wide.
+    Args:
+        eyes: (..., 3) metres.
+        positions: (..., K, 3) metres.
+        size: width of the objects, metres.
     """
     places = np.asarray(positions, np.float64)
     sight = places - np.asarray(eyes, np.float64)[..., None, :]
     depth = np.linalg.norm(sight, axis=-1)
-    lies = ray_offsets(np.asarray(eyes)[..., None, :], sight, places[..., None, :, :])  # k's line of sight, each j
-    hides = (lies.distance < size / 2) & (lies.along < depth[..., None] - size / 2) & (lies.along > 0)
+    # Entry [..., k, j]: object j relative to the line of sight to object k.
+    offsets = ray_offsets(np.asarray(eyes)[..., None, :], sight, places[..., None, :, :])
+    hides = (offsets.distance < size / 2) & (offsets.along < depth[..., None] - size / 2) & (offsets.along > 0)
     return np.where(hides.any(-1), HIDDEN_PRIOR, 1.0)
 
 
 def add_aiming_noise(direction: ArrayLike, noise_deg: float, rng: Generator) -> Array:
-    """Directions (..., 3) turned by a normal angle of standard deviation noise_deg in both directions across them."""
+    """Returns directions (..., 3) turned by a normal angle in each of the two directions across them.
+
+    noise_deg: standard deviation of each angle, degrees.
+    """
     v = unit(direction)
     across = unit(_cross(v, np.eye(3)[np.abs(v).argmin(-1)]))
     turn = np.deg2rad(noise_deg) * rng.standard_normal((*v.shape[:-1], 2))
@@ -116,20 +147,20 @@ def add_aiming_noise(direction: ArrayLike, noise_deg: float, rng: Generator) -> 
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Of (..., 3); np.cross takes three times as long for a single one."""
-    after, last = [1, 2, 0], [2, 0, 1]
-    return a[..., after] * b[..., last] - a[..., last] * b[..., after]
+    """Cross product of arrays (..., 3); np.cross takes three times as long for a single vector."""
+    following, last = [1, 2, 0], [2, 0, 1]
+    return a[..., following] * b[..., last] - a[..., last] * b[..., following]
 
 
-def _possible(lies: RayOffsets, shown: ArrayLike | None) -> NDArray[np.bool_]:
-    possible = np.asarray(lies.angle < MAX_ANGLE)
+def _possible(offsets: RayOffsets, shown: ArrayLike | None) -> NDArray[np.bool_]:
+    possible = np.asarray(offsets.angle < MAX_ANGLE)
     return possible if shown is None else possible & np.asarray(shown, bool)
 
 
-def _nothing(lies: RayOffsets, rows: NDArray[np.bool_]) -> str:
-    if lies.angle.shape[-1] == 0:
+def _nothing_message(offsets: RayOffsets, rows: NDArray[np.bool_]) -> str:
+    if offsets.angle.shape[-1] == 0:
         return "nothing lies along the ray: there is no object"
-    nearest = np.rad2deg(lies.angle[rows].min())
+    nearest = np.rad2deg(offsets.angle[rows].min())
     return (
         f"nothing lies along the ray: the nearest object is {nearest:.0f} degrees beside it, "
         f"and less than {np.rad2deg(MAX_ANGLE):.0f} is wanted; point at an object"

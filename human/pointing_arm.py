@@ -1,6 +1,6 @@
-"""The arm that points: finds the posture in which its line goes through a place, takes it, and says its ray.
+"""The pointing arm: joint angles that point at a target, motions between postures, and the ray of the finger.
 
-Numbers alone: nothing touches a person, so an arm that nobody looks at needs no body in a simulator.
+Pure NumPy: a person is never touched, so a person whom nobody sees needs no simulated body.
 """
 
 from __future__ import annotations
@@ -16,17 +16,22 @@ from human.config import STYLES
 from human.pointing_ik import Array, AttachedPoint, PointingChain
 
 FINGERTIP = "r_index3_endeffector"
-LINE_STARTS = dict(zip(STYLES, ("r_index2", "r_hand", "eyes"), strict=True))  # where each style's line starts
-NEAREST = 0.03  # metres from the fingertip: what is nearer is touched, not pointed at
+LINE_STARTS = dict(zip(STYLES, ("r_index2", "r_hand", "eyes"), strict=True))  # style -> link where its line starts
+MIN_DISTANCE = 0.03  # metres from the fingertip; anything nearer is touched, not pointed at
 
 
 class Unreachable(ValueError):
-    """No posture points there. The text is the whole message."""
+    """No posture points at the target. The text is the whole message."""
 
 
 @dataclass(frozen=True)
 class ArmModel:
-    """How an arm is made. rest: (J,) radians, the posture that it points from. points: TIP and REARS by their names."""
+    """Kinematics of an arm.
+
+    chain: the J joints that move in pointing.
+    rest: (J,) radians, the posture that pointing starts from.
+    points: FINGERTIP and each link of LINE_STARTS, by name.
+    """
 
     chain: PointingChain
     rest: Array
@@ -34,75 +39,98 @@ class ArmModel:
 
 
 class PointingArm:
-    """Of a person who stands where they stand.
+    """The arm of a person who stands at a fixed place.
 
-    low, high, rest, angles: (J,) radians of the joints that move in pointing, from the body on: their limits, the
-    posture that they point from, and where they are now. target: (3,) metres in the workspace frame, what `point_at`
-    was last given; at first where `rest` points, on the table or 1 m from the fingertip, whichever is nearer.
+    After `move`, call `advance` after every physics step for as long as `moving` is True.
 
-    After `move` call `stepped` after every physics step for as long as `moving`, a bool.
+    Attributes:
+        low, high: (J,) radians, limits of the joints that move in pointing, ordered from the body outwards.
+        rest: (J,) radians, the posture that pointing starts from.
+        angles: (J,) radians, the present posture.
+        target: (3,) metres in the workspace frame, the last target of `point_at`. Initially it lies on the ray of
+            `rest`, on the table or 1 m from the fingertip, whichever is nearer.
+        moving: bool, whether a motion is in progress.
     """
 
-    def __init__(self, build: ArmModel) -> None:
-        self.build, self.rest = build, build.rest
-        self._chain, self._points = build.chain, build.points
-        self.low, self.high = build.chain.low, build.chain.high
-        self._starts = [self.rest, *_other_starts(self.rest, self.low, self.high)]
+    def __init__(self, model: ArmModel) -> None:
+        self.model, self.rest = model, model.rest
+        self._chain, self._points = model.chain, model.points
+        self.low, self.high = model.chain.low, model.chain.high
+        self._initial_guesses = [self.rest, *_other_guesses(self.rest, self.low, self.high)]
         self._from = self._to = self.angles = self.rest
-        self._frames = self._since = 0
+        self._duration = self._elapsed = 0  # physics steps of the motion
         self.moving = False
         self.pose(self.rest)
         origin, direction = self.ray()
-        self.target = origin + direction * min(1.0, _fall(origin, direction))
+        self.target = origin + direction * min(1.0, _distance_to_table(origin, direction))
 
     @property
     def hanging(self) -> Array:
-        """(J,) angles at which the arm hangs: every joint as near to 0 as its limits let it."""
+        """(J,) radians, the lowered arm: every joint as near to 0 as its limits allow."""
         return np.clip(0.0, self.low, self.high)
 
     @property
     def eyes(self) -> Array:
-        """(3,) metres, between the eyes."""
+        """(3,) metres, the point between the eyes."""
         return self._places(LINE_STARTS["eye"])[0]
 
-    # ------------------------------------------------------------------------------------------------- where to
+    # ---- Inverse kinematics
 
     def solve(self, target: ArrayLike, style: str = "finger") -> Array:
-        """Joint angles (J,) at which the style's line goes through target (3,), metres in the workspace frame.
+        """Returns joint angles (J,) at which the style's line goes through the target.
 
-        The same for the same target, whatever was asked before; the arm stays as it is. Raises Unreachable.
+        The result depends on the target and the style alone; the arm does not move.
+
+        Args:
+            target: (3,) metres in the workspace frame.
+            style: "finger", "wrist" or "eye".
+
+        Raises:
+            Unreachable: no posture points there.
+            ValueError: an unknown style, or a target that is not 3 finite numbers.
         """
         return self.aim(target, style)[0]
 
     def aim(self, target: ArrayLike, style: str = "finger") -> tuple[Array, Array, Array]:
-        """As `solve`, and the `ray` of those angles: its origin (3,) and direction (3,), without a posture taken."""
+        """Like `solve`; also returns the ray at the solution.
+
+        Returns:
+            Joint angles (J,), the ray's origin (3,) in metres and its unit direction (3,).
+        """
         goal = np.asarray(target, np.float64)
         if goal.shape != (3,) or not np.isfinite(goal).all():
             raise ValueError(f"target={goal.tolist()} must be 3 finite numbers")
         tip, behind = self._points[FINGERTIP], self._points[line_start(style)]
-        for start in self._starts:
-            aimed = self._chain.aim(start, goal, tip, behind)
-            if aimed is not None and math.dist(aimed[1][0], goal) >= NEAREST:
-                joints, ends = aimed
+        for start in self._initial_guesses:
+            solution = self._chain.solve(start, goal, tip, behind)
+            if solution is not None and math.dist(solution[1][0], goal) >= MIN_DISTANCE:
+                joints, ends = solution
                 return joints, *ray_through(*ends)
         place = ", ".join(f"{metres:.3f}" for metres in goal)
         raise Unreachable(f"target=({place}) m: the person can't point there (style={style})")
 
     def ray(self, style: str = "finger") -> tuple[Array, Array]:
-        """The fingertip (3,), metres, and the unit direction (3,) of the style's line, as the arm is now."""
+        """Returns the style's present ray: the fingertip (3,) in metres and a unit direction (3,)."""
         return ray_through(*self._places(FINGERTIP, line_start(style)))
 
     def _places(self, *links: str) -> list[Array]:
-        """(3,) metres each, where these links are now."""
+        """The positions of these links in the present posture, (3,) metres each."""
         frames = self._chain.frames(self.angles)
         return [self._chain.place(self._points[link], frames) for link in links]
 
-    # -------------------------------------------------------------------------------------------------- motions
+    # ---- Motions
 
     def point_at(self, position: ArrayLike, relative: bool = False, style: str = "finger", frames: int = 0) -> None:
-        """Point at position (3,), metres; relative: counted from the last target. Raises Unreachable, and stays.
+        """Points at a position.
 
-        frames: physics steps that the arm takes to get there; 0: at once.
+        Args:
+            position: (3,) metres in the workspace frame.
+            relative: whether `position` is an offset from the last target.
+            style: "finger", "wrist" or "eye".
+            frames: physics steps that the motion takes; 0: immediate.
+
+        Raises:
+            Unreachable: no posture points there. The arm and `target` stay as they are.
         """
         target = np.asarray(position, np.float64) + (self.target if relative else 0.0)
         joints = self.solve(target, style)
@@ -110,54 +138,57 @@ class PointingArm:
         self.move(joints, frames)
 
     def relax(self) -> None:
-        """At once let the arm hang."""
+        """Lowers the arm immediately."""
         self.pose(self.hanging)
 
     def pose(self, joints: ArrayLike) -> None:
-        """Be at these angles (J,) at once."""
+        """Sets the joint angles (J,) immediately."""
         self.moving = False
-        self._take(np.asarray(joints, np.float64))
+        self._set_angles(np.asarray(joints, np.float64))
 
     def move(self, joints: ArrayLike, frames: int) -> None:
-        """Go to these angles (J,) within that many physics steps; 0: at once."""
+        """Starts a motion to joint angles (J,) that takes `frames` physics steps; 0: immediate."""
         if frames <= 0:
             self.pose(joints)
             return
         self._from, self._to = self.angles, np.asarray(joints, np.float64)
-        self._frames, self._since, self.moving = frames, 0, True
+        self._duration, self._elapsed, self.moving = frames, 0, True
 
     def advance(self) -> None:
-        """Tells an arm that is `moving` that a physics step has passed: it gathers speed, and slows down."""
-        self._since += 1
-        self.moving = self._since < self._frames
-        share = self._since / self._frames
+        """Advances a motion by one physics step. The speed rises and falls smoothly (cubic smoothstep)."""
+        self._elapsed += 1
+        self.moving = self._elapsed < self._duration
+        share = self._elapsed / self._duration
         share *= share * (3 - 2 * share)
-        self._take(self._from + share * (self._to - self._from) if self.moving else self._to)
+        self._set_angles(self._from + share * (self._to - self._from) if self.moving else self._to)
 
-    def _take(self, joints: Array) -> None:
+    def _set_angles(self, joints: Array) -> None:
         self.angles = joints
 
 
 def line_start(style: str) -> str:
-    """The link where the style's line starts. Raises ValueError for an unknown style."""
+    """Returns the link where the style's line starts. Raises ValueError for an unknown style."""
     if style not in LINE_STARTS:
         raise ValueError(f"style={style}" + did_you_mean(style, LINE_STARTS))
     return LINE_STARTS[style]
 
 
 def ray_through(tip: Array, behind: Array) -> tuple[Array, Array]:
-    """The ray from a point (3,) behind through the tip (3,): the tip, and the unit direction."""
+    """Returns the ray from the point `behind` (3,) through the tip (3,): the tip and the unit direction."""
     offset = tip - behind
     return tip, offset / math.sqrt(offset @ offset)
 
 
-def _fall(origin: Array, direction: Array) -> float:
-    """Metres along the ray to the table top's height; inf: it doesn't go down there."""
+def _distance_to_table(origin: Array, direction: Array) -> float:
+    """Metres along the ray to the height of the table top; inf if the ray does not meet it."""
     return -origin[2] / direction[2] if origin[2] * direction[2] < 0 else math.inf
 
 
-def _other_starts(rest: Array, low: Array, high: Array) -> list[Array]:
-    """Where to try from next when `rest` leads nowhere: always the same, spread between it and the limits."""
+def _other_guesses(rest: Array, low: Array, high: Array) -> list[Array]:
+    """Initial guesses of the solver for targets where `rest` does not converge, spread from `rest` to the limits.
+
+    The generator is seeded, so that they are the same for every arm.
+    """
     generator = np.random.Generator(np.random.PCG64(0))
     shares = np.linspace(0.3, 1.0, 6)[:, None]
     return list(rest + shares * (generator.uniform(low, high, (6, len(rest))) - rest))

@@ -1,7 +1,7 @@
-"""Which joint angles put a target on the line through two points of a body. Numpy alone, so no body has to be moved.
+"""Inverse kinematics of pointing: joint angles at which the line through two points of a body meets a target.
 
-The points hang on joints that turn one after the other; angles in radians, positions in metres in the frame in which
-the chain was read.
+NumPy alone, so no simulated body has to be moved. The two points hang on revolute joints in series. Angles are in
+radians; positions are in metres in the frame in which the chain was read.
 """
 
 from __future__ import annotations
@@ -16,69 +16,82 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ACCURACY = math.radians(0.02)  # between the line and the target
-ITERATIONS = 15
-MAX_TURN = 0.7  # radians that a joint turns in one iteration, or far steps overshoot
+TOLERANCE = math.radians(0.02)  # largest angle between the line and the target
+MAX_ITERATIONS = 15
+MAX_TURN = 0.7  # radians that a joint may turn in one iteration; larger steps overshoot
 DAMPING = 1e-8
-NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # of a cross product's coordinates
+NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # cyclic coordinate shifts of a cross product
 
 
 @dataclass(frozen=True)
 class AttachedPoint:
-    """A place (3,) in the frame of a joint's child, whose index among the chain's joints is `joint`; -1: the ground."""
+    """A point (3,) in the child frame of joint number `joint` of the chain; joint -1 is the fixed ground."""
 
     joint: int
     place: Array
 
 
-class _Miss(NamedTuple):
-    """How far a target lies beside the line from rear through tip.
+class _PointingError(NamedTuple):
+    """The angular error of the line from `rear` through `tip`, seen from the tip.
 
-    beside: (2,) the sine of the angle at the tip between the line and the direction to the target; of more than a right
-    angle, 1, or what lies behind would not miss. across: (2, 3) the units that it is taken along. sight: (3,) the unit
-    towards the target, `far` metres away. ahead: the angle's cosine. length: metres from rear to tip.
+    sine: (2,) sine of the angle between the line and the direction to the target. Beyond a right angle its norm is
+        1; otherwise a target behind the hand would have no error.
+    across: (2, 3) unit vectors in which the sine is expressed.
+    sight: (3,) unit vector from the tip to the target.
+    distance: metres from the tip to the target.
+    cosine: of the same angle.
+    length: metres from the rear point to the tip.
     """
 
-    beside: Array
+    sine: Array
     across: Array
     sight: Array
-    far: float
-    ahead: float
+    distance: float
+    cosine: float
     length: float
 
     @classmethod
-    def of(cls, ends: Array, target: Array) -> _Miss:
-        """ends: (2, 3), tip and rear."""
-        sight, far = _unit(target - ends[0])
+    def of(cls, ends: Array, target: Array) -> _PointingError:
+        """ends: (2, 3), the tip and the rear point. target: (3,)."""
+        sight, distance = _unit(target - ends[0])
         line, length = _unit(ends[0] - ends[1])
-        across, ahead = _across(line), float(sight @ line)
-        beside = across @ sight
-        if ahead < 0:
-            beside = beside / max(math.sqrt(beside @ beside), 1e-6)
-        return cls(beside, across, sight, far, ahead, length)
+        across, cosine = _orthonormal_pair(line), float(sight @ line)
+        sine = across @ sight
+        if cosine < 0:
+            sine = sine / max(math.sqrt(sine @ sine), 1e-6)
+        return cls(sine, across, sight, distance, cosine, length)
 
-    def slopes(self, ends: Array) -> Array:
-        """The derivative (2, J) of beside; ends: (2, 3, J), that of tip and rear."""
+    def jacobian(self, ends: Array) -> Array:
+        """Returns (2, J), the derivative of `sine` by the joint angles; ends: (2, 3, J), those of tip and rear."""
         tip, rear = ends
-        shifting = self.across @ (tip - self.sight[:, None] * (self.sight @ tip)) / self.far
-        turning = self.across @ (tip - rear) / self.length
-        return -shifting - turning * (self.ahead if self.ahead > 0.1 else 1.0)
+        from_shift = self.across @ (tip - self.sight[:, None] * (self.sight @ tip)) / self.distance
+        from_turn = self.across @ (tip - rear) / self.length
+        return -from_shift - from_turn * (self.cosine if self.cosine > 0.1 else 1.0)
 
 
 class PointingChain:
-    """Revolute joints, each after the one that carries it.
+    """Revolute joints, each carried by an earlier joint or by the ground.
 
-    parents: index of the joint that carries each; -1: the ground. steps: (J, 4, 4), from the parent's child frame to
-    the joint's own at angle zero. axes: (J, 3) units in the joint's frame. low, high: (J,).
+    Attributes:
+        parents: for each joint, the index of the joint that carries it; -1: the ground.
+        low, high: (J,) joint limits.
     """
 
     def __init__(self, parents: Sequence[int], steps: Array, axes: Array, low: Array, high: Array) -> None:
+        """Builds the chain of J joints.
+
+        Args:
+            parents: for each joint, the index of the joint that carries it; -1: the ground.
+            steps: (J, 4, 4) transforms from the parent's child frame to the joint's own frame at angle zero.
+            axes: (J, 3) unit vectors in the joint's frame.
+            low, high: (J,) joint limits.
+        """
         self.parents, self.low, self.high = list(parents), low, high
         self._axes = axes[..., None]
-        turn = np.zeros((len(axes), 4, 4))
-        turn[:, :3, :3] = np.cross(np.eye(3), axes[:, None])  # by the axis, from the left
+        cross = np.zeros((len(axes), 4, 4))
+        cross[:, :3, :3] = np.cross(np.eye(3), axes[:, None])  # matrix of the cross product with the axis
         # Rodrigues' formula: a joint's frame is still + sin * first + (1 - cos) * second.
-        self._still, self._first, self._second = steps, steps @ turn, steps @ turn @ turn
+        self._still, self._first, self._second = steps, steps @ cross, steps @ cross @ cross
         self._carried = np.array([[self._carries(j, k) for j in range(len(axes))] for k in [*range(len(axes)), -1]])
 
     def _carries(self, joint: int, descendant: int) -> bool:
@@ -87,7 +100,7 @@ class PointingChain:
         return descendant == joint
 
     def frames(self, angles: Array) -> Array:
-        """The joints' child frames (J, 4, 4) at angles (J,)."""
+        """Returns the joints' child frames, (J, 4, 4), at angles (J,)."""
         sines, versines = np.sin(angles)[:, None, None], (1 - np.cos(angles))[:, None, None]
         frames = self._still + sines * self._first + versines * self._second
         for joint, parent in enumerate(self.parents):
@@ -96,67 +109,78 @@ class PointingChain:
         return frames
 
     def place(self, point: AttachedPoint, frames: Array) -> Array:
+        """Returns the position (3,) of a point, given the child frames (J, 4, 4)."""
         if point.joint < 0:
             return point.place
         return frames[point.joint, :3, :3] @ point.place + frames[point.joint, :3, 3]
 
-    def aim(self, start: Array, target: Array, tip: AttachedPoint, rear: AttachedPoint) -> tuple[Array, Array] | None:
-        """Angles (J,) near `start` at which the line from rear through tip goes on through target (3,).
+    def solve(self, start: Array, target: Array, tip: AttachedPoint, rear: AttachedPoint) -> tuple[Array, Array] | None:
+        """Finds angles near `start` at which the line from `rear` through `tip` goes on through the target.
 
-        Of the angles that do, those with the smallest sum of squared turns from `start`, as far as limits let them.
-        With them where tip and rear then are, (2, 3). None where it does not get there.
+        Among the solutions it takes the one with the smallest sum of squared turns from `start`, within the limits.
+
+        Args:
+            start: (J,) angles.
+            target: (3,) metres.
+            tip, rear: the points that define the line.
+
+        Returns:
+            Angles (J,) and the positions (2, 3) of tip and rear at these angles; None without convergence.
         """
         angles = start
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             frames = self.frames(angles)
             ends = np.array([self.place(tip, frames), self.place(rear, frames)])
-            miss = _Miss.of(ends, target)
-            if miss.beside @ miss.beside < ACCURACY**2:
+            error = _PointingError.of(ends, target)
+            if error.sine @ error.sine < TOLERANCE**2:
                 return angles, ends
-            slopes = miss.slopes(self._slopes(frames, ends, (tip.joint, rear.joint)))
-            turn = self._nearest(start, slopes, slopes @ angles - miss.beside) - angles
+            jacobian = error.jacobian(self._point_jacobians(frames, ends, (tip.joint, rear.joint)))
+            turn = self._nearest(start, jacobian, jacobian @ angles - error.sine) - angles
             angles = angles + turn * min(1.0, MAX_TURN / max(np.abs(turn).max(), 1e-9))
         return None
 
-    def _slopes(self, frames: Array, ends: Array, joints: tuple[int, int]) -> Array:
-        """(2, 3, J): how two points (2, 3) that hang on these joints move as the joints turn."""
+    def _point_jacobians(self, frames: Array, points: Array, joints: tuple[int, int]) -> Array:
+        """Returns (2, 3, J), the derivatives of two points (2, 3) that hang on these joints by the joint angles."""
         axes = (frames[:, :3, :3] @ self._axes)[..., 0].T
-        arms = ends[:, :, None] - frames[:, :3, 3].T
+        arms = points[:, :, None] - frames[:, :3, 3].T
         # np.cross takes three times as long.
         moved = axes.take(NEXT, 0) * arms.take(LAST, 1) - axes.take(LAST, 0) * arms.take(NEXT, 1)
         return moved * self._carried.take(joints, 0)[:, None]
 
-    def _nearest(self, start: Array, slopes: Array, goal: Array) -> Array:
-        """The angles nearest to start within the limits at which slopes @ angles = goal.
+    def _nearest(self, start: Array, jacobian: Array, goal: Array) -> Array:
+        """Returns the angles nearest to `start`, within the limits, at which jacobian @ angles = goal.
 
-        A joint that would pass its limit is stopped there, and the others go on without it.
+        A joint that would pass its limit is fixed there, and the remaining joints are solved again.
         """
-        base, free = start, slopes
+        base, free = start, jacobian
         for _ in range(len(start)):
             (a, b), (_, d) = (free @ free.T).tolist()
-            wanted = (goal - slopes @ base).tolist()
+            wanted = (goal - jacobian @ base).tolist()
             scale = 1 / ((a + DAMPING) * (d + DAMPING) - b * b)
             x, y = wanted[0] * scale, wanted[1] * scale
             angles = base + ((d + DAMPING) * x - b * y) * free[0] + ((a + DAMPING) * y - b * x) * free[1]
-            kept = np.minimum(np.maximum(angles, self.low), self.high)
-            stopped = kept != angles
-            if not stopped.any():
+            clipped = np.minimum(np.maximum(angles, self.low), self.high)
+            at_limit = clipped != angles
+            if not at_limit.any():
                 break
-            base = np.where(stopped, kept, base)
-            free = np.where(stopped, 0.0, free)
-        return kept
+            base = np.where(at_limit, clipped, base)
+            free = np.where(at_limit, 0.0, free)
+        return clipped
 
 
 def _unit(vector: Array) -> tuple[Array, float]:
-    """Its direction and its length; of no length: of almost none."""
+    """Returns the vector's direction and length; the length is at least 1e-9, so that a zero vector does not divide."""
     length = max(math.sqrt(vector @ vector), 1e-9)
     return vector / length, length
 
 
-def _across(line: Array) -> Array:
-    """Two unit vectors (2, 3) that stand on the unit vector line (3,) and on each other."""
+def _orthonormal_pair(line: Array) -> Array:
+    """Returns two unit vectors (2, 3), orthogonal to the unit vector `line` and to each other.
+
+    Source: Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
+    """
     x, y, z = line.tolist()
-    sign = math.copysign(1.0, z)  # after Duff et al., "Building an Orthonormal Basis, Revisited", 2017
+    sign = math.copysign(1.0, z)
     a = -1.0 / (sign + z)
     b = x * y * a
     return np.array([[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]])

@@ -1,6 +1,6 @@
-"""From a picture of a person to the ray from their fingertip: the network, its weights' file, and who reads with it.
+"""A network that reads the ray of a person's finger from a picture, the file of its weights, and readers that use it.
 
-Weights are a NumPy archive without pickles; its zip format carries a checksum of every array. They are kept in 16 bits.
+Weights are a NumPy archive without pickles, in 16 bits; the zip format carries a checksum of every array.
 """
 
 from __future__ import annotations
@@ -21,19 +21,25 @@ from human.config import Camera, GestureConfig, HumanConfig
 from human.pointing_ik import Array
 
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "pointing.npz"
-SCALE = 0.1  # metres to which one of the network's units amounts
+SCALE = 0.1  # metres per unit of the network's position output
 KEY = "gesture.weights"
-TRAIN = "train others: python -m human.camera train out=<file>"
-MOVED, TURNED = 0.1, 6.0  # metres and degrees that a camera may stand beside where it stood in training
+TRAIN_HINT = "train others: python -m human.camera train out=<file>"
+MAX_SHIFT, MAX_TURN = 0.1, 6.0  # metres, degrees: how far a camera may stand from the one of the training
 
 
 class RayNetwork(nn.Module):
-    """Pictures (M, 3, H, W) in [0, 1] to fingertips (M, 3), metres, and unit directions (M, 3), in the camera's frame.
+    """Maps pictures (M, 3, H, W) in [0, 1] to fingertips (M, 3), metres, and unit directions (M, 3).
 
-    size: H = W, pixels, a multiple of 16. middle: (3,) metres, where fingertips are on average.
+    Both are in the camera's frame.
     """
 
     def __init__(self, size: int = 128, middle: Array | None = None) -> None:
+        """Builds the network.
+
+        Args:
+            size: H = W, pixels, a multiple of 16.
+            middle: (3,) metres, the mean position of fingertips; None: the origin.
+        """
         super().__init__()
         self.layers = nn.Sequential(
             *_convolution(3, 32, 6, 4),
@@ -54,34 +60,38 @@ class RayNetwork(nn.Module):
         return self.middle + SCALE * out[:, :3], functional.normalize(out[:, 3:], dim=1)
 
 
-def _convolution(before: int, after: int, kernel: int, stride: int) -> list[nn.Module]:
-    return [nn.Conv2d(before, after, kernel, stride, 1, bias=False), nn.BatchNorm2d(after), nn.ReLU()]
+def _convolution(inputs: int, outputs: int, kernel: int, stride: int) -> list[nn.Module]:
+    return [nn.Conv2d(inputs, outputs, kernel, stride, 1, bias=False), nn.BatchNorm2d(outputs), nn.ReLU()]
 
 
 def as_input(pictures: Picture) -> Tensor:
-    """Pictures (M, H, W, 3) as the network takes them."""
+    """Returns pictures (M, H, W, 3) uint8 as the network's input, (M, 3, H, W) in [0, 1]."""
     return torch.from_numpy(pictures).permute(0, 3, 1, 2).float().div_(255)
 
 
 def save(path: Path, network: RayNetwork, human: HumanConfig) -> None:
-    """Write what `load` reads: the parameters, and how the camera stood that they were trained for."""
+    """Writes the parameters and the pose of the camera that they were trained for."""
     arrays = {name: value.numpy() for name, value in network.state_dict().items() if "num_batches" not in name}
     halves = {name: value.astype(np.float32 if name == "middle" else np.float16) for name, value in arrays.items()}
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb") as file:
-        np.savez_compressed(file, lens=_lens(camera_of(human)), stand=_stand(human), **halves)
+        np.savez_compressed(file, lens=_intrinsics(camera_of(human)), stand=_camera_pose(human), **halves)
 
 
 def load(path: Path, human: HumanConfig) -> RayNetwork:
-    """The network, ready to read what this person's camera sees. Raises ConfigError where it isn't made for that."""
+    """Returns the network of a file, in evaluation mode.
+
+    Raises:
+        ConfigError: the file is missing or damaged, or was trained for another camera than this person's.
+    """
     if not path.is_file():
         raise ConfigError(f"{KEY}={path} is not a file; train it: python -m human.camera train out={path}")
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
-        _fits(path, arrays.pop("lens"), arrays.pop("stand"), human)
-        network = _filled(RayNetwork(camera_of(human).width), arrays).eval()
-        # how pictures come: a third faster
+        _check_camera(path, arrays.pop("lens"), arrays.pop("stand"), human)
+        network = _with_parameters(RayNetwork(camera_of(human).width), arrays).eval()
+        # Pictures are stored channels last; this layout is a third faster.
         return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
     except ConfigError:
         raise
@@ -90,8 +100,8 @@ def load(path: Path, human: HumanConfig) -> RayNetwork:
         raise ConfigError(f"{KEY}={path} is damaged, or holds other weights: {why}") from None
 
 
-def _filled(network: RayNetwork, arrays: dict[str, Any]) -> RayNetwork:
-    """The network with these parameters. Raises RuntimeError or ValueError for others than it has."""
+def _with_parameters(network: RayNetwork, arrays: dict[str, Any]) -> RayNetwork:
+    """Loads parameters into the network. Raises RuntimeError or ValueError if they are not the network's."""
     state = {name: torch.from_numpy(value.astype(np.float32)) for name, value in arrays.items()}
     if not all(value.isfinite().all() for value in state.values()):
         raise ValueError("not all of its numbers are finite")
@@ -100,44 +110,47 @@ def _filled(network: RayNetwork, arrays: dict[str, Any]) -> RayNetwork:
     return network
 
 
-def _fits(path: Path, lens: Array, stand: Array, human: HumanConfig) -> None:
-    """Raises ConfigError where the camera takes other pictures than those that were learned from."""
+def _check_camera(path: Path, intrinsics: Array, pose: Array, human: HumanConfig) -> None:
+    """Raises ConfigError if this person's camera differs from the one of the training."""
     camera = camera_of(human)
-    if not np.array_equal(lens, _lens(camera)):
-        wanted, given = ("{:g} x {:g} pixels, {:g} degrees".format(*each) for each in (lens, _lens(camera)))
-        raise ConfigError(f"{KEY}={path} reads pictures of {wanted}; workspace.human.camera takes {given}; {TRAIN}")
-    place, ahead = stand[:3] - _stand(human)[:3], stand[3:] @ _stand(human)[3:]
-    if np.linalg.norm(place) > MOVED or ahead < np.cos(np.deg2rad(TURNED)):
+    if not np.array_equal(intrinsics, _intrinsics(camera)):
+        wanted, given = ("{:g} x {:g} pixels, {:g} degrees".format(*each) for each in (intrinsics, _intrinsics(camera)))
         raise ConfigError(
-            f"{KEY}={path} was trained for a camera that stands elsewhere to the person, by more than {MOVED:g} m or "
-            f"{TURNED:g} degrees, than workspace.human.camera does; {TRAIN}"
+            f"{KEY}={path} reads pictures of {wanted}; workspace.human.camera takes {given}; {TRAIN_HINT}"
+        )
+    shift, cosine = pose[:3] - _camera_pose(human)[:3], pose[3:] @ _camera_pose(human)[3:]
+    if np.linalg.norm(shift) > MAX_SHIFT or cosine < np.cos(np.deg2rad(MAX_TURN)):
+        raise ConfigError(
+            f"{KEY}={path} was trained for a camera that stands elsewhere to the person, by more than {MAX_SHIFT:g} m "
+            f"or {MAX_TURN:g} degrees, than workspace.human.camera does; {TRAIN_HINT}"
         )
 
 
-def _lens(camera: Camera) -> Array:
-    """(3,) width and height in pixels, and degrees across: what all pictures have to have in common."""
+def _intrinsics(camera: Camera) -> Array:
+    """(3,) width and height in pixels and the field of view in degrees; all pictures must agree in them."""
     return np.array([camera.width, camera.height, camera.fov], np.float64)
 
 
-def _stand(human: HumanConfig) -> Array:
-    """(6,) where the camera is, metres, and where it looks, both as seen by the person: x is where they face."""
+def _camera_pose(human: HumanConfig) -> Array:
+    """(6,) the camera's position, metres, and viewing direction in the person's frame, whose x is where they face."""
     frame, yaw = CameraFrame.of(camera_of(human)), np.deg2rad(human.yaw)
     turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     return np.concatenate((turn @ (frame.place - human.position), turn @ frame.axes[2]))
 
 
 class RayReader:
-    """Reads rays off pictures of one camera. Raises ConfigError for weights that are missing or not for it."""
+    """Reads rays from pictures of one camera."""
 
     def __init__(self, human: HumanConfig, weights: str | Path | None = None) -> None:
+        """Loads weights; None: those that come with the project. Raises ConfigError as `load` does."""
         self._network = load(Path(weights) if weights is not None else SHIPPED_WEIGHTS, human)
         self._frame = CameraFrame.of(camera_of(human))
 
     @torch.no_grad()
     def read(self, pictures: Picture) -> tuple[Array, Array]:
-        """Fingertips (M, 3), metres, and unit directions (M, 3) in the workspace frame, of (M, H, W, 3) pictures.
+        """Returns fingertips (M, 3), metres, and unit directions (M, 3) in the workspace frame.
 
-        One picture after the other: in batches a picture's result depends in its last bits on how many there are.
+        Pictures (M, H, W, 3) are read one at a time: in a batch, the last bits of a result depend on the batch size.
         """
         rays = [self._network(as_input(picture[None])) for picture in pictures]
         tips, directions = (torch.cat(each).numpy().astype(np.float64) for each in zip(*rays, strict=True))
@@ -145,18 +158,20 @@ class RayReader:
 
 
 class CameraRayReader:
-    """A camera that watches people who look alike and stand alike, and tells the ray of each. Raises ConfigError."""
+    """A camera in front of people of the same body and place, and the reader of their rays."""
 
     def __init__(self, human: HumanConfig, furniture: Iterable[FurnitureBox], config: GestureConfig) -> None:
+        """Loads the person and the weights. Raises ConfigError for a style but "finger", and as `load` does."""
         if config.style != "finger":
             raise ConfigError(f"gesture.style={config.style} can't be read from the camera; gesture.style=finger can")
         self._reader = RayReader(human, config.weights)
-        self._sight = PersonCamera(human, furniture)
-        self._sight.hide_invisible_shapes()
+        self._camera = PersonCamera(human, furniture)
+        self._camera.hide_invisible_shapes()
 
     def rays(self, arms: Sequence[Array]) -> tuple[Array, Array]:
-        """Fingertips (M, 3), metres, and unit directions (M, 3) of people with their arms at these M angles (J,)."""
-        return self._reader.read(np.stack([self._sight.picture(joints) for joints in arms]))
+        """Returns fingertips (M, 3), metres, and unit directions (M, 3) of people with the arm at M angles (J,)."""
+        return self._reader.read(np.stack([self._camera.picture(joints) for joints in arms]))
 
     def close(self) -> None:
-        self._sight.close()
+        """Disconnects the camera's client. Idempotent."""
+        self._camera.close()

@@ -1,4 +1,4 @@
-"""Bullet talks while it loads. This keeps it off the terminal, where results are."""
+"""Keeps the messages of PyBullet's C++ code out of the terminal."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from contextlib import contextmanager
 
 @contextmanager
 def suppress_stdout() -> Iterator[None]:
-    """What C code prints meanwhile is dropped."""
+    """Discards what C code writes to stdout and stderr inside the block. No effect on Windows."""
     if os.name != "posix":
         yield
         return
     flush = ctypes.CDLL(None).fflush
     sys.stdout.flush()
     flush(None)
-    kept, nowhere = [os.dup(1), os.dup(2)], os.open(os.devnull, os.O_WRONLY)
-    for number in (1, 2):
-        os.dup2(nowhere, number)
+    saved, null = [os.dup(1), os.dup(2)], os.open(os.devnull, os.O_WRONLY)
+    for descriptor in (1, 2):
+        os.dup2(null, descriptor)
     try:
         yield
     finally:
-        flush(None)  # or the C library would print its buffer once the terminal is back
-        for number, copy in zip((1, 2), kept, strict=True):
-            os.dup2(copy, number)
+        flush(None)  # otherwise the C library prints its buffer after the streams are restored
+        for descriptor, copy in zip((1, 2), saved, strict=True):
+            os.dup2(copy, descriptor)
             os.close(copy)
-        os.close(nowhere)
+        os.close(null)

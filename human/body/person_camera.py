@@ -1,8 +1,8 @@
-"""What a fixed camera sees of a person who points, and how its frame lies in the workspace.
+"""Pictures of the person by a fixed camera, and the camera's frame in the workspace.
 
-In the picture: the person, without the cone along the finger that people watching a film are shown, and the furniture.
-Robot and objects are left out: as an episode begins they are out of view, and the picture is the same bit for bit.
-Bullet's software renderer takes 2.2 ms for 128 x 128 pixels without them (2.9 before `Sight.spare`), 5.0 with them.
+A picture shows the person and the furniture, without the cone along the finger that videos show. Robot and objects are
+left out: when an episode begins they are out of view, and the picture is the same bit for bit. PyBullet's software
+renderer takes 2.2 ms for 128 x 128 pixels without them (2.9 before `hide_invisible_shapes`) and 5.0 ms with them.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import pybullet as bullet
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError
+from human.body.meshes import Proportions
 from human.body.pybullet_body import Body
-from human.body.urdf_model import Proportions
 from human.config import Camera, HumanConfig
 from human.pointing_ik import Array
 
@@ -26,12 +26,13 @@ Picture = NDArray[np.uint8]
 Color = tuple[float, float, float]
 Rgba = tuple[float, float, float, float]
 TRANSPARENT: Rgba = (0.0, 0.0, 0.0, 0.0)
-NEAR, FAR = 0.05, 10.0  # metres between which anything is drawn
+NEAR, FAR = 0.05, 10.0  # metres, clipping planes
+BACKGROUND_DEPTH = 0.9999  # depth buffer values above this belong to no object
 
 
 @dataclass(frozen=True)
 class FurnitureBox:
-    """A piece of furniture: size and position of its centre in metres, color RGB in [0, 1]."""
+    """A piece of furniture. size: side lengths, metres. position: of its centre, metres. color: RGB in [0, 1]."""
 
     size: Sequence[float]
     position: Sequence[float]
@@ -40,7 +41,10 @@ class FurnitureBox:
 
 @dataclass(frozen=True)
 class Light:
-    """direction: where it comes from, of any length. ambient, diffuse, specular: shares of it that come back."""
+    """A directional light.
+
+    direction: where the light comes from, of any length. color: RGB. ambient, diffuse, specular: reflected shares.
+    """
 
     direction: Color = (0.5, -0.6, 1.5)
     color: Color = (1.0, 1.0, 1.0)
@@ -50,11 +54,18 @@ class Light:
 
 
 class PersonCamera:
-    """A person and the furniture in a PyBullet client of their own, posed for a camera. Raises ConfigError."""
+    """A camera and the person in front of it, with the furniture, in a PyBullet client of their own.
+
+    Attributes:
+        camera: its configuration.
+        client: PyBullet's client.
+        body: the person.
+    """
 
     def __init__(
         self, human: HumanConfig, furniture: Iterable[FurnitureBox] = (), proportions: Proportions | None = None
     ) -> None:
+        """Loads the person. Raises ConfigError for a person without a camera, or a body that does not load."""
         self.camera = camera_of(human)
         self.client = bullet.connect(bullet.DIRECT)
         try:
@@ -74,39 +85,45 @@ class PersonCamera:
         return bullet.createMultiBody(0, -1, visual, box.position, physicsClientId=self.client)
 
     def picture(self, joints: Array, camera: Camera | None = None, light: Light | None = None) -> Picture:
-        """The person with the arm at these angles (J,), as (height, width, 3)."""
-        return self.draw(joints, camera, light)[0]
+        """Returns a picture (height, width, 3) of the person with the arm at angles (J,)."""
+        return self.render(joints, camera, light)[0]
 
-    def draw(
+    def render(
         self, joints: Array, camera: Camera | None = None, light: Light | None = None
     ) -> tuple[Picture, NDArray[np.bool_]]:
-        """The picture (height, width, 3), and the pixels (height, width) in which nothing stands."""
+        """Returns a picture (height, width, 3) and the mask (height, width) of its background.
+
+        Args:
+            joints: (J,) radians, the arm's posture.
+            camera: None: the person's own.
+            light: None: the default light.
+        """
         self.body.pose(joints)
-        return draw(self.client, camera or self.camera, light or Light())
+        return render(self.client, camera or self.camera, light or Light())
 
     def hide_invisible_shapes(self) -> None:
-        """Draw no longer what `camera` does not see, however the arm is: it takes a fifth of the time."""
+        """Hides the shapes that `camera` does not see in any posture of the arm, which saves a fifth of the time."""
         arm, shapes = self._arm(), self.shapes()
         for link, index, _ in shapes:
             if link in arm:
                 self.paint(link, index, TRANSPARENT)
-        plain = draw(self.client, self.camera, Light())[0]
+        reference = render(self.client, self.camera, Light())[0]
         for link, index, rgba in shapes:
             if link not in arm:
                 self.paint(link, index, TRANSPARENT)
-            if link in arm or not np.array_equal(plain, draw(self.client, self.camera, Light())[0]):
+            if link in arm or not np.array_equal(reference, render(self.client, self.camera, Light())[0]):
                 self.paint(link, index, rgba)
 
     def _arm(self) -> set[int]:
         """The links that pointing moves."""
         arm = set(self.body.joints)
-        for link in range(bullet.getNumJoints(self.body.body, self.client)):  # what carries others comes first
+        for link in range(bullet.getNumJoints(self.body.body, self.client)):  # parents have lower indices
             if bullet.getJointInfo(self.body.body, link, self.client)[16] in arm:
                 arm.add(link)
         return arm
 
     def shapes(self) -> list[tuple[int, int, Rgba]]:
-        """(link, which of that link's shapes, RGBA) of all that is drawn of the person."""
+        """Returns (link, index of the shape within the link, RGBA) of all visual shapes but the cone."""
         counts: Counter[int] = Counter()
         found = []
         for row in bullet.getVisualShapeData(self.body.body, physicsClientId=self.client):
@@ -116,7 +133,7 @@ class PersonCamera:
         return found
 
     def paint(self, link: int, index: int, rgba: Sequence[float]) -> None:
-        """Give one of the person's shapes this colour; opacity 0 is not drawn at all."""
+        """Gives one of the person's shapes this colour; a shape of opacity 0 is not drawn."""
         bullet.changeVisualShape(self.body.body, link, index, rgbaColor=rgba, physicsClientId=self.client)
 
     @property
@@ -135,8 +152,11 @@ class PersonCamera:
             self.client = -1
 
 
-def draw(client: int, camera: Camera, light: Light) -> tuple[Picture, NDArray[np.bool_]]:
-    """What a client holds, seen by the camera, as `Sight.draw`; without shadows, which alone would take 20 ms."""
+def render(client: int, camera: Camera, light: Light) -> tuple[Picture, NDArray[np.bool_]]:
+    """Returns a picture (height, width, 3) of a client and the mask (height, width) of its background.
+
+    There are no shadows, which alone would take 20 ms.
+    """
     _, _, pixels, depth, _ = bullet.getCameraImage(
         camera.width,
         camera.height,
@@ -154,11 +174,11 @@ def draw(client: int, camera: Camera, light: Light) -> tuple[Picture, NDArray[np
     )
     shape = (camera.height, camera.width)
     picture = np.reshape(np.asarray(pixels, np.uint8), (*shape, 4))[..., :3]
-    return np.ascontiguousarray(picture), np.reshape(np.asarray(depth), shape) > 0.9999
+    return np.ascontiguousarray(picture), np.reshape(np.asarray(depth), shape) > BACKGROUND_DEPTH
 
 
 def camera_of(human: HumanConfig) -> Camera:
-    """The camera that sees this person. Raises ConfigError where there is none."""
+    """Returns the camera that sees this person. Raises ConfigError where there is none."""
     if human.camera is None:
         raise ConfigError("gesture.source=camera needs workspace.human.camera, which this workspace does not have")
     return human.camera
@@ -166,7 +186,11 @@ def camera_of(human: HumanConfig) -> Camera:
 
 @dataclass(frozen=True)
 class CameraFrame:
-    """A camera's own frame. place: (3,) metres in the workspace frame. axes: (3, 3), its rows right, down and ahead."""
+    """The frame of a camera.
+
+    place: (3,) metres, the origin in the workspace frame.
+    axes: (3, 3), whose rows are the axes to the right, down and ahead in the workspace frame.
+    """
 
     place: Array
     axes: Array
@@ -181,14 +205,17 @@ class CameraFrame:
         )
 
     def from_workspace(self, points: Array, directions: Array) -> tuple[Array, Array]:
-        """Points and directions (..., 3) of the workspace frame in the camera's."""
-        return _turned(points - self.place, self.axes.T), _turned(directions, self.axes.T)
+        """Transforms points and directions (..., 3) from the workspace frame into the camera's."""
+        return _times(points - self.place, self.axes.T), _times(directions, self.axes.T)
 
     def to_workspace(self, points: Array, directions: Array) -> tuple[Array, Array]:
-        """Points and directions (..., 3) of the camera's frame in the workspace's."""
-        return _turned(points, self.axes) + self.place, _turned(directions, self.axes)
+        """Transforms points and directions (..., 3) from the camera's frame into the workspace frame."""
+        return _times(points, self.axes) + self.place, _times(directions, self.axes)
 
 
-def _turned(vectors: Array, axes: Array) -> Array:
-    """(..., 3) vectors @ axes (3, 3), of the same bits however many there are: on some processors BLAS gives others."""
-    return (vectors[..., None] * axes).sum(-2)
+def _times(vectors: Array, matrix: Array) -> Array:
+    """Vectors (..., 3) @ matrix (3, 3), with bits that do not depend on the number of vectors.
+
+    On some processors those of BLAS do.
+    """
+    return (vectors[..., None] * matrix).sum(-2)

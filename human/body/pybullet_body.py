@@ -1,4 +1,4 @@
-"""The person's body in a PyBullet client, for where somebody looks, and what its URDF says of the arm that points."""
+"""The person's body in a PyBullet client, and the arm's kinematics read from its URDF."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ import numpy as np
 import pybullet as bullet
 
 from conf.schema import ConfigError, did_you_mean
-from human.body.urdf_model import Proportions, write
+from human.body.meshes import Proportions
+from human.body.urdf_model import write
 from human.config import HumanConfig
 from human.pointing_arm import FINGERTIP, LINE_STARTS, ArmModel, PointingArm, line_start, ray_through
 from human.pointing_ik import Array, AttachedPoint, PointingChain
@@ -25,7 +26,7 @@ ASLEEP = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
 
 @dataclass(frozen=True)
 class _Joint:
-    """What Bullet knows of a joint and of the link that it carries; low, high in radians."""
+    """PyBullet's description of a joint and of the link that it carries; low, high in radians."""
 
     name: str
     link: str
@@ -40,32 +41,46 @@ class _Joint:
 
 
 class Body(PointingArm):
-    """An arm with a body that is drawn.
+    """A pointing arm with a body that PyBullet draws.
 
-    body: Bullet's id. joints: indices of those that move in pointing. cone: the link that is drawn along the finger, or
-    None. It is asleep, and set anew wherever the arm goes: it costs next to nothing.
+    The body sleeps and is posed again whenever the arm moves, which costs next to nothing.
 
-    A person is seen, not touched: all else goes through. Bullet solves bodies that may touch in an order that depends
-    on what they did in episodes before, and the same seed would give other bits.
+    Collisions are off: a person is seen, not touched. PyBullet solves bodies that may collide in an order that
+    depends on earlier episodes, so that the same seed would give other bits.
+
+    Attributes:
+        body: PyBullet's id.
+        joints: indices of the joints that move in pointing.
+        cone: the link that is drawn along the finger, or None.
     """
 
     def __init__(
         self, config: HumanConfig, client: int, visuals: bool = False, proportions: Proportions | None = None
     ) -> None:
-        """Raises ConfigError for a URDF or a rest that won't do."""
+        """Loads the body.
+
+        Args:
+            config: where the person stands, their URDF and rest posture.
+            client: PyBullet's client.
+            visuals: whether visual shapes are loaded.
+            proportions: of the project's own model; None: the average.
+
+        Raises:
+            ConfigError: the URDF does not load or lacks a link, or `rest` does not fit its joints.
+        """
         self.client = client
         self.body = _load(config, client, visuals, proportions or Proportions())
         self._info = [_joint(self.body, index, client) for index in range(bullet.getNumJoints(self.body, client))]
         self._links = [joint.link for joint in self._info]
         self._check(config)
-        self._turning = [i for i, joint in enumerate(self._info) if joint.kind == bullet.JOINT_REVOLUTE]
-        self._all = np.array([self._info[i].clip(0.0) for i in self._turning])
-        self.joints = [i for i in self._turning if self._info[i].name in config.rest]
-        self._own = np.searchsorted(self._turning, self.joints)
+        self._revolute = [i for i, joint in enumerate(self._info) if joint.kind == bullet.JOINT_REVOLUTE]
+        self._all_angles = np.array([self._info[i].clip(0.0) for i in self._revolute])
+        self.joints = [i for i in self._revolute if self._info[i].name in config.rest]
+        self._pointing = np.searchsorted(self._revolute, self.joints)
         self.cone = self._links.index("cone") if "cone" in self._links else None
         for link in range(-1, len(self._info)):
             bullet.setCollisionFilterGroupMask(self.body, link, 0, 0, client)
-        super().__init__(self._read(np.array([config.rest[self._info[i].name] for i in self.joints])))
+        super().__init__(self._read_model(np.array([config.rest[self._info[i].name] for i in self.joints])))
 
     def _check(self, config: HumanConfig) -> None:
         for link in (FINGERTIP, *LINE_STARTS.values()):
@@ -73,57 +88,58 @@ class Body(PointingArm):
                 raise ConfigError(
                     f"workspace.human.urdf={config.urdf} has no link {link!r}" + did_you_mean(link, self._links)
                 )
-        turning = {joint.name: joint for joint in self._info if joint.kind == bullet.JOINT_REVOLUTE}
+        revolute = {joint.name: joint for joint in self._info if joint.kind == bullet.JOINT_REVOLUTE}
         for name, angle in config.rest.items():
-            if name not in turning:
+            if name not in revolute:
                 raise ConfigError(
-                    f"workspace.human.rest: {name!r} is no joint that turns" + did_you_mean(name, turning)
+                    f"workspace.human.rest: {name!r} is not a revolute joint" + did_you_mean(name, revolute)
                 )
-            if turning[name].clip(angle) != angle:
-                limits = f"[{turning[name].low:g}, {turning[name].high:g}]"
+            if revolute[name].clip(angle) != angle:
+                limits = f"[{revolute[name].low:g}, {revolute[name].high:g}]"
                 raise ConfigError(f"workspace.human.rest.{name}={angle} is beyond the joint's limits {limits}")
         if not config.rest:
             raise ConfigError("workspace.human.rest={} must name at least one joint")
 
-    def _take(self, joints: Array) -> None:
-        super()._take(joints)
-        self._all[self._own] = joints
-        angles = [[angle] for angle in self._all.tolist()]
+    def _set_angles(self, joints: Array) -> None:
+        super()._set_angles(joints)
+        self._all_angles[self._pointing] = joints
+        angles = [[angle] for angle in self._all_angles.tolist()]
         zeros = [[0.0]] * len(angles)
-        bullet.resetJointStatesMultiDof(self.body, self._turning, angles, zeros, physicsClientId=self.client)
+        bullet.resetJointStatesMultiDof(self.body, self._revolute, angles, zeros, physicsClientId=self.client)
         bullet.changeDynamics(self.body, -1, activationState=ASLEEP, physicsClientId=self.client)
 
     def drawn(self, style: str = "finger") -> tuple[Array, Array]:
-        """As `ray`, by what Bullet says of the links."""
+        """Like `ray`, computed from PyBullet's link states."""
         tip, behind = (self._frame(self._links.index(link))[:3, 3] for link in (FINGERTIP, line_start(style)))
         return ray_through(tip, behind)
 
-    def _read(self, rest: Array) -> ArmModel:
-        """The joints that point, as they are with the others at the angles that those keep."""
-        self._take(np.zeros(len(self.joints)))
+    def _read_model(self, rest: Array) -> ArmModel:
+        """Reads the kinematics of the pointing joints, with the other joints at the angles that they keep."""
+        self._set_angles(np.zeros(len(self.joints)))
         frames = [self._frame(index) for index in self.joints]
         parents = [self._carrier(self._info[index].parent) for index in self.joints]
         steps = [frame if p < 0 else np.linalg.inv(frames[p]) @ frame for p, frame in zip(parents, frames, strict=True)]
         axes, low, high = (
             np.array([getattr(self._info[i], name) for i in self.joints]) for name in ("axis", "low", "high")
         )
-        points = {link: self._point(link) for link in (FINGERTIP, *LINE_STARTS.values())}
+        points = {link: self._attached_point(link) for link in (FINGERTIP, *LINE_STARTS.values())}
         return ArmModel(PointingChain(parents, np.array(steps), axes, low, high), rest, points)
 
     def _carrier(self, link: int) -> int:
-        """Which of the joints that point carries this link; -1: none."""
+        """Returns the position in `joints` of the pointing joint that carries this link; -1: none."""
         while link >= 0 and link not in self.joints:
             link = self._info[link].parent
         return self.joints.index(link) if link >= 0 else -1
 
-    def _point(self, link: str) -> AttachedPoint:
-        """The link's origin as the chain knows it. All joints that point must be at 0."""
+    def _attached_point(self, link: str) -> AttachedPoint:
+        """Returns the link's origin relative to its carrier. All pointing joints must be at 0."""
         carrier, place = self._carrier(self._links.index(link)), self._frame(self._links.index(link))
         if carrier >= 0:
             place = np.linalg.inv(self._frame(self.joints[carrier])) @ place
         return AttachedPoint(carrier, place[:3, 3])
 
     def _frame(self, link: int) -> Array:
+        """Returns the link's pose (4, 4) in the workspace frame."""
         state = bullet.getLinkState(self.body, link, computeForwardKinematics=True, physicsClientId=self.client)
         frame = np.eye(4)
         frame[:3, :3] = np.reshape(bullet.getMatrixFromQuaternion(state[5]), (3, 3))
@@ -131,23 +147,23 @@ class Body(PointingArm):
         return frame
 
 
-_builds: dict[str, ArmModel] = {}
+_models: dict[str, ArmModel] = {}
 
 
 def read_arm(config: HumanConfig) -> PointingArm:
-    """The arm of this person, without a body. Raises ConfigError."""
-    if repr(config) not in _builds:
+    """Returns the arm of this person, without a body. Raises ConfigError."""
+    if repr(config) not in _models:
         client = bullet.connect(bullet.DIRECT)
         try:
-            _builds[repr(config)] = Body(config, client).build
+            _models[repr(config)] = Body(config, client).model
         finally:
             bullet.disconnect(client)
-    return PointingArm(_builds[repr(config)])
+    return PointingArm(_models[repr(config)])
 
 
 @cache
 def _folder(proportions: Proportions) -> Path:
-    """Where this process keeps the person's URDF; gone when it ends."""
+    """Writes the person's URDF to a temporary folder, which is removed when the process ends."""
     folder = Path(tempfile.mkdtemp(prefix="deixis-human-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     write(folder, proportions)
@@ -158,7 +174,7 @@ def _load(config: HumanConfig, client: int, visuals: bool, proportions: Proporti
     path = Path(config.urdf) if config.urdf is not None else _folder(proportions) / "human.urdf"
     if not path.is_file():
         raise ConfigError(f"workspace.human.urdf={config.urdf} is not a file in {Path().resolve()}")
-    looks = bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES if visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
+    visual_flag = bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES if visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
     yaw = math.radians(config.yaw) / 2
     try:
         with suppress_stdout():
@@ -167,7 +183,7 @@ def _load(config: HumanConfig, client: int, visuals: bool, proportions: Proporti
                 config.position,
                 (0, 0, math.sin(yaw), math.cos(yaw)),
                 useFixedBase=True,
-                flags=looks | bullet.URDF_ENABLE_SLEEPING,
+                flags=visual_flag | bullet.URDF_ENABLE_SLEEPING,
                 physicsClientId=client,
             )
     except bullet.error as error:
@@ -176,5 +192,5 @@ def _load(config: HumanConfig, client: int, visuals: bool, proportions: Proporti
 
 def _joint(body: int, index: int, client: int) -> _Joint:
     info = bullet.getJointInfo(body, index, client)
-    low, high = (info[8], info[9]) if info[8] <= info[9] else (-math.tau, math.tau)  # without limits
+    low, high = (info[8], info[9]) if info[8] <= info[9] else (-math.tau, math.tau)  # a joint without limits
     return _Joint(info[1].decode(), info[12].decode(), info[2], info[16], low, high, info[13])

@@ -1,4 +1,4 @@
-"""What the body is made of: balls, rods, boxes, and surfaces through rings, as URDF and OBJ text of our own."""
+"""Shapes of the body as URDF and OBJ text: spheres, capsules, boxes, and surfaces through elliptic rings."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-Ring = tuple[float, float, float, float]  # height, half depth along x, half width along y, centre's x; metres
+Ring = tuple[float, float, float, float]  # height, semi-axis along x, semi-axis along y, x of the centre; metres
 Point = tuple[float, float, float]
-SEGMENTS = 20  # corners of a ring
+SEGMENTS = 20  # vertices of a ring
 
 
 @dataclass(frozen=True)
 class Part:
-    """One shape of a link: what URDF calls it, where, and how it is drawn; color None: not drawn, only touched."""
+    """One shape of a link.
+
+    geometry: its URDF element. color: RGB in [0, 1]; None: a collision shape, which is not drawn.
+    place, angles: its pose in the link's frame, metres and radians (roll, pitch, yaw).
+    """
 
     geometry: str
     color: tuple[float, float, float] | None
@@ -22,7 +26,7 @@ class Part:
 
 
 def loft(rings: Sequence[Ring]) -> str:
-    """An OBJ file of the surface through elliptic rings, lowest first, closed at both ends."""
+    """Returns the text of an OBJ file: the surface through elliptic rings, lowest first, closed at both ends."""
     turns = [2 * math.pi * k / SEGMENTS for k in range(SEGMENTS)]
     rows = [f"v {x + a * math.cos(t):.5f} {b * math.sin(t):.5f} {z:.5f}" for z, a, b, x in rings for t in turns]
     rows += [f"v {x:.5f} 0 {z:.5f}" for z, _, _, x in (rings[0], rings[-1])]
@@ -40,7 +44,7 @@ def _normal(x: float, y: float, z: float) -> str:
 
 
 def _faces(rings: int) -> list[str]:
-    """Triangles as OBJ counts, from 1: the sides', counter-clockwise from outside, then the two ends'."""
+    """Returns the triangles, numbered from 1: the sides, counter-clockwise seen from outside, then the two ends."""
     triangles = []
     last = rings * SEGMENTS
     for k in range(SEGMENTS):
@@ -54,15 +58,17 @@ def _faces(rings: int) -> list[str]:
 
 
 def mesh(name: str, color: tuple[float, float, float], place: Point = (0, 0, 0)) -> Part:
+    """Returns the mesh of the file `name`.obj."""
     return Part(f'<mesh filename="{name}.obj"/>', color, place)
 
 
 def ball(radius: float, place: Point, color: tuple[float, float, float] | None = None) -> Part:
+    """Returns a sphere."""
     return Part(f'<sphere radius="{radius:.5f}"/>', color, place)
 
 
 def rod(start: Point, end: Point, radius: float, color: tuple[float, float, float] | None = None) -> Part:
-    """A capsule whose round ends are centred on start and end."""
+    """Returns a capsule whose hemispheres are centred on start and end."""
     x, y, z = (b - a for a, b in zip(start, end, strict=True))
     middle = tuple((a + b) / 2 for a, b in zip(start, end, strict=True))
     angles = (0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x))
@@ -71,4 +77,5 @@ def rod(start: Point, end: Point, radius: float, color: tuple[float, float, floa
 
 
 def box(size: Point, place: Point, color: tuple[float, float, float] | None = None) -> Part:
+    """Returns a box with these side lengths, centred on `place`."""
     return Part('<box size="{:.5f} {:.5f} {:.5f}"/>'.format(*size), color, place)

@@ -1,30 +1,32 @@
-"""A person of simple shapes, written as a URDF: who stands before the table and points.
+"""The URDF of a person made of simple shapes.
 
 The URDF's origin lies between the feet on the floor; x is where the person faces, y their left, z up; metres. At zero
 angles both arms hang down, thumbs to the front. The right hand's index finger is stretched, its other fingers are
-curled. Named for others to find: `r_hand` (frame at the wrist), `r_index1`, `r_index2`, `r_index3_endeffector` (frame
-at the fingertip), `eyes` (frame between them), `cone` (what the finger points along, only drawn). Its collision shapes
-are for whoever loads the URDF elsewhere: here nothing touches a person (`human/body.py`).
+curled.
+
+Links that other modules use by name: `r_hand` (frame at the wrist), `r_index1`, `r_index2`, `r_index3_endeffector`
+(frame at the fingertip), `eyes` (frame between them) and `cone` (drawn along the finger).
+
+The collision shapes serve programs that load the URDF elsewhere; here the person does not collide
+(`human/body/pybullet_body.py`).
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from human.body.shapes import Part, Point, Ring, ball, box, loft, mesh, rod
+from human.body.meshes import Proportions, meshes
+from human.body.shapes import Part, ball, box, loft, mesh, rod
+from human.body.urdf_xml import Link, joint_xml, link_xml
 
-SIDES = {"r": -1, "l": 1}  # where an arm is along y
-CONE_LENGTH, CONE_RADIUS = 0.35, 0.04
+SIDES = {"r": -1, "l": 1}  # sign of an arm's y coordinate
 EYES = (0.086, 0.0, 0.14)  # in the head's frame
-EFFORT = 100  # N m, of every joint: URDF wants a number, and no motor here has it
-GAZE = 0.4  # radians that the head bends down, to the table
+HEAD_PITCH = 0.4  # radians; the person looks down at the table
 
 # Joint, axis of the right arm, range in degrees. The ranges are those of healthy adults in "Joint Motion: Method of
-# Measuring and Recording", American Academy of Orthopaedic Surgeons, 1965; only adduction is our own, since the arm
-# has to stay out of the chest.
+# Measuring and Recording", American Academy of Orthopaedic Surgeons, 1965, except for adduction, which is smaller so
+# that the arm stays out of the chest.
 ARM = (
     ("shoulder_flexion", (0, -1, 0), (-60, 180)),  # forward is positive
     ("shoulder_abduction", (-1, 0, 0), (-45, 180)),  # away from the body
@@ -34,144 +36,27 @@ ARM = (
     ("wrist_flexion", (1, 0, 0), (-70, 80)),  # towards the palm
     ("wrist_deviation", (0, -1, 0), (-30, 20)),  # towards the thumb
 )
-KNUCKLE, MIDDLE_JOINT = (-45, 90), (0, 100)  # of the index finger, towards the palm; as above
-
-# Meshes of a person 1.75 m tall. Heights of the torso and the legs are from the floor, of the head from its joint.
-BODY: dict[str, list[Ring]] = {
-    "shirt": [
-        (0.9, 0.1, 0.158, 0), (0.91, 0.112, 0.166, 0), (1.0, 0.106, 0.152, 0),
-        (1.1, 0.104, 0.148, 0), (1.22, 0.115, 0.165, 0), (1.32, 0.118, 0.178, 0),
-        (1.39, 0.104, 0.186, -0.005), (1.43, 0.09, 0.183, -0.01), (1.452, 0.076, 0.155, -0.014),
-        (1.475, 0.066, 0.105, -0.015), (1.492, 0.06, 0.066, -0.012),
-    ],
-    "pelvis": [
-        (0.76, 0.03, 0.05, 0), (0.79, 0.085, 0.12, 0), (0.84, 0.104, 0.158, 0),
-        (0.9, 0.104, 0.16, 0), (0.95, 0.1, 0.15, 0),
-    ],
-    "leg": [
-        (0.05, 0.048, 0.048, -0.01), (0.06, 0.054, 0.052, -0.01), (0.3, 0.064, 0.06, -0.012),
-        (0.47, 0.062, 0.06, 0.004), (0.7, 0.082, 0.078, 0), (0.85, 0.092, 0.082, 0),
-    ],
-    "shoe": [
-        (0, 0.125, 0.042, 0.055), (0.01, 0.138, 0.05, 0.055), (0.035, 0.132, 0.048, 0.055),
-        (0.06, 0.1, 0.044, 0.028), (0.09, 0.06, 0.042, -0.008), (0.1, 0.05, 0.038, -0.01),
-    ],
-    "neck": [(1.42, 0.06, 0.062, -0.012), (1.49, 0.054, 0.054, -0.004), (1.57, 0.052, 0.052, 0.004)],
-    "face": [
-        (0.012, 0.02, 0.018, 0.052), (0.02, 0.034, 0.032, 0.048), (0.045, 0.062, 0.05, 0.026),
-        (0.085, 0.084, 0.066, 0.01), (0.14, 0.095, 0.074, 0), (0.19, 0.093, 0.073, -0.002),
-        (0.225, 0.074, 0.06, -0.004), (0.245, 0.04, 0.034, -0.004),
-    ],
-    "hair": [
-        (0.05, 0.05, 0.045, -0.045), (0.08, 0.074, 0.066, -0.03), (0.13, 0.087, 0.08, -0.022),
-        (0.18, 0.096, 0.081, -0.012), (0.2, 0.103, 0.08, -0.001), (0.23, 0.086, 0.07, -0.002),
-        (0.255, 0.055, 0.046, -0.004), (0.262, 0.02, 0.016, -0.004),
-    ],
-    "nose": [(0.095, 0.006, 0.012, 0.1), (0.1, 0.013, 0.014, 0.1), (0.145, 0.006, 0.007, 0.09)],
-    "ear": [(0.095, 0.008, 0.006, 0), (0.11, 0.015, 0.01, -0.002), (0.14, 0.018, 0.011, -0.005),
-            (0.155, 0.01, 0.007, -0.005)],
-}  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True)
-class Proportions:
-    """height in metres; lengths as shares of it, from Drillis and Contini, "Body Segment Parameters", 1966.
-
-    girth: how thick the limbs are, as a factor; mass in kg; colours RGB in [0, 1].
-    """
-
-    height: float = 1.75
-    shoulder_height: float = 0.806  # of the joints, as is the width; both a little less than the bones' ends
-    shoulder_width: float = 0.222
-    upper_arm: float = 0.186
-    forearm: float = 0.146
-    hand: float = 0.108  # from the wrist to the fingertip
-    torso_width: float = 0.195
-    girth: float = 1.0
-    mass: float = 70.0
-    skin: tuple[float, float, float] = (0.87, 0.67, 0.54)
-    shirt: tuple[float, float, float] = (0.25, 0.42, 0.62)
-    trousers: tuple[float, float, float] = (0.2, 0.21, 0.26)
-    shoes: tuple[float, float, float] = (0.12, 0.1, 0.09)
-    hair: tuple[float, float, float] = (0.22, 0.14, 0.09)
-
-
-@dataclass(frozen=True)
-class Link:
-    """mass in kg; radius: of a ball with about its inertia; parent: what it hangs on by `joint`; None: the base."""
-
-    name: str
-    mass: float
-    radius: float
-    parts: tuple[Part, ...] = ()
-    parent: str | None = None
-    place: Point = (0, 0, 0)
-    angles: Point = (0, 0, 0)
-    joint: str = ""
-    axis: Point | None = None  # None: a fixed joint
-    limits: tuple[float, float] = (0, 0)  # degrees
+KNUCKLE, MIDDLE_JOINT = (-45, 90), (0, 100)  # of the index finger, in degrees towards the palm; same source
 
 
 def urdf(proportions: Proportions | None = None) -> str:
-    """The URDF's text. It names meshes that `write` puts beside it."""
+    """Returns the URDF's text. It refers to meshes that `write` saves in the same folder."""
     links = _links(proportions or Proportions())
-    rows = [row for link in links for row in (_link_row(link), _joint_row(link)) if row]
+    rows = [row for link in links for row in (link_xml(link), joint_xml(link)) if row]
     return "\n".join(['<?xml version="1.0"?>', '<robot name="human">', *rows, "</robot>", ""])
 
 
 def write(folder: Path, proportions: Proportions | None = None) -> Path:
-    """Writes human.urdf and its meshes into the folder, which must be there. Returns the URDF's path."""
+    """Writes human.urdf and its meshes into an existing folder. Returns the URDF's path."""
     proportions = proportions or Proportions()
-    for name, rings in _meshes(proportions).items():
+    for name, rings in meshes(proportions).items():
         (folder / f"{name}.obj").write_text(loft(rings))
     path = folder / "human.urdf"
     path.write_text(urdf(proportions))
     return path
 
 
-# ---------------------------------------------------------------------------------------------------- the shapes
-
-
-def _meshes(p: Proportions) -> dict[str, list[Ring]]:
-    """Every mesh by its file's stem."""
-    s, w = p.height / 1.75, p.torso_width / 0.2
-    wide = {"shirt": w, "pelvis": w}
-    scaled = {
-        name: [(s * z, s * a, s * wide.get(name, 1) * b, s * x) for z, a, b, x in rings] for name, rings in BODY.items()
-    }
-    cone: list[Ring] = [(-CONE_LENGTH, CONE_RADIUS, CONE_RADIUS, 0), (0, 0.001, 0.001, 0)]
-    return scaled | _arm_meshes(p) | {"cone": cone}
-
-
-def _arm_meshes(p: Proportions) -> dict[str, list[Ring]]:
-    s, upper, fore = p.height / 1.75 * p.girth, p.height * p.upper_arm, p.height * p.forearm
-    h = p.height * p.hand / 0.189
-    return {
-        "sleeve": [
-            (-0.56 * upper, 0.05 * s, 0.049 * s, 0), (-0.54 * upper, 0.055 * s, 0.053 * s, 0),
-            (-0.25 * upper, 0.059 * s, 0.056 * s, 0), (0, 0.062 * s, 0.057 * s, 0), (0.03 * s, 0.05 * s, 0.046 * s, 0),
-            (0.045 * s, 0.03 * s, 0.026 * s, 0), (0.05 * s, 0.008 * s, 0.008 * s, 0),
-        ],
-        "upper_arm": [
-            (-upper - 0.036 * s, 0.014 * s, 0.014 * s, 0), (-upper - 0.024 * s, 0.03 * s, 0.03 * s, 0),
-            (-upper, 0.039 * s, 0.039 * s, 0), (-0.8 * upper, 0.041 * s, 0.041 * s, 0),
-            (-0.5 * upper, 0.047 * s, 0.046 * s, 0),
-        ],
-        "forearm": [
-            (-fore - 0.01, 0.022 * s, 0.018 * s, 0), (-fore, 0.027 * s, 0.021 * s, 0),
-            (-0.8 * fore, 0.028 * s, 0.024 * s, 0), (-0.3 * fore, 0.043 * s, 0.041 * s, 0),
-            (-0.08 * fore, 0.041 * s, 0.04 * s, 0), (0.02 * s, 0.033 * s, 0.033 * s, 0),
-            (0.036 * s, 0.012 * s, 0.012 * s, 0),
-        ],
-        "palm": [
-            (-0.103 * h, 0.03 * h, 0.008 * h, -0.002), (-0.095 * h, 0.041 * h, 0.013 * h, -0.002),
-            (-0.06 * h, 0.042 * h, 0.015 * h, 0), (-0.025 * h, 0.034 * h, 0.017 * h, 0),
-            (0, 0.026 * h, 0.019 * h, 0), (0.015 * h, 0.022 * h, 0.016 * h, 0),
-        ],
-    }  # fmt: skip
-
-
-# ----------------------------------------------------------------------------------------------------- the links
+# ---- Links
 
 
 def _links(p: Proportions) -> list[Link]:
@@ -200,13 +85,13 @@ def _head(p: Proportions) -> list[Link]:
         parts.append(mesh("ear", p.skin, (0, 2.35 * y * s, 0)))
     parts.append(box((0.01 * s, 0.042 * s, 0.008 * s), (0.084 * s, 0, 0.062 * s), lips))
     parts.append(ball(0.105 * s, (0, 0, 0.135 * s)))
-    head = Link("head", 0.08 * p.mass, 0.1, tuple(parts), "trunk", (0.005, 0, 1.505 * s), (0, GAZE, 0), "neck")
+    head = Link("head", 0.08 * p.mass, 0.1, tuple(parts), "trunk", (0.005, 0, 1.505 * s), (0, HEAD_PITCH, 0), "neck")
     eyes = (EYES[0] * s, EYES[1] * s, EYES[2] * s)
     return [head, Link("eyes", 0.01, 0.02, (), "head", eyes, joint="eyes_mount")]
 
 
 def _arm(p: Proportions, side: str) -> list[Link]:
-    """Shoulder to hand. Links that only carry a joint are small and without a shape."""
+    """Returns the links from shoulder to hand. Links that only carry a joint are small and have no shape."""
     sign = SIDES[side]
     upper, fore = p.upper_arm * p.height, p.forearm * p.height
     shoulder = (-0.005, sign * p.shoulder_width * p.height / 2, p.shoulder_height * p.height)
@@ -238,9 +123,12 @@ def _forearm(p: Proportions, length: float) -> tuple[Part, ...]:
 
 
 def _hand(p: Proportions, side: str) -> tuple[Part, ...]:
-    """Palm, thumb and fingers, x to the thumb; the right one without its index finger, the others curled."""
-    h, palm = p.hand * p.height / 0.189, -SIDES[side]  # palm: where it faces along y
-    rows = [(x, _curled() if side == "r" else _loose(drop)) for x, drop in _knuckles(side)]
+    """Returns palm, thumb and fingers, x towards the thumb.
+
+    The right hand lacks its index finger (`_index`), and its other fingers are curled.
+    """
+    h, palm = p.hand * p.height / 0.189, -SIDES[side]  # palm: the sign of y that it faces
+    rows = [(x, _curled() if side == "r" else _relaxed(shortening)) for x, shortening in _knuckles(side)]
     paths = [([(x, y, z) for y, z in path], 0.0088) for x, path in rows]
     paths.append(([(0.024, 0.008, -0.02), (0.047, 0.02, -0.05), (0.047, 0.028, -0.085)], 0.0105))
     parts = [mesh("palm", p.skin), box((0.08 * h, 0.034 * h, 0.1 * h), (0, 0, -0.05 * h))]
@@ -251,22 +139,23 @@ def _hand(p: Proportions, side: str) -> tuple[Part, ...]:
 
 
 def _knuckles(side: str) -> list[tuple[float, float]]:
-    """(x, how much shorter the finger is) of the middle, ring and small finger, and of a left index finger."""
+    """Returns (x, shortening) of the middle, ring and small finger, and of the left index finger."""
     fingers = [(0.009, 0.0), (-0.013, 0.004), (-0.033, 0.017)]
     return fingers if side == "r" else [(0.031, 0.008), *fingers]
 
 
 def _curled() -> list[tuple[float, float]]:
-    """(towards the palm, z) of a finger's joints, from the knuckle on."""
+    """Returns (offset towards the palm, z) of a curled finger's joints, from the knuckle on."""
     return [(0.002, -0.092), (0.04, -0.108), (0.046, -0.078), (0.024, -0.07)]
 
 
-def _loose(drop: float) -> list[tuple[float, float]]:
-    return [(0.0, -0.092), (0.01, -0.134 + drop / 2), (0.026, -0.158 + drop), (0.04, -0.172 + drop)]
+def _relaxed(shortening: float) -> list[tuple[float, float]]:
+    """Returns the same of a relaxed finger, shortened by so many metres at a hand of standard size."""
+    return [(0.0, -0.092), (0.01, -0.134 + shortening / 2), (0.026, -0.158 + shortening), (0.04, -0.172 + shortening)]
 
 
 def _index(p: Proportions) -> list[Link]:
-    """The right index finger along the hand's -z, two joints and the fingertip, and the cone it points with."""
+    """Returns the right index finger along the hand's -z (two joints and the fingertip) and the cone along it."""
     h = p.hand * p.height / 0.189
     axis, thick = (1, 0, 0), 0.0092 * h
     knuckle, middle, tip = (0.03 * h, 0.002 * h, -0.092 * h), (0, 0, -0.046 * h), (0, 0, -0.051 * h)
@@ -274,51 +163,10 @@ def _index(p: Proportions) -> list[Link]:
     near = (rod((0, 0, 0), middle, thick, p.skin), rod((0, 0, 0), middle, thick))
     far = (rod((0, 0, 0), end, 0.9 * thick, p.skin), rod((0, 0, 0), end, 0.9 * thick))
     white = (1.0, 1.0, 1.0)
-    still = (0, 0, 0)
+    unrotated = (0, 0, 0)
     return [
-        Link("r_index1", 0.03, 0.03, near, "r_hand", knuckle, still, "r_index_knuckle", axis, KNUCKLE),
-        Link("r_index2", 0.02, 0.03, far, "r_index1", middle, still, "r_index_middle", axis, MIDDLE_JOINT),
+        Link("r_index1", 0.03, 0.03, near, "r_hand", knuckle, unrotated, "r_index_knuckle", axis, KNUCKLE),
+        Link("r_index2", 0.02, 0.03, far, "r_index1", middle, unrotated, "r_index_middle", axis, MIDDLE_JOINT),
         Link("r_index3_endeffector", 0.001, 0.02, (), "r_index2", tip, joint="r_index_tip"),
         Link("cone", 0.001, 0.02, (mesh("cone", white),), "r_index3_endeffector", joint="cone_mount"),
     ]
-
-
-# ------------------------------------------------------------------------------------------------------- the XML
-
-
-def _link_row(link: Link) -> str:
-    """A part with a colour is drawn, one without is touched."""
-    inertia = 0.4 * link.mass * link.radius**2
-    center = "0 0 1.0" if link.parent is None else "0 0 0"
-    rows = [
-        f'<link name="{link.name}">',
-        f'  <inertial><origin xyz="{center}"/><mass value="{link.mass:g}"/>'
-        f'<inertia ixx="{inertia:.3g}" iyy="{inertia:.3g}" izz="{inertia:.3g}" ixy="0" ixz="0" iyz="0"/></inertial>',
-    ]
-    for i, part in enumerate(link.parts):
-        kind, material = "collision", ""
-        if part.color is not None:
-            opacity = 0.4 if link.name == "cone" else 1
-            color = " ".join(f"{channel:g}" for channel in part.color)
-            kind = "visual"
-            material = f'<material name="{link.name}{i}"><color rgba="{color} {opacity}"/></material>'
-        rows.append(
-            f"  <{kind}>{_origin(part.place, part.angles)}<geometry>{part.geometry}</geometry>{material}</{kind}>"
-        )
-    return "\n".join([*rows, "</link>"])
-
-
-def _joint_row(link: Link) -> str:
-    if link.parent is None:
-        return ""
-    kind = "fixed" if link.axis is None else "revolute"
-    inner = f'{_origin(link.place, link.angles)}<parent link="{link.parent}"/><child link="{link.name}"/>'
-    if link.axis is not None:
-        low, high = (math.radians(limit) for limit in link.limits)
-        inner += '<axis xyz="{:g} {:g} {:g}"/>'.format(*link.axis)
-        inner += f'<limit lower="{low:.5f}" upper="{high:.5f}" effort="{EFFORT}" velocity="20"/>'
-    return f'<joint name="{link.joint}" type="{kind}">{inner}</joint>'
-
-
-def _origin(place: Point, angles: Point) -> str:
-    return '<origin xyz="{:.5f} {:.5f} {:.5f}" rpy="{:.5f} {:.5f} {:.5f}"/>'.format(*place, *angles)

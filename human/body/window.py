@@ -1,6 +1,6 @@
-"""The keys and the view of `human/by_hand.py` in PyBullet's window.
+"""Keys and display of PyBullet's window, for `human/by_hand.py`.
 
-On Linux, Escape closes that window, whatever it is told. So a window that is closed is one that was left.
+On Linux, Escape always closes PyBullet's window. A closed window is therefore read as Escape.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from human.by_hand import HEIGHT, TABLE
 from human.pointing import Array
 
-PLAIN = {
+NAMED_KEYS = {
     bullet.B3G_LEFT_ARROW: "left",
     bullet.B3G_RIGHT_ARROW: "right",
     bullet.B3G_UP_ARROW: "up",
@@ -30,87 +30,85 @@ PLAIN = {
     bullet.B3G_RETURN: "enter",
     27: "escape",
 }
-PRESSED = PLAIN | {ord("u"): "pageup", ord("d"): "pagedown"} | {ord(digit): digit for digit in "0123456789"}
-TYPED = {  # where sentences are typed
-    **PLAIN,
+POINTING_KEYS = NAMED_KEYS | {ord("u"): "pageup", ord("d"): "pagedown"} | {ord(digit): digit for digit in "0123456789"}
+TYPING_KEYS = {  # while sentences are typed
+    **NAMED_KEYS,
     **{ord(letter): letter for letter in string.ascii_lowercase + " ,'-"},
     bullet.B3G_BACKSPACE: "backspace",
     **{bullet.B3G_F1 + number: f"f{number + 1}" for number in range(5)},
 }
-CLOSED = bullet.error  # what Bullet raises where a person has closed the window
-UNKNOWN = -1  # any other key
-PAGES = {0xFF55: "pageup", 0xFF56: "pagedown"}  # by X11's keysyms
+CLOSED = bullet.error  # raised by PyBullet after a person has closed the window
+UNKNOWN = -1  # PyBullet's number of any other key
+PAGE_KEYSYMS = {0xFF55: "pageup", 0xFF56: "pagedown"}  # X11's keysyms
 MOVES = (*TABLE, *HEIGHT)
-WAIT = 0.02  # seconds before the window is asked again, or a core would spin
-HELD = 0.5  # seconds after which a key that moves the finger does so again and again
+POLL_INTERVAL = 0.02  # seconds between polls without a key press, so that no core spins
+REPEAT_DELAY = 0.5  # seconds after which a held key that moves the finger repeats
 
-COLUMNS = 90  # letters in a line
-DEPTH = 0.5  # metres from the eye to where the letters stand
-SIZE = 1.2
-INK, BEAM = (0.05, 0.05, 0.1), (0.9, 0.1, 0.1)
+COLUMNS = 90  # characters in a line
+TEXT_DEPTH = 0.5  # metres from the camera to the text
+TEXT_SIZE = 1.2
+TEXT_COLOR, BEAM_COLOR = (0.05, 0.05, 0.1), (0.9, 0.1, 0.1)
 
 
 class WindowKeys:
-    """What is pressed in the window of this client. An arrow or page key that is held is pressed again and again.
+    """Key presses in the window of a client. Held arrow and page keys repeat."""
 
-    names: Bullet's number of each key that counts, to its name.
-    """
-
-    def __init__(self, client: int, names: Mapping[int, str] = PRESSED) -> None:
+    def __init__(self, client: int, names: Mapping[int, str] = POINTING_KEYS) -> None:
+        """names: PyBullet's number of each key to read, with its name."""
         self._client, self._names = client, names
-        self._pages = _Pages() if sys.platform.startswith("linux") else None
-        self._since: dict[str, float] = {}  # when each key that is down went down
+        self._page_keys = _X11PageKeys() if sys.platform.startswith("linux") else None
+        self._since: dict[str, float] = {}  # time at which each key that is down went down
 
     def poll(self) -> list[str]:
         try:
             events = self._events()
         except CLOSED:
             return ["escape"]
-        pressed = [key for key, state in events.items() if self._counts(key, state)]
+        pressed = [key for key, state in events.items() if self._is_press(key, state)]
         if not pressed:
-            time.sleep(WAIT)
+            time.sleep(POLL_INTERVAL)
         return pressed
 
     def escape_pressed(self) -> bool:
         return "escape" in self.poll()
 
     def _events(self) -> dict[str, int]:
-        """Bullet's state bits of each key that was touched since the last call."""
+        """Returns PyBullet's state bits of each key that was pressed or released since the last call."""
         events = bullet.getKeyboardEvents(self._client)
         known = {self._names[key]: state for key, state in events.items() if key in self._names}
-        if self._pages is not None and events.get(UNKNOWN, 0) & bullet.KEY_IS_DOWN:
-            known |= dict.fromkeys(self._pages.down(), bullet.KEY_IS_DOWN)
+        if self._page_keys is not None and events.get(UNKNOWN, 0) & bullet.KEY_IS_DOWN:
+            known |= dict.fromkeys(self._page_keys.down(), bullet.KEY_IS_DOWN)
         self._since = {key: since for key, since in self._since.items() if key in known}
         return known
 
-    def _counts(self, key: str, state: int) -> bool:
-        """A key that was let go again before it was seen to be down counts as well."""
+    def _is_press(self, key: str, state: int) -> bool:
+        """Returns whether the key counts as pressed: newly pressed, even if released again already, or repeating."""
         now, fresh = time.monotonic(), key not in self._since
         since = self._since.setdefault(key, now)
         if state & bullet.KEY_WAS_RELEASED:
             del self._since[key]
-        return fresh or (state & bullet.KEY_IS_DOWN > 0 and key in MOVES and now - since > HELD)
+        return fresh or (state & bullet.KEY_IS_DOWN > 0 and key in MOVES and now - since > REPEAT_DELAY)
 
 
-class _Pages:
-    """The page keys, asked from X11: there, Bullet's window takes both for the same unknown key."""
+class _X11PageKeys:
+    """The page keys as X11 reports them: on Linux, PyBullet's window maps both to the same unknown key."""
 
     def __init__(self) -> None:
         self._x11 = ctypes.CDLL("libX11.so.6")
         self._x11.XOpenDisplay.restype = ctypes.c_void_p
         self._display = ctypes.c_void_p(self._x11.XOpenDisplay(None))
-        self._codes = {self._x11.XKeysymToKeycode(self._display, keysym): name for keysym, name in PAGES.items()}
+        self._codes = {self._x11.XKeysymToKeycode(self._display, keysym): name for keysym, name in PAGE_KEYSYMS.items()}
         self._keymap = ctypes.create_string_buffer(32)
 
     def down(self) -> list[str]:
-        """Those that are down now."""
+        """Returns the page keys that are down now."""
         self._x11.XQueryKeymap(self._display, self._keymap)
         bits = self._keymap.raw
         return [name for code, name in self._codes.items() if bits[code // 8] >> code % 8 & 1]
 
 
 class WindowDisplay:
-    """Writes at the top left of the window of this client, wherever its camera looks from."""
+    """Text at the top left of a client's window, independent of its camera, and the finger's line."""
 
     def __init__(self, client: int) -> None:
         self._client = client
@@ -140,7 +138,7 @@ class WindowDisplay:
     def draw(self, origin: ArrayLike, target: ArrayLike) -> None:
         replaced = {} if self._beam is None else {"replaceItemUniqueId": self._beam}
         self._beam = bullet.addUserDebugLine(
-            origin, target, lineColorRGB=BEAM, lineWidth=2, physicsClientId=self._client, **replaced
+            origin, target, lineColorRGB=BEAM_COLOR, lineWidth=2, physicsClientId=self._client, **replaced
         )
 
     def clear(self) -> None:
@@ -151,20 +149,25 @@ class WindowDisplay:
             self._beam = None
 
     def _put(self, row: int, line: str) -> None:
-        """Replace what stands in a row: items that are added pile up."""
+        """Replaces the text of a row; debug items that are added without replacement accumulate."""
         replaced = {"replaceItemUniqueId": self._texts[row]} if row < len(self._texts) else {}
         item = bullet.addUserDebugText(
-            line, self._place(row), textColorRGB=INK, textSize=SIZE, physicsClientId=self._client, **replaced
+            line,
+            self._place(row),
+            textColorRGB=TEXT_COLOR,
+            textSize=TEXT_SIZE,
+            physicsClientId=self._client,
+            **replaced,
         )
         self._texts[row:] = [item, *self._texts[row + 1 :]]
 
     def _place(self, row: int) -> Array:
-        """(3,) metres, where a row of the window starts."""
-        _, _, _, lens, up, ahead, _, _, _, _, distance, target = self._camera
+        """Returns the position (3,), metres, at which a row of text begins."""
+        _, _, _, projection, up, ahead, _, _, _, _, distance, target = self._camera
         forward, upward = np.array(ahead), np.array(up)
         eye = np.array(target) - distance * forward
         across = np.cross(forward, upward)
         upward = np.cross(across / np.linalg.norm(across), forward)
-        right, top = DEPTH / lens[0], DEPTH / lens[5]
+        right, top = TEXT_DEPTH / projection[0], TEXT_DEPTH / projection[5]
         height = top * (0.9 - 0.07 * row)
-        return eye + DEPTH * forward - 0.97 * right * across / np.linalg.norm(across) + height * upward
+        return eye + TEXT_DEPTH * forward - 0.97 * right * across / np.linalg.norm(across) + height * upward

@@ -6,7 +6,7 @@ import torch
 
 from conf.schema import ConfigError
 from human import pointed_object
-from human.body.person_camera import FurnitureBox, Light, PersonCamera, draw
+from human.body.person_camera import FurnitureBox, Light, PersonCamera, render
 from tests.helpers.env_cases import differences, hold, make, partial_reset
 
 CAMERA = ("kuka", "step", "reach_gesture", "gesture=camera")
@@ -95,7 +95,7 @@ def test_the_camera_sees_what_it_would_see_in_the_whole_world():
     blocks = [FurnitureBox(box.size, box.position, box.color) for box in workspace.furniture.values()]
     sight = PersonCamera(workspace.human, blocks)
     world.show_finger(False)  # the cone that a film shows
-    whole, _ = draw(world.client, sight.camera, Light())
+    whole, _ = render(world.client, sight.camera, Light())
     assert np.array_equal(sight.picture(world.person.angles), whole)
     sight.close()
     env.close()

@@ -137,7 +137,7 @@ def test_frames_to_learn_from_are_all_different_and_the_same_for_the_same_seed(p
 
 def test_people_to_learn_from_are_built_differently(place):
     studio = FrameGenerator(place.human, (), place.objects.object_area, np.random.default_rng(0), bodies=3)
-    eyes = [sight.body.eyes[2] for sight in studio._sights]
+    eyes = [body.eyes[2] for body in studio.bodies]
     studio.close()
     assert max(eyes) - min(eyes) > 0.01
 
