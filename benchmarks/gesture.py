@@ -104,7 +104,7 @@ def _pointing_errors(env: WorkspaceEnv, style: str, targets: Array) -> dict[str,
         solved = time.thread_time() - start
         person.move(joints, frames)
         while person.moving:
-            world.pass_time()
+            world.step_physics()
         moved.append(angle_to(person, target, style))
         person.relax()
         start = time.thread_time()

@@ -6,6 +6,7 @@ What it observes is told in `envs/mdp/observation_spec.py`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,8 @@ from conf.schema import ConfigError
 from envs.config import EnvConfig
 from envs.mdp.controls import CONTROLS
 from envs.mdp.gestures import Gestures, meet, watch
-from envs.mdp.grip_controller import UNIT, GripController
+from envs.mdp.goals import Goal
+from envs.mdp.grip_controller import ACTION_UNIT, GripController
 from envs.mdp.initial_states import InitialStates
 from envs.mdp.observation_spec import Bounds, observation_spec
 from envs.mdp.observations import observe
@@ -28,6 +30,7 @@ from envs.mdp.relabelling import Hindsight
 from envs.mdp.rewards import judge, weights
 from envs.mdp.scene_sampling import described
 from envs.mdp.world_state import WorldState
+from envs.sim.object_pool import PoolSpec
 from envs.sim.robot import read_chain
 from envs.sim.window import Window
 from envs.sim.world import World
@@ -106,12 +109,14 @@ class WorkspaceEnv(EnvBase):
     @property
     def action_unit(self) -> tuple[float, ...]:
         """How far each of the A numbers may be from `hold` to be carried out within one control step."""
-        return (*self.control.unit.tolist(), *[UNIT] * self._grips.width)
+        return (*self.control.unit.tolist(), *[ACTION_UNIT] * self._grips.width)
 
     def _world(self, render: bool, window: Window | None) -> World:
-        config, pool = self.config, (SHAPES, self.task.bodies, self.config.task.object_size)
+        config, objects = self.config, PoolSpec(SHAPES, self.task.bodies, self.config.task.object_size)
         gripper = config.gripper if self.task.moves else None
-        return World(config.robot, config.workspace, config.physics, *pool, render, window, gripper, self.task.devices)
+        return World(
+            config.robot, config.workspace, config.physics, objects, render, window, gripper, self.task.devices
+        )
 
     def _make_specs(self) -> None:
         n, flag = self.batch_size[0], Binary(1, shape=(*self.batch_size, 1), dtype=torch.bool)
@@ -138,7 +143,7 @@ class WorkspaceEnv(EnvBase):
             world.advance(target)
         arrays.read(arrays.index)
         if self._grips.grips:
-            self._grips.feel()
+            self._grips.update_grasps()
         self._gestures.follow()
         arrays.steps += 1
         # The task judges first: what it remembers of an episode is observed too.
@@ -147,10 +152,12 @@ class WorkspaceEnv(EnvBase):
     def _turn(self) -> None:
         """Fingers move on to another object where it is time, and what is meant with them."""
         for i, referent in self._gestures.turn(self._arrays.steps):
-            self._mean(i, self._arrays.slots[i][referent])
+            slot = int(self._arrays.slots[i][referent])
+            self._set_goal(i, replace(self._arrays.goals[i], referent=slot))
 
-    def _mean(self, i: int, slot: int) -> None:
-        self._state.referent[i] = slot
+    def _set_goal(self, i: int, goal: Goal) -> None:
+        """What world i is asked for from now on, in mid-episode."""
+        self._arrays.set_goal(i, goal)
         self.task.reset(np.array([i]), self._state)
 
     def _judge(self) -> dict[str, Tensor]:
@@ -218,7 +225,7 @@ class WorkspaceEnv(EnvBase):
         order = generator.permutation(arrays.rows.shape[1])[: len(episode.scene)]  # object -> slot
         joints = self._first_joints(episode, generator)
         held = episode.start is not None and episode.start.held
-        arrays.begin(i, episode, order, joints, self._grips.opening(held))
+        arrays.begin(i, episode, order, joints, self._grips.initial_opening(held))
         if self._grips.grips:
             centre = self.chain.forward(joints[None]).position[0]
             self._grips.begin(i, int(order[episode.referent]) if held else NOTHING, arrays.state.shown[i], centre)
@@ -255,7 +262,7 @@ class WorkspaceEnv(EnvBase):
 
     def sentence(self, world: int = 0) -> str:
         """The instruction that world `world` is under."""
-        return bytes(self._arrays.sentence[world]).rstrip(b"\0").decode()
+        return self._arrays.goals[world].sentence
 
     @property
     def gripper(self) -> NDArray[np.float64]:
@@ -265,7 +272,7 @@ class WorkspaceEnv(EnvBase):
     @property
     def fittings(self) -> dict[str, NDArray[np.float64]]:
         """How far each of the workspace's fittings has moved: name to (N,) joint values, metres or radians."""
-        values = np.array([world.fittings() for world in self._worlds]).T
+        values = np.array([world.fitting_positions() for world in self._worlds]).T
         return dict(zip(self.config.workspace.fittings, values, strict=True))
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pybullet as bullet
@@ -59,7 +59,8 @@ class HandEnv(WorkspaceEnv):
     def mean(self, index: int) -> TensorDictBase:
         """The scene's object `index` is meant from now on. Returns what is observed, nothing having been done yet."""
         self._arrays.read(self._arrays.index)
-        self._mean(0, int(np.flatnonzero(self._state.shown[0])[index]))
+        slot = int(np.flatnonzero(self._state.shown[0])[index])
+        self._set_goal(0, replace(self._arrays.goals[0], referent=slot))
         return self._begun()
 
     def scene(self) -> Scene:

@@ -11,7 +11,8 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from envs.config import EnvConfig
-from envs.mdp.observation_spec import in_bytes, seen_scene
+from envs.mdp.goals import Goal
+from envs.mdp.observation_spec import seen_scene
 from envs.sim.visual_shapes import VisualShapes
 from envs.sim.window import Window
 from envs.workspace_env import WorkspaceEnv
@@ -43,12 +44,12 @@ class InteractiveEnv(WorkspaceEnv):
 
     def bodies(self) -> list[int]:
         """Bullet's number of each object's body; of devices, which have several, none."""
-        return self._only.bodies()
+        return list(self._only.pool.shown)
 
     @property
     def stock(self) -> list[int]:
         """All that `bodies` can be, in one episode or another."""
-        return self._only.stock
+        return self._only.pool.bodies
 
     @property
     def _slots(self) -> NDArray[np.int64]:
@@ -63,13 +64,11 @@ class InteractiveEnv(WorkspaceEnv):
 
     def tell(self, sentence: str, referent: int, target: int | None = None) -> TensorDictBase:
         """From now on this is asked for, and the time begins anew; nothing is moved. Returns what is observed."""
-        slots, arrays, state = self._slots, self._arrays, self._state
+        slots, arrays = self._slots, self._arrays
         arrays.read(arrays.index)
-        arrays.instruction[0] = self.tokenizer.encode(sentence)
-        arrays.sentence[0], arrays.steps[0] = in_bytes(sentence), 0
-        state.referent[0] = slots[referent]
-        state.target[0] = slots[referent if target is None else target]
-        self.task.reset(arrays.index, state)
+        where = int(slots[referent if target is None else target])
+        self._set_goal(0, Goal(int(slots[referent]), where, sentence, sentence, arrays.goals[0].kind))
+        arrays.steps[0] = 0
         return self._begun()
 
     def still(self) -> Tensor:
@@ -98,6 +97,6 @@ class InteractiveEnv(WorkspaceEnv):
     def put(self, index: int, position: Sequence[float]) -> None:
         """Put an object there, (3,) metres, as it is turned; it comes to rest by itself. A held one is let go first."""
         if self._state.held[0] == self._slots[index]:
-            self._only.let_go()
-        self._only.put(index, position)
+            self._only.release()
+        self._only.pool.move(index, position)
         self._arrays.read(self._arrays.index)

@@ -94,7 +94,7 @@ class Gestures:
         self._due[i] = NEVER
         self.move(i, gesture)
         while self._person(i).moving:
-            self._worlds[i].pass_time()
+            self._worlds[i].step_physics()
         self.follow()
 
     def follow(self) -> None:

@@ -1,7 +1,7 @@
-"""What every world's gripper is told, and what it holds.
+"""The command of every world's gripper, and what each holds.
 
-The last number of an action shuts the gripper above 0 and opens it below, and nothing keeps it as it was: where a band
-about 0 did, or a bias towards what is held, policies left it to their noise to open: their mean action never let go.
+The last number of an action closes the gripper above 0 and opens it below. There is no hysteresis: with a band about 0,
+or a bias towards what is held, only exploration noise ever released, and the mean action never let go.
 """
 
 from __future__ import annotations
@@ -15,19 +15,25 @@ from envs.sim.robot import RobotConfig
 from envs.sim.world import World
 from envs.tasks import NOTHING, State
 
-UNIT = 0.5  # of the command: noise that moves an arm well should not have its gripper flutter
-STEP = 0.02  # metres that a finger goes in a control step, 0.4 m/s: a moment's noise neither grasps nor drops
-REACH = 0.1  # metres from the gripper centre to the centre of what it could hold, at most
+ACTION_UNIT = 0.5  # reduced gain, so that noise of the arm's scale does not toggle the gripper
+FINGER_STEP = 0.02  # metres a finger moves in a control step, 0.4 m/s: brief noise neither grasps nor drops
+MAX_DISTANCE = 0.1  # metres from the gripper centre to the centre of an object that it could hold
 
 
 class GripController:
-    """closed: (N,) which grippers are told to be shut. held: (N,) of `state`, the slots that they hold, or NOTHING.
+    """closed: (N,) which grippers are told to close. held: (N,) of `state`, the slots that they hold, or NOTHING.
 
-    kind: "magnet" or "fingers"; none: nothing is gripped, and the fingers stay apart or shut.
-    apart: where nothing is gripped, whether they stay apart: what is only reached fits between them, and what is shut
-    pushes it away.
-    lag: physics steps after its command that a gripper lets go.
     below: metres from the gripper centre down to the centre of an object that it holds.
+    grips: whether anything can be gripped.
+
+    Args:
+        kind: "magnet" or "fingers"; None: nothing is gripped, and the fingers stay apart or closed.
+        robot: whose fingers they are.
+        object_size: metres.
+        worlds, state: of which `state` holds the arrays.
+        lag: physics steps after its command that a gripper releases.
+        apart: where nothing is gripped, whether the fingers stay apart. An object that is only reached fits between
+            them; closed fingers push it away.
     """
 
     def __init__(
@@ -44,64 +50,65 @@ class GripController:
         self.below = object_size / 2 if kind == "magnet" else 0.0
         self.closed, self.held = np.zeros(len(worlds), bool), state.held
         self.held[:] = NOTHING
-        self._opening = robot.finger_opening if kind == "fingers" or (kind is None and apart) else 0.0
-        self._around = object_size / 2 if kind == "fingers" else 0.0
-        self._fingers, self._wide = len(robot.fingers), np.full(len(worlds), self._opening)
-        self._scale = robot.finger_opening
+        self._max_opening = robot.finger_opening if kind == "fingers" or (kind is None and apart) else 0.0
+        self._opening_around_object = object_size / 2 if kind == "fingers" else 0.0
+        self._num_fingers, self._opening = len(robot.fingers), np.full(len(worlds), self._max_opening)
+        self._finger_range = robot.finger_opening
 
     @property
     def width(self) -> int:
-        """How many numbers an action has for the gripper."""
+        """How many numbers an action has for the gripper: 0 or 1."""
         return int(self.grips)
 
     @property
     def targets(self) -> NDArray[np.float64]:
-        """(N, F) where the fingers are to go, metres."""
-        return np.repeat(self._wide[:, None], self._fingers, axis=1)
+        """(N, F) target positions of the fingers, metres."""
+        return np.repeat(self._opening[:, None], self._num_fingers, axis=1)
 
-    def opening(self, held: bool) -> float:
-        """Where each finger begins an episode, metres."""
-        return self._around if held else self._opening
+    def initial_opening(self, held: bool) -> float:
+        """Where each finger begins an episode, metres. held: whether the episode begins with an object held."""
+        return self._opening_around_object if held else self._max_opening
 
-    def command(self, wish: NDArray[np.float64]) -> None:
-        """Shut where wish (N,) is above 0, open elsewhere."""
-        self.closed = wish > 0
-        if self._opening:
-            self._wide = np.clip(self._wide + np.where(self.closed, -STEP, STEP), 0.0, self._opening)
-        if self._lag or not self._opening:
+    def command(self, command: NDArray[np.float64]) -> None:
+        """Close where command (N,) is above 0, open elsewhere."""
+        self.closed = command > 0
+        if self._max_opening:
+            step = np.where(self.closed, -FINGER_STEP, FINGER_STEP)
+            self._opening = np.clip(self._opening + step, 0.0, self._max_opening)
+        if self._lag or not self._max_opening:
             for i in np.flatnonzero(~self.closed & (self.held != NOTHING)).tolist():
-                self._worlds[i].let_go(self._lag)
+                self._worlds[i].release(self._lag)
                 self.held[i] = NOTHING
 
     def begin(self, i: int, slot: int, shown: NDArray[np.bool_], centre: NDArray[np.float64]) -> None:
-        """World i begins an episode holding the object of this slot, or NOTHING, with its gripper centre there.
+        """Begin an episode of world i that holds the object of this slot, or NOTHING.
 
-        shown: (K,) the slots that it shows.
+        shown: (K,) the slots that it shows. centre: (3,) where the gripper is, metres.
         """
         self.closed[i], self.held[i] = slot != NOTHING, slot
-        self._wide[i] = 0.0 if slot != NOTHING else self._opening
+        self._opening[i] = 0.0 if slot != NOTHING else self._max_opening
         if slot != NOTHING:
-            self._worlds[i].seize(int(shown[:slot].sum()), centre.tolist())
+            self._worlds[i].attach(int(shown[:slot].sum()), centre.tolist())
 
-    def feel(self) -> None:
-        """Find out what is held after a control step."""
+    def update_grasps(self) -> None:
+        """After a control step: closed grippers take hold of what they touch; `held` is what they hold then."""
         state = self._state
         offset = state.objects - state.gripper[:, None]
-        near = state.movable & ((offset * offset).sum(-1) < REACH**2)
-        could = near.any(1) & (self.closed if not self._opening else self._wide < self._opening)
+        near = state.movable & ((offset * offset).sum(-1) < MAX_DISTANCE**2)
+        could = near.any(1) & (self.closed if not self._max_opening else self._opening < self._max_opening)
         self.held[~could] = NOTHING
         for i in np.flatnonzero(could).tolist():
-            slots = np.flatnonzero(state.shown[i])  # a world numbers only what it shows
-            number = self._worlds[i].held(np.flatnonzero(near[i, slots]).tolist(), state.gripper[i].tolist())
-            self.held[i] = NOTHING if number == NOTHING else slots[number]
+            slots, world = np.flatnonzero(state.shown[i]), self._worlds[i]  # a world numbers only what it shows
+            world.update_grasp(np.flatnonzero(near[i, slots]).tolist(), state.gripper[i].tolist())
+            self.held[i] = NOTHING if world.held is None else slots[world.held]
 
-    def seen(self, joints: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 1 or 3) in [0, 1]: how far the fingers are open; then, where it can grip, how far it is told to
-        be shut, and whether anything is held. joints: (N, J + F), metres of the fingers last."""
-        wide = np.zeros((len(joints), 1))
-        if self._fingers:
-            wide = joints[:, -self._fingers :].mean(1, keepdims=True) / self._scale
+    def observation(self, joints: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 1 or 3) in [0, 1]: how far the fingers are open; where it can grip, also how far they are told to be
+        closed, and whether anything is held. joints: (N, J + F), metres of the fingers last."""
+        opening = np.zeros((len(joints), 1))
+        if self._num_fingers:
+            opening = joints[:, -self._num_fingers :].mean(1, keepdims=True) / self._finger_range
         if not self.grips:
-            return wide
-        shut = 1 - self._wide / self._opening if self._opening else self.closed
-        return np.concatenate((wide, shut[:, None], (self.held != NOTHING)[:, None]), axis=1)
+            return opening
+        closing = 1 - self._opening / self._max_opening if self._max_opening else self.closed
+        return np.concatenate((opening, closing[:, None], (self.held != NOTHING)[:, None]), axis=1)

@@ -42,13 +42,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 
+from envs.mdp.goals import SENTENCE_BYTES
 from envs.sim.kinematics import Kinematics
 from envs.sim.robot import RobotConfig
 from envs.sim.workspace import WorkspaceConfig
 from envs.tasks import Task
 from language import COLORS, DEVICES, NOUNS, SEE_THROUGH, SHAPES, Scene, Tokenizer, color_name, color_table
 
-SENTENCE_BYTES = 160
 NEAR, CLOSE = 0.2, 0.04  # metres in which one place is seen from another: finely, and once more, more finely
 FARTHEST = 3.0  # metres from the origin that a fingertip is looked for
 OBJECT_WIDTH = 3 + 4 + 4 + len(SHAPES) + 1 + 1
@@ -161,11 +161,6 @@ def offsets(places: NDArray[np.float64], start: NDArray[np.float64]) -> NDArray[
     """(..., 6) metres from `start` to places, both (..., 3): twice, since each has bounds of its own."""
     offset = places - start
     return np.concatenate((offset, offset), axis=-1)
-
-
-def in_bytes(sentence: str) -> NDArray[np.uint8]:
-    """(SENTENCE_BYTES,) the sentence in UTF-8, cut or filled with zeros."""
-    return np.frombuffer(sentence.encode()[:SENTENCE_BYTES].ljust(SENTENCE_BYTES, b"\0"), np.uint8)
 
 
 def clipped(values: NDArray[np.float64], bounds: NDArray[np.float32]) -> Tensor:

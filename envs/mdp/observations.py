@@ -59,7 +59,7 @@ def asked(task: Task, state: State, bounds: Bounds) -> dict[str, Any]:
 def _robot(arrays: WorldState, grips: GripController) -> Array:
     pose, count = arrays.pose, arrays.angles.shape[1]
     speeds, turned = arrays.joints[:, :count, 1], pose.rotation
-    held = grips.seen(arrays.joints[..., 0])
+    held = grips.observation(arrays.joints[..., 0])
     return np.concatenate((arrays.angles, speeds, pose.position, turned[:, :, 0], turned[:, :, 1], held), axis=1)
 
 

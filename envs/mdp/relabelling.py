@@ -18,11 +18,11 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 
-from envs.mdp.observation_spec import COLUMNS, OBJECT_WIDTH, OFFSET, Bounds, clipped, in_bytes, offsets, seen_scene
+from envs.mdp.goals import in_bytes, tokens
+from envs.mdp.observation_spec import COLUMNS, OBJECT_WIDTH, OFFSET, Bounds, clipped, offsets, seen_scene
 from envs.mdp.observations import asked
 from envs.mdp.rewards import judge, weights
-from envs.mdp.scene_sampling import encoded
-from envs.sim.world import PARKED
+from envs.sim.object_pool import PARKED
 from envs.tasks import NOTHING, Episode, State, Task
 from language import LanguageError, Placed, Tokenizer
 
@@ -143,7 +143,7 @@ class Hindsight:
     def _told(self, tale: Tale, seen: TensorDictBase, count: int) -> TensorDictBase:
         """(count,) all that is seen and heard of the tale that may differ from what was recorded."""
         episode, seen = tale.episode, seen[:count].clone()
-        words = torch.from_numpy(encoded(self._tokenizer, episode).copy())
+        words = torch.from_numpy(tokens(episode, self._tokenizer).copy())
         sentence = torch.from_numpy(in_bytes(episode.sentence).copy())
         privileged = {"kind": torch.tensor(episode.kind).expand(count), "sentence": sentence.expand(count, -1)}
         rows = tale.rows[:count].astype(np.float64)

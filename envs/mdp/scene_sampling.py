@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 
 from envs.mdp.gestures import RAY_WIDTH, ray_of
+from envs.mdp.goals import Goal, tokens
 from envs.mdp.observation_spec import FACING, OBJECT_WIDTH, OFFSET, Bounds, clipped, lasting_rows, offsets
 from envs.sim.devices import facing
-from envs.tasks import Episode, Task
+from envs.tasks import Task
 from language import Tokenizer
 
 
@@ -30,8 +30,9 @@ def described(task: Task, tokenizer: Tokenizer, bounds: Bounds, slots: int, coun
         episode = task.draw(rng)
         order = rng.permutation(slots)[: len(episode.scene)]
         rows[i, order, :OBJECT_WIDTH], shown[i, order] = lasting_rows(episode.scene, episode.yaw), True
-        words[i] = encoded(tokenizer, episode)
-        meant[i] = order[episode.referent], order[episode.referent if episode.target is None else episode.target]
+        words[i] = tokens(episode, tokenizer)
+        goal = Goal.of(episode, order)
+        meant[i] = goal.referent, goal.target
         rays[i] = ray_of(episode.gesture)
     if grippers is not None:
         rows[..., OFFSET] = offsets(rows[..., :3], grippers[:, None])
@@ -48,8 +49,3 @@ def described(task: Task, tokenizer: Tokenizer, bounds: Bounds, slots: int, coun
     if task.points:
         values["gesture"] = clipped(rays, bounds.gesture)
     return TensorDict(values, [count])
-
-
-def encoded(tokenizer: Tokenizer, episode: Episode) -> NDArray[np.int64]:
-    """(L,) the tokens that the policy reads."""
-    return tokenizer.encode(episode.sentence if episode.heard is None else episode.heard)

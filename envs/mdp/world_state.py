@@ -1,4 +1,4 @@
-"""The arrays that N worlds are kept in, side by side: what was asked, what stands where, how the arms are."""
+"""The state of N worlds as arrays: what their episodes ask for, where objects are, how the arms stand."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.mdp.observation_spec import ATTRIBUTES, OBJECT_WIDTH, SENTENCE_BYTES, attributes, in_bytes
-from envs.mdp.scene_sampling import encoded
+from envs.mdp.goals import SENTENCE_BYTES, Goal, in_bytes
+from envs.mdp.observation_spec import ATTRIBUTES, OBJECT_WIDTH, attributes
 from envs.sim.kinematics import Array, Kinematics, Pose
-from envs.sim.object_shapes import Hold
+from envs.sim.object_pool import PARKED, Mobility
 from envs.sim.robot import RobotConfig
-from envs.sim.world import PARKED, World
+from envs.sim.world import World
 from envs.tasks import Episode, State
 from language import Tokenizer
 
@@ -21,12 +21,13 @@ _angle_and_speed = itemgetter(0, 1)
 
 
 class WorldState:
-    """N worlds of K slots and an arm of J joints and F fingers; metres, radians.
+    """N worlds of K slots, with an arm of J joints and F fingers; metres, radians.
 
-    state: as tasks see it; its places and turns are views of rows. rows: (N, K, OBJECT_WIDTH), as observed but for what
-    is not shown. joints: (N, J + F, 2) angle and speed, fingers last. commanded, angles: (N, J) joints last commanded
-    and measured. pose: of the grippers. slots: for each world, those of its objects, in their order. instruction
-    (N, L), kind (N,) and sentence (N, SENTENCE_BYTES): what was said. steps: (N,) control steps since an episode began.
+    state: what tasks see; its positions and quaternions are views of `rows`. rows: (N, K, OBJECT_WIDTH), the rows of
+    the observation `objects`, but for slots that are not shown. joints: (N, J + F, 2) angle and speed, fingers last.
+    commanded, angles: (N, J) joint angles last commanded and measured. pose: of the grippers. slots: for each world,
+    the slots of its objects in their order. goals: what each world is asked for; `set_goal` writes it, and also
+    instruction (N, L), kind (N,) and sentence (N, SENTENCE_BYTES). steps: (N,) control steps since an episode began.
     """
 
     def __init__(
@@ -45,52 +46,57 @@ class WorldState:
         places, turns = self.rows[..., :3], self.rows[..., 3:7]
         self.state = State(np.zeros((count, 3)), places, shown, referent, target, movable, targets, turns, held)
         self.slots = [np.arange(slots) for _ in range(count)]
+        self.goals = [Goal(0, 0, "", "", 0)] * count
         self.instruction = np.zeros((count, tokenizer.length), np.int64)
         self.kind = np.zeros(count, np.int64)
         self.sentence = np.zeros((count, SENTENCE_BYTES), np.uint8)
         self.steps = np.zeros(count, np.int64)
 
-    def begin(self, i: int, episode: Episode, order: NDArray[np.int64], joints: Array, opening: float) -> None:
-        """Lay an episode out in world i. order: (K,) its objects' slots. joints (J,), opening: how the arm begins."""
-        self._note(i, episode, order)
+    def begin(self, i: int, episode: Episode, slots: NDArray[np.int64], joints: Array, opening: float) -> None:
+        """Begin an episode in world i. slots: (K,) of its objects. joints (J,), opening: how the arm begins."""
+        self._show(i, episode, slots)
+        self.set_goal(i, Goal.of(episode, slots))
+        self.steps[i] = 0
         self.commanded[i] = joints
-        scene, by_slot = episode.scene, np.argsort(order, kind="stable")
+        scene, by_slot = episode.scene, np.argsort(slots, kind="stable")
         yaw = np.zeros(len(scene)) if episode.yaw is None else episode.yaw
         self._worlds[i].reset(
             joints.tolist(),
             opening,
             scene.nouns[by_slot].tolist(),
-            Hold.of(scene.targets, episode.fixed)[by_slot].tolist(),
+            Mobility.of(scene.targets, episode.fixed)[by_slot].tolist(),
             scene.positions[by_slot].tolist(),
             yaw[by_slot].tolist(),
-            self.rows[i, np.sort(order), 7:11],
+            self.rows[i, np.sort(slots), 7:11],
         )
 
-    def _note(self, i: int, episode: Episode, order: NDArray[np.int64]) -> None:
-        """What is shown in world i, and what is asked."""
+    def _show(self, i: int, episode: Episode, slots: NDArray[np.int64]) -> None:
+        """Write what does not change in the episode: which slots are shown, and what each object is."""
         scene, state = episode.scene, self.state
-        self.slots[i] = order
+        self.slots[i] = slots
         self.rows[i] = 0.0
         self.rows[i, :, :3] = PARKED
-        self.rows[i, order, ATTRIBUTES] = attributes(scene)
-        free = Hold.of(scene.targets, episode.fixed) == Hold.FREE
-        for mask, those in ((state.shown, True), (state.movable, free), (state.targets, scene.targets)):
+        self.rows[i, slots, ATTRIBUTES] = attributes(scene)
+        free = Mobility.of(scene.targets, episode.fixed) == Mobility.FREE
+        for mask, values in ((state.shown, True), (state.movable, free), (state.targets, scene.targets)):
             mask[i] = False
-            mask[i, order] = those
-        state.referent[i] = order[episode.referent]
-        state.target[i] = order[episode.referent if episode.target is None else episode.target]
-        self.instruction[i] = encoded(self._tokenizer, episode)
-        self.sentence[i] = in_bytes(episode.sentence)
-        self.kind[i], self.steps[i] = episode.kind, 0
+            mask[i, slots] = values
+
+    def set_goal(self, i: int, goal: Goal) -> None:
+        """What world i is asked for from now on. The task must be reset for that world then."""
+        self.goals[i] = goal
+        self.state.referent[i], self.state.target[i] = goal.referent, goal.target
+        self.instruction[i] = self._tokenizer.encode(goal.policy_sentence)
+        self.sentence[i], self.kind[i] = in_bytes(goal.sentence), goal.kind
 
     def read(self, worlds: NDArray[np.int64]) -> None:
-        """Take the measured state of these worlds from PyBullet."""
+        """Read the measured state of these worlds from PyBullet."""
         joints: list[list[tuple]] = []
         poses: list[float] = []
         for i in worlds.tolist():
             world = self._worlds[i]
             joints.append(list(map(_angle_and_speed, world.robot.states())))
-            for position, quaternion in world.objects():
+            for position, quaternion in world.object_poses():
                 poses += position
                 poses += quaternion
         self.joints[worlds] = joints

@@ -125,7 +125,7 @@ def test_scenes_that_are_described_alone_have_the_same_rows():
 def test_a_world_without_devices_has_nothing_of_them():
     env = make()
     (world,) = env._worlds
-    assert (world._mechanisms.bodies, world._furniture.parting) == ([], 0)
+    assert (world.devices.bodies, world.furniture.parting) == ([], 0)
     assert env.reset()["objects"].shape[-1] == 16
     env.close()
 

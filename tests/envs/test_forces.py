@@ -41,15 +41,17 @@ def pulled(robot, force, *more):
     for _ in range(4):
         td = act(env, td, env.towards(env.gripper, np.ones(1, bool)))
     assert env.state.held[0] == env.state.referent[0]
-    body = next(body for body in world._shown if np.allclose(world._pose(body)[0], referents(env)[0], atol=1e-9))
-    step = world._step
+    body = next(
+        body for body in world.pool.shown if np.allclose(world.pool.pose(body)[0], referents(env)[0], atol=1e-9)
+    )
+    step = world.step_physics
 
     def pull():
-        place = world._pose(body)[0]
+        place = world.pool.pose(body)[0]
         bullet.applyExternalForce(body, -1, (force, 0, 0), place, bullet.WORLD_FRAME, world.client)
         step()
 
-    world._step = pull
+    world.step_physics = pull
     for _ in range(8):
         td = act(env, td, env.towards(env.gripper, np.ones(1, bool)))
         if env.state.held[0] < 0:

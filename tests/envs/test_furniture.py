@@ -104,7 +104,7 @@ def test_a_fitting_moves_between_its_limits_and_no_further(workspace, name):
     env = make("kuka", "step", "reach", f"workspace={workspace}")
     env.reset()
     fitting, (world,) = env.config.workspace.fittings[name], env._worlds  # only Bullet can pull
-    (body,) = world._furniture._fittings
+    (body,) = world.furniture._fittings
     for sign, end in ((1, fitting.high), (-1, fitting.low), (1, fitting.high)):
         pull(world, body, fitting, 2.0 * sign * fitting.friction)
         assert env.fittings[name] == pytest.approx(end, abs=0.03)
@@ -120,7 +120,7 @@ def pull(world, body, fitting, strength):
         else:
             place = bullet.getLinkState(body, 0, physicsClientId=world.client)[0]
             bullet.applyExternalForce(body, 0, load, place, bullet.WORLD_FRAME, world.client)
-        world._step()
+        world.step_physics()
 
 
 @pytest.mark.parametrize(("robot", "control"), [("kuka", "step"), ("panda", "joints")])

@@ -42,8 +42,8 @@ def test_the_bodies_in_the_slots_have_the_shapes_and_colors_that_are_observed():
     for _ in range(15):
         td = env.reset()
         slots = np.flatnonzero(td["objects_mask"][0].numpy())
-        assert len(world._shown) == len(slots)
-        for body, slot in zip(world._shown, slots, strict=True):
+        assert len(world.pool.shown) == len(slots)
+        for body, slot in zip(world.pool.shown, slots, strict=True):
             row = td["objects"][0, slot]
             position, _ = bullet.getBasePositionAndOrientation(body, world.client)
             visual = bullet.getVisualShapeData(body, physicsClientId=world.client)[0]

@@ -1,0 +1,50 @@
+"""What an episode asks for: its referent, target and sentence, as slots, tokens and bytes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.tasks import Episode
+from language import Tokenizer
+
+SENTENCE_BYTES = 160
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What one world is asked for.
+
+    referent, target: slots; without a target, that of the referent. sentence: as a person says it.
+    policy_sentence: as the policy reads it. kind: index into the task's kind_names.
+    """
+
+    referent: int
+    target: int
+    sentence: str
+    policy_sentence: str
+    kind: int
+
+    @classmethod
+    def of(cls, episode: Episode, slots: NDArray[np.int64]) -> Goal:
+        """The goal of an episode whose objects stand in these slots (K,)."""
+        target = episode.referent if episode.target is None else episode.target
+        sentence = policy_sentence(episode)
+        return cls(int(slots[episode.referent]), int(slots[target]), episode.sentence, sentence, episode.kind)
+
+
+def policy_sentence(episode: Episode) -> str:
+    """The sentence that the policy reads: the episode's own, unless it is rephrased."""
+    return episode.sentence if episode.heard is None else episode.heard
+
+
+def tokens(episode: Episode, tokenizer: Tokenizer) -> NDArray[np.int64]:
+    """(L,) the tokens that the policy reads."""
+    return tokenizer.encode(policy_sentence(episode))
+
+
+def in_bytes(sentence: str) -> NDArray[np.uint8]:
+    """(SENTENCE_BYTES,) the sentence in UTF-8, cut or filled with zeros."""
+    return np.frombuffer(sentence.encode()[:SENTENCE_BYTES].ljust(SENTENCE_BYTES, b"\0"), np.uint8)

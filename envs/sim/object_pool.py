@@ -1,0 +1,149 @@
+"""The objects of one world: bodies that are made once, and moved to where an episode shows them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import partial
+
+import numpy as np
+import pybullet as bullet
+from numpy.typing import NDArray
+
+PARKED = (0.0, 0.0, -5.0)  # metres: where objects sleep that the episode does not show
+MASS = 0.1  # kg
+DYNAMICS = {
+    "lateralFriction": 0.8,
+    "rollingFriction": 0.002,
+    "spinningFriction": 0.002,
+    "linearDamping": 0.1,
+    "angularDamping": 0.3,
+}
+RESTING_GAP = 1e-3  # metres above the table that an object may be placed and still be at rest
+
+
+class Mobility(IntEnum):
+    """What an object does when something runs into it."""
+
+    FREE = 0  # it is pushed
+    FIXED = 1  # it stays where it is
+    GHOST = 2  # it has no collision shape: a see-through marker
+
+    @classmethod
+    def of(cls, targets: NDArray[np.bool_], fixed: NDArray[np.bool_] | None) -> NDArray[np.int64]:
+        """(K,) the mobility of each object. targets, fixed: (K,) bool; without `fixed`, all but targets are free."""
+        return np.where(targets, cls.GHOST, np.where(False if fixed is None else fixed, cls.FIXED, cls.FREE))
+
+
+@dataclass(frozen=True)
+class PoolSpec:
+    """The bodies that a pool holds.
+
+    nouns: the shapes ("cube", "sphere", "cylinder"). counts: bodies of each noun, for each `Mobility` in its order.
+    size: width and height of an object, metres.
+    """
+
+    nouns: Sequence[str]
+    counts: Sequence[int]
+    size: float
+
+
+class ObjectPool:
+    """The object bodies of one PyBullet client.
+
+    A body keeps its mobility for good. Bullet moves a body whose mobility changes to the end of its lists, and the
+    same seed would give other bits than in a fresh world.
+
+    bodies: all bodies. shown: the bodies of the current episode, in the order of its objects.
+
+    Args:
+        spec: which bodies to make.
+        client: PyBullet's client.
+        visuals: load visual shapes.
+        sleeping: let bodies at rest sleep.
+    """
+
+    def __init__(self, spec: PoolSpec, client: int, visuals: bool, sleeping: bool) -> None:
+        self._client, self._visuals, self._sleeping = client, visuals, sleeping
+        self._pool = [
+            [[self._make(noun, spec.size, mobility) for _ in range(count)] for noun in spec.nouns]
+            for mobility, count in zip(Mobility, spec.counts, strict=True)
+        ]
+        self.bodies = self.shown = [body for pool in self._pool for bodies in pool for body in bodies]
+        self._resting_height = spec.size / 2 + RESTING_GAP
+        self.pose = partial(bullet.getBasePositionAndOrientation, physicsClientId=client)
+
+    def show(
+        self,
+        nouns: Sequence[int],
+        mobilities: Sequence[int],
+        positions: Sequence[Sequence[float]],
+        yaw: Sequence[float],
+    ) -> None:
+        """Place one body of the pool for each object. An object above the table falls; others sleep until touched.
+
+        nouns, mobilities: indices into the pool. positions: (K, 3) metres. yaw: (K,) radians.
+        """
+        unused = [[list(reversed(bodies)) for bodies in pool] for pool in self._pool]
+        self.shown = [unused[mobility][noun].pop() for mobility, noun in zip(mobilities, nouns, strict=True)]
+        for body, mobility, position, angle in zip(self.shown, mobilities, positions, yaw, strict=True):
+            self._place(body, position, angle)
+            if mobility == Mobility.FREE and position[2] > self._resting_height:
+                self._wake(body)
+
+    def park(self) -> None:
+        """Move the shown bodies out of the workspace, apart from each other, and let them sleep."""
+        for body in self.shown:
+            self._place(body, (PARKED[0] + body, PARKED[1], PARKED[2]))
+
+    def poses(self) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
+        """(position, quaternion) of each shown body."""
+        return [self.pose(body) for body in self.shown]
+
+    def move(self, number: int, position: Sequence[float]) -> None:
+        """Move a shown body to position (3,), metres, within an episode. It keeps its orientation, and falls."""
+        body = self.shown[number]
+        bullet.resetBasePositionAndOrientation(body, position, self.pose(body)[1], self._client)
+        bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
+        self._wake(body)
+
+    def _make(self, noun: str, size: float, mobility: Mobility) -> int:
+        kind, sides = _geometry(noun, size)
+        shape = visual = -1
+        if mobility != Mobility.GHOST:
+            shape = bullet.createCollisionShape(kind, **sides, physicsClientId=self._client)
+        if self._visuals:
+            if "height" in sides:
+                sides = {"radius": sides["radius"], "length": sides["height"]}
+            visual = bullet.createVisualShape(kind, **sides, physicsClientId=self._client)
+        mass = MASS if mobility == Mobility.FREE else 0
+        body = bullet.createMultiBody(mass, shape, visual, PARKED, physicsClientId=self._client)
+        bullet.changeDynamics(body, -1, **DYNAMICS, physicsClientId=self._client)
+        return body
+
+    def _place(self, body: int, position: Sequence[float], yaw: float = 0.0) -> None:
+        quaternion = (0, 0, math.sin(yaw / 2), math.cos(yaw / 2))
+        bullet.resetBasePositionAndOrientation(body, position, quaternion, self._client)
+        bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
+        self._sleep(body)
+
+    def _sleep(self, body: int) -> None:
+        state = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
+        if not self._sleeping:
+            state = bullet.ACTIVATION_STATE_DISABLE_SLEEPING
+        bullet.changeDynamics(body, -1, activationState=state, physicsClientId=self._client)
+
+    def _wake(self, body: int) -> None:
+        bullet.changeDynamics(body, -1, activationState=bullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=self._client)
+
+
+def _geometry(noun: str, size: float) -> tuple[int, dict]:
+    """PyBullet's shape type and dimensions of an object that is `size` metres wide and high."""
+    shapes: dict[str, tuple[int, dict]] = {
+        "cube": (bullet.GEOM_BOX, {"halfExtents": [size / 2] * 3}),
+        "sphere": (bullet.GEOM_SPHERE, {"radius": size / 2}),
+        "cylinder": (bullet.GEOM_CYLINDER, {"radius": size / 2, "height": size}),
+    }
+    return shapes[noun]
