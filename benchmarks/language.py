@@ -26,9 +26,9 @@ from benchmarks.hostile import WRITERS
 from benchmarks.results import rows, write_section
 from language import (
     COLORS,
+    DEFAULT_KINDS,
     KINDS,
     SHAPES,
-    SPOKEN,
     VERBS,
     VIEWPOINTS,
     Chain,
@@ -46,7 +46,7 @@ from language import (
     parse,
     say,
 )
-from language.generator import Expressions
+from language.generator import ReferringExpressions
 from language.splits import Split
 
 PER_SCENE = 250  # deeper sentences that are drawn of one scene
@@ -96,7 +96,7 @@ def scene_of(number: int, rng: Generator) -> Scene:
 def every_sentence(seed: int) -> Tally:
     """Each sentence of at most one relation about one scene, said and understood."""
     scene = random_scene(np.random.default_rng([seed, 1]))
-    expressions = Expressions(scene, Split(), redundant=True)
+    expressions = ReferringExpressions(scene, Split(), redundant=True)
     kinds = [kind for kind in KINDS if kind != "nested"]
     said = (
         Said(say(instruction), instruction, [(None, index)])
@@ -113,12 +113,12 @@ def deeper_sentences(job: tuple[int, int]) -> Tally:
     rng = np.random.default_rng([seed, 2])
     while True:
         scene = random_scene(rng)
-        expressions = Expressions(scene, Split(), redundant=True)
-        if expressions.named_deep(2).sum() > 1:
+        expressions = ReferringExpressions(scene, Split(), redundant=True)
+        if expressions.nameable_nested(2).sum() > 1:
             return check(scene, (_deeper(expressions, rng) for _ in range(number)))
 
 
-def _deeper(expressions: Expressions, rng: Generator) -> Said:
+def _deeper(expressions: ReferringExpressions, rng: Generator) -> Said:
     steps = [_deep_step(expressions, rng, still=True) for _ in range(int(rng.integers(2)))]
     steps.append(_deep_step(expressions, rng, still=False))
     command = steps[0][0] if len(steps) == 1 else Chain(tuple(step for step, _ in steps))
@@ -126,18 +126,18 @@ def _deeper(expressions: Expressions, rng: Generator) -> Said:
     return Said(sentence, command, [objects for _, objects in steps])
 
 
-def _deep_step(expressions: Expressions, rng: Generator, still: bool) -> tuple[Instruction, Pair]:
+def _deep_step(expressions: ReferringExpressions, rng: Generator, still: bool) -> tuple[Instruction, Pair]:
     """An instruction with its objects; a still one leaves the scene as it is, so that more may follow."""
-    depth = 3 if rng.random() < 0.5 and expressions.named_deep(3).sum() > 1 else 2
-    named = expressions.named_deep(depth)
+    depth = 3 if rng.random() < 0.5 and expressions.nameable_nested(3).sum() > 1 else 2
+    named = expressions.nameable_nested(depth)
     real = np.flatnonzero(named & ~expressions.scene.targets)
     init = int(rng.choice(real if len(real) else np.flatnonzero(named)))
-    phrase = expressions.draw_deep(depth, init, rng)
+    phrase = expressions.draw_nested(depth, init, rng)
     if still or not len(real) or rng.random() < 0.5:
         return Instruction(STILL[rng.integers(len(STILL))], phrase), (None, init)
     goal = int(rng.choice(np.setdiff1d(np.flatnonzero(named), init)))
     task = GOING[rng.integers(len(GOING))]
-    return Instruction(task, phrase, expressions.draw_deep(depth, goal, rng)), (init, goal)
+    return Instruction(task, phrase, expressions.draw_nested(depth, goal, rng)), (init, goal)
 
 
 def check(scene: Scene, said: Iterable[Said]) -> Tally:
@@ -194,7 +194,7 @@ def speed(args: argparse.Namespace) -> dict[str, Any]:
     result["say"] = _rate(lambda: [say(instruction) for _, instruction in made])
     result["parse"] = _rate(lambda: [parse(sentence) for sentence, _ in sentences])
     result["parse_and_ground"] = _rate(lambda: [parse(sentence, scene) for sentence, scene in sentences])
-    for name, kinds in (("reset", SPOKEN), ("reset_all_kinds", KINDS)):
+    for name, kinds in (("reset", DEFAULT_KINDS), ("reset_all_kinds", KINDS)):
         result[name] = _rate(lambda kinds=kinds: [_reset(Describer(kinds), scene, rng) for scene in scenes])  # type: ignore[misc]
     start = time.perf_counter()
     result["count_log10"] = {str(depth): round(math.log10(count(depth)), 1) for depth in range(4)}

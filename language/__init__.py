@@ -6,7 +6,7 @@ the table top, x away from the robot, y to the robot's left, z up.
 
 from language.colors import COLORS, RGBA, SEE_THROUGH, Color, color_name, color_table, draw_colors, rgba
 from language.counting import count
-from language.describing import SPOKEN, Describer, describe
+from language.describing import DEFAULT_KINDS, Describer, describe
 from language.errors import LanguageError, NothingFits, NotUnderstood, SeveralFit
 from language.generator import KINDS
 from language.grounding import ground, matches
@@ -15,15 +15,16 @@ from language.objects import DEVICES, NOUNS, ROLES, SHAPES, SIZES, Object, Scene
 from language.placement import Layout, ObjectSpec, Placed, from_all, from_lists, from_pairs
 from language.relations import HOLDS, RELATIONS, SUPERLATIVES, Relation, Superlative, relation, superlative, unregister
 from language.splits import SPLITS, HeldOut, Split
+from language.task_generation import GeneratedTask, generate_tasks, scene_after
 from language.tokenizer import Tokenizer
-from language.understanding import Step, Understood, parse, revise, understand
+from language.understanding import GroundedStep, Understood, parse, revise, understand
 from language.verbs import LIFTED, VERBS, Verb
 from language.viewpoint import VIEWPOINTS, Viewpoint
-from language.virtual import GeneratedTask, after, generate_tasks
 from language.wording import Wording
 
 __all__ = [
     "COLORS",
+    "DEFAULT_KINDS",
     "DEVICES",
     "HOLDS",
     "KINDS",
@@ -36,7 +37,6 @@ __all__ = [
     "SHAPES",
     "SIZES",
     "SPLITS",
-    "SPOKEN",
     "SUPERLATIVES",
     "VERBS",
     "VIEWPOINTS",
@@ -46,6 +46,7 @@ __all__ = [
     "Correction",
     "Describer",
     "GeneratedTask",
+    "GroundedStep",
     "HeldOut",
     "Instruction",
     "LanguageError",
@@ -61,14 +62,12 @@ __all__ = [
     "Scene",
     "SeveralFit",
     "Split",
-    "Step",
     "Superlative",
     "Tokenizer",
     "Understood",
     "Verb",
     "Viewpoint",
     "Wording",
-    "after",
     "color_name",
     "color_table",
     "count",
@@ -85,6 +84,7 @@ __all__ = [
     "revise",
     "rgba",
     "say",
+    "scene_after",
     "superlative",
     "understand",
     "unregister",

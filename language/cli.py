@@ -15,7 +15,7 @@ from language.answers import Dialogue, error_in_words, grounded, in_words
 from language.counting import count
 from language.describing import plain_name
 from language.errors import LanguageError
-from language.generator import DEEPEST, KINDS, Expressions
+from language.generator import KINDS, MAX_DEPTH, ReferringExpressions
 from language.sampling import Sample, sample
 from language.scene_file import NamedScene, as_entries, read_scene
 from language.splits import Split
@@ -71,7 +71,7 @@ def _arguments() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="command", required=True)
     _add_parse(_command(commands, "parse", parse_command, "what a sentence asks for, or what is wrong with it"))
     _add_describe(_command(commands, "describe", describe_command, "a name for each object of a scene"))
-    _command(commands, "count", count_command, f"how many sentences there are, by depth 0 to {DEEPEST}")
+    _command(commands, "count", count_command, f"how many sentences there are, by depth 0 to {MAX_DEPTH}")
     _add_sample(_command(commands, "sample", sample_command, "random sentences"))
     return parser
 
@@ -105,7 +105,7 @@ def _add_sample(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--n", type=_whole(1), default=20, help="how many sentences (20)")
     parser.add_argument("--seed", type=_whole(0), default=0, help="the same seed gives the same sentences (0)")
     _add_scene(parser)
-    parser.add_argument("--depth", type=_whole(0, DEEPEST), help=f"relations nested in each phrase, 0 to {DEEPEST}")
+    parser.add_argument("--depth", type=_whole(0, MAX_DEPTH), help=f"relations nested in each phrase, 0 to {MAX_DEPTH}")
     parser.add_argument("--steps", type=_whole(1, 10), default=1, help="steps of each instruction, 1 to 10 (1)")
     parser.add_argument("--varied", action="store_true", help="in drawn words, not always in the plainest")
 
@@ -154,7 +154,7 @@ def describe_command(options: argparse.Namespace) -> int:
     """Each object's id with its plainest name, or with all of its names."""
     named = _scene(options)
     assert named is not None
-    expressions = Expressions(named.scene, Split())
+    expressions = ReferringExpressions(named.scene, Split())
     found = (_names(index, name, expressions, options.all) for index, name in enumerate(named.ids))
     if options.json:
         _print_json(list(found))
@@ -167,7 +167,7 @@ def describe_command(options: argparse.Namespace) -> int:
     return 0
 
 
-def _names(index: int, name: str, expressions: Expressions, every: bool) -> dict:
+def _names(index: int, name: str, expressions: ReferringExpressions, every: bool) -> dict:
     try:
         found: dict = {"id": name, "name": str(plain_name(index, expressions))}
     except LanguageError:
@@ -180,7 +180,7 @@ def _names(index: int, name: str, expressions: Expressions, every: bool) -> dict
 
 def count_command(options: argparse.Namespace) -> int:
     """The number of different sentences of one step by depth, exact and as a power of ten."""
-    counted = [(depth, count(depth)) for depth in range(DEEPEST + 1)]
+    counted = [(depth, count(depth)) for depth in range(MAX_DEPTH + 1)]
     if options.json:
         _print_json([{"depth": depth, "sentences": n, "log10": round(math.log10(n), 2)} for depth, n in counted])
         return 0

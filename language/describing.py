@@ -7,13 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from language.errors import LanguageError, check_known, listed
-from language.generator import KINDS, Expressions
+from language.generator import KINDS, ReferringExpressions
 from language.instruction import Instruction, ObjectPhrase
 from language.objects import Object, Scene
 from language.splits import Split
 
-SPOKEN = ("color", "shape", "color_shape", "relation")  # the kinds that are said where nobody chooses
-CROWD = 24  # objects: in a larger scene nobody is told apart by relations, which take time that grows with its cube
+DEFAULT_KINDS = ("color", "shape", "color_shape", "relation")  # the kinds that are said where nobody chooses
+MAX_NAMED_OBJECTS = (
+    24  # objects: in a larger scene nobody is told apart by relations, which take time that grows with its cube
+)
 _PREFERRED = ("color_shape", "shape", "color", "size", "superlative", "relation", "negation")
 
 
@@ -24,14 +26,16 @@ class Describer:
     without them. Raises LanguageError for an unknown kind, or none.
     """
 
-    def __init__(self, kinds: Sequence[str] = SPOKEN, split: Split | None = None, redundant: bool = False) -> None:
+    def __init__(
+        self, kinds: Sequence[str] = DEFAULT_KINDS, split: Split | None = None, redundant: bool = False
+    ) -> None:
         for kind in kinds:
             check_known("kind of instruction", kind, KINDS)
         if not kinds:
             raise LanguageError(f"kinds is empty; choose from {', '.join(KINDS)}")
         self.kinds = tuple(dict.fromkeys(kinds))
         self.split, self._redundant = split or Split(), redundant
-        self._expressions: Expressions | None = None
+        self._expressions: ReferringExpressions | None = None
 
     def nameable(self, scene: Scene) -> np.ndarray:
         """(K,) bool, which objects some allowed kind of phrase names uniquely."""
@@ -61,10 +65,10 @@ class Describer:
             f"no {' or '.join(self.kinds)} names the {thing.color} {thing.noun}, object {referent}, alone"
         )
 
-    def expressions(self, scene: Scene) -> Expressions:
+    def expressions(self, scene: Scene) -> ReferringExpressions:
         """All that can be said of the scene."""
         if self._expressions is None or self._expressions.scene is not scene:  # one look serves several questions
-            self._expressions = Expressions(scene, self.split, self._redundant)
+            self._expressions = ReferringExpressions(scene, self.split, self._redundant)
         return self._expressions
 
 
@@ -73,10 +77,10 @@ def describe(thing: Object | int, scene: Scene) -> str:
 
     Raises LanguageError where the scene lacks it, or where no words tell it from its like.
     """
-    return str(plain_name(_index(thing, scene), Expressions(scene, Split())))
+    return str(plain_name(_index(thing, scene), ReferringExpressions(scene, Split())))
 
 
-def plain_name(index: int, expressions: Expressions) -> ObjectPhrase:
+def plain_name(index: int, expressions: ReferringExpressions) -> ObjectPhrase:
     """The first phrase of the plainest kind that names the object alone. Raises LanguageError."""
     for kind in _PREFERRED:
         for phrase in expressions.all(kind, index):
@@ -87,14 +91,14 @@ def plain_name(index: int, expressions: Expressions) -> ObjectPhrase:
 
 def question(scene: Scene, candidates: Sequence[int]) -> str:
     """What would settle which of the candidates is meant: "Do you mean the red cube or the one left of it?"."""
-    return f"Do you mean {listed(names_apart(scene, candidates), ' or ')}?"
+    return f"Do you mean {listed(distinguishing_names(scene, candidates), ' or ')}?"
 
 
-def names_apart(scene: Scene, candidates: Sequence[int]) -> list[str]:
+def distinguishing_names(scene: Scene, candidates: Sequence[int]) -> list[str]:
     """A name for each candidate; with its place in metres where words alone do not tell it apart."""
-    if len(scene) > CROWD:
+    if len(scene) > MAX_NAMED_OBJECTS:
         return [_placed(scene, index) for index in candidates]
-    expressions = Expressions(scene, Split())
+    expressions = ReferringExpressions(scene, Split())
     names: list[str] = []
     for index in candidates:
         try:

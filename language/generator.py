@@ -20,7 +20,7 @@ from language.relations import ABSENT, CLEAR, RELATIONS, SUPERLATIVES
 from language.splits import Split
 
 KINDS = ("color", "shape", "color_shape", "size", "superlative", "negation", "relation", "nested")
-DEEPEST = 3  # relations within relations that are ever said
+MAX_DEPTH = 3  # relations within relations that are ever said
 
 # The heads by what they say: bits for colour, noun, size and role. "object", "color object", "noun", "color noun", ...
 _COLOR, _NOUN, _SIZE, _ROLE = ((np.arange(16) >> bit) % 2 == 1 for bit in range(4))
@@ -28,7 +28,7 @@ _PLAIN = {"color": (1, 9), "shape": (2, 10), "color_shape": (3, 11), "size": (4,
 _ANCHORS = slice(1, 4)  # the heads that an anchor is named by
 
 
-class Expressions:
+class ReferringExpressions:
     """What could be said of the objects of a scene: for each kind, a bool array of who is named by what.
 
     redundant: relations, superlatives and negations are said even of what has a name without them.
@@ -66,7 +66,7 @@ class Expressions:
     def draw(self, kind: str, referent: int, rng: np.random.Generator) -> ObjectPhrase:
         """An expression of the kind for the referent: its word evenly, then its anchors. Raises LanguageError."""
         if kind == "nested":
-            return self.draw_deep(2, referent, rng)
+            return self.draw_nested(2, referent, rng)
         arrays = [array[:, referent] for array in self.of(kind)]
         if kind in _PLAIN:
             arrays = [array[:, None] for array in arrays]
@@ -206,7 +206,7 @@ class Expressions:
             self._by_depth[depth] = np.asarray(self._split.avoid(named, held[..., None]))
         return self._by_depth[depth]
 
-    def draw_deep(self, depth: int, referent: int, rng: np.random.Generator) -> ObjectPhrase:
+    def draw_nested(self, depth: int, referent: int, rng: np.random.Generator) -> ObjectPhrase:
         """A phrase of `depth` relations, each seen from the next. Raises LanguageError where there is none."""
         if depth == 1:
             return self.draw("relation", referent, rng)
@@ -215,7 +215,7 @@ class Expressions:
         if not len(places):
             raise LanguageError(f"no phrase of {depth} relations names object {referent} alone")
         head, relation, anchor = map(int, np.unravel_index(places[rng.integers(len(places))], outer.shape))
-        named = self.draw_deep(depth - 1, anchor, rng)
+        named = self.draw_nested(depth - 1, anchor, rng)
         return self.head(head, referent, relation=self._relations[relation].phrase, anchors=(named,))
 
     def _all_nested(self, referent: int) -> Iterator[ObjectPhrase]:
@@ -223,7 +223,7 @@ class Expressions:
             for named in self.all("relation", anchor):
                 yield self.head(head, referent, relation=self._relations[relation].phrase, anchors=(named,))
 
-    def named_deep(self, depth: int) -> np.ndarray:
+    def nameable_nested(self, depth: int) -> np.ndarray:
         """(K,) bool, who is named by a phrase of `depth` relations."""
         if depth == 1:
             return self.names("relation")

@@ -21,15 +21,15 @@ def matches(phrase: ObjectPhrase, scene: Scene, pointed: Sequence[int] = ()) -> 
     A relation is seen from single objects: raises NothingFits or SeveralFit where an anchor's phrase names none
     or several.
     """
-    return Listener(scene, pointed).fits(phrase)
+    return PhraseResolver(scene, pointed).fits(phrase)
 
 
 def ground(instruction: Instruction, scene: Scene, pointed: Sequence[int] = ()) -> int:
     """The index of the one object that the instruction names. Raises NothingFits or SeveralFit."""
-    return Listener(scene, pointed).the_one(instruction.phrase)
+    return PhraseResolver(scene, pointed).resolve(instruction.phrase)
 
 
-class Listener:
+class PhraseResolver:
     """Reads phrases one after another, in the order of the sentence, so that each gesture meets its word.
 
     it: the object that "it" stands for.
@@ -42,7 +42,7 @@ class Listener:
         if not all(0 <= shown < len(scene) for shown in self._gestures):
             raise LanguageError(f"pointed={self._gestures} is out of range: the scene has {len(scene)} objects")
 
-    def the_one(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> int:
+    def resolve(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> int:
         """The index of the one object that the phrase fits. Raises NothingFits or SeveralFit.
 
         among: (K,) bool, which objects come into question at all.
@@ -65,7 +65,7 @@ class Listener:
             self._misfit = None if fits[shown] else shown
             fits &= np.arange(len(self.scene)) == shown
         if phrase.relation is not None:
-            anchors = [self.the_one(anchor) for anchor in phrase.anchors]
+            anchors = [self.resolve(anchor) for anchor in phrase.anchors]
             fits = self._related(phrase.relation, fits, anchors)
         if phrase.superlative is not None:
             fits = self._most(phrase.superlative, fits)

@@ -126,11 +126,11 @@ def _read() -> Lexicon:
             "not": {"not": NOT},
             "but": {"but": BUT},
         },
-        templates={name: tuple(cut(words) for words in task.templates) for name, task in VERBS.items()},
+        templates={name: tuple(split_template(words) for words in task.templates) for name, task in VERBS.items()},
     )
 
 
-def cut(template: str) -> tuple[str, ...]:
+def split_template(template: str) -> tuple[str, ...]:
     """A template at its slots: "push {object} {goal}" to ("push", "{object}", "{goal}")."""
     return tuple(piece.strip() for piece in _SLOT.split(template) if piece.strip())
 

@@ -10,13 +10,13 @@ from numpy.random import Generator
 
 from language.describing import Describer
 from language.errors import LanguageError
-from language.generator import DEEPEST, KINDS
+from language.generator import KINDS, MAX_DEPTH
 from language.instruction import Command, Instruction, ObjectPhrase, say
 from language.lexicon import LONGEST_SENTENCE
 from language.objects import Scene
 from language.placement import ObjectSpec, from_all
+from language.task_generation import generate_tasks
 from language.verbs import VERBS
-from language.virtual import generate_tasks
 from language.wording import Wording
 
 DRAWN = (3, 8)  # objects in a drawn scene, at least and at most
@@ -36,8 +36,8 @@ class Sample:
     scene: Scene
 
 
-class Deep(Describer):
-    """Draws phrases of exactly `depth` relations, 1 to DEEPEST, each seen from the next."""
+class NestedDescriber(Describer):
+    """Draws phrases of exactly `depth` relations, 1 to MAX_DEPTH, each seen from the next."""
 
     def __init__(self, depth: int) -> None:
         super().__init__(("relation",), redundant=True)
@@ -45,11 +45,11 @@ class Deep(Describer):
 
     def nameable(self, scene: Scene) -> np.ndarray:
         """(K,) bool, which objects such a phrase names uniquely."""
-        return self.expressions(scene).named_deep(self.depth)
+        return self.expressions(scene).nameable_nested(self.depth)
 
     def phrase(self, scene: Scene, referent: int, rng: Generator) -> ObjectPhrase:
         """A phrase that names the referent alone. Raises LanguageError where none does."""
-        return self.expressions(scene).draw_deep(self.depth, referent, rng)
+        return self.expressions(scene).draw_nested(self.depth, referent, rng)
 
 
 def sample(
@@ -64,7 +64,7 @@ def sample(
 
     depth: how many relations are nested in each phrase; None for all kinds of phrases, up to two relations.
     wording: draws the words; None says everything in the first that there are.
-    Raises LanguageError for a depth that is not in 0 to DEEPEST, for fewer than 1 step, and where no scene gives
+    Raises LanguageError for a depth that is not in 0 to MAX_DEPTH, for fewer than 1 step, and where no scene gives
     such an instruction.
     """
     describer = _describer(depth)
@@ -95,10 +95,10 @@ def draw_scene(rng: Generator) -> Scene:
 
 
 def _describer(depth: int | None) -> Describer:
-    if depth is not None and not 0 <= depth <= DEEPEST:
-        raise LanguageError(f"depth={depth} must be from 0 to {DEEPEST}")
+    if depth is not None and not 0 <= depth <= MAX_DEPTH:
+        raise LanguageError(f"depth={depth} must be from 0 to {MAX_DEPTH}")
     if depth:
-        return Deep(depth)
+        return NestedDescriber(depth)
     return Describer(KINDS if depth is None else [kind for kind in KINDS if kind not in ("relation", "nested")])
 
 

@@ -8,15 +8,15 @@ from typing import overload
 
 from language.errors import LanguageError, NothingFits, SeveralFit
 from language.grammar import parse_words
-from language.grounding import Listener
+from language.grounding import PhraseResolver
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase
 from language.objects import Scene
+from language.task_generation import scene_after
 from language.verbs import HERE, POINTING, VERBS
-from language.virtual import after
 
 
 @dataclass(frozen=True)
-class Step:
+class GroundedStep:
     """One thing to do. init: index of the object that is moved, goal: of the one it goes to, or that is acted on.
 
     reward, networks: the name of the reward and the number of networks that the original system trains it with.
@@ -37,7 +37,7 @@ class Understood:
     """
 
     meaning: Command
-    steps: tuple[Step, ...]
+    steps: tuple[GroundedStep, ...]
     result: Scene
     pointed: tuple[int, ...] = ()
 
@@ -70,28 +70,28 @@ def parse(
 
 def understand(command: Command, scene: Scene, pointed: Sequence[int] = ()) -> Understood:
     """The command's steps, each grounded in the scene that the steps before leave. Raises NothingFits, SeveralFit."""
-    listener = Listener(scene, pointed)
-    steps: list[Step] = []
+    listener = PhraseResolver(scene, pointed)
+    steps: list[GroundedStep] = []
     for instruction in command.steps:
         step = _step(instruction, listener)
         listener.it = step.goal if step.init is None else step.init
-        listener.scene = after(step.task, step.init, step.goal, listener.scene)
+        listener.scene = scene_after(step.task, step.init, step.goal, listener.scene)
         steps.append(step)
     return Understood(command, tuple(steps), listener.scene, tuple(pointed))
 
 
-def _step(instruction: Instruction, listener: Listener) -> Step:
+def _step(instruction: Instruction, listener: PhraseResolver) -> GroundedStep:
     task = VERBS[instruction.task]
     among = ~listener.scene.targets if task.moves else None  # a target only marks a place: nobody can move it
-    named = listener.the_one(instruction.phrase, among)
+    named = listener.resolve(instruction.phrase, among)
     real = ~listener.scene.targets if task.effect == "on" else None  # nothing can stand on a target
-    goal = None if instruction.goal is None else listener.the_one(instruction.goal, real)
+    goal = None if instruction.goal is None else listener.resolve(instruction.goal, real)
     if goal == named:
         message = f"'{instruction.goal}' is the object itself that is to be moved; say another place"
         raise NothingFits(message, str(instruction.goal), instruction.goal.position if instruction.goal else 0)
     if task.moves:
-        return Step(instruction.task, named, goal, task.reward, task.networks)
-    return Step(instruction.task, None, named, task.reward, task.networks)
+        return GroundedStep(instruction.task, named, goal, task.reward, task.networks)
+    return GroundedStep(instruction.task, None, named, task.reward, task.networks)
 
 
 def revise(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from language import count, parse
-from language.lexicon import Lexicon, cut
+from language.lexicon import Lexicon, split_template
 
 
 def tiny(*templates, **more):
@@ -17,7 +17,7 @@ def tiny(*templates, **more):
         "color": {"red": ("red",), "gray": ("gray", "grey")},
         "noun": {None: ("object",), "cube": ("cube",)},
     }
-    return Lexicon(few | more, {str(number): (cut(words),) for number, words in enumerate(templates)})
+    return Lexicon(few | more, {str(number): (split_template(words),) for number, words in enumerate(templates)})
 
 
 def sentences(words, depth):

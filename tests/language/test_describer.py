@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from language import (
+    DEFAULT_KINDS,
     KINDS,
-    SPOKEN,
     Describer,
     Instruction,
     LanguageError,
@@ -56,8 +56,8 @@ def test_a_deep_phrase_is_understood_as_its_referent(depth):
     rng, number = np.random.default_rng(0), 0
     for each in random_scenes(60, counts=[4, 6, 8]):
         expressions = Describer(redundant=True).expressions(each)
-        for referent in np.flatnonzero(expressions.named_deep(depth)).tolist():
-            phrase = expressions.draw_deep(depth, referent, rng)
+        for referent in np.flatnonzero(expressions.nameable_nested(depth)).tolist():
+            phrase = expressions.draw_nested(depth, referent, rng)
             understood = parse(f"reach {phrase}", each)
             assert phrase.depth == depth
             assert understood.meaning.phrase == phrase
@@ -75,7 +75,7 @@ def test_only_allowed_kinds_are_said(kind):
 
 def test_every_spoken_kind_occurs():
     kinds = Counter(instruction.kind for *_, instruction in described(Describer(), random_scenes(200)))
-    assert set(kinds) == set(SPOKEN)
+    assert set(kinds) == set(DEFAULT_KINDS)
     assert min(kinds.values()) > 20
 
 

@@ -65,8 +65,8 @@ def test_longer_phrases_keep_to_the_split_too(name, depth):
     said = []
     for each in random_scenes(40, counts=[5, 7], seed=4):
         expressions = Describer(split=split, redundant=True).expressions(each)
-        for referent in np.flatnonzero(expressions.named_deep(depth)).tolist():
-            phrase = expressions.draw_deep(depth, referent, rng)
+        for referent in np.flatnonzero(expressions.nameable_nested(depth)).tolist():
+            phrase = expressions.draw_nested(depth, referent, rng)
             assert phrase.depth == depth
             said.append(bool(held_out(phrase)))
     assert len(said) > 50

@@ -17,7 +17,7 @@ PAGE = (Path(language.__file__).parent.parent / "docs" / "language.md").read_tex
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 PYTHON = [code for kind, code in BLOCKS if kind == "python"]
 CONSOLE = "".join(text for kind, text in BLOCKS if kind == "console")
-STEP = dict.fromkeys(language.Step.__dataclass_fields__, str)
+STEP = dict.fromkeys(language.GroundedStep.__dataclass_fields__, str)
 KNOWN = {"object": language.Object, "scene": language.Scene, **STEP}  # what the table speaks of
 REGISTRIES = (COLORS, NOUNS, SIZES, RELATIONS, SUPERLATIVES, VERBS)
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from language import VERBS, Instruction, LanguageError, ObjectPhrase, Step, Tokenizer, Verb, parse, say
+from language import VERBS, GroundedStep, Instruction, LanguageError, ObjectPhrase, Tokenizer, Verb, parse, say
 from language.verbs import BASE, GOAL, OBJECT, has_goal
 from language.verbs import PLACES as WORDS_FOR_PLACES
 from tests.helpers.language_cases import PLACES, TABLE, steps
@@ -26,23 +26,23 @@ def test_a_place_is_said_in_many_ways(place):
 @pytest.mark.parametrize(
     ("sentence", "step"),
     [
-        ("reach the green cube", Step("reach", None, 1, "distance", 1)),
-        ("reach the red object left to the solid red cube", Step("reach", None, 3, "distance", 1)),
-        ("reach the blue object left to the green cube", Step("reach", None, 2, "distance", 1)),
+        ("reach the green cube", GroundedStep("reach", None, 1, "distance", 1)),
+        ("reach the red object left to the solid red cube", GroundedStep("reach", None, 3, "distance", 1)),
+        ("reach the blue object left to the green cube", GroundedStep("reach", None, 2, "distance", 1)),
         (
             "pick the green cube and place it to the same position as the transparent red cube",
-            Step("pick_and_place", 1, 3, "pnp", 3),
+            GroundedStep("pick_and_place", 1, 3, "pnp", 3),
         ),
         (
             "push the green cube to the same position as the transparent red cube",
-            Step("push", 1, 3, "distance", 1),
+            GroundedStep("push", 1, 3, "distance", 1),
         ),
         (
             "swipe the green cube along the line to the position of the transparent red cube",
-            Step("swipe", 1, 3, "pnpswipe", 3),
+            GroundedStep("swipe", 1, 3, "pnpswipe", 3),
         ),
-        ("reach there", Step("reach", None, 4, "distance", 1)),
-        ("reach here", Step("reach", None, 4, "distance", 1)),
+        ("reach there", GroundedStep("reach", None, 4, "distance", 1)),
+        ("reach here", GroundedStep("reach", None, 4, "distance", 1)),
     ],
 )
 def test_the_originals_own_phrasings_are_understood(sentence, step):

@@ -16,7 +16,7 @@ OCCUPIED = 0.04  # metres between centres: nearer than this, a place is taken
 CHAINED = ("reach", "push", "pick_and_place", "swipe", "throw", "lift")  # the tasks that generated chains are made of
 
 
-def after(task: str, init: int | None, goal: int | None, scene: Scene) -> Scene:
+def scene_after(task: str, init: int | None, goal: int | None, scene: Scene) -> Scene:
     """The scene when the task is done, without simulation; the same one where nothing moves.
 
     init: index of the object that is moved, goal: of the one whose place it takes, or on top of which it goes.
@@ -86,7 +86,7 @@ def _generate(
             return None
         task, init, goal = possible[rng.integers(len(possible))]
         steps.append(_instruction(task, init, goal, scenes[-1], rng, describer))
-        scenes.append(after(task, init, goal, scenes[-1]))
+        scenes.append(scene_after(task, init, goal, scenes[-1]))
     return GeneratedTask(steps[0] if depth == 1 else Chain(tuple(steps)), tuple(scenes))
 
 

@@ -10,10 +10,10 @@ from language import (
     LanguageError,
     Scene,
     Split,
-    after,
     generate_tasks,
     parse,
     say,
+    scene_after,
     understand,
 )
 from tests.helpers.language_cases import PLACES, random_scenes
@@ -21,13 +21,13 @@ from tests.helpers.language_cases import PLACES, random_scenes
 
 @pytest.mark.parametrize("task", [task for task, known in VERBS.items() if known.effect == "goal"])
 def test_what_goes_somewhere_is_where_the_goal_was(task):
-    done = after(task, 0, 3, PLACES)
+    done = scene_after(task, 0, 3, PLACES)
     assert (done.positions[0] == PLACES.positions[3]).all()
     assert (done.positions[1:] == PLACES.positions[1:]).all()
 
 
 def test_a_stacked_object_stands_on_its_base():
-    done = after("stack", 2, 1, PLACES)
+    done = scene_after("stack", 2, 1, PLACES)
     assert (done.positions - PLACES.positions)[[0, 1, 3, 4]].any() == np.False_
     assert done.positions[2].tolist() == [0.4, 0.0, 0.02 + (PLACES.sizes[2] + PLACES.sizes[1]) / 2]
 
@@ -40,19 +40,19 @@ def test_objects_are_only_stacked_on_real_ones():
 
 
 def test_what_is_lifted_is_higher():
-    done = after("lift", 1, None, PLACES)
+    done = scene_after("lift", 1, None, PLACES)
     assert (done.positions - PLACES.positions).nonzero()[0].tolist() == [1]
     assert done.positions[1, 2] > PLACES.positions[1, 2] + 0.1
 
 
 @pytest.mark.parametrize(("task", "init", "goal"), [("reach", None, 2), ("grasp", None, 1), ("poke", 1, None)])
 def test_what_moves_nothing_leaves_the_scene(task, init, goal):
-    assert after(task, init, goal, PLACES) is PLACES
+    assert scene_after(task, init, goal, PLACES) is PLACES
 
 
 def test_an_unknown_task_has_no_effect_to_apply():
     with pytest.raises(LanguageError, match="did you mean 'lift'"):
-        after("lifts", 0, None, PLACES)
+        scene_after("lifts", 0, None, PLACES)
 
 
 def tables():
