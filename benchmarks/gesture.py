@@ -28,7 +28,7 @@ from benchmarks.results import rows, write_section
 from conf.overrides import compose
 from envs import make_env, read_env
 from envs.config import EnvConfig
-from envs.experts import ReachExpert
+from envs.experts.reach import ReachExpert
 from envs.mdp.gestures import meet
 from envs.tasks import TASKS
 from envs.tasks.object_layout import scatter

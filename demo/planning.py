@@ -37,7 +37,7 @@ class Planner:
     def __init__(self, stage: InteractiveEnv, rng: np.random.Generator) -> None:
         self._stage, self._rng, self._task = stage, rng, stage.config.task
         self._describer = Describer(tuple(self._task.kinds) or KINDS)
-        self.verb: str = getattr(stage.task, "verb", "reach")
+        self.verb: str = stage.task.verb
         self.doing = self.verb.replace("_", " ")
 
     def plan(self, understood: Understood) -> list[Job]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from envs.experts.base import OVER, Array, Expert, Slots, either
+from envs.experts.registry import register_expert
 from envs.sim.devices import DEVICES, facing
 from envs.tasks.geometry import length
 from envs.tasks.operate import Operate
@@ -52,6 +53,7 @@ class DeviceExpert(Expert):
         return either(over, down, either(gripper[:, 2] > ABOVE - 0.03, travel, up))
 
 
+@register_expert("press")
 class PressExpert(DeviceExpert):
     """Down on the button, and on."""
 
@@ -61,6 +63,7 @@ class PressExpert(DeviceExpert):
         return self._down(below)
 
 
+@register_expert("switch")
 class SwitchExpert(DeviceExpert):
     """Down behind the lever's knob, and along the way that it goes."""
 
@@ -74,6 +77,7 @@ class SwitchExpert(DeviceExpert):
         return either(pushing, onward, self._down(level - BEHIND * ahead))
 
 
+@register_expert("turn")
 class TurnExpert(DeviceExpert):
     """Down beside the wheel's peg, and round with it."""
 

@@ -6,11 +6,13 @@ from torch import Tensor
 
 from envs.experts.base import Array, Slots, either
 from envs.experts.place import Fetch
+from envs.experts.registry import register_expert
 from language import LIFTED
 
 MORE = 0.03  # metres that it is lifted beyond what is asked
 
 
+@register_expert("nl_grasp")
 class GraspExpert(Fetch):
     """Takes hold of the referent, and stays."""
 
@@ -24,6 +26,7 @@ class GraspExpert(Fetch):
         return self._env.gripper
 
 
+@register_expert("nl_lift")
 class LiftExpert(GraspExpert):
     """Takes hold of the referent, and goes up with it."""
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from envs.experts.base import HOVER, OVER, UP, Array, Expert, Slots, either
+from envs.experts.registry import register_expert
 
 GRASP = 0.012  # metres from where it is to grip, or to let go, at which a gripper does so
 PRESS = 0.005  # metres that a magnet goes deeper than to touch
@@ -27,6 +28,7 @@ class Fetch(Expert):
         return grip, close
 
 
+@register_expert("pick_and_place", "nl_pick_and_place")
 class PlaceExpert(Fetch):
     """Picks the referent up, and lets go of it at its target."""
 

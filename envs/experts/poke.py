@@ -7,6 +7,7 @@ from torch import Tensor
 
 from envs.experts.base import Array, Slots, either
 from envs.experts.push import FREE, Pusher
+from envs.experts.registry import register_expert
 from envs.tasks.geometry import length
 from envs.workspace_env import WorkspaceEnv
 
@@ -15,6 +16,7 @@ STEP = 0.006  # ... in a control step: a faster one sends the object away
 WAYS = 8  # in which it may push
 
 
+@register_expert("poke")
 class PokeExpert(Pusher):
     """Pushes to where there is most room: it remembers where the object stood, and which way that is."""
 

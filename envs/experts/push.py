@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from envs.experts.base import HOVER, UP, Array, Expert, Slots, either
+from envs.experts.registry import register_expert
 from envs.tasks.geometry import horizontal, length
 from envs.workspace_env import WorkspaceEnv
 
@@ -68,6 +69,7 @@ class Pusher(Expert):
         return self._env.gripper + either(near & ~high, -HOVER * way, HOVER * UP)
 
 
+@register_expert("push", "nl_push")
 class PushExpert(Pusher):
     """Pushes the referent to its target."""
 

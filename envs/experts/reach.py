@@ -6,10 +6,12 @@ import numpy as np
 from torch import Tensor
 
 from envs.experts.base import HOVER, OVER, Array, Expert, Slots
+from envs.experts.registry import register_expert
 
 TOUCH = 0.01  # metres above the goal's top at the end
 
 
+@register_expert("reach", "nl_reach", "reach_gesture", "nl_reach_gesture")
 class ReachExpert(Expert):
     """Goes over the referent, then down on it."""
 

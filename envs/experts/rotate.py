@@ -10,6 +10,7 @@ from torch import Tensor
 
 from envs.experts.base import UP, Array, Slots, either
 from envs.experts.place import CARRY, GRASP, Fetch
+from envs.experts.registry import register_expert
 from envs.workspace_env import WorkspaceEnv
 
 ANGLE = math.radians(70)  # to which it turns the gripper
@@ -18,6 +19,7 @@ OPENING = 3  # control steps until fingers no longer touch what they let go of
 ENOUGH = math.radians(60)  # from which on it puts down what it holds
 
 
+@register_expert("pick_and_rotate")
 class RotateExpert(Fetch):
     """Grips with the gripper as it points at rest, so that the gripper's yaw tells how far the object is turned."""
 

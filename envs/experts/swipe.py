@@ -7,11 +7,13 @@ from torch import Tensor
 
 from envs.experts.base import HOVER, UP, Slots, either
 from envs.experts.place import GRASP, THERE, Fetch
+from envs.experts.registry import register_expert
 from envs.tasks.geometry import length
 
 STEP = 0.02  # metres in a control step: slower than it could, so that it keeps to the line
 
 
+@register_expert("swipe")
 class SwipeExpert(Fetch):
     """Keeps what it draws on the table."""
 

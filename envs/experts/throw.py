@@ -10,6 +10,7 @@ from torch import Tensor
 
 from envs.experts.base import Array, Slots, either
 from envs.experts.place import Fetch
+from envs.experts.registry import register_expert
 from envs.tasks.geometry import length
 from envs.tasks.throw import LANDED, SHORT
 from envs.workspace_env import WorkspaceEnv
@@ -39,6 +40,7 @@ class Style(NamedTuple):
 STYLES = {"magnet": Style(0.18, 0.31, 0.024, 10.0, 0), "fingers": Style(0.22, 0.27, 0.03, 4.0, 2)}
 
 
+@register_expert("throw")
 class ThrowExpert(Fetch):
     """Runs along y, where there is most room, towards the target's side of the table."""
 

@@ -11,8 +11,8 @@ from envs.tasks import State, Task
 
 
 def weights(task: Task) -> Array:
-    """(T,) the weight of each reward term, in the order of `terms`; 0 where the config has none."""
-    return np.array([task.config.weights.get(name, 0.0) for name in task.terms])
+    """(T,) the weight of each reward term, in the order of `terms`."""
+    return np.array([task.config.reward[name] for name in task.terms])
 
 
 def judge(task: Task, state: State, weights: Array) -> dict[str, Tensor]:

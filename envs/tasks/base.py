@@ -30,10 +30,12 @@ def loose(scene: Scene) -> Placed:
 class Task(ABC):
     """N episodes at once.
 
+    verb: the key of `language.VERBS` for its sentences, set by `register_task`.
     terms: the names of its reward terms, in their order. columns: what is seen of each object besides its row and its
     offset from the gripper, where the task `moves` any.
     """
 
+    verb: str
     terms: tuple[str, ...]
     columns: tuple[Column, ...] = ()
     kind_names: tuple[str, ...] = ("none",)
@@ -50,9 +52,7 @@ class Task(ABC):
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
     ) -> None:
-        for name in config.weights:
-            if name not in self.terms:
-                raise ConfigError(f"task.reward.{name} is not a known term" + did_you_mean(name, self.terms))
+        _check_terms(config, self.terms)
         if not config.kinds and config.num_objects > 1 and person is None:
             raise ConfigError(
                 f"task.num_objects={config.num_objects} must be 1 in a task without words, "
@@ -207,3 +207,18 @@ class Task(ABC):
         nouns, colors = self._nouns[rng.integers(len(self._nouns), size=count)], rng.integers(len(COLORS), size=count)
         targets = np.arange(count) >= count - config.num_targets
         return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
+
+
+def _check_terms(config: TaskConfig, terms: Sequence[str]) -> None:
+    """Raises ConfigError unless the config weights each reward term of the task, and no other."""
+    for name in config.reward:
+        if name not in terms:
+            raise ConfigError(
+                f"task.reward.{name} is not a known term of task.name={config.name}" + did_you_mean(name, terms)
+            )
+    for name in terms:
+        if name not in config.reward:
+            raise ConfigError(
+                f"task.reward.{name} has no value: task.name={config.name} needs a weight for each of "
+                f"{', '.join(terms)}; 0 switches a term off"
+            )

@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 
 from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
+from envs.tasks.registry import register_task
 from envs.tasks.types import NOTHING, Array, State
 
 
+@register_task("nl_grasp", verb="grasp")
 class Grasp(Manipulation):
     """ "grasp the red cube".
 
@@ -17,7 +19,6 @@ class Grasp(Manipulation):
     Potentials: approach (metres from gripper to object, negative; 0 while it is held) and grasp (1 while it is held).
     """
 
-    verb = "grasp"
     grips = True
     potentials: tuple[str, ...] = ("approach", "grasp")
 

@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.tasks.grasp import Grasp
+from envs.tasks.registry import register_task
 from envs.tasks.types import Array, State
 from language import LIFTED
 
 
+@register_task("nl_lift", verb="lift")
 class Lift(Grasp):
     """ "lift the red cube".
 
@@ -17,7 +19,6 @@ class Lift(Grasp):
     Potentials: approach, grasp, and height (metres above where it stood, up to that).
     """
 
-    verb = "lift"
     potentials = ("approach", "grasp", "height")
 
     def _allocate(self, worlds: int) -> None:

@@ -36,7 +36,6 @@ class Manipulation(Named):
     to something is lost on the way back, so that going to and fro pays nothing.
     """
 
-    verb: str  # a key of language.TASKS
     potentials: tuple[str, ...]  # the names of what `_potentials` returns
     fails = False
     ends: tuple[str, ...] = ("success", "wrong_object", "wrong_target", "time")

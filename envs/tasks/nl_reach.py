@@ -10,11 +10,13 @@ from numpy.random import Generator
 from conf.schema import ConfigError
 from envs.tasks.reach import Reach
 from envs.tasks.referring import Named
+from envs.tasks.registry import register_task
 from envs.tasks.types import Episode, State, TaskConfig
 from human import Person
 from language import Placed
 
 
+@register_task("nl_reach", verb="reach")
 class NLReach(Named, Reach):
     """Reach the object that a sentence names."""
 

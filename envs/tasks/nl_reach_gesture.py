@@ -11,6 +11,7 @@ from conf.schema import ConfigError, did_you_mean
 from envs.tasks.base import loose
 from envs.tasks.object_layout import groups
 from envs.tasks.reach_gesture import ReachGesture
+from envs.tasks.registry import register_task
 from envs.tasks.types import Episode, TaskConfig
 from human import Gesture, Person, visibility
 from language import COLORS, NOUNS, SHAPES, Instruction, ObjectPhrase, Scene
@@ -19,6 +20,7 @@ SAID = {"color": [False, True], "shape": [True, False], "color_shape": [True, Tr
 SHOWING = ("this", "that")
 
 
+@register_task("nl_reach_gesture", verb="reach")
 class NLReachGesture(ReachGesture):
     """Two groups of objects stand apart, and in each the words ("that red one") fit exactly one.
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from envs.tasks.geometry import funnel, length
 from envs.tasks.manipulation import Manipulation
+from envs.tasks.registry import register_task
 from envs.tasks.types import NOTHING, Array, State
 
 LIFT = 0.02  # metres over the table that an object must be held once to count as picked up
@@ -15,6 +16,7 @@ ABOVE, OVER_ALL = 0.06, 0.09  # metres: heights of the funnels to the object, an
 CLEAR = 0.08  # metres over the table up to which lifting is rewarded: what is held there passes over other objects
 
 
+@register_task("pick_and_place", "nl_pick_and_place", verb="pick_and_place")
 class PickAndPlace(Manipulation):
     """Such as "pick the green cube and place it to the same position as the transparent red cube".
 
@@ -26,7 +28,6 @@ class PickAndPlace(Manipulation):
     release (1 while it is placed: picked up, near its target, and let go of).
     """
 
-    verb = "pick_and_place"
     grips = True
     potentials = ("approach", "grasp", "lift", "transport", "release")
 

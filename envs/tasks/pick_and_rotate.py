@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
 from envs.tasks.pick_and_place import LIFT
+from envs.tasks.registry import register_task
 from envs.tasks.types import NOTHING, Array, State
 
 TURNED = math.radians(45)  # about the vertical
@@ -17,6 +18,7 @@ UPRIGHT = 0.97  # cosine of the angle by which it may lean: 14 degrees
 DOWN = 0.01  # metres above the table at which it counts as put down
 
 
+@register_task("pick_and_rotate", verb="pick_and_rotate")
 class PickAndRotate(Manipulation):
     """ "pick the red cube and rotate it".
 
@@ -27,7 +29,6 @@ class PickAndRotate(Manipulation):
     picked up, turned, put down and let go of).
     """
 
-    verb = "pick_and_rotate"
     grips = True
     turns = True
     potentials = ("approach", "grasp", "lift", "turn", "release")

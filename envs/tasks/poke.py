@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
+from envs.tasks.registry import register_task
 from envs.tasks.types import Array, State
 
 MOVED = 0.02  # metres at least that the object is displaced: more than an arm that brushes past it does
@@ -14,6 +15,7 @@ PUSHED = 0.12  # ... and at most: further, and it has been pushed
 AWAY = 0.1  # metres between the centres of gripper and object: it has been withdrawn by 5 cm from where they touch
 
 
+@register_task("poke", verb="poke")
 class Poke(Manipulation):
     """ "poke the red cube".
 
@@ -24,7 +26,6 @@ class Poke(Manipulation):
     it).
     """
 
-    verb = "poke"
     fails = True
     potentials = ("approach", "touch", "withdraw")
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from envs.tasks.operate import Operate
+from envs.tasks.registry import register_task
 from envs.tasks.types import Array, State
 
 
+@register_task("press", verb="press")
 class PressButton(Operate):
     """ "press the red button"."""
 
-    verb, noun = "press", "button"
+    noun = "button"
 
     def _measure(self, state: State) -> Array:
         return -state.objects[..., 2]

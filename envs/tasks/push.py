@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from envs.tasks.geometry import clear_ways, horizontal, length, lying
 from envs.tasks.manipulation import Manipulation
+from envs.tasks.registry import register_task
 from envs.tasks.types import Array, Column, State
 from language import Placed, Scene
 
@@ -21,6 +22,7 @@ SLACK = 0.04  # metres that a gripper may be further behind: an object slides on
 MOUTH, SLOPE, ABOVE = 0.015, 2.0, 0.08
 
 
+@register_task("push", "nl_push", verb="push")
 class Push(Manipulation):
     """ "push the green cube to the same position as the transparent red cube".
 
@@ -31,7 +33,6 @@ class Push(Manipulation):
     (the share of `hold_steps` that it has lain there).
     """
 
-    verb = "push"
     fails = True
     columns = (
         Column("slid x (m)", -FASTEST, FASTEST),

@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.tasks.base import Task
+from envs.tasks.registry import register_task
 from envs.tasks.types import Array, Outcome, State
 
 
+@register_task("reach", verb="reach")
 class Reach(Task):
     """One object, no words.
 

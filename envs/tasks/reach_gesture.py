@@ -9,6 +9,7 @@ from numpy.random import Generator
 from conf.schema import ConfigError
 from envs.tasks.base import TRIES
 from envs.tasks.reach import Reach
+from envs.tasks.registry import register_task
 from envs.tasks.types import Episode, TaskConfig
 from human import Gesture, NothingPointedAt, Person, Unreachable, pointed_object
 from language import Instruction, ObjectPhrase, Placed
@@ -16,6 +17,7 @@ from language import Instruction, ObjectPhrase, Placed
 SPOTS = ("there", "here", "this", "that")  # words that leave everything to the finger
 
 
+@register_task("reach_gesture", verb="reach")
 class ReachGesture(Reach):
     """The person points in a random direction over the table, and means the object nearest to that line.
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from envs.tasks.geometry import beside, clear_ways, length, put
 from envs.tasks.manipulation import Manipulation
+from envs.tasks.registry import register_task
 from envs.tasks.types import NOTHING, Array, State
 from language import Placed, Scene
 
@@ -15,6 +16,7 @@ LINE = 0.04  # metres that the object may be beside the line
 LIFT = 0.015  # metres that it may leave the table
 
 
+@register_task("swipe", verb="swipe")
 class Swipe(Manipulation):
     """ "swipe the red cube along the line to the transparent blue cube".
 
@@ -26,7 +28,6 @@ class Swipe(Manipulation):
     target, let go of, and gripped before).
     """
 
-    verb = "swipe"
     grips = True
     fails = True
     potentials = ("approach", "grasp", "transport", "release")

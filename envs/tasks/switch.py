@@ -6,15 +6,17 @@ import numpy as np
 
 from envs.sim.devices import facing
 from envs.tasks.operate import Operate
+from envs.tasks.registry import register_task
 from envs.tasks.types import Array, State
 
 BEHIND = 0.035  # metres from a lever's knob to the middle of a gripper that is about to push it
 
 
+@register_task("switch", verb="switch")
 class SwitchLever(Operate):
     """ "switch the blue lever". It stays where it is left."""
 
-    verb, noun = "switch", "lever"
+    noun = "lever"
 
     def _measure(self, state: State) -> Array:
         """How far they lean to where they face."""

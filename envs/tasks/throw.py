@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
+from envs.tasks.registry import register_task
 from envs.tasks.types import NOTHING, Array, State
 
 SHORT = 0.15  # metres over the table from its target at which the object is let go of, at least
@@ -14,6 +15,7 @@ HIGH = 0.03  # metres above the table, at least
 LANDED = 0.1  # metres from its target within which it comes to rest
 
 
+@register_task("throw", verb="throw")
 class Throw(Manipulation):
     """ "throw the red cube to the same position as the transparent blue cube".
 
@@ -24,7 +26,6 @@ class Throw(Manipulation):
     where it counts as landed, negative) and release (1 while it is thrown).
     """
 
-    verb = "throw"
     grips = True
     lag = 3  # an arm is fastest early in a control step, and all but stands as one begins
     potentials = ("approach", "grasp", "lift", "transport", "release")

@@ -7,15 +7,17 @@ import numpy as np
 from envs.sim.devices import facing
 from envs.tasks.geometry import length
 from envs.tasks.operate import Operate
+from envs.tasks.registry import register_task
 from envs.tasks.types import Array, State
 
 BESIDE = 0.035  # metres from a wheel's peg to the middle of a gripper that is about to push it
 
 
+@register_task("turn", verb="turn")
 class TurnWheel(Operate):
     """ "turn the green wheel". It stays where it is left."""
 
-    verb, noun = "turn", "wheel"
+    noun = "wheel"
 
     def _measure(self, state: State) -> Array:
         ahead = facing(state.turns)

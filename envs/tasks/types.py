@@ -167,7 +167,7 @@ class TaskConfig(Checked):
     spacing: float = within(0, 1)  # between the centres of two objects, at reset
     reset_noise: float = within(0, 1)
     curriculum: CurriculumConfig
-    reward: dict[str, float | None] = within(-1000, 1000)  # the weight of each named term; null: there is no such term
+    reward: dict[str, float] = within(-1000, 1000)  # the weight of every reward term of the task, by name
 
     def __post_init__(self) -> None:
         if len(self.objects):
@@ -197,11 +197,6 @@ class TaskConfig(Checked):
                 f"spacing={self.spacing} must be at least {1.5 * self.object_size:g}, 1.5 times the object_size, "
                 "or objects would stand in each other"
             )
-
-    @property
-    def weights(self) -> dict[str, float]:
-        """The reward terms that there are."""
-        return {name: weight for name, weight in self.reward.items() if weight is not None}
 
     @property
     def slots(self) -> int:

@@ -173,7 +173,7 @@ def _task_section(name: str, each: Specs) -> list[str]:
             "the action",
             "grips, and turns the gripper" if each.turns else "grips" if each.grips else "moves the arm alone",
         ],
-        ["reward", ", ".join(f"{term} {task.weights.get(term, 0.0):g}" for term in each.terms)],
+        ["reward", ", ".join(f"{term} {task.reward[term]:g}" for term in each.terms)],
     ]
     return [
         f"## {name}",

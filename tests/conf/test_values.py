@@ -22,7 +22,9 @@ def default():
 
 def test_every_file_is_an_option_of_a_group():
     assert sorted((group, option) for group, each in groups().items() for option in each) == OPTIONS
-    assert sorted(FOLDER.rglob("*.yaml")) == sorted([*FOLDER.glob("*/*.yaml"), FOLDER / "config.yaml"])
+    assert sorted(FOLDER.rglob("*.yaml")) == sorted(
+        [*FOLDER.glob("*/*.yaml"), FOLDER / "config.yaml", FOLDER / "task_defaults.yaml"]
+    )
 
 
 def test_every_group_is_in_the_table_of_contents():

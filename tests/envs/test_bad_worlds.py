@@ -42,7 +42,7 @@ VALUES = [
     ("task.kinds=[colour]", "task.kinds=colour is not known; did you mean 'color'?"),
     ("task.radius=nan", "task.radius=nan is not a finite number"),
     ("task.reward.success=inf", "task.reward.success=inf is not a finite number"),
-    ("task.reward.succes=1", "task.reward.succes is not a known term; did you mean 'success'?"),
+    ("task.reward.succes=1", "task.reward.succes is not a known term of task.name=nl_reach; did you mean 'success'?"),
     ("task.name=reech", "task.name=reech is not a task; did you mean 'reach'?"),
     ("control.max_move=-1", "control.max_move=-1.0 is out of range: it must be in [0.001, 0.2]"),
     ("control.max_move=null", "control.max_move=None"),

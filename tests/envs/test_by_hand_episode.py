@@ -11,7 +11,8 @@ import envs.interactive.by_hand
 import evaluate
 from conf.schema import ConfigError
 from envs import read_env
-from envs.experts import Oracle, ReachExpert
+from envs.experts import Oracle
+from envs.experts.reach import ReachExpert
 from envs.interactive.by_hand import HandEnv, play
 from human import NothingPointedAt, RecordingDisplay, ScriptedKeys
 from tests.helpers.env_cases import compose

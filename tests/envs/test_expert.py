@@ -4,7 +4,8 @@ import numpy as np
 import pybullet as bullet
 import pytest
 
-from envs.experts import ReachExpert, expert
+from envs.experts import expert
+from envs.experts.reach import ReachExpert
 from tests.helpers.env_cases import COMBINATIONS, ROBOTS, act, make, name_of, options, partial_reset
 
 WORLDS, EPISODES = 4, 24

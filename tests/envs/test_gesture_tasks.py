@@ -9,7 +9,8 @@ import torch
 
 from conf.schema import ConfigError
 from envs import make_env
-from envs.experts import Oracle, ReachExpert
+from envs.experts import Oracle
+from envs.experts.reach import ReachExpert
 from human import pointed_object, ray_offsets
 from language import matches, parse
 from tests.helpers.env_cases import Poker, act, differences, make, rollout, task_of

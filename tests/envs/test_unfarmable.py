@@ -35,21 +35,21 @@ def lacking(name):
     ends = {term: float(values[0]) for term, values in task._potentials(fitting(task, each)).items()}
     if "transport" in ends and name != "throw":
         ends["transport"] = -task.config.radius
-    return sum(task.config.weights[term] * (MOST[term] - value) for term, value in ends.items())
+    return sum(task.config.reward[term] * (MOST[term] - value) for term, value in ends.items())
 
 
 @pytest.mark.parametrize("name", MOVING)
 def test_an_episode_that_never_finishes_never_beats_one_that_does(name):
-    weights = four(name).config.weights
+    weights = four(name).config.reward
     assert lacking(name) < weights["success"]  # the one that finishes is the shorter one, and time costs
 
 
 @pytest.mark.parametrize("name", MOVING)
 def test_an_episode_that_is_spoilt_at_once_does_not_beat_one_that_finishes_at_last(name):
     config = four(name).config
-    time = -config.weights["time"] * config.max_steps
-    for end in {"wrong_object", "wrong_target", "failed"} & set(config.weights):
-        assert lacking(name) + time < config.weights["success"] - config.weights[end]
+    time = -config.reward["time"] * config.max_steps
+    for end in {"wrong_object", "wrong_target", "failed"} & set(config.reward):
+        assert lacking(name) + time < config.reward["success"] - config.reward[end]
 
 
 @pytest.mark.parametrize("name", MOVING)
@@ -65,7 +65,7 @@ def test_potentials_never_exceed_the_most_that_they_are_said_to_be(name):
 
 @pytest.mark.parametrize("name", MOVING)
 def test_every_term_has_a_weight_of_its_sign(name):
-    weights = four(name).config.weights
+    weights = four(name).config.reward
     assert set(weights) == set(TASKS[name].terms)
     bad = {"wrong_object", "wrong_target", "failed", "time"}
     assert all(weight < 0 if term in bad else weight > 0 for term, weight in weights.items())

@@ -91,7 +91,7 @@ def train_keys(config):
 @pytest.mark.parametrize(
     "words",
     [
-        ["scenario=4", "task.reward.lift=null"],
+        ["scenario=4", "task.reward.lift=0"],
         ["task=nl_reach_gesture", "robot=jaco", "gesture.noise_deg=3.5", "task.reward.time=-1e-05"],
         ["task=nl_reach_large", "algo=sac", "task.held_out.phrases=['touch {object}', ball]", "task.varied=false"],
     ],
