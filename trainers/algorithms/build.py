@@ -16,6 +16,7 @@ from trainers.algorithms.sac import SAC
 from trainers.config import Plan, PPOConfig, read_plan
 from trainers.models.policy import Policy, aim_key, build, build_q, build_value
 from trainers.run import checkpoint
+from trainers.run.vocabulary import extend_vocabulary
 
 
 def build_algorithm(
@@ -51,6 +52,7 @@ def restore_policy(plan: Plan, observation_spec: Composite, unit: Sequence[float
 def fitted_policy(payload: dict[str, Any], config: Any, env: Any) -> Policy:
     """The policy of a checkpoint for this environment, built by `config`. Raises CheckpointError for another one."""
     widths = checkpoint.widths(env.observation_spec, env.action_spec)
+    payload = extend_vocabulary(payload, env.tokenizer.vocabulary)
     checkpoint.check_fits(payload, list(env.tokenizer.vocabulary), widths)
     return restore_policy(read_plan(config), env.observation_spec, env.action_unit, payload)
 
