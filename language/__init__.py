@@ -1,7 +1,7 @@
-"""Words and the things they name: colours, objects, relations, instructions that say themselves, a parser.
+"""The instruction language: colours, objects, spatial relations, instructions, a sentence generator and a parser.
 
-Knows no physics and no robots. Positions are in metres in the workspace frame: origin at the robot's base on
-the table top, x away from the robot, y to the robot's left, z up.
+The package uses neither physics nor robots. Positions are in metres in the workspace frame: origin at
+the robot's base on the table top, x away from the robot, y to the robot's left, z up.
 """
 
 from language.colors import COLORS, RGBA, SEE_THROUGH, Color, color_name, color_table, draw_colors, rgba

@@ -1,4 +1,4 @@
-"""`python -m language`: the command line as a process, which ends quietly when it is interrupted or no one reads on."""
+"""`python -m language`: the command line as a process. It ends without a traceback on Ctrl-C and on a closed pipe."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import io
 import os
 import sys
 
-from language.cli import WRONG, main
+from language.cli import INVALID_INPUT, main
 
-INTERRUPTED, NOT_READ = 130, 141  # what a shell gives for the signals SIGINT and SIGPIPE
+INTERRUPTED, PIPE_CLOSED = 130, 141  # a shell's exit codes for the signals SIGINT and SIGPIPE
 
 
 def run() -> int:
-    """Runs the command; gives the exit code of the process."""
+    """Runs the command and returns the exit code of the process."""
     for stream, errors in ((sys.stdin, "replace"), (sys.stdout, "backslashreplace")):
-        if isinstance(stream, io.TextIOWrapper):  # no letter is a reason to fail
+        if isinstance(stream, io.TextIOWrapper):  # undecodable characters are replaced
             stream.reconfigure(errors=errors)
     try:
         status = main()
@@ -23,12 +23,12 @@ def run() -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except OSError as error:
-        # What is still buffered can go nowhere: without this, the flush at exit fails again and says so.
+        # Discards buffered output; otherwise the flush at exit fails again with a message.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         if isinstance(error, BrokenPipeError):
-            return NOT_READ
+            return PIPE_CLOSED
         print(f"error: {error}", file=sys.stderr)
-        return WRONG
+        return INVALID_INPUT
     return status
 
 

@@ -1,4 +1,4 @@
-"""What the command line answers to a sentence: as a dict for JSON, and in lines that a person reads."""
+"""Answers of the command line to a sentence: as a dict for JSON, and as text."""
 
 from __future__ import annotations
 
@@ -12,24 +12,28 @@ from language.scene_file import NamedScene
 from language.understanding import Understood, parse
 
 ERRORS = {NotUnderstood: "syntax", NothingFits: "nothing", SeveralFit: "ambiguous"}
-_SHOWN = 60  # characters of the sentence that are repeated before and after the place of an error
+_CONTEXT = 60  # characters of the sentence shown before and after the position of an error
 
 Answer = dict[str, Any]
 
 
 class Dialogue:
-    """Answers one sentence after another about the same scene; a correction revises the last one understood.
+    """Answers sentences about one scene in sequence; a correction revises the last understood instruction.
 
-    named: None to check the words alone. pointed: the object that each gesture singles out, in their order.
-    previous: the last instruction that was understood, as the correction left it.
+    previous: the last understood instruction, with its corrections; None before the first.
     """
 
     def __init__(self, named: NamedScene | None, pointed: Sequence[int] = ()) -> None:
+        """Starts the dialogue.
+
+        named: the scene; None: sentences are parsed without a scene.
+        pointed: the referent of each gesture, in order.
+        """
         self._named, self._pointed = named, tuple(pointed)
         self.previous: Understood | None = None
 
     def answer(self, sentence: str) -> Answer:
-        """What the sentence asks for, or what is wrong with it."""
+        """Returns the steps that the sentence asks for, or the error."""
         try:
             return self._understood(sentence)
         except (NotUnderstood, NothingFits, SeveralFit) as error:
@@ -44,7 +48,7 @@ class Dialogue:
 
 
 def grounded(understood: Understood, named: NamedScene) -> Answer:
-    """The steps with the ids of their objects; the first step stands at the top as well."""
+    """Returns the steps with the ids of their objects; the first step is repeated at the top level."""
     steps = [
         {
             "task": step.task,
@@ -59,10 +63,10 @@ def grounded(understood: Understood, named: NamedScene) -> Answer:
 
 
 def _tree(meaning: Meaning) -> Answer:
-    """The steps with the phrases for their objects and places, as nothing tells which objects these are."""
+    """Returns the steps with the phrases of their objects and places; without a scene these have no ids."""
     if isinstance(meaning, Correction):
-        words = {"object": meaning.phrase, "place": meaning.goal, "rejected": meaning.rejected}
-        return {"task": None, **{key: said and say(said) for key, said in words.items()}, "steps": []}
+        phrases = {"object": meaning.phrase, "place": meaning.goal, "rejected": meaning.rejected}
+        return {"task": None, **{key: said and say(said) for key, said in phrases.items()}, "steps": []}
     steps = [
         {"task": step.task, "object": say(step.phrase), "place": step.goal and say(step.goal)} for step in meaning.steps
     ]
@@ -80,8 +84,8 @@ def _error(error: NotUnderstood | NothingFits | SeveralFit, named: NamedScene | 
     return answer | ({"expected": list(error.expected)} if isinstance(error, NotUnderstood) else {})
 
 
-def in_words(answer: Answer, command: Command | None) -> str:
-    """The steps of an answer that is no error; each in plain words first, where the command is known."""
+def as_text(answer: Answer, command: Command | None) -> str:
+    """Returns the steps of an answer without error as lines; each begins with its sentence if the command is known."""
     if not answer["steps"]:
         return f"correction: {_pairs(answer)}"
     if command is None:
@@ -94,8 +98,8 @@ def _pairs(said: Answer) -> str:
     return ", ".join(f"{key} {value}" for key, value in said.items() if key != "steps" and value is not None)
 
 
-def error_in_words(answer: Answer, sentence: str) -> str:
-    """The sentence, a caret under the place of the error, and the message."""
+def error_as_text(answer: Answer, sentence: str) -> str:
+    """Returns the sentence, a caret under the position of the error, and the message."""
     lines = [*underlined(sentence, answer["position"]), f"error: {answer['message']}"]
     if answer["candidates"]:
         lines.append(f"candidates: {', '.join(answer['candidates'])}")
@@ -103,12 +107,12 @@ def error_in_words(answer: Answer, sentence: str) -> str:
 
 
 def underlined(sentence: str, position: int) -> tuple[str, str]:
-    """The sentence around the position, with nothing that moves a cursor, and a line with a caret under it."""
-    start = max(0, position - _SHOWN)
+    """Returns the sentence around the position, without control characters, and a line with a caret under it."""
+    start = max(0, position - _CONTEXT)
     before = [_printable(letter) for letter in sentence[start:position]]
-    after = [_printable(letter) for letter in sentence[position : position + _SHOWN]]
+    after = [_printable(letter) for letter in sentence[position : position + _CONTEXT]]
     opening = "..." if start else ""
-    closing = "..." if position + _SHOWN < len(sentence) else ""
+    closing = "..." if position + _CONTEXT < len(sentence) else ""
     width = len(opening) + sum(map(_width, before))
     return f"{opening}{''.join(before + after)}{closing}", " " * width + "^"
 
@@ -120,7 +124,7 @@ def _printable(letter: str) -> str:
 
 
 def _width(letter: str) -> int:
-    """Columns that the character takes."""
+    """The number of terminal columns that the character takes."""
     if unicodedata.combining(letter):
         return 0
     return 2 if unicodedata.east_asian_width(letter) in "WF" else 1

@@ -1,4 +1,4 @@
-"""The command line: `python -m language`. `main` reads the arguments, the functions below it do the commands."""
+"""The command line `python -m language`: `main` parses the arguments and runs one of the commands."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from language.answers import Dialogue, error_in_words, grounded, in_words
+from language.answers import Dialogue, as_text, error_as_text, grounded
 from language.counting import count
 from language.describing import plain_name
 from language.errors import LanguageError
@@ -23,9 +23,9 @@ from language.understanding import understand
 from language.viewpoint import VIEWPOINTS
 from language.wording import Wording
 
-WRONG = 2  # the exit code for a sentence that cannot be used, and for wrong arguments
+INVALID_INPUT = 2  # exit code for a sentence that cannot be used, and for wrong arguments
 
-_ABOUT = "Sentences about objects on a table: understand them, name the objects, count and draw sentences."
+_ABOUT = "Instructions about objects on a table: parses sentences, names objects, counts and samples sentences."
 _EXAMPLES = """\
 examples:
   python -m language parse "reach the red cube" --scene scene.yaml --json
@@ -40,24 +40,24 @@ scene.yaml is a list of objects; positions and sizes are in metres, x away from 
   - {id: b, noun: sphere, color: blue, position: [0.4, 0.0, 0.0], size: 0.04}
   - {id: t, noun: cube, color: red, position: [0.6, -0.2, 0.0], role: target}
 
-exit codes: 0 done; 2 a sentence that cannot be used, a wrong scene or wrong arguments; 130 interrupted."""
+exit codes: 0 success; 2 a sentence that cannot be used, a wrong scene or wrong arguments; 130 interrupted."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong with the arguments."""
+    """Reports errors in the arguments in one line."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(WRONG, f"error: {message}; see {self.prog} --help\n")
+        self.exit(INVALID_INPUT, f"error: {message}; see {self.prog} --help\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one command, by default that of the process's arguments; gives its exit code."""
+    """Runs one command and returns its exit code. arguments: None: those of the process."""
     options = _arguments().parse_args(arguments)
     try:
         return options.command(options)
     except LanguageError as error:
         print(f"error: {error}", file=sys.stderr)
-        return WRONG
+        return INVALID_INPUT
 
 
 def _arguments() -> argparse.ArgumentParser:
@@ -69,9 +69,9 @@ def _arguments() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     commands = parser.add_subparsers(title="commands", metavar="command", required=True)
-    _add_parse(_command(commands, "parse", parse_command, "what a sentence asks for, or what is wrong with it"))
+    _add_parse(_command(commands, "parse", parse_command, "the steps that a sentence asks for, or its error"))
     _add_describe(_command(commands, "describe", describe_command, "a name for each object of a scene"))
-    _command(commands, "count", count_command, f"how many sentences there are, by depth 0 to {MAX_DEPTH}")
+    _command(commands, "count", count_command, f"the number of sentences by depth, 0 to {MAX_DEPTH}")
     _add_sample(_command(commands, "sample", sample_command, "random sentences"))
     return parser
 
@@ -85,33 +85,41 @@ def _command(commands, name: str, run: Callable[[argparse.Namespace], int], abou
 
 def _add_scene(parser: argparse.ArgumentParser, required: bool = False) -> None:
     parser.add_argument("--scene", metavar="FILE", required=required, help="the scene, a YAML file")
-    parser.add_argument("--viewpoint", choices=list(VIEWPOINTS), help="whose left is left; the robot's by default")
+    parser.add_argument(
+        "--viewpoint", choices=list(VIEWPOINTS), help="from where left and right are seen; default: robot"
+    )
 
 
 def _add_parse(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("sentence", help='in quotes; "-" reads one a line from standard input and prints JSON lines')
+    parser.add_argument(
+        "sentence", help='in quotes; "-": read sentences from standard input, one a line, and print JSON lines'
+    )
     _add_scene(parser)
     parser.add_argument(
-        "--pointed", metavar="ID", action="append", default=[], help="the object of a gesture; once for each gesture"
+        "--pointed", metavar="ID", action="append", default=[], help="the object of a gesture; repeat for each gesture"
     )
 
 
 def _add_describe(parser: argparse.ArgumentParser) -> None:
     _add_scene(parser, required=True)
-    parser.add_argument("--all", action="store_true", help="every phrase that names the object, up to one relation")
+    parser.add_argument(
+        "--all", action="store_true", help="every phrase that names the object alone, with at most one relation"
+    )
 
 
 def _add_sample(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--n", type=_whole(1), default=20, help="how many sentences (20)")
-    parser.add_argument("--seed", type=_whole(0), default=0, help="the same seed gives the same sentences (0)")
+    parser.add_argument("--n", type=_integer(1), default=20, help="number of sentences (20)")
+    parser.add_argument("--seed", type=_integer(0), default=0, help="random seed (0)")
     _add_scene(parser)
-    parser.add_argument("--depth", type=_whole(0, MAX_DEPTH), help=f"relations nested in each phrase, 0 to {MAX_DEPTH}")
-    parser.add_argument("--steps", type=_whole(1, 10), default=1, help="steps of each instruction, 1 to 10 (1)")
-    parser.add_argument("--varied", action="store_true", help="in drawn words, not always in the plainest")
+    parser.add_argument(
+        "--depth", type=_integer(0, MAX_DEPTH), help=f"nested relations in each phrase, 0 to {MAX_DEPTH}"
+    )
+    parser.add_argument("--steps", type=_integer(1, 10), default=1, help="steps of each instruction, 1 to 10 (1)")
+    parser.add_argument("--varied", action="store_true", help="draw synonyms at random instead of the standard words")
 
 
-def _whole(low: int, high: float = math.inf) -> Callable[[str], int]:
-    """A reader of whole numbers from low to high."""
+def _integer(low: int, high: float = math.inf) -> Callable[[str], int]:
+    """Returns an argparse type for whole numbers from low to high."""
 
     def read(text: str) -> int:
         wanted = f"a whole number from {low} to {high}" if high < math.inf else f"a whole number of at least {low}"
@@ -123,7 +131,7 @@ def _whole(low: int, high: float = math.inf) -> Callable[[str], int]:
 
 
 def parse_command(options: argparse.Namespace) -> int:
-    """One sentence in words or as JSON, or those of standard input as JSON lines."""
+    """Parses one sentence, or those of standard input."""
     named = _scene(options)
     if options.pointed and named is None:
         raise LanguageError("--pointed needs --scene: a gesture singles out an object")
@@ -134,10 +142,10 @@ def parse_command(options: argparse.Namespace) -> int:
     if options.json:
         _print_json(answer)
     elif "error" in answer:
-        print(error_in_words(answer, options.sentence), file=sys.stderr)
+        print(error_as_text(answer, options.sentence), file=sys.stderr)
     else:
-        print(in_words(answer, dialogue.previous.meaning if dialogue.previous else None))
-    return WRONG if "error" in answer else 0
+        print(as_text(answer, dialogue.previous.meaning if dialogue.previous else None))
+    return INVALID_INPUT if "error" in answer else 0
 
 
 def _parse_lines(dialogue: Dialogue, lines: Iterable[str]) -> int:
@@ -146,12 +154,12 @@ def _parse_lines(dialogue: Dialogue, lines: Iterable[str]) -> int:
         if line.strip():
             answer = dialogue.answer(line.rstrip("\r\n"))
             _print_json(answer)
-            status = WRONG if "error" in answer else status
+            status = INVALID_INPUT if "error" in answer else status
     return status
 
 
 def describe_command(options: argparse.Namespace) -> int:
-    """Each object's id with its plainest name, or with all of its names."""
+    """Prints each object's id with its simplest name, or with all of its names."""
     named = _scene(options)
     assert named is not None
     expressions = ReferringExpressions(named.scene, Split())
@@ -173,13 +181,13 @@ def _names(index: int, name: str, expressions: ReferringExpressions, every: bool
     except LanguageError:
         found = {"id": name, "name": None}
     if every:
-        kinds = [kind for kind in KINDS if kind != "nested"]  # of those there are too many to list
+        kinds = [kind for kind in KINDS if kind != "nested"]  # there are too many of them to list
         found["phrases"] = [str(phrase) for kind in kinds for phrase in expressions.all(kind, index)]
     return found
 
 
 def count_command(options: argparse.Namespace) -> int:
-    """The number of different sentences of one step by depth, exact and as a power of ten."""
+    """Prints the number of different one-step sentences by depth, exact and as a power of ten."""
     counted = [(depth, count(depth)) for depth in range(MAX_DEPTH + 1)]
     if options.json:
         _print_json([{"depth": depth, "sentences": n, "log10": round(math.log10(n), 2)} for depth, n in counted])
@@ -190,7 +198,7 @@ def count_command(options: argparse.Namespace) -> int:
 
 
 def sample_command(options: argparse.Namespace) -> int:
-    """Random sentences, a line each; as JSON with their steps and, where it was drawn, their scene."""
+    """Prints random sentences, one a line; as JSON with their steps and, if it was sampled, their scene."""
     named = _scene(options)
     rng = np.random.default_rng(options.seed)
     wording = Wording() if options.varied else None
@@ -213,9 +221,9 @@ def _scene(options: argparse.Namespace) -> NamedScene | None:
     if options.scene is not None:
         return read_scene(options.scene, options.viewpoint or "robot")
     if options.viewpoint is not None:
-        raise LanguageError("--viewpoint needs --scene: without one, left and right make no difference")
+        raise LanguageError("--viewpoint needs --scene: without a scene, left and right make no difference")
     return None
 
 
 def _print_json(answer: object) -> None:
-    print(json.dumps(answer), flush=True)  # at once: who talks to us through a pipe waits for it
+    print(json.dumps(answer), flush=True)  # flushed, since the program at the other end of a pipe waits for the answer

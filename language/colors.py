@@ -1,4 +1,4 @@
-"""Named colours, both ways, opaque and see-through."""
+"""Named colours: from names to RGBA and back, opaque and transparent."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from language.errors import LanguageError, check_known
 
 RGBA = tuple[float, float, float, float]
 
-SEE_THROUGH = 0.5  # the opacity of what only marks a place
+SEE_THROUGH = 0.5  # opacity of targets, which only mark a place
 
 
 class Color(NamedTuple):
-    """red, green, blue in [0, 1]; synonyms: what it is also called."""
+    """rgb: red, green, blue in [0, 1]. synonyms: other names that are understood."""
 
     rgb: tuple[float, float, float]
     synonyms: tuple[str, ...] = ()
 
 
-# Multiples of 1/8 survive a trip through float32, so a colour read back from an observation is still exact.
+# Multiples of 1/8 are exact in float32, so that a colour read from an observation is found again.
 COLORS: dict[str, Color] = {
     "red": Color((1.0, 0.0, 0.0)),
     "green": Color((0.0, 0.625, 0.0)),
@@ -36,16 +36,20 @@ COLORS: dict[str, Color] = {
 
 
 def rgba(name: str, see_through: bool = False) -> RGBA:
-    """The colour's red, green, blue and opacity, each in [0, 1]. Raises LanguageError for an unknown name."""
+    """Returns the colour's red, green, blue and opacity, each in [0, 1]. Raises LanguageError for an unknown name."""
     check_known("color", name, COLORS)
     return (*COLORS[name].rgb, SEE_THROUGH if see_through else 1.0)
 
 
 def color_name(rgba: Sequence[float] | np.ndarray, nearest: bool = False) -> str:
-    """The name of exactly this colour, opaque or see-through, given as 4 numbers of any float type.
+    """Returns the name of a colour.
 
-    nearest: give the name of the nearest colour where none is exact. Raises LanguageError for what is no RGBA,
-    and without `nearest` for an RGBA that has no name.
+    Args:
+        rgba: 4 numbers of any float type; the opacity is 1 or SEE_THROUGH.
+        nearest: whether the nearest colour counts if none is exact.
+
+    Raises:
+        LanguageError: `rgba` is not four finite numbers, or has no name and `nearest` is False.
     """
     wanted = np.asarray(rgba, dtype=np.float64)
     if wanted.shape != (4,) or not np.isfinite(wanted).all():
@@ -58,16 +62,23 @@ def color_name(rgba: Sequence[float] | np.ndarray, nearest: bool = False) -> str
 
 
 def color_table(see_through: bool = False) -> np.ndarray:
-    """(C, 4) float32, the RGBA of each colour in the table's order: what `Scene.colors` indexes."""
+    """Returns (C, 4) float32, the RGBA of each colour in the order of COLORS, which `Scene.colors` indexes."""
     return np.array([rgba(name, see_through) for name in COLORS], dtype=np.float32)
 
 
 def draw_colors(
     rng: np.random.Generator, n: int, replace: bool = True, excluding: Iterable[str] = ()
 ) -> tuple[str, ...]:
-    """n colour names, each equally likely; `replace=False` makes them differ.
+    """Returns n random colour names, each equally likely.
 
-    Raises LanguageError for an unknown name in `excluding`, or where too few colours are left.
+    Args:
+        rng: random generator.
+        n: how many.
+        replace: whether a name may occur twice.
+        excluding: names that are not drawn.
+
+    Raises:
+        LanguageError: an unknown name in `excluding`, or too few colours are left.
     """
     unwanted = set(excluding)
     for name in unwanted:

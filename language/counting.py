@@ -1,4 +1,4 @@
-"""How many different sentences the grammar can say, counted without saying them."""
+"""The number of different sentences of the grammar, computed without enumerating them."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from language.verbs import BASE, GOAL, OBJECT
 
 
 def count(depth: int, words: Lexicon | None = None) -> int:
-    """The number of different sentences of one step whose phrases nest at most `depth` relations deep.
+    """Returns the number of different one-step sentences whose phrases nest at most `depth` relations.
 
-    Without polite words, "that is", marks, chains and corrections, which would multiply it further.
+    Polite words, "that is", punctuation, chains and corrections are not counted; they would multiply the number.
     """
     words = words or lexicon()
     phrases = _phrases(depth, words)
-    spots = _forms(words, "spot")
-    objects, goals = phrases + spots, _forms(words, "place") * phrases + spots
+    here_or_there = _forms(words, "spot")
+    objects, goals = phrases + here_or_there, _forms(words, "place") * phrases + here_or_there
     cuts = [pieces for templates in words.templates.values() for pieces in templates]
     return sum(objects ** (pieces.count(OBJECT) + pieces.count(BASE)) * goals ** pieces.count(GOAL) for pieces in cuts)
 
 
 def _phrases(depth: int, words: Lexicon) -> int:
-    """Different phrases that nest at most `depth` relations."""
+    """The number of different phrases that nest at most `depth` relations."""
     heads = _heads(words)
     named = 0
     for _ in range(depth + 1):
@@ -33,7 +33,7 @@ def _phrases(depth: int, words: Lexicon) -> int:
 
 
 def _heads(words: Lexicon) -> int:
-    """Different heads, with what they exclude."""
+    """The number of different heads, including their exclusions."""
     adjectives = [_forms(words, category) for category in ("size", "role", "color")]
     optional = prod(1 + forms for forms in adjectives) * (1 + _forms(words, "superlative") + _forms(words, "side"))
     nouns = _forms(words, "noun")
@@ -43,5 +43,5 @@ def _heads(words: Lexicon) -> int:
 
 
 def _forms(words: Lexicon, category: str) -> int:
-    """Different phrases of a category."""
+    """The number of different phrases of a category."""
     return len({form for forms in words.categories[category].values() for form in forms})

@@ -1,24 +1,24 @@
-"""What can go wrong with words. Each error here is a `LanguageError`; its text is the whole message."""
+"""Errors of the language. Each is a `LanguageError`, whose text is the whole message."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
-_LONGEST_QUOTE = 40  # characters of a stranger's word that a message repeats
-_LONGEST_PHRASE = 120  # characters of a phrase of ours that it repeats
-_LISTED = 8  # things of a scene that it lists
+_MAX_QUOTE = 40  # characters of a user's word that a message repeats
+_MAX_PHRASE = 120  # characters of a phrase that a message repeats
+_MAX_LISTED = 8  # objects of a scene that a message lists
 
 
 class LanguageError(ValueError):
-    """Words that cannot be used as they stand. A person can mend them."""
+    """Words that cannot be used. The user can correct them."""
 
 
 class NotUnderstood(LanguageError):
     """A sentence outside the grammar.
 
-    position: the offset in the sentence, in characters from 0, of the word that does not belong.
-    expected: the phrases that could have stood there, in the vocabulary's order.
+    position: offset of the offending word in the sentence, in characters from 0.
+    expected: the phrases that the grammar accepts there, in the vocabulary's order.
     """
 
     def __init__(self, message: str, position: int = 0, expected: tuple[str, ...] = ()) -> None:
@@ -28,9 +28,10 @@ class NotUnderstood(LanguageError):
 
 
 class NothingFits(LanguageError):
-    """No object of the scene is what the words say.
+    """No object of the scene fits the words.
 
-    part: the words that fail, as in "red cube". position: where their phrase begins in the sentence, in characters.
+    part: the words that fit nothing, such as "red cube".
+    position: offset of their phrase in the sentence, in characters from 0.
     """
 
     def __init__(self, message: str, part: str = "", position: int = 0) -> None:
@@ -40,11 +41,11 @@ class NothingFits(LanguageError):
 
 
 class SeveralFit(LanguageError):
-    """The words leave open which object is meant.
+    """Several objects of the scene fit the words.
 
-    candidates: the indices of those that fit, ascending. Where the object that a relation is seen from stays open,
-        the candidates are for that one.
-    position: where the open phrase begins in the sentence, in characters. question: what would settle it.
+    candidates: their indices, ascending. If the anchor of a relation is ambiguous, the candidates for the anchor.
+    position: offset of the ambiguous phrase in the sentence, in characters from 0.
+    question: a question to the user whose answer resolves the ambiguity.
     """
 
     def __init__(self, message: str, candidates: tuple[int, ...] = (), position: int = 0, question: str = "") -> None:
@@ -55,29 +56,29 @@ class SeveralFit(LanguageError):
 
 
 def quote(word: str) -> str:
-    """The word in quotes, cut where it is too long to repeat."""
-    return repr(word if len(word) <= _LONGEST_QUOTE else word[: _LONGEST_QUOTE - 3] + "...")
+    """Returns the word in quotes, truncated if it is long."""
+    return repr(word if len(word) <= _MAX_QUOTE else word[: _MAX_QUOTE - 3] + "...")
 
 
 def shorten(phrase: str) -> str:
-    """The phrase, cut where it is too long to repeat."""
-    return phrase if len(phrase) <= _LONGEST_PHRASE else phrase[: _LONGEST_PHRASE - 3] + "..."
+    """Returns the phrase, truncated if it is long."""
+    return phrase if len(phrase) <= _MAX_PHRASE else phrase[: _MAX_PHRASE - 3] + "..."
 
 
 def listed(things: Sequence[str], between: str = ", ") -> str:
-    """The first things, and how many more there are."""
-    more = [f"{len(things) - _LISTED} more"] if len(things) > _LISTED else []
-    return between.join((*things[:_LISTED], *more))
+    """Returns the first things, joined, and how many more there are."""
+    more = [f"{len(things) - _MAX_LISTED} more"] if len(things) > _MAX_LISTED else []
+    return between.join((*things[:_MAX_LISTED], *more))
 
 
 def closest(word: str, choices: Iterable[str]) -> str | None:
-    """The choice that is spelled most like the word, or None where none comes near."""
-    near = get_close_matches(word[:_LONGEST_QUOTE], list(choices), n=1)
+    """Returns the choice whose spelling is closest to the word, or None if none is similar."""
+    near = get_close_matches(word[:_MAX_QUOTE], list(choices), n=1)
     return near[0] if near else None
 
 
 def check_known(what: str, word: str, choices: Iterable[str]) -> None:
-    """Raises LanguageError, with a suggestion, where the word is no choice. what: "color", "noun", ..."""
+    """Raises LanguageError, with a suggestion, if the word is not among the choices. what: "color", "noun", ..."""
     choices = list(choices)
     if word in choices:
         return

@@ -1,7 +1,7 @@
-"""From a sentence to what it means. The grammar is written from the same tables that `say` reads.
+"""The parser: from a sentence to its meaning. The grammar is generated from the tables that `say` uses.
 
-What stands as one piece ("to the left of", "and place it", ", then") is one token, the longest that fits; where the
-grammar cannot use it there, the next shorter one is tried.
+A fixed phrase ("to the left of", "and place it", ", then") is one token. The longest phrase that fits is tried first;
+if the grammar does not accept it at this point, the next shorter one is tried.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from language.lexicon import Lexicon, Word, lexicon, split
 from language.relations import RELATIONS
 from language.verbs import BASE, GOAL, OBJECT
 
-if TYPE_CHECKING:  # lark is slow to import, and only parsing needs it
+if TYPE_CHECKING:  # lark is slow to import and needed for parsing only
     from lark import Lark
     from lark.parsers.lalr_interactive_parser import InteractiveParser
 
 _MARKS = {",": "_COMMA", ".": "_STOP", "!": "_STOP", "?": "_STOP"}
-_AFTER_COMMA = {"then", "closing", "but"}  # what a comma may come before, as one piece with it
+_AFTER_COMMA = {"then", "closing", "but"}  # categories whose phrases may include a comma before them
 _SLOTS = {OBJECT: "object", GOAL: "goal", BASE: "object"}
-_POSITIONED = ("the", "pointing", "it", "spot", "excluding")  # whose place in the sentence is kept
+_POSITIONED = ("the", "pointing", "it", "spot", "excluding")  # categories whose position in the sentence is kept
 _END = "$END"  # lark's name for the end of the sentence
 _LISTED = 12  # expected phrases that a message lists
 _GRAMMAR = """\
@@ -35,13 +35,13 @@ _body: chain | _contrary chain | _contrary correction | rejection
 _contrary: (no _COMMA?)+
 chain: step (_link step)* | after step (then step)* _COMMA step (_link step)*
 _link: then | _COMMA
-correction: phrase -> right_phrase | goal -> right_goal
+correction: phrase -> corrected_phrase | goal -> corrected_goal
 rejection: _contrary? not phrase _instead phrase
 _instead: _COMMA | but
 object: phrase | spot
 goal: place phrase | spot
 phrase: (the | pointing) [superlative] [size] [role] [color] noun [side] [exclusion] [where] -> named
-    | the superlative [where] -> most
+    | the superlative [where] -> superlative_alone
     | (pointing | it) -> alone
 exclusion: excluding color -> not_color | excluding size -> not_size | excluding role -> not_role
     | excluding a [size] [role] [color] noun -> not_noun
@@ -51,14 +51,14 @@ where: which_is? relation phrase | which_is? between phrase and phrase
 
 class _Grammar(NamedTuple):
     parser: Lark
-    phrases: dict[str, list[tuple[tuple[str, ...], str, str]]]  # a first word -> words, phrase, terminal; longest first
-    terminals: dict[str, str]  # a phrase -> the name of its terminal
+    phrases: dict[str, list[tuple[tuple[str, ...], str, str]]]  # first word -> (words, phrase, terminal), longest first
+    terminals: dict[str, str]  # phrase -> name of its terminal
 
 
 def parse_words(sentence: str) -> Meaning:
-    """What the sentence asks for. Capitals, spaces, a "please" and final marks make no difference.
+    """Returns the meaning of a sentence. Capitals, extra spaces, polite words and final punctuation are ignored.
 
-    Raises NotUnderstood, which says where the sentence leaves the grammar and what could stand there.
+    Raises NotUnderstood with the position at which the sentence leaves the grammar and the phrases accepted there.
     """
     words = split(sentence)
     grammar = _compile(lexicon())
@@ -81,13 +81,17 @@ def _feed_longest(parser: InteractiveParser, grammar: _Grammar, words: list[Word
 def _feed(
     parser: InteractiveParser, grammar: _Grammar, word: Word, known: list[tuple[int, str, str]]
 ) -> tuple[int, Any]:
-    """Give the parser the first phrase that it takes: (words used, what the sentence means where it ends)."""
+    """Feeds the parser the first phrase that it accepts.
+
+    Returns:
+        The number of words used, and the meaning of the sentence if it ends here.
+    """
     from lark import Token, UnexpectedToken
 
     for length, text, terminal in known:
         try:
             return length, parser.feed_token(Token(terminal, text, start_pos=word.position))
-        except UnexpectedToken:  # too long a phrase for this place
+        except UnexpectedToken:  # the grammar does not accept this phrase here
             continue
     accepted = parser.accepts()
     expected = tuple(phrase for phrase, terminal in grammar.terminals.items() if terminal in accepted)
@@ -97,15 +101,15 @@ def _feed(
 def _not_understood(word: Word, known: bool, expected: tuple[str, ...], may_end: bool) -> NotUnderstood:
     where = f"at character {word.position + 1}"
     what = f"{quote(word.text)} is not understood" if word.text else "the sentence ends too early"
-    near = _begun(word.text, expected, known) or (None if known else closest(word.text, expected))
+    near = _completion(word.text, expected, known) or (None if known else closest(word.text, expected))
     hint = f"; did you mean {near!r}?" if near else "."
     listed = [*expected[:_LISTED], *(["..."] if len(expected) > _LISTED else [])]
     here = ", ".join((*listed, "the end of the sentence") if may_end else listed)
     return NotUnderstood(f"{what} {where}{hint} Expected here: {here}", word.position, expected)
 
 
-def _begun(word: str, expected: tuple[str, ...], known: bool) -> str | None:
-    """The first phrase of which the word is the beginning, or nearly where it is no word of ours: "left of"."""
+def _completion(word: str, expected: tuple[str, ...], known: bool) -> str | None:
+    """Returns the first expected phrase that begins with the word, or with a similar one if the word is unknown."""
     begins = {phrase.split()[0]: phrase for phrase in reversed(expected)}
     near = word if known else closest(word, begins)
     return begins.get(near) if near else None
@@ -113,7 +117,7 @@ def _begun(word: str, expected: tuple[str, ...], known: bool) -> str | None:
 
 @lru_cache(maxsize=8)
 def _compile(words: Lexicon) -> _Grammar:
-    """The parser for the registries in this state. They rarely change, so it is built about once."""
+    """Returns the parser for this state of the registries. They rarely change, so it is usually built once."""
     from lark import Lark
 
     categories = _categories(words)
@@ -153,7 +157,7 @@ def _by_first_word(
 
 
 def _categories(words: Lexicon) -> dict[str, tuple[str, ...]]:
-    """Each phrase with the categories it belongs to; a piece of a template is a category of its own."""
+    """Returns the categories of each phrase; each piece of a template is a category of its own."""
     belongs: dict[str, list[str]] = {}
     for phrase in words.phrases():
         if not all(part.isascii() and part.islower() and part.replace("'", "").isalpha() for part in phrase.split()):
@@ -178,14 +182,14 @@ def _terminal(categories: tuple[str, ...]) -> str:
 
 
 def _step_rules(words: Lexicon, terminals: dict[str, str]) -> Iterator[str]:
-    """An alternative for each template, its alias naming the task."""
+    """Yields a grammar alternative for each template; its alias names the task."""
     for task, cuts in words.templates.items():
         for pieces in cuts:
             yield " ".join(_SLOTS.get(piece) or terminals[piece] for piece in pieces) + f" -> task_{task}"
 
 
 class _Builder:
-    """What the parser makes of each rule's children as soon as it has them all: our tree, not lark's."""
+    """Transformer that builds meanings from the children of each rule during parsing."""
 
     def __init__(self, words: Lexicon) -> None:
         for category, meanings in words.categories.items():
@@ -223,7 +227,7 @@ class _Builder:
             determiner.start_pos,
         )
 
-    def most(self, children: list) -> ObjectPhrase:
+    def superlative_alone(self, children: list) -> ObjectPhrase:
         the, superlative, where = children
         relation, anchors = where or (None, ())
         return ObjectPhrase(None, None, relation, anchors, superlative=superlative, position=the.start_pos)
@@ -261,10 +265,10 @@ class _Builder:
 
     goal = object
 
-    def right_phrase(self, children: list) -> Correction:
+    def corrected_phrase(self, children: list) -> Correction:
         return Correction(children[0])
 
-    def right_goal(self, children: list) -> Correction:
+    def corrected_goal(self, children: list) -> Correction:
         return Correction(goal=children[0])
 
     def rejection(self, children: list) -> Correction:

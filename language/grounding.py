@@ -1,4 +1,4 @@
-"""Which objects of a scene the words mean."""
+"""Grounding: which objects of a scene a phrase fits, and which single object it refers to."""
 
 from __future__ import annotations
 
@@ -14,38 +14,44 @@ from language.relations import ABSENT, HOLDS, RELATIONS, SUPERLATIVES
 
 
 def matches(phrase: ObjectPhrase, scene: Scene, pointed: Sequence[int] = ()) -> np.ndarray:
-    """(K,) bool, which objects of the scene the phrase fits.
+    """Returns (K,) bool: which objects of the scene the phrase fits.
 
-    pointed: the object that each gesture singles out, in the order of the words that need one; where there are
-        more such words than gestures, the last gesture stands for the rest.
-    A relation is seen from single objects: raises NothingFits or SeveralFit where an anchor's phrase names none
-    or several.
+    Args:
+        phrase: the phrase.
+        scene: K objects.
+        pointed: the object of each gesture, in the order of the words that need one. If there are more such words
+            than gestures, the last gesture serves for the rest.
+
+    Raises:
+        NothingFits, SeveralFit: the phrase of an anchor fits no object or several.
     """
     return PhraseResolver(scene, pointed).fits(phrase)
 
 
 def ground(instruction: Instruction, scene: Scene, pointed: Sequence[int] = ()) -> int:
-    """The index of the one object that the instruction names. Raises NothingFits or SeveralFit."""
+    """Returns the index of the one object that the instruction's phrase fits. Raises NothingFits or SeveralFit."""
     return PhraseResolver(scene, pointed).resolve(instruction.phrase)
 
 
 class PhraseResolver:
-    """Reads phrases one after another, in the order of the sentence, so that each gesture meets its word.
+    """Resolves the phrases of a sentence in order, so that gestures are matched to their words.
 
-    it: the object that "it" stands for.
+    Attributes:
+        scene: the scene; assign it to resolve later steps in a later scene.
+        it: the object that "it" refers to, or None.
     """
 
     def __init__(self, scene: Scene, pointed: Sequence[int] = (), it: int | None = None) -> None:
         self.scene, self.it = scene, it
         self._gestures = list(pointed)
-        self._misfit: int | None = None  # what is shown, where it is not what is said of it
+        self._contradicted: int | None = None  # the object of a gesture that the words do not fit
         if not all(0 <= shown < len(scene) for shown in self._gestures):
             raise LanguageError(f"pointed={self._gestures} is out of range: the scene has {len(scene)} objects")
 
     def resolve(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> int:
-        """The index of the one object that the phrase fits. Raises NothingFits or SeveralFit.
+        """Returns the index of the one object that the phrase fits. Raises NothingFits or SeveralFit.
 
-        among: (K,) bool, which objects come into question at all.
+        among: (K,) bool, the objects that are considered; None: all.
         """
         fits = self.fits(phrase, among)
         candidates = fits.nonzero()[0].tolist()
@@ -56,19 +62,19 @@ class PhraseResolver:
         raise self._nothing(phrase, among)
 
     def fits(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> np.ndarray:
-        """(K,) bool, which objects the phrase fits."""
+        """Returns (K,) bool: which objects the phrase fits, of those in `among`."""
         fits = self._head(phrase)
         if among is not None:
             fits &= among
         if phrase.determiner != "the":
             shown = self._shown(phrase)
-            self._misfit = None if fits[shown] else shown
+            self._contradicted = None if fits[shown] else shown
             fits &= np.arange(len(self.scene)) == shown
         if phrase.relation is not None:
             anchors = [self.resolve(anchor) for anchor in phrase.anchors]
             fits = self._related(phrase.relation, fits, anchors)
         if phrase.superlative is not None:
-            fits = self._most(phrase.superlative, fits)
+            fits = self._superlative(phrase.superlative, fits)
         return fits
 
     def _head(self, phrase: ObjectPhrase) -> np.ndarray:
@@ -88,7 +94,7 @@ class PhraseResolver:
         return fits
 
     def _shown(self, phrase: ObjectPhrase) -> int:
-        """The object that "it" or a gesture means."""
+        """Returns the object that "it" or a gesture refers to."""
         if phrase.determiner == "it":
             if self.it is None:
                 raise NothingFits("nothing was named before that 'it' could mean", "it", phrase.position)
@@ -101,12 +107,12 @@ class PhraseResolver:
     def _related(self, name: str, fits: np.ndarray, anchors: list[int]) -> np.ndarray:
         known, seen = RELATIONS[name], self.scene.seen
         margin = known.margin(seen, *(seen[anchor] for anchor in anchors))
-        fits[anchors] = False  # nothing is beside itself, whatever the relation's function says
+        fits[anchors] = False  # no object is its own referent, whatever the relation's function returns
         if len(set(anchors)) < known.anchors:
-            return np.zeros_like(fits)  # nor between a thing and itself
+            return np.zeros_like(fits)  # two anchors must be different objects
         return _best(fits, margin, ABSENT) if known.best else fits & (margin > HOLDS)
 
-    def _most(self, name: str, fits: np.ndarray) -> np.ndarray:
+    def _superlative(self, name: str, fits: np.ndarray) -> np.ndarray:
         known = SUPERLATIVES[name]
         return _best(fits, known.score(self.scene.seen, self.scene.sizes), known.tie)
 
@@ -122,9 +128,9 @@ class PhraseResolver:
         things = list(self.scene)
         present = listed([f"a {thing_words(thing)}" for thing in things]) or "nothing at all"
         said = shorten(str(phrase))
-        if self._misfit is not None:
-            shown = f"what is meant there is the {thing_words(things[self._misfit])}"
-            unmovable = among is not None and not among[self._misfit]
+        if self._contradicted is not None:
+            shown = f"what is meant there is the {thing_words(things[self._contradicted])}"
+            unmovable = among is not None and not among[self._contradicted]
             why = ", which only marks a place and cannot be moved" if unmovable else ""
             return NothingFits(f"nothing fits '{said}': {shown}{why}", part, phrase.position)
         hint = _suggestion(phrase, [t for k, t in enumerate(things) if among is None or among[k]])
@@ -132,7 +138,7 @@ class PhraseResolver:
         return NothingFits(message, part, phrase.position)
 
     def _failing_part(self, phrase: ObjectPhrase, among: np.ndarray | None) -> str:
-        """The fewest words of the phrase that no object fits."""
+        """Returns the fewest words of the phrase that no object fits."""
         parts = (
             ObjectPhrase(color=phrase.color),
             ObjectPhrase(noun=phrase.noun),
@@ -149,18 +155,21 @@ class PhraseResolver:
 
 
 def thing_words(thing: Object) -> str:
-    """A thing's role, colour and noun: "transparent red cube"."""
+    """Returns an object's role, colour and noun: "transparent red cube"."""
     return ObjectPhrase(thing.noun, thing.color, role="target" if thing.role == "target" else None).label
 
 
 def _best(fits: np.ndarray, score: np.ndarray, tie: float) -> np.ndarray:
-    """Who of those that fit has the greatest score, or one as good."""
+    """Returns a mask of the fitting objects whose score is within `tie` of the greatest."""
     score = np.where(fits, score, -np.inf)
     return fits & (score >= score.max(initial=-np.inf) - tie)
 
 
 def _suggestion(phrase: ObjectPhrase, things: list[Object]) -> str:
-    """The things that share most with the phrase, as a question; nothing where none shares anything, or one all."""
+    """Returns a question about the objects that share most words with the phrase.
+
+    Returns "" if none shares a word, or one shares all of them.
+    """
     shared = [(phrase.noun == thing.noun) + (phrase.color == thing.color) for thing in things]
     most, said = max(shared, default=0), (phrase.noun is not None) + (phrase.color is not None)
     if most in (0, said):

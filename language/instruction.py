@@ -1,4 +1,4 @@
-"""What a sentence means, as data that can say itself."""
+"""Meanings of sentences as data classes, each of which can be said: `parse(say(x)) == x`."""
 
 from __future__ import annotations
 
@@ -15,20 +15,22 @@ from language.verbs import BASE, GOAL, HERE, IT, OBJECT, POINTING, VERBS
 
 DETERMINERS = ("the", *POINTING, *HERE, IT)
 
-# A category of the lexicon and a meaning to one of the phrases that say it.
+# Maps a category of the lexicon and a meaning to one of its phrases.
 Form = Callable[[str, Any], str]
 
 
 @dataclass(frozen=True)
 class ObjectPhrase:
-    """The name of an object: "the red cube left of the sphere".
+    """A phrase that refers to an object: "the red cube left of the sphere".
 
-    noun: None says "object"; color, size, role: None says none; role "target" says "transparent".
-    superlative: "leftmost" among all that the rest fits.
-    excluded: noun, colour, size or role, or several, of what is not meant: "that is not red".
-    relation, anchors: where it is, seen from one or two others, which have phrases of their own.
+    noun: None: "object".
+    color, size, role: None: not mentioned; role "target" is said as "transparent".
+    superlative: such as "leftmost", among all objects that the rest of the phrase fits.
+    excluded: noun, colour, size or role, or several, of objects that are not meant: "that is not red".
+    relation, anchors: the spatial relation to one or two anchors, which have phrases of their own.
     determiner: one of DETERMINERS; "here", "there" and "it" stand alone.
-    position: where the phrase begins in its sentence, in characters; no part of what it means.
+    position: offset of the phrase in its sentence, in characters; not part of the meaning.
+
     Raises LanguageError for words that are not in the registries.
     """
 
@@ -71,7 +73,7 @@ class ObjectPhrase:
             wanted = RELATIONS[self.relation].anchors
             raise LanguageError(f"{self.relation!r} is seen from {wanted} anchors: {len(self.anchors)} are given")
         for anchor in self.anchors:
-            _check_no_spot(anchor, "an anchor")
+            _check_not_here(anchor, "an anchor")
 
     def _check_excluded(self, excluded: ObjectPhrase) -> None:
         plain = ObjectPhrase(excluded.noun, excluded.color, size=excluded.size, role=excluded.role)
@@ -80,12 +82,12 @@ class ObjectPhrase:
 
     @property
     def depth(self) -> int:
-        """How deep its relations are nested; 0 for none."""
+        """The nesting depth of its relations; 0 without a relation."""
         return 1 + max(anchor.depth for anchor in self.anchors) if self.anchors else 0
 
     @property
     def kind(self) -> str:
-        """What tells the object: one of `KINDS`, "gesture", or "object" if nothing does."""
+        """The kind of information that identifies the object: one of `KINDS`, "gesture", "role" or "object" (none)."""
         if self.determiner != "the":
             return "gesture"
         if self.relation is not None:
@@ -104,12 +106,12 @@ class ObjectPhrase:
 
     @property
     def head(self) -> ObjectPhrase:
-        """The same without its relation."""
+        """The phrase without its relation."""
         return self if self.relation is None else replace(self, relation=None, anchors=())
 
     @property
     def label(self) -> str:
-        """The head's words without the article and what is excluded: "largest transparent red cube"."""
+        """The head's words without the article and the exclusion: "largest transparent red cube"."""
         return self._label(lexicon().form)
 
     def _label(self, form: Form) -> str:
@@ -118,13 +120,13 @@ class ObjectPhrase:
         return " ".join([*said, form("noun", self.noun)])
 
     def parts(self) -> Iterator[ObjectPhrase]:
-        """Itself and every phrase within, in the order of the words."""
+        """Yields the phrase itself and all phrases within it, in the order of the words."""
         yield self
         for anchor in self.anchors:
             yield from anchor.parts()
 
     def words(self, form: Form) -> str:
-        """The phrase with a choice of words."""
+        """Returns the phrase in words that `form` chooses."""
         if self.determiner in HERE:
             return form("spot", self.determiner)
         if self.determiner != "the" and self == ObjectPhrase(determiner=self.determiner):
@@ -141,8 +143,8 @@ class ObjectPhrase:
         return self.words(lexicon().form)
 
 
-def _check_no_spot(phrase: ObjectPhrase | None, what: str) -> None:
-    """The grammar has "here" and "there" only where a step or a goal names its object."""
+def _check_not_here(phrase: ObjectPhrase | None, what: str) -> None:
+    """Raises LanguageError: "here" and "there" are allowed only as the object or goal of a step."""
     if phrase is not None and phrase.determiner in HERE:
         raise LanguageError(f"{phrase.determiner!r} cannot be {what}: say 'this' or 'that', or give it as a goal")
 
@@ -158,9 +160,11 @@ def _excluded_words(excluded: ObjectPhrase, form: Form) -> str:
 
 @dataclass(frozen=True)
 class Instruction:
-    """A task to do with the object that the phrase names. goal: what stands where it shall go, if anywhere.
+    """A task for the object that the phrase refers to.
 
-    Raises LanguageError for an unknown task, and for a goal where the task takes none or needs one.
+    task: a key of VERBS. phrase: the object. goal: the object at the place where it shall go, if the task has one.
+
+    Raises LanguageError for an unknown task, for a missing goal, and for a goal that the task does not take.
     """
 
     task: str
@@ -182,11 +186,11 @@ class Instruction:
 
     @property
     def steps(self) -> tuple[Instruction, ...]:
-        """Itself: so that an instruction reads like a chain of one."""
+        """The instruction itself, as a chain of one step."""
         return (self,)
 
     def words(self, form: Form) -> str:
-        """The instruction with a choice of words."""
+        """Returns the instruction in words that `form` chooses."""
         said = form("task", (self.task, self.goal is not None)).replace(OBJECT, self.phrase.words(form))
         if self.goal is None:
             return said
@@ -203,7 +207,7 @@ def _place_words(goal: ObjectPhrase, form: Form) -> str:
 
 @dataclass(frozen=True)
 class Chain:
-    """Two instructions or more, to be done one after another. Raises LanguageError for fewer."""
+    """Two or more instructions, to be executed in order. Raises LanguageError for fewer."""
 
     steps: tuple[Instruction, ...]
 
@@ -212,7 +216,7 @@ class Chain:
             raise LanguageError(f"a chain of {len(self.steps)} steps: it has at least 2")
 
     def words(self, form: Form) -> str:
-        """The chain with a choice of words."""
+        """Returns the chain in words that `form` chooses."""
         return f", {form('then', 'then')} ".join(step.words(form) for step in self.steps)
 
     def __str__(self) -> str:
@@ -221,9 +225,10 @@ class Chain:
 
 @dataclass(frozen=True)
 class Correction:
-    """What is to be changed in the instruction before: "no, the blue one", "not the cube, the sphere".
+    """A correction of the previous instruction: "no, the blue one", "not the cube, the sphere".
 
-    phrase: what is meant instead, or goal: where instead; one of them. rejected: what was not meant.
+    phrase: the object that is meant instead. goal: the place that is meant instead. Exactly one of them is given.
+    rejected: the object that was not meant; only with `phrase`.
     """
 
     phrase: ObjectPhrase | None = None
@@ -233,11 +238,11 @@ class Correction:
     def __post_init__(self) -> None:
         if (self.phrase is None) == (self.goal is None) or (self.goal is not None and self.rejected is not None):
             raise LanguageError("a correction has either a phrase, with or without what is rejected, or a goal")
-        _check_no_spot(self.phrase, "the phrase of a correction")
-        _check_no_spot(self.rejected, "rejected")
+        _check_not_here(self.phrase, "the phrase of a correction")
+        _check_not_here(self.rejected, "rejected")
 
     def words(self, form: Form) -> str:
-        """The correction with a choice of words."""
+        """Returns the correction in words that `form` chooses."""
         if self.goal is not None:
             return f"{form('no', 'no')}, {_place_words(self.goal, form)}"
         assert self.phrase is not None
@@ -254,5 +259,5 @@ Meaning = Instruction | Chain | Correction
 
 
 def say(meaning: Meaning | ObjectPhrase) -> str:
-    """What it means in words: "reach the object left of the blue sphere"."""
+    """Returns the standard sentence for a meaning: "reach the object left of the blue sphere"."""
     return str(meaning)

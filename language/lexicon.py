@@ -1,4 +1,4 @@
-"""All the words there are, read from the registries as they stand now; how a sentence falls into words."""
+"""The lexicon: all words of the registries in their current state, and the split of a sentence into words."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from language.verbs import (
     has_goal,
 )
 
-LONGEST_SENTENCE = 1000  # characters; what is longer is no instruction, and is refused before any work
-EXCLUDING = ("that is not", "that isn't", "which is not", "which isn't")  # the first is what we say
-WHICH_IS = ("that is", "which is")  # may stand before a relation
+LONGEST_SENTENCE = 1000  # characters; longer input is refused before it is processed
+EXCLUDING = ("that is not", "that isn't", "which is not", "which isn't")  # the first is used by `say`
+WHICH_IS = ("that is", "which is")  # optional before a relation
 
-# What is meant, and the phrases that mean it, ours first.
+# Meaning -> its phrases; `say` uses the first.
 Forms = dict[Any, tuple[str, ...]]
 
 _WORD_OR_MARK = re.compile(r"[^\W\d_]+(?:['\u2019][^\W\d_]+)?|\w+|[^\w\s]")
@@ -43,7 +43,7 @@ _SLOT = re.compile(f"({'|'.join(map(re.escape, _SLOTS))})")
 
 
 class Word(NamedTuple):
-    """A word in lower case, or a single mark, and its offset in the sentence in characters from 0."""
+    """A word in lower case, or a punctuation mark, and its offset in the sentence in characters from 0."""
 
     text: str
     position: int
@@ -51,34 +51,36 @@ class Word(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Lexicon:
-    """What can be meant and how it can be said: by category, the meanings with their phrases.
+    """All meanings and phrases of the language.
 
-    templates: by task, each template cut at its slots: ("pick", "{object}", "and place it", "{goal}").
-    Compared and hashed by identity: `lexicon` gives the same one until a registry changes.
+    categories: by category, the meanings with their phrases.
+    templates: by task, each template split at its slots: ("pick", "{object}", "and place it", "{goal}").
+
+    Compared and hashed by identity: `lexicon` returns the same object until a registry changes.
     """
 
     categories: dict[str, Forms]
     templates: dict[str, tuple[tuple[str, ...], ...]]
 
     def form(self, category: str, meaning: Any) -> str:
-        """What we say for the meaning; for a "task" it is the name and whether there is a goal."""
+        """Returns the standard phrase for the meaning. The meaning of a "task" is (name, whether it has a goal)."""
         return self.forms(category, meaning)[0]
 
     def forms(self, category: str, meaning: Any) -> tuple[str, ...]:
-        """Every way to say the meaning, ours first."""
+        """Returns every phrase for the meaning, the standard one first."""
         if category != "task":
             return self.categories[category][meaning]
         task, with_goal = meaning
         return tuple(words for words in VERBS[task].templates if has_goal(words) == with_goal)
 
     def phrases(self) -> tuple[str, ...]:
-        """Everything that stands as one piece in a sentence, once."""
+        """Returns every fixed phrase of the language once."""
         forms = [form for meanings in self.categories.values() for forms in meanings.values() for form in forms]
         pieces = [piece for cut in self.templates.values() for template in cut for piece in template]
         return tuple(dict.fromkeys(piece for piece in (*pieces, *forms) if piece not in _SLOTS))
 
     def words(self) -> tuple[str, ...]:
-        """Every word once, in the order of the registries."""
+        """Returns every word once, in the order of the registries."""
         return tuple(dict.fromkeys(word for phrase in self.phrases() for word in phrase.split()))
 
 
@@ -87,7 +89,7 @@ _latest: tuple[tuple[dict[str, Any], ...], Lexicon] | None = None
 
 
 def lexicon() -> Lexicon:
-    """The registries as they stand now. Made anew only where one has changed: every parse asks."""
+    """Returns the lexicon of the registries. It is cached until one of them changes, since every parse needs it."""
     global _latest
     if _latest is None or _latest[0] != _REGISTRIES:
         _latest = tuple(dict(registry) for registry in _REGISTRIES), _read()
@@ -131,12 +133,12 @@ def _read() -> Lexicon:
 
 
 def split_template(template: str) -> tuple[str, ...]:
-    """A template at its slots: "push {object} {goal}" to ("push", "{object}", "{goal}")."""
+    """Splits a template at its slots: "push {object} {goal}" to ("push", "{object}", "{goal}")."""
     return tuple(piece.strip() for piece in _SLOT.split(template) if piece.strip())
 
 
 def split(sentence: str) -> list[Word]:
-    """The sentence's words and marks. Raises NotUnderstood where it is longer than LONGEST_SENTENCE."""
+    """Returns the words and marks of a sentence. Raises NotUnderstood if it is longer than LONGEST_SENTENCE."""
     if len(sentence) > LONGEST_SENTENCE:
         message = f"the sentence has {len(sentence)} characters; at most {LONGEST_SENTENCE} are read"
         raise NotUnderstood(message, LONGEST_SENTENCE)

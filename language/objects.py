@@ -1,4 +1,4 @@
-"""Things that words can name, and the scene they stand in.
+"""Objects that words can name, and the scene that holds them.
 
 Positions are in metres in the workspace frame: origin at the robot's base on the table top, x away from the
 robot, y to the robot's left, z up.
@@ -17,7 +17,7 @@ from language.colors import COLORS
 from language.errors import LanguageError, check_known
 from language.viewpoint import seen_from
 
-# Each noun with its synonyms: first shapes, then devices.
+# Noun -> synonyms; first shapes, then devices.
 NOUNS: dict[str, tuple[str, ...]] = {
     "cube": ("block", "box"),
     "sphere": ("ball",),
@@ -26,18 +26,18 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "lever": ("handle",),
     "wheel": ("dial",),
 }
-SHAPES = ("cube", "sphere", "cylinder")  # what a noun that is left open is drawn from
-DEVICES = ("button", "lever", "wheel")  # what stands fast and is pressed, switched or turned
-ANY_NOUN = ("object", "one", "thing")  # what may be said for any noun; the first is what we say
+SHAPES = ("cube", "sphere", "cylinder")  # an unspecified noun is drawn from these
+DEVICES = ("button", "lever", "wheel")  # fixed objects that are pressed, switched or turned
+ANY_NOUN = ("object", "one", "thing")  # words for any noun; `say` uses the first
 ROLES = ("real", "target")  # a target only marks a place
-ROLE_WORDS: dict[str, tuple[str, ...]] = {  # what is said of each role, ours first
+ROLE_WORDS: dict[str, tuple[str, ...]] = {  # role -> its words; `say` uses the first
     "real": ("solid", "opaque"),
     "target": ("transparent", "translucent"),
 }
 
 
 class Size(NamedTuple):
-    """A word for widths from low to high, in metres; synonyms: what it is also called."""
+    """A word for widths from low to high, in metres. synonyms: other words that are understood."""
 
     low: float
     high: float
@@ -52,7 +52,11 @@ SIZES: dict[str, Size] = {
 
 @dataclass(frozen=True)
 class Object:
-    """One thing. position: x, y, z of its centre and size: its width, in metres. Raises LanguageError."""
+    """One object.
+
+    noun, color, role: keys of NOUNS and COLORS, one of ROLES. position: x, y, z of its centre, metres.
+    size: its width, metres. Raises LanguageError for other values.
+    """
 
     noun: str
     color: str
@@ -71,14 +75,14 @@ class Object:
 
 
 class Scene:
-    """K objects that stay as they are: a sequence of `Object`, and the same as read-only arrays.
+    """K objects, immutable: a sequence of `Object`, and the same as read-only arrays.
 
     nouns, colors: (K,) int64, indices into the tables `NOUNS` and `COLORS`
     positions: (K, 3) float64, metres
     sizes: (K,) float64, metres
     targets: (K,) bool, True where the role is "target"
     seen: (K, 3) float64, the positions in the viewer's frame (`language/viewpoint.py`)
-    viewpoint: whose eyes the words are spoken with, "robot" or "human"
+    viewpoint: of relations and superlatives, "robot" or "human"
     """
 
     __slots__ = ("colors", "nouns", "positions", "seen", "sizes", "targets", "viewpoint")
@@ -97,16 +101,24 @@ class Scene:
 
     @classmethod
     def from_arrays(cls, nouns, colors, positions, size=0.05, targets=False, viewpoint="robot") -> Scene:
-        """A scene from (K,) noun and colour indices and (K, 3) positions; the arrays are copied.
+        """Returns a scene from copies of arrays.
 
-        size, targets: one value for all, or (K,). Raises LanguageError where shapes or indices are wrong.
+        Args:
+            nouns, colors: (K,) indices into NOUNS and COLORS.
+            positions: (K, 3) metres.
+            size: width in metres, one value for all or (K,).
+            targets: whether the role is "target", one value for all or (K,).
+            viewpoint: "robot" or "human".
+
+        Raises:
+            LanguageError: shapes or indices are wrong.
         """
         scene = cls.__new__(cls)
         scene._fill(nouns, colors, positions, size, targets, viewpoint)
         return scene
 
     def moved(self, positions) -> Scene:
-        """The same things at other places, (K, 3) metres."""
+        """Returns the same objects at other positions, (K, 3) metres."""
         return Scene.from_arrays(self.nouns, self.colors, positions, self.sizes, self.targets, self.viewpoint)
 
     def _fill(self, nouns, colors, positions, sizes, targets, viewpoint) -> None:

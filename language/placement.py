@@ -1,6 +1,6 @@
-"""Which objects stand where, and which of them is to go to which: what an episode's scene is drawn from.
+"""Random layouts: specifications of objects, from which the scene of an episode is drawn, and subtasks among them.
 
-Areas are x0, x1, y0, y1, z0, z1 in metres in the workspace frame; an object's centre is drawn evenly within.
+Areas are x0, x1, y0, y1, z0, z1 in metres in the workspace frame; an object's centre is drawn uniformly within.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from language.colors import COLORS, draw_colors
 from language.errors import LanguageError, check_known
 from language.objects import NOUNS, ROLES, SHAPES, Scene
 
-TRIES = 200  # to lay out all objects
-DARTS = 20  # thrown for one of them before all begin anew
-ROUNDING = 1e-9  # metres that floats may fall short of the spacing
+TRIES = 200  # layouts of all objects
+TRIES_PER_OBJECT = 20  # places for one object before the layout starts again
+ROUNDING = 1e-9  # metres, tolerance of the spacing for rounding errors
 
 Place = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class ObjectSpec:
-    """One object yet to be drawn. Raises LanguageError.
+    """Specification of an object to be drawn. Raises LanguageError for invalid values.
 
-    noun, color: None where they are to be drawn; a noun from SHAPES.
-    area: where its centre may be; any sequence of 6 numbers, kept as a tuple.
+    noun, color: None: drawn at random; a noun from SHAPES.
+    area: of its centre; any sequence of 6 numbers, stored as a tuple.
     size: its width, metres.
-    fixed: it never moves when touched.
-    random_rotation: its yaw is drawn evenly in [-pi, pi) radians; otherwise it is 0.
+    fixed: whether it stays in place when touched.
+    random_rotation: whether its yaw is drawn uniformly in [-pi, pi) radians; otherwise it is 0.
     role: "real", or "target", which only marks a place.
     """
 
@@ -65,10 +65,12 @@ class Placed(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """K objects to be drawn, and the subtasks among them; made by `from_pairs`, `from_lists` or `from_all`.
+    """K objects to be drawn and the subtasks among them; created by `from_pairs`, `from_lists` or `from_all`.
 
-    inits, goals: indices of the specs that may be brought somewhere, and of those that they may be brought to.
-    pairs: (init, goal) indices where each init has its own goal; None where any goes with any.
+    specs: the objects.
+    inits: indices of the objects that a subtask may move.
+    goals: indices of the objects that they may be moved to.
+    pairs: (init, goal) indices if each init has its own goal; None if any init goes with any goal.
     """
 
     specs: tuple[ObjectSpec, ...]
@@ -84,10 +86,16 @@ class Layout:
                 raise LanguageError(f"object {index} is an init with role={self.specs[index].role}: it must be real")
 
     def draw(self, rng: Generator, spacing: float) -> Placed:
-        """All K objects, in order, centres at least `spacing` metres apart on the table's plane.
+        """Draws all K objects, in order.
 
-        Drawn colours differ from all others of the same role while there are colours left.
-        Raises LanguageError where the areas are too small for that.
+        Random colours differ from all others of the same role while there are colours left.
+
+        Args:
+            rng: random generator.
+            spacing: smallest distance between centres in the table's plane, metres.
+
+        Raises:
+            LanguageError: the areas are too small for the spacing.
         """
         nouns = rng.integers(len(SHAPES), size=len(self.specs))
         yaw = rng.uniform(-math.pi, math.pi, len(self.specs))
@@ -105,14 +113,14 @@ class Layout:
         return Placed(scene, np.where(turned, yaw, 0.0), np.array([spec.fixed for spec in self.specs]))
 
     def pick(self, rng: Generator) -> tuple[int | None, int | None]:
-        """A subtask: the index of the object to bring, and of what it is brought to; None where there is none."""
+        """Draws a subtask: the indices of its init and goal, None where there is none."""
         if self.pairs is not None:
             return self.pairs[int(rng.integers(len(self.pairs)))]
         return _one_of(rng, self.inits), _one_of(rng, self.goals)
 
 
 def from_pairs(pairs: Iterable[tuple[ObjectSpec, ObjectSpec | None]]) -> Layout:
-    """Subtasks (init, goal) or (init, None), one of which is picked. Each spec named is an object of its own."""
+    """Returns a layout of subtasks (init, goal) or (init, None). Each spec is an object of its own."""
     specs: list[ObjectSpec] = []
     indices: list[tuple[int, int | None]] = []
     for init, goal in pairs:
@@ -124,14 +132,14 @@ def from_pairs(pairs: Iterable[tuple[ObjectSpec, ObjectSpec | None]]) -> Layout:
 
 
 def from_lists(init: Iterable[ObjectSpec], goal: Iterable[ObjectSpec]) -> Layout:
-    """Any of `init` goes to any of `goal`; the lists may differ in length, and one may be empty."""
+    """Returns a layout in which any of `init` goes to any of `goal`; the lists may differ in length or be empty."""
     inits, goals = tuple(init), tuple(goal)
     count = len(inits) + len(goals)
     return Layout(inits + goals, tuple(range(len(inits))), tuple(range(len(inits), count)))
 
 
 def from_all(objects: Iterable[ObjectSpec]) -> Layout:
-    """Any real object goes to any target."""
+    """Returns a layout in which any real object goes to any target."""
     specs = tuple(objects)
     inits, goals = ([i for i, spec in enumerate(specs) if spec.role == role] for role in ROLES)
     return Layout(specs, tuple(inits), tuple(goals))
@@ -171,11 +179,11 @@ def _draw_colors(rng: Generator, specs: Sequence[ObjectSpec]) -> list[str]:
 
 
 def _draw_places(rng: Generator, specs: Sequence[ObjectSpec], spacing: float) -> list[Place]:
-    """Throws darts for one object after the other, and starts again where one finds no room."""
+    """Draws places by rejection sampling, object by object; starts again when no place is found for one."""
     for _ in range(TRIES):
         placed: list[Place] = []
         for spec in specs:
-            place = _dart(rng, spec.area, placed, spacing)
+            place = _draw_place(rng, spec.area, placed, spacing)
             if place is None:
                 break
             placed.append(place)
@@ -187,9 +195,9 @@ def _draw_places(rng: Generator, specs: Sequence[ObjectSpec], spacing: float) ->
     )
 
 
-def _dart(rng: Generator, area: Sequence[float], placed: Sequence[Place], spacing: float) -> Place | None:
+def _draw_place(rng: Generator, area: Sequence[float], placed: Sequence[Place], spacing: float) -> Place | None:
     low, high = np.reshape(area, (3, 2)).T
-    for x, y, z in (low + rng.random((DARTS, 3)) * (high - low)).tolist():
+    for x, y, z in (low + rng.random((TRIES_PER_OBJECT, 3)) * (high - low)).tolist():
         if all(math.hypot(x - a, y - b) >= spacing - ROUNDING for a, b, _ in placed):
             return x, y, z
     return None

@@ -1,4 +1,4 @@
-"""Spatial relations and superlatives: registered pure functions of what the viewer sees.
+"""Spatial relations and superlatives: registered pure functions of positions in the viewer's frame.
 
     @relation("left of", "to the left of")
     def _left_of(subject, anchor):
@@ -8,7 +8,7 @@
     def _leftmost(positions, sizes):
         return positions[..., 1]
 
-That is all one needs: grammar, vocabulary, describer and parser read the registries. Positions are in metres in the
+Nothing else is needed: grammar, vocabulary, describer and parser read the registries. Positions are in metres in the
 viewer's frame (`language/viewpoint.py`): x away from the viewer, y to the viewer's left, z up.
 """
 
@@ -23,23 +23,24 @@ from language.errors import LanguageError, check_known
 
 Margin = Callable[..., np.ndarray]
 
-# Metres. Less than HOLDS no person would call one thing left of another. We say a relation only of what is beyond
-# CLEAR, and only while everything else it could be taken for stays below ABSENT.
+# Thresholds of a margin, in metres. A relation holds above HOLDS; below that, a person would not call one object left
+# of another. It is generated only if the margin of the referent is above CLEAR and those of all other candidates are
+# below ABSENT.
 HOLDS, CLEAR, ABSENT = 0.03, 0.05, 0.01
 
-NEAR = 0.2  # metres between centres: beyond this, nothing is near
-BESIDE = 0.13  # metres: how far to the side a thing can be and still be above another, or between two
+NEAR = 0.2  # metres between centres up to which objects are near
+BESIDE = 0.13  # metres of sideways offset up to which an object is above another, or between two
 
 
 @dataclass(frozen=True)
 class Relation:
-    """A way to say where one thing is, seen from others.
+    """A spatial relation of an object to one or two anchors.
 
-    phrase: what we say; synonyms: what we also understand.
-    margin: takes the positions of the subject and of each anchor, (..., 3) metres in the viewer's frame,
-        broadcasting, and gives (...) metres: the more above 0, the clearer the relation. It holds above HOLDS.
-    anchors: how many things it is seen from, 1 or 2 ("between").
-    best: the relation picks whoever has the greatest margin, wherever that lies ("nearest to").
+    phrase: used by `say`. synonyms: also understood.
+    margin: maps the positions of the subject and of each anchor, (..., 3) metres in the viewer's frame, broadcast
+        against each other, to (...) metres: the greater, the clearer the relation. It holds above HOLDS.
+    anchors: their number, 1 or 2 ("between").
+    best: whether the relation selects the object with the greatest margin, whatever its value ("nearest to").
     """
 
     phrase: str
@@ -51,11 +52,13 @@ class Relation:
 
 @dataclass(frozen=True)
 class Superlative:
-    """A way to say which of several things is the most of something.
+    """A superlative, which selects one of several objects by a score.
 
-    score: takes positions (..., 3) in the viewer's frame and sizes (...), metres, and gives (...) numbers; the
-        greatest one is meant. Scores within `tie` of it are as good; we say it only beyond `clear`.
-    after: what is also understood behind the noun: "the cube on the left".
+    phrase: used by `say`. synonyms: also understood.
+    score: maps positions (..., 3) in the viewer's frame and sizes (...), metres, to (...) numbers; the greatest is
+        selected.
+    tie: scores within `tie` of the greatest are equally good. clear: the lead from which it is generated.
+    after: phrases that are understood after the noun: "the cube on the left".
     """
 
     phrase: str
@@ -71,7 +74,7 @@ SUPERLATIVES: dict[str, Superlative] = {}
 
 
 def relation(phrase: str, *synonyms: str, anchors: int = 1, best: bool = False) -> Callable[[Margin], Margin]:
-    """Registers a margin function under its phrase. Raises LanguageError where the words are taken."""
+    """Decorator that registers a margin function as a `Relation`. Raises LanguageError if a phrase is in use."""
 
     def register(margin: Margin) -> Margin:
         _check_free((phrase, *synonyms))
@@ -86,7 +89,7 @@ def relation(phrase: str, *synonyms: str, anchors: int = 1, best: bool = False) 
 def superlative(
     phrase: str, *synonyms: str, tie: float = ABSENT, clear: float = CLEAR, after: tuple[str, ...] = ()
 ) -> Callable[[Margin], Margin]:
-    """Registers a score function under its word. Raises LanguageError where the words are taken."""
+    """Decorator that registers a score function as a `Superlative`. Raises LanguageError if a phrase is in use."""
 
     def register(score: Margin) -> Margin:
         _check_free((phrase, *synonyms))
@@ -97,7 +100,7 @@ def superlative(
 
 
 def unregister(phrase: str) -> None:
-    """Forgets a relation or superlative. Raises LanguageError where there is none."""
+    """Removes a relation or superlative from its registry. Raises LanguageError if there is none of this phrase."""
     check_known("relation or superlative", phrase, [*RELATIONS, *SUPERLATIVES])
     (RELATIONS if phrase in RELATIONS else SUPERLATIVES).pop(phrase)
 
@@ -168,7 +171,7 @@ def _farthest_from(subject: np.ndarray, anchor: np.ndarray) -> np.ndarray:
 
 @relation("between", "in between", anchors=2)
 def _between(subject: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """How far inside both ends, and inside the corridor from one to the other."""
+    """The smallest of the distances to both ends and to the side of the corridor between them."""
     way = other - one
     length = np.maximum(np.sqrt((way * way).sum(-1)), 1e-9)
     along = ((subject - one) * way).sum(-1) / length

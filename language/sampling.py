@@ -1,4 +1,4 @@
-"""Random instructions for a scene, or for scenes drawn for them."""
+"""Random instructions, for a given scene or for random scenes."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from language.task_generation import generate_tasks
 from language.verbs import VERBS
 from language.wording import Wording
 
-DRAWN = (3, 8)  # objects in a drawn scene, at least and at most
-AREA = (0.3, 0.7, -0.3, 0.3, 0.0, 0.2)  # metres, where they are
-WIDTHS = (0.03, 0.05, 0.07)  # metres: one for each word of size, and one that has none
-SPACING = 0.08  # metres
-TARGETS = 0.25  # how many of them only mark a place
-TRIES = 50  # before we give up to find what can be said, in sentences that are not too long to be read
+OBJECT_COUNTS = (3, 8)  # smallest and largest number of objects in a random scene
+AREA = (0.3, 0.7, -0.3, 0.3, 0.0, 0.2)  # of the objects: x0, x1, y0, y1, z0, z1, metres
+WIDTHS = (0.03, 0.05, 0.07)  # metres: small, neither, large
+SPACING = 0.08  # metres between centres
+TARGET_SHARE = 0.25  # share of targets among the objects
+TRIES = 50  # attempts to find an instruction whose sentence is not too long
 
 
 @dataclass(frozen=True)
 class Sample:
-    """An instruction, a sentence that says it, and the scene where each of its phrases names exactly one object."""
+    """An instruction, a sentence for it, and the scene, in which each of its phrases fits exactly one object."""
 
     command: Command
     sentence: str
@@ -37,18 +37,18 @@ class Sample:
 
 
 class NestedDescriber(Describer):
-    """Draws phrases of exactly `depth` relations, 1 to MAX_DEPTH, each seen from the next."""
+    """Draws phrases of exactly `depth` nested relations, 1 to MAX_DEPTH."""
 
     def __init__(self, depth: int) -> None:
         super().__init__(("relation",), redundant=True)
         self.depth = depth
 
     def nameable(self, scene: Scene) -> np.ndarray:
-        """(K,) bool, which objects such a phrase names uniquely."""
+        """Returns (K,) bool: which objects such a phrase fits uniquely."""
         return self.expressions(scene).nameable_nested(self.depth)
 
     def phrase(self, scene: Scene, referent: int, rng: Generator) -> ObjectPhrase:
-        """A phrase that names the referent alone. Raises LanguageError where none does."""
+        """Returns a phrase that fits the referent alone. Raises LanguageError if there is none."""
         return self.expressions(scene).draw_nested(self.depth, referent, rng)
 
 
@@ -60,12 +60,18 @@ def sample(
     steps: int = 1,
     wording: Wording | None = None,
 ) -> Iterator[Sample]:
-    """`number` random instructions of `steps` steps, in this scene or each in a drawn one.
+    """Yields random instructions.
 
-    depth: how many relations are nested in each phrase; None for all kinds of phrases, up to two relations.
-    wording: draws the words; None says everything in the first that there are.
-    Raises LanguageError for a depth that is not in 0 to MAX_DEPTH, for fewer than 1 step, and where no scene gives
-    such an instruction.
+    Args:
+        number: how many.
+        rng: random generator.
+        scene: None: a new random scene for each instruction.
+        depth: nested relations in each phrase; None: all kinds of phrases, up to two relations.
+        steps: of each instruction.
+        wording: draws the words; None: the standard sentences.
+
+    Raises:
+        LanguageError: a depth outside 0 to MAX_DEPTH, fewer than 1 step, or no scene allows such an instruction.
     """
     describer = _describer(depth)
     for _ in range(number):
@@ -82,9 +88,9 @@ def sample(
 
 
 def draw_scene(rng: Generator) -> Scene:
-    """DRAWN objects in the AREA, the first of which is real."""
-    count = int(rng.integers(DRAWN[0], DRAWN[1] + 1))
-    target = rng.random(count) < TARGETS
+    """Returns a random scene of OBJECT_COUNTS objects in AREA, the first of which is real."""
+    count = int(rng.integers(OBJECT_COUNTS[0], OBJECT_COUNTS[1] + 1))
+    target = rng.random(count) < TARGET_SHARE
     target[0] = False
     sizes = rng.choice(WIDTHS, count).tolist()
     specs = [
@@ -103,7 +109,7 @@ def _describer(depth: int | None) -> Describer:
 
 
 def _command(scene: Scene, describer: Describer, rng: Generator, steps: int) -> Command | None:
-    """An instruction that can be said in the scene, or None."""
+    """Returns an instruction whose phrases are unique in the scene, or None."""
     if steps == 1:
         return _instruction(scene, describer, rng)
     generated = generate_tasks(scene, 1, steps, seed=int(rng.integers(2**32)), describer=describer)
@@ -111,7 +117,7 @@ def _command(scene: Scene, describer: Describer, rng: Generator, steps: int) -> 
 
 
 def _instruction(scene: Scene, describer: Describer, rng: Generator) -> Instruction | None:
-    """A task, evenly among those that can be done here, for an object and perhaps a goal that can be named."""
+    """Returns a task, drawn uniformly among the feasible ones, for nameable objects; None if none is feasible."""
     named = describer.nameable(scene)
     things, movable, targets = (np.flatnonzero(fit) for fit in (named, named & ~scene.targets, named & scene.targets))
     possible = [

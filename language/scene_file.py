@@ -1,4 +1,4 @@
-"""A scene as a YAML file: a list of objects, each with an id, and one clear line for whatever is wrong with it.
+"""Scenes as YAML files: lists of objects with ids. Every error is one line that names its place.
 
 - {id: a, noun: cube, color: red, position: [0.5, 0.1, 0.0]}
 - {id: t, noun: cube, color: red, position: [0.4, -0.2, 0.0], size: 0.05, role: target}
@@ -17,41 +17,41 @@ from language.colors import COLORS
 from language.errors import LanguageError, check_known
 from language.objects import NOUNS, ROLES, Object, Scene
 
-MOST = 64  # objects: telling them apart takes time and memory that grow with the third power of their number
-FARTHEST = 1000.0  # metres: the greatest coordinate and size
-NEEDED, OPTIONAL = ("noun", "color", "position"), ("id", "size", "role")
+MAX_OBJECTS = 64  # time and memory to distinguish objects grow with the third power of their number
+MAX_COORDINATE = 1000.0  # metres; also the largest size
+REQUIRED, OPTIONAL = ("noun", "color", "position"), ("id", "size", "role")
 _CHOICES: dict[str, Iterable[str]] = {"noun": NOUNS, "color": COLORS, "role": ROLES}
 _FORM = "{id, noun, color, position: [x, y, z], size, role}"
-# What PyYAML raises: for syntax, for a value that is not of its type (a 13th month), for what nests without end.
+# Raised by PyYAML for invalid syntax, for invalid values (a 13th month) and for excessive nesting.
 _UNREADABLE = (ValueError, LookupError, AttributeError, TypeError, RecursionError)
 
 
 class SceneFileError(LanguageError):
-    """A scene file that cannot be used as it stands; the text names file, object, key, value and what is right."""
+    """A scene file that cannot be used. The text names file, object, key, value and what would be right."""
 
 
 @dataclass(frozen=True)
 class NamedScene:
-    """A scene whose K objects have ids: K different texts, in the scene's order."""
+    """A scene whose K objects have ids: K distinct strings, in the scene's order."""
 
     scene: Scene
     ids: tuple[str, ...]
 
     def index(self, name: str) -> int:
-        """The index of the object with this id. Raises LanguageError."""
+        """Returns the index of the object with this id. Raises LanguageError for an unknown id."""
         check_known("object id", name, self.ids)
         return self.ids.index(name)
 
     def id(self, index: int | None) -> str | None:
-        """The id of the object of this index; None for none."""
+        """Returns the id of the object with this index; None for None."""
         return None if index is None else self.ids[index]
 
 
 def read_scene(path: str | Path, viewpoint: str = "robot") -> NamedScene:
-    """The scene that the YAML file describes, seen from this viewpoint; positions and sizes in metres.
+    """Returns the scene of a YAML file.
 
-    Where an object has no id, it is "o" and its place in the list, from 0; size is 0.05 and role is "real" unless
-    they are given. Raises SceneFileError.
+    Positions and sizes are in metres. Defaults: the id is "o" and the position in the list, from 0; the size is 0.05;
+    the role is "real". Raises SceneFileError.
     """
     try:
         entries = _load(Path(path))
@@ -62,7 +62,7 @@ def read_scene(path: str | Path, viewpoint: str = "robot") -> NamedScene:
 
 
 def as_entries(named: NamedScene) -> list[dict[str, Any]]:
-    """The list that a scene file holds; positions in tenths of a millimetre."""
+    """Returns the entries of a scene file; positions are rounded to tenths of a millimetre."""
     return [
         {
             "id": name,
@@ -77,7 +77,7 @@ def as_entries(named: NamedScene) -> list[dict[str, Any]]:
 
 
 def _load(path: Path) -> list:
-    import yaml  # only where there is a file to read
+    import yaml  # imported only when a file is read
 
     try:
         loaded = yaml.safe_load(path.read_bytes())
@@ -93,8 +93,8 @@ def _load(path: Path) -> list:
         raise SceneFileError(f"is not YAML that can be read: {' '.join(str(error).split())[:200]}") from None
     if not isinstance(loaded, list):
         raise SceneFileError(f"must be a list of objects {_FORM}, not {_shown(loaded)}")
-    if not 0 < len(loaded) <= MOST:
-        raise SceneFileError(f"lists {len(loaded)} objects; give 1 to {MOST}")
+    if not 0 < len(loaded) <= MAX_OBJECTS:
+        raise SceneFileError(f"lists {len(loaded)} objects; give 1 to {MAX_OBJECTS}")
     return loaded
 
 
@@ -127,11 +127,11 @@ def _id(name: Any, taken: list[str]) -> str:
 
 def _object(entry: dict) -> Object:
     for key in entry:
-        if key not in (*NEEDED, *OPTIONAL):
-            check_known("key of an object", key if isinstance(key, str) else _shown(key), (*NEEDED, *OPTIONAL))
-    for key in NEEDED:
+        if key not in (*REQUIRED, *OPTIONAL):
+            check_known("key of an object", key if isinstance(key, str) else _shown(key), (*REQUIRED, *OPTIONAL))
+    for key in REQUIRED:
         if key not in entry:
-            raise SceneFileError(f"{key} is missing; an object needs {', '.join(NEEDED)}")
+            raise SceneFileError(f"{key} is missing; an object needs {', '.join(REQUIRED)}")
     words = {key: _word(key, entry.get(key, "real"), choices) for key, choices in _CHOICES.items()}
     x, y, z = _position(entry["position"])
     size = _number("size", entry.get("size", 0.05))
@@ -159,16 +159,18 @@ def _position(value: Any) -> list[float]:
 
 
 def _number(key: str, value: Any) -> float:
-    """The value as a finite number of metres."""
+    """Returns the value as a finite number of metres. Raises SceneFileError."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise SceneFileError(f"{key} {_shown(value)} must be a number of metres{_as_number(value)}")
-    if not -FARTHEST <= value <= FARTHEST or math.isnan(value):
-        raise SceneFileError(f"{key} {_shown(value)} must be a number from {-FARTHEST:g} to {FARTHEST:g} metres")
+    if not -MAX_COORDINATE <= value <= MAX_COORDINATE or math.isnan(value):
+        raise SceneFileError(
+            f"{key} {_shown(value)} must be a number from {-MAX_COORDINATE:g} to {MAX_COORDINATE:g} metres"
+        )
     return float(value)
 
 
 def _as_number(text: Any) -> str:
-    """How to write what looks like a number but is text to YAML, such as 1e-1."""
+    """Returns a hint for text that looks like a number but is a string in YAML, such as 1e-1."""
     try:
         number = float(text) if isinstance(text, str) else math.nan
     except ValueError:
@@ -177,8 +179,8 @@ def _as_number(text: Any) -> str:
 
 
 def _shown(value: Any) -> str:
-    """The value, cut where it is too long or nests too deep to repeat."""
+    """Returns the value as text, truncated if it is long or deeply nested."""
     try:
         return "nothing" if value is None else reprlib.repr(value)
-    except ValueError:  # Python refuses to write out an integer of more than 4300 digits
+    except ValueError:  # Python does not convert integers of more than 4300 digits
         return "a number of thousands of digits"

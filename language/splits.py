@@ -1,4 +1,4 @@
-"""What is kept out of training, so that generalisation can be measured: declared in YAML, held by the generator."""
+"""Held-out words and pairs of words, which measure generalisation: declared in YAML, enforced by the generator."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ SPLITS = ("all", "train", "test_composition", "test_paraphrase", "test_length")
 
 @dataclass(frozen=True)
 class HeldOut:
-    """What "train" never says.
+    """Words and pairs of words that the split "train" never contains.
 
-    color_noun: pairs ("red", "cube"): the two words of one phrase, of the referent or of an anchor.
-    relation_noun: pairs ("left of", "cube"): the relation of a thing that is called by this noun.
-    phrases: synonyms and templates ("ball", "to the left of", "touch {object}"); never the first of their kind.
+    color_noun: pairs such as ("red", "cube"), in one phrase, of the referent or of an anchor.
+    relation_noun: pairs such as ("left of", "cube"), a relation of an object that is named by this noun.
+    phrases: synonyms and templates ("ball", "to the left of", "touch {object}"), never the first of their meaning.
+
     Raises LanguageError for words that are not in the registries.
     """
 
@@ -42,15 +43,24 @@ class HeldOut:
         for phrase in self.phrases:
             check_known("phrase", phrase, spoken)
             if spoken[phrase] == 0:
-                raise LanguageError(f"{phrase!r} is the only phrase that is sure to be known: hold out a synonym of it")
+                raise LanguageError(
+                    f"{phrase!r} is the standard phrase, which training always needs: hold out a synonym of it"
+                )
 
 
 @dataclass(frozen=True)
 class Split:
-    """One part of what can be said: a name of SPLITS, and what "train" leaves to the others.
+    """A part of the language.
 
-    all: everything. train, test_length: nothing that is held out; test_length is asked for longer phrases.
-    test_composition: always a held-out pair. test_paraphrase: always a held-out phrase, never a held-out pair.
+    name: one of SPLITS:
+        all: everything.
+        train: nothing that is held out.
+        test_length: nothing that is held out; used with longer phrases than in training.
+        test_composition: always a held-out pair.
+        test_paraphrase: always a held-out phrase, never a held-out pair.
+    held_out: what "train" leaves out.
+
+    Raises LanguageError for an unknown name, and for a test split without anything held out.
     """
 
     name: str = "all"
@@ -64,21 +74,30 @@ class Split:
             raise LanguageError("split=test_paraphrase needs phrases that are held out")
 
     def keep(self, named: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Those expressions that the split says; held: whether one holds a pair. Bool arrays that broadcast."""
+        """Returns which expressions belong to the split.
+
+        named, held: whether an expression exists, and whether it contains a held-out pair; bool arrays that broadcast.
+        """
         if self.name == "all":
             return named
         return named & held if self.name == "test_composition" else named & ~held
 
     def avoid(self, named: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """The same for expressions of which a part may hold the pair that test_composition asks for."""
+        """Like `keep`, for expressions in which another part may contain the pair that test_composition requires."""
         return named if self.name in ("all", "test_composition") else named & ~held
 
     def held_heads(self, scene: Scene, both: np.ndarray) -> np.ndarray:
-        """(H, K) bool: the head, where it says both (H,) colour and noun, says a held-out pair."""
+        """Returns (H, K) bool: whether a head contains a held-out pair.
+
+        both: (H,), whether the head contains both colour and noun.
+        """
         return both[:, None] & self._pairs[scene.colors, scene.nouns]
 
     def held_relations(self, scene: Scene, says_noun: np.ndarray, relations: Sequence[Relation]) -> np.ndarray:
-        """(H, K, R) bool: the relation of a head that says the noun, where says_noun (H,), is a held-out pair."""
+        """Returns (H, K, R) bool: whether head and relation form a held-out pair.
+
+        says_noun: (H,), whether the head contains the noun.
+        """
         table = np.zeros((len(NOUNS), len(relations)), dtype=bool)
         for relation, noun in self.held_out.relation_noun:
             table[list(NOUNS).index(noun)] |= [known.phrase == relation for known in relations]
@@ -93,7 +112,7 @@ class Split:
 
 
 def _spoken() -> dict[str, int]:
-    """Every phrase with its place among those that say the same."""
+    """Returns every phrase with its index among the phrases of the same meaning."""
     by_meaning = [forms for meanings in lexicon().categories.values() for forms in meanings.values()]
     by_meaning += [lexicon().forms("task", (task, has_goal)) for task in VERBS for has_goal in (False, True)]
     return {phrase: place for forms in by_meaning for place, phrase in enumerate(forms)}

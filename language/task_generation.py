@@ -1,4 +1,4 @@
-"""Scenes as they would be afterwards: objects moved without simulation, and tasks of several steps made that way."""
+"""Generation of tasks with several steps, by moving objects in a scene without simulation."""
 
 from __future__ import annotations
 
@@ -12,15 +12,21 @@ from language.instruction import Chain, Command, Instruction
 from language.objects import Scene
 from language.verbs import LIFTED, VERBS
 
-OCCUPIED = 0.04  # metres between centres: nearer than this, a place is taken
-CHAINED = ("reach", "push", "pick_and_place", "swipe", "throw", "lift")  # the tasks that generated chains are made of
+OCCUPIED = 0.04  # metres between centres below which a place is occupied
+CHAINED = ("reach", "push", "pick_and_place", "swipe", "throw", "lift")  # tasks of generated chains
 
 
 def scene_after(task: str, init: int | None, goal: int | None, scene: Scene) -> Scene:
-    """The scene when the task is done, without simulation; the same one where nothing moves.
+    """Returns the scene after a task, without simulation; the same scene if nothing moves.
 
-    init: index of the object that is moved, goal: of the one whose place it takes, or on top of which it goes.
-    Raises LanguageError for an unknown task.
+    Args:
+        task: a key of VERBS.
+        init: index of the object that is moved.
+        goal: index of the object whose place it takes, or on top of which it is put.
+        scene: the scene before the task.
+
+    Raises:
+        LanguageError: an unknown task.
     """
     check_known("task", task, VERBS)
     effect = VERBS[task].effect
@@ -52,11 +58,21 @@ def generate_tasks(
     tasks: tuple[str, ...] = CHAINED,
     describer: Describer | None = None,
 ) -> list[GeneratedTask]:
-    """At most `width` different tasks of `depth` steps.
+    """Returns up to `width` different tasks of `depth` steps; fewer if the scene does not allow more.
 
-    Each step is feasible in the scene that it meets - what moves is real, where it goes is free - and described
-    there, so that `understand` grounds the whole command step by step. Fewer come where the scene gives no more.
-    Raises LanguageError for a width or depth below 1, or an unknown task.
+    Each step is feasible in the scene after the steps before it (the object that moves is real, its goal is free) and
+    is described in that scene, so that `understand` grounds the whole command step by step.
+
+    Args:
+        scene: the scene before the first step.
+        width: number of tasks.
+        depth: number of steps of each task.
+        seed: of the random choices.
+        tasks: names of the tasks that steps are drawn from.
+        describer: names the objects; None: by colour, shape, superlatives and single relations.
+
+    Raises:
+        LanguageError: a width or depth below 1, or an unknown task.
     """
     for name, value in (("width", width), ("depth", depth)):
         if value < 1:
@@ -91,7 +107,7 @@ def _generate(
 
 
 def _feasible(task: str, scene: Scene, describer: Describer) -> list[tuple[str, int | None, int | None]]:
-    """(task, init, goal) for all that can be done and named here."""
+    """Returns (task, init, goal) for everything that is feasible and nameable in the scene."""
     named = describer.nameable(scene)
     things = np.flatnonzero(named).tolist()
     if not VERBS[task].moves:
@@ -105,7 +121,7 @@ def _feasible(task: str, scene: Scene, describer: Describer) -> list[tuple[str, 
 
 
 def _is_free(scene: Scene, thing: int) -> bool:
-    """Whether nothing stands where the target is, or on top of the real thing."""
+    """Returns whether no object is at the target, or on top of the real object."""
     offset = scene.positions - scene.positions[thing]
     if scene.targets[thing]:
         taken = (np.abs(offset) < OCCUPIED).all(axis=1) & ~scene.targets

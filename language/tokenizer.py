@@ -1,4 +1,4 @@
-"""Sentences as rows of numbers, for networks."""
+"""Tokenizer: sentences as arrays of token ids."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from language.errors import LanguageError, quote
 from language.lexicon import lexicon, split
 from language.word_order import WORD_ORDER
 
-PAD, UNKNOWN = "<pad>", "<unk>"  # always numbers 0 and 1
+PAD, UNKNOWN = "<pad>", "<unk>"  # always ids 0 and 1
 
 
 @dataclass(frozen=True)
 class Tokenizer:
-    """Words to numbers and back.
+    """Maps words to token ids and back.
 
-    vocabulary: every word once, its number being its place; "<pad>" and "<unk>" come first. A checkpoint
-        stores it as a list of strings, and `check_same` compares.
-    length: numbers a sentence, filled up with 0.
-    Raises LanguageError.
+    vocabulary: every word once, at the index of its id; "<pad>" and "<unk>" come first. Checkpoints store it as a list
+        of strings.
+    length: token ids per sentence, padded with 0.
+
+    Raises LanguageError for a vocabulary or length that is not of this form.
     """
 
     vocabulary: tuple[str, ...]
@@ -31,7 +32,7 @@ class Tokenizer:
     def __post_init__(self) -> None:
         object.__setattr__(self, "vocabulary", tuple(self.vocabulary))
         if self.vocabulary[:2] != (PAD, UNKNOWN) or len(set(self.vocabulary)) != len(self.vocabulary):
-            raise LanguageError(f"a vocabulary begins with {PAD}, {UNKNOWN} and holds each word once")
+            raise LanguageError(f"a vocabulary must begin with {PAD}, {UNKNOWN} and contain each word once")
         if self.length < 1:
             raise LanguageError(f"length={self.length} must be at least 1")
 
@@ -44,18 +45,18 @@ class Tokenizer:
         return cls(tuple(dict.fromkeys((PAD, UNKNOWN, *WORD_ORDER, *lexicon().words()))), length)
 
     @cached_property
-    def _number(self) -> dict[str, int]:
+    def _ids(self) -> dict[str, int]:
         return {word: number for number, word in enumerate(self.vocabulary)}
 
     def encode(self, sentence: str) -> np.ndarray:
-        """(length,) int64, read-only because remembered by sentence. Unknown words are 1, marks left out.
+        """Returns (length,) int64 token ids. Unknown words have id 1; punctuation is left out.
 
-        Raises LanguageError where the sentence has more words than `length`.
+        The array is read-only, since results are cached. Raises LanguageError for more words than `length`.
         """
         return _encode(self, sentence)
 
     def decode(self, tokens: Iterable[int]) -> str:
-        """The words of the numbers, without padding. Raises LanguageError for a number that is no word's."""
+        """Returns the words of token ids, without padding. Raises LanguageError for an id outside the vocabulary."""
         numbers = [int(token) for token in tokens]
         size = len(self.vocabulary)
         for number in numbers:
@@ -64,11 +65,11 @@ class Tokenizer:
         return " ".join(self.vocabulary[number] for number in numbers if number != 0)
 
     def unknown_words(self, sentence: str) -> tuple[str, ...]:
-        """The sentence's words that `encode` turns into "<unk>", in their order."""
-        return tuple(word for word in _words(sentence) if word not in self._number)
+        """Returns the words of the sentence that are not in the vocabulary, in order."""
+        return tuple(word for word in _words(sentence) if word not in self._ids)
 
     def check_same(self, other: Sequence[str]) -> None:
-        """Raises LanguageError, which names the difference, where the other vocabulary is not just ours."""
+        """Raises LanguageError, which names the difference, if another vocabulary is not equal to this one."""
         theirs = tuple(other)
         if theirs != self.vocabulary:
             raise LanguageError(f"the vocabularies differ: {_difference(self.vocabulary, theirs)}")
@@ -80,7 +81,7 @@ def _encode(tokenizer: Tokenizer, sentence: str) -> np.ndarray:
     if len(words) > tokenizer.length:
         raise LanguageError(f"{quote(sentence)} has {len(words)} words; at most {tokenizer.length} fit")
     tokens = np.zeros(tokenizer.length, dtype=np.int64)
-    tokens[: len(words)] = [tokenizer._number.get(word, 1) for word in words]
+    tokens[: len(words)] = [tokenizer._ids.get(word, 1) for word in words]
     tokens.flags.writeable = False
     return tokens
 

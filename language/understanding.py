@@ -1,4 +1,4 @@
-"""From a sentence and a scene to what is to be done with which object: `parse`."""
+"""Understanding of a sentence in a scene: which task to perform with which objects (`parse`), and corrections."""
 
 from __future__ import annotations
 
@@ -17,9 +17,12 @@ from language.verbs import HERE, POINTING, VERBS
 
 @dataclass(frozen=True)
 class GroundedStep:
-    """One thing to do. init: index of the object that is moved, goal: of the one it goes to, or that is acted on.
+    """A step of an instruction, with its objects.
 
-    reward, networks: the name of the reward and the number of networks that the original system trains it with.
+    task: a key of VERBS.
+    init: index of the object that is moved, or None.
+    goal: index of the object that it is moved to, or of the object that is acted on in place.
+    reward, networks: the name of the reward and the number of networks with which the original system trains the task.
     """
 
     task: str
@@ -31,9 +34,9 @@ class GroundedStep:
 
 @dataclass(frozen=True)
 class Understood:
-    """What a sentence asks for in a scene. meaning: its tree. steps: at least one. result: the scene afterwards.
+    """The interpretation of a sentence in a scene.
 
-    pointed: what each gesture singled out.
+    meaning: its parse. steps: at least one. result: the scene after all steps. pointed: the object of each gesture.
     """
 
     meaning: Command
@@ -51,12 +54,22 @@ def parse(
 def parse(
     sentence: str, scene: Scene | None = None, pointed: Sequence[int] = (), previous: Command | Understood | None = None
 ) -> Meaning | Understood:
-    """What the sentence asks for: its tree alone or, with a scene, what to do with which objects.
+    """Parses a sentence and, if a scene is given, grounds it: which task to perform with which objects.
 
-    pointed: the object that each gesture singles out, in the order of the words that need one ("this", "there").
-    previous: the instruction before, which a correction ("no, the blue one") revises; with its gestures where it is
-        given as it was understood.
-    Raises NotUnderstood, NothingFits or SeveralFit, each with the position in the sentence; never picks silently.
+    Args:
+        sentence: an instruction, a chain or a correction.
+        scene: None: the sentence is only parsed.
+        pointed: the object of each gesture, in the order of the words that need one ("this", "there").
+        previous: the previous instruction, which a correction ("no, the blue one") revises. An `Understood` also
+            carries its gestures.
+
+    Returns:
+        The meaning; with a scene, the meaning with its grounded steps.
+
+    Raises:
+        NotUnderstood: the sentence is outside the grammar.
+        NothingFits, SeveralFit: a phrase fits no object, or several. Nothing is guessed.
+            Each error gives the position in the sentence.
     """
     meaning = parse_words(sentence)
     if scene is None:
@@ -69,23 +82,26 @@ def parse(
 
 
 def understand(command: Command, scene: Scene, pointed: Sequence[int] = ()) -> Understood:
-    """The command's steps, each grounded in the scene that the steps before leave. Raises NothingFits, SeveralFit."""
-    listener = PhraseResolver(scene, pointed)
+    """Grounds each step of a command in the scene after the steps before it. Raises NothingFits or SeveralFit.
+
+    pointed: the object of each gesture, in the order of the words that need one.
+    """
+    resolver = PhraseResolver(scene, pointed)
     steps: list[GroundedStep] = []
     for instruction in command.steps:
-        step = _step(instruction, listener)
-        listener.it = step.goal if step.init is None else step.init
-        listener.scene = scene_after(step.task, step.init, step.goal, listener.scene)
+        step = _step(instruction, resolver)
+        resolver.it = step.goal if step.init is None else step.init
+        resolver.scene = scene_after(step.task, step.init, step.goal, resolver.scene)
         steps.append(step)
-    return Understood(command, tuple(steps), listener.scene, tuple(pointed))
+    return Understood(command, tuple(steps), resolver.scene, tuple(pointed))
 
 
-def _step(instruction: Instruction, listener: PhraseResolver) -> GroundedStep:
+def _step(instruction: Instruction, resolver: PhraseResolver) -> GroundedStep:
     task = VERBS[instruction.task]
-    among = ~listener.scene.targets if task.moves else None  # a target only marks a place: nobody can move it
-    named = listener.resolve(instruction.phrase, among)
-    real = ~listener.scene.targets if task.effect == "on" else None  # nothing can stand on a target
-    goal = None if instruction.goal is None else listener.resolve(instruction.goal, real)
+    among = ~resolver.scene.targets if task.moves else None  # targets only mark a place and cannot be moved
+    named = resolver.resolve(instruction.phrase, among)
+    real = ~resolver.scene.targets if task.effect == "on" else None  # nothing can stand on a target
+    goal = None if instruction.goal is None else resolver.resolve(instruction.goal, real)
     if goal == named:
         message = f"'{instruction.goal}' is the object itself that is to be moved; say another place"
         raise NothingFits(message, str(instruction.goal), instruction.goal.position if instruction.goal else 0)
@@ -97,14 +113,23 @@ def _step(instruction: Instruction, listener: PhraseResolver) -> GroundedStep:
 def revise(
     previous: Command | Understood, correction: Correction, scene: Scene, pointed: Sequence[int] = ()
 ) -> Understood:
-    """The instruction before with what the correction changes, in the scene it was said in.
+    """Returns the previous instruction with the correction applied.
 
-    "one" and "object" keep the words of before that the correction does not change ("no, the blue one" after "the
-    red cube" is the blue cube); a phrase with a noun of its own stands alone unless, after "not the cube, the
-    sphere", only the rest of the words before makes it single. Raises NothingFits or SeveralFit.
+    A correction with "one" or "object" keeps the words of the previous phrase that it does not change: "no, the blue
+    one" after "the red cube" means the blue cube. A phrase with a noun of its own is first read alone; if it is not
+    unique ("not the cube, the sphere"), the previous words are added.
+
+    Args:
+        previous: the previous instruction; an `Understood` also carries its gestures.
+        correction: the correction.
+        scene: the scene of the previous instruction.
+        pointed: the object of each gesture of the correction.
+
+    Raises:
+        NothingFits, SeveralFit: no reading of the correction fits exactly one object.
     """
     first: LanguageError | None = None
-    pointed = _left_over(correction.rejected, pointed)
+    pointed = _unused_gestures(correction.rejected, pointed)
     before = previous if isinstance(previous, Understood) else Understood(previous, (), scene, tuple(pointed))
     at, is_goal = _corrected(before.meaning.steps, correction)
     changed = 2 * at + is_goal
@@ -119,12 +144,12 @@ def revise(
 
 
 def _regestured(before: Understood, command: Command, changed: int, pointed: Sequence[int]) -> list[int]:
-    """A gesture for each word of the command that needs one: that of before, or a new one in the changed phrase."""
+    """Returns the gestures of the revised command: the previous ones, and the new ones in the changed phrase."""
     old, gestures = list(before.pointed), []
-    for number, (was, now) in enumerate(zip(_phrases(before.meaning), _phrases(command), strict=True)):
-        used, needed = _pointing(was), _pointing(now)
-        mine, old = old[:used], old[used:] or old[-1:]
-        gestures += (list(pointed) * needed)[:needed] if number == changed else mine
+    for number, (old_phrase, new_phrase) in enumerate(zip(_phrases(before.meaning), _phrases(command), strict=True)):
+        used, needed = _gesture_count(old_phrase), _gesture_count(new_phrase)
+        kept, old = old[:used], old[used:] or old[-1:]
+        gestures += (list(pointed) * needed)[:needed] if number == changed else kept
     return gestures
 
 
@@ -132,24 +157,24 @@ def _phrases(command: Command) -> list[ObjectPhrase | None]:
     return [phrase for step in command.steps for phrase in (step.phrase, step.goal)]
 
 
-def _pointing(phrase: ObjectPhrase | None) -> int:
-    """How many of its words need a gesture."""
+def _gesture_count(phrase: ObjectPhrase | None) -> int:
+    """Returns how many of its words need a gesture."""
     return 0 if phrase is None else sum(part.determiner in (*POINTING, *HERE) for part in phrase.parts())
 
 
-def _left_over(rejected: ObjectPhrase | None, pointed: Sequence[int]) -> Sequence[int]:
-    """The gestures that what is rejected ("not that one, this one") does not use up; the last one stays."""
-    used = _pointing(rejected)
+def _unused_gestures(rejected: ObjectPhrase | None, pointed: Sequence[int]) -> Sequence[int]:
+    """Returns the gestures that the rejected phrase ("not that one, this one") does not use; at least the last."""
+    used = _gesture_count(rejected)
     return pointed[min(used, len(pointed) - 1) :] if used and len(pointed) else pointed
 
 
 def _revisions(previous: Command, correction: Correction) -> list[Command]:
-    """What the correction may come to, the likeliest first."""
+    """Returns the possible revised commands, the likeliest first."""
     steps = list(previous.steps)
     at, is_goal = _corrected(steps, correction)
     new = correction.phrase or correction.goal
     assert new is not None
-    steps = [_at(new.position, step) for step in steps]  # what fails is told by its place in this sentence
+    steps = [_at(new.position, step) for step in steps]  # errors refer to positions in the correction
     old = steps[at].goal if is_goal else steps[at].phrase
     commands: list[Command] = []
     for phrase in _readings(old, new):
@@ -157,7 +182,7 @@ def _revisions(previous: Command, correction: Correction) -> list[Command]:
             changed = Instruction(
                 steps[at].task, steps[at].phrase if is_goal else phrase, phrase if is_goal else steps[at].goal
             )
-        except LanguageError:  # a place for a task that takes none
+        except LanguageError:  # the task takes no goal
             continue
         revised = (*steps[:at], changed, *steps[at + 1 :])
         commands.append(revised[0] if len(revised) == 1 else Chain(revised))
@@ -172,19 +197,22 @@ def _at(position: int, step: Instruction) -> Instruction:
 
 
 def _corrected(steps: Sequence[Instruction], correction: Correction) -> tuple[int, bool]:
-    """Which step is corrected, and whether it is its goal: the last that says what is rejected, or the last of all."""
+    """Returns the index of the corrected step and whether its goal is corrected.
+
+    It is the last step that contains the rejected phrase, else the last step.
+    """
     last = len(steps) - 1
     if correction.goal is not None:
         return last, VERBS[steps[last].task].takes_goal
     if correction.rejected is not None:
         for at in range(last, -1, -1):
             for is_goal, phrase in ((False, steps[at].phrase), (True, steps[at].goal)):
-                if phrase is not None and _says(phrase, correction.rejected):
+                if phrase is not None and _mentions(phrase, correction.rejected):
                     return at, is_goal
     return last, False
 
 
-def _says(phrase: ObjectPhrase, rejected: ObjectPhrase) -> bool:
+def _mentions(phrase: ObjectPhrase, rejected: ObjectPhrase) -> bool:
     return all(
         getattr(rejected, name) in (None, getattr(phrase, name))
         for name in ("noun", "color", "size", "role", "superlative", "relation")
@@ -192,7 +220,7 @@ def _says(phrase: ObjectPhrase, rejected: ObjectPhrase) -> bool:
 
 
 def _readings(old: ObjectPhrase | None, new: ObjectPhrase) -> list[ObjectPhrase]:
-    """The new phrase with all of the old one's other words, with its head's other words, and by itself."""
+    """Returns the readings of a new phrase: with all other words of the old one, with its head's words, and alone."""
     if old is None or new.determiner != "the" or old.determiner != "the":
         return [new]
     kept = ObjectPhrase(

@@ -1,8 +1,8 @@
-"""What can be asked for, and in which words: one table, read by `say` and by the grammar alike.
+"""Verbs: the tasks that an instruction can name, with their sentence templates. Both `say` and the grammar use them.
 
     "wave": Verb(("wave at {object}", "greet {object}"))
 
-That is all a verb needs; one more template is one more string.
+Nothing else is needed for a new verb; a further template is a further string.
 """
 
 from __future__ import annotations
@@ -11,25 +11,27 @@ from dataclasses import dataclass
 
 from language.errors import LanguageError
 
-OBJECT, GOAL = "{object}", "{goal}"  # where the name of the object goes, and where the words for the place
-BASE = "{base}"  # where the name of the object goes that it is put on
+OBJECT, GOAL = "{object}", "{goal}"  # slots of a template: the object's phrase, and the words for the place
+BASE = "{base}"  # slot of a template: the phrase of the object that it is put on
 
-POINTING = ("this", "that")  # with or without a noun: a gesture tells which one
-HERE = ("here", "there")  # what stands there: a gesture tells where
-IT = "it"  # the object of the step before
+POINTING = ("this", "that")  # with or without a noun; a gesture identifies the object
+HERE = ("here", "there")  # the object at the place that a gesture shows
+IT = "it"  # the object of the previous step
 
-# How a place is said, by the object that is there. The first is what we say. (`here` and `there` need none of them.)
+# Words before the object that marks a place; `say` uses the first. `here` and `there` stand without them.
 PLACES = ("to the same position as", "to the position of", "at the position of", "to the place of", "to", "at")
 
 
 @dataclass(frozen=True)
 class Verb:
-    """templates: the first with the slots that are filled is what we say, all are what we understand.
+    """A verb and its sentence templates.
 
-    reward, networks: what the original system trains the task with: the reward's name, and one network a phase.
-    moves: the named object is what is moved ("init"); otherwise it is where the gripper goes ("goal").
-    effect: what becomes of the moved object: "goal" (it is where the goal was), "on" (it stands on the goal, a real
-    object), "up" (it is LIFTED higher) or "".
+    templates: all are understood; `say` uses the first whose slots are all filled.
+    reward, networks: of the original system's training: the reward's name, and the number of networks, one per phase.
+    moves: whether the object is moved ("init"); otherwise the gripper goes to it ("goal").
+    effect: the position of the moved object afterwards: "goal" (where the goal was), "on" (on top of the goal, a real
+        object), "up" (LIFTED higher) or "" (unchanged).
+
     Raises LanguageError for a template that lacks its slots, or has them in another order.
     """
 
@@ -49,21 +51,21 @@ class Verb:
 
     @property
     def takes_goal(self) -> bool:
-        """Whether a place can be said."""
+        """Whether a template has a goal."""
         return any(map(has_goal, self.templates))
 
     @property
     def needs_goal(self) -> bool:
-        """Whether a place must be said."""
+        """Whether all templates have a goal."""
         return all(map(has_goal, self.templates))
 
 
 def has_goal(template: str) -> bool:
-    """Whether the template has a slot for the goal."""
+    """Returns whether the template has a slot for the goal."""
     return GOAL in template or BASE in template
 
 
-LIFTED = 0.15  # metres
+LIFTED = 0.15  # metres by which a lifted object rises
 
 VERBS: dict[str, Verb] = {
     "reach": Verb(
@@ -157,8 +159,8 @@ VERBS: dict[str, Verb] = {
 
 OPENINGS = ("please", "first", "could you", "can you", "would you", "now", "robot", "hey", "i want you to")
 CLOSINGS = ("please", "now", "thanks", "thank you")
-THEN = ("then", "and then", "and", "after that")  # between steps; the first is what we say
-AFTER = ("after you", "once you")  # before the step that comes first
-NO = ("no", "no i meant", "i meant", "no i mean", "i mean", "sorry", "actually")  # opens a correction
-NOT = ("not", "no not")  # opens a correction that says what was not meant
-BUT = ("but", "i meant", "i mean")  # may stand before what was meant instead
+THEN = ("then", "and then", "and", "after that")  # between steps; `say` uses the first
+AFTER = ("after you", "once you")  # before the step that is executed first
+NO = ("no", "no i meant", "i meant", "no i mean", "i mean", "sorry", "actually")  # begins a correction
+NOT = ("not", "no not")  # begins a correction that rejects an object
+BUT = ("but", "i meant", "i mean")  # optional before the object that is meant instead

@@ -1,7 +1,7 @@
-"""Whose left is left: the frame that relations and superlatives are read in.
+"""Viewpoints: the frames in which relations and superlatives are evaluated.
 
-A viewer stands at a place and looks along a heading; what is seen from there has x away from the viewer, y to the
-viewer's left, z up. A `Scene` says whose eyes its words are spoken with, "robot" unless told.
+A viewer stands at a place and looks along a heading. In the viewer's frame x points away from the viewer, y to the
+viewer's left and z up. Each `Scene` has a viewpoint, by default "robot".
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from language.errors import check_known
 
 
 class Viewpoint(NamedTuple):
-    """place: x, y in metres; heading: radians from the x axis, in the workspace frame."""
+    """place: x, y in metres. heading: radians from the x axis. Both in the workspace frame."""
 
     place: tuple[float, float]
     heading: float
@@ -28,7 +28,10 @@ VIEWPOINTS: dict[str, Viewpoint] = {
 
 
 def seen_from(name: str, positions: np.ndarray) -> np.ndarray:
-    """Positions (..., 3) of the workspace frame in the viewer's. Raises LanguageError for an unknown viewpoint."""
+    """Returns positions (..., 3) in the viewer's frame, given those in the workspace frame.
+
+    Raises LanguageError for an unknown viewpoint.
+    """
     check_known("viewpoint", name, VIEWPOINTS)
     (x, y), heading = VIEWPOINTS[name]
     if (x, y, heading) == (0.0, 0.0, 0.0):

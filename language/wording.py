@@ -1,4 +1,4 @@
-"""The same in other words: sentences drawn from all the ways that the grammar understands."""
+"""Paraphrases: random sentences for a meaning, drawn from everything that the grammar understands."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from language.instruction import Meaning, ObjectPhrase
 from language.lexicon import lexicon
 from language.splits import Split
 
-POLITE = 0.15  # how often a sentence opens, and how often it closes, with a polite word
+POLITE_SHARE = 0.15  # share of sentences with a polite opening, and share with a polite closing
 TRIES = 100
 
 
 class Wording:
-    """Says meanings in drawn words: every word and template evenly among its synonyms, as far as the split goes.
+    """Draws every word and template uniformly among its synonyms, within a split.
 
-    train and its like never use a held-out phrase, test_paraphrase uses at least one in each sentence.
+    "train", "test_composition" and "test_length" never use a held-out phrase; "test_paraphrase" uses at least one in
+    each sentence.
     """
 
     def __init__(self, split: Split | None = None) -> None:
@@ -27,7 +28,7 @@ class Wording:
         self._wants_held, self._all = split.name == "test_paraphrase", split.name == "all"
 
     def say(self, meaning: Meaning | ObjectPhrase, rng: Generator) -> str:
-        """The meaning in drawn words. Raises LanguageError where none of them is a held-out one that is asked for."""
+        """Returns a random sentence for the meaning. Raises LanguageError if it lacks a required held-out phrase."""
         for _ in range(TRIES):
             used: list[str] = []
             sentence = meaning.words(lambda category, means: self._form(category, means, rng, used))  # noqa: B023
@@ -44,7 +45,7 @@ class Wording:
         return form
 
     def _politely(self, sentence: str, rng: Generator) -> str:
-        opens, closes = rng.random(2) < POLITE
+        opens, closes = rng.random(2) < POLITE_SHARE
         if opens:
             sentence = f"{self._form('opening', 'opening', rng, [])} {sentence}"
         return f"{sentence}, {self._form('closing', 'closing', rng, [])}" if closes else sentence
