@@ -1,1 +1,1 @@
-"""Every value of the project, as YAML, and `conf.schema`, which turns YAML nodes into checked dataclasses."""
+"""All configuration values of the project, as YAML, and the modules that read and check them."""

@@ -1,4 +1,4 @@
-"""Programs that take key=value: what is theirs, what is left for the config, and how they end on bad input."""
+"""Command lines of programs that take key=value: splitting of arguments, output folders, and errors."""
 
 from __future__ import annotations
 
@@ -10,9 +10,18 @@ from conf.schema import ConfigError
 
 
 def split(words: Sequence[str], names: Collection[str], example: str) -> tuple[dict[str, str], list[str]]:
-    """The program's own keys, `names`, with their values, and the other words as they are.
+    """Separates a program's own arguments from overrides of the config.
 
-    Raises ConfigError for a word that is not key=value; `example` shows one that is.
+    Args:
+        words: arguments.
+        names: the program's own keys.
+        example: a valid argument, shown in the error message.
+
+    Returns:
+        The program's keys with their values, and the other arguments unchanged.
+
+    Raises:
+        ConfigError: an argument is not of the form key=value.
     """
     own, others = {}, []
     for word in words:
@@ -27,7 +36,7 @@ def split(words: Sequence[str], names: Collection[str], example: str) -> tuple[d
 
 
 def out_folder(name: str) -> Path:
-    """The folder that out=... names, made where it is missing. Raises ConfigError where it cannot be."""
+    """Returns the folder of out=..., created if it is missing. Raises ConfigError if it can't be created."""
     try:
         Path(name).mkdir(parents=True, exist_ok=True)
     except OSError as error:

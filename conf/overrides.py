@@ -1,4 +1,4 @@
-"""Overrides as a person types them: checked, with "did you mean", before Hydra composes anything."""
+"""Overrides of the config: checks with suggestions, composition by Hydra, and application to a saved config."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ ROOT = Path(__file__).parent
 
 
 def groups() -> dict[str, list[str]]:
-    """Each config group with its options."""
+    """Returns each config group with its options."""
     return {f.name: sorted(y.stem for y in f.glob("*.yaml")) for f in sorted(ROOT.iterdir()) if any(f.glob("*.yaml"))}
 
 
 def comment(group: str, option: str) -> str:
-    """What the YAML of an option says at its top."""
+    """Returns the comment at the top of an option's YAML."""
     lines = (ROOT / group / f"{option}.yaml").read_text(encoding="utf-8").splitlines()
     top = itertools.takewhile(lambda line: line.startswith("#"), lines)
     return " ".join(line.lstrip("# ") for line in top if "@package" not in line)
 
 
 def quoted(arguments: Iterable[str]) -> list[str]:
-    """The arguments, with options that are numbers (scenario=1,2) in quotes: Hydra takes only words for an option."""
+    """Returns the arguments with numeric options (scenario=1,2) in quotes, since Hydra accepts only strings there."""
     names = set(groups())
     return [re.sub(r"(?<=[=,])\d+(?=,|$)", r"'\g<0>'", w) if w.split("=")[0] in names else w for w in arguments]
 
 
 def check(arguments: Sequence[str]) -> None:
-    """Raise ConfigError for an override of an unknown group, option or key. Flags (--help) are passed over."""
+    """Raises ConfigError for an override of an unknown group, option or key. Flags (--help) are ignored."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
@@ -100,13 +100,20 @@ def _compose(overrides: Iterable[str]) -> tuple[Any, Mapping[str, Any]]:
     return config, choices
 
 
-TRAINED = ("robot", "control", "policy", "algo")  # groups that a checkpoint cannot change any more
+FIXED_BY_TRAINING = ("robot", "control", "policy", "algo")  # groups that a checkpoint can't change
 
 
 def apply(config: Any, overrides: Sequence[str]) -> Any:
-    """The config of a checkpoint (a plain dict) with overrides on top. Raises ConfigError.
+    """Returns the config of a checkpoint with overrides.
 
-    A group's option replaces the whole group, but for those of `TRAINED`; a key must exist.
+    An option replaces its whole group. The option of a group in `FIXED_BY_TRAINING` can't change.
+
+    Args:
+        config: of the checkpoint, a plain dict.
+        overrides: key=value.
+
+    Raises:
+        ConfigError: an unknown key or option, or one that the checkpoint can't change.
     """
     from omegaconf import OmegaConf
 
@@ -117,10 +124,10 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
         key, _, value = word.partition("=")
         if key == "scenario":
             raise ConfigError(f"{word}: a checkpoint keeps the scenario that it was trained in")
-        if key in TRAINED and fresh[key].get("name") != changed[key].get("name"):
+        if key in FIXED_BY_TRAINING and fresh[key].get("name") != changed[key].get("name"):
             raise ConfigError(f"{word}: the checkpoint was trained with {key}={changed[key].get('name')}, and keeps it")
         if key == "gesture" and key in changed:
-            changed[key].source = fresh[key].source  # all that its options differ in: the rest is the run's own
+            changed[key].source = fresh[key].source  # the options differ in nothing else; the other keys are the run's
         elif key in groups():
             OmegaConf.update(changed, key, fresh[key], merge=False)
         elif OmegaConf.select(changed, key, default=ROOT) is ROOT:
@@ -136,7 +143,9 @@ def _check_choice(override: Any) -> str:
     group, value = override.key_or_group, override.value()
     options = groups()[group]
     given = list(override.sweep_iterator()) if override.is_sweep_override() else [value]
-    choices = [str(getattr(choice, "text", choice)).strip("'\"") for choice in given]  # text: of a quoted string
+    choices = [
+        str(getattr(choice, "text", choice)).strip("'\"") for choice in given
+    ]  # `text`: the attribute of a quoted string
     for choice in choices:
         if choice not in options:
             raise ConfigError(f"{group}={choice} is not known" + did_you_mean(choice, options))

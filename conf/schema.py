@@ -1,14 +1,14 @@
-"""Declare a parameter once, as a field of a frozen dataclass; value it once, in YAML; check it on the way.
+"""Typed configuration: each parameter is declared once, as a field of a frozen dataclass, and valued once, in YAML.
 
     @dataclass(frozen=True)
     class StepConfig(Checked):
-        max_move: float = within(0.001, 0.2)       # metres a control step
+        max_move: float = within(0.001, 0.2)       # metres per control step
 
     config = read(StepConfig, cfg.control, "control")
 
-`read` refuses unknown, missing and mistyped keys, numbers that are not finite or out of range, and unknown
-choices, each with one sentence that names the full key, the value and what would be right. A field with a default
-may be left out.
+`read` raises ConfigError for unknown, missing and mistyped keys, for numbers that are not finite or out of range, and
+for unknown choices. The message is one sentence with the full key, the value and what would be right. A field with a
+default may be left out.
 """
 
 from __future__ import annotations
@@ -21,40 +21,40 @@ from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 T = TypeVar("T")
-MOST = 24  # choices that a message lists; of more, only the groups
+MAX_LISTED = 24  # choices listed in a message; of more choices, only their groups are listed
 
 
 class ConfigError(ValueError):
-    """A value that a person gave and can mend. The text is the whole message: no traceback is needed."""
+    """An invalid value that the user gave. The text is the whole message, to be shown without a traceback."""
 
 
 class RunError(RuntimeError):
-    """A run that had to end early. The text is the whole message: no traceback is needed."""
+    """A run that had to stop early. The text is the whole message, to be shown without a traceback."""
 
 
 def within(low: float, high: float = math.inf, count: int | None = None) -> Any:
-    """A number in [low, high], or a list or group of such numbers; count: how many a list must hold."""
+    """Declares a field: a number in [low, high], or a list or group of such numbers; count: the list's length."""
     return dataclasses.field(metadata={"within": (low, high), "count": count})
 
 
 def one_of(*choices: str) -> Any:
-    """One (or a list) of these words."""
+    """Declares a field: one of these words, or a list of them."""
     return dataclasses.field(metadata={"one_of": choices})
 
 
 def did_you_mean(word: str, choices: Iterable[str]) -> str:
-    """`; did you mean 'x'?` or `; choose from a, b`, to end a message with."""
+    """Returns the end of an error message: `; did you mean 'x'?` or `; choose from a, b`."""
     choices = [str(choice) for choice in choices]
     near = get_close_matches(str(word), choices, n=1)
     if near:
         return f"; did you mean {near[0]!r}?"
-    top = choices if len(choices) <= MOST else sorted({choice.partition(".")[0] for choice in choices})
+    top = choices if len(choices) <= MAX_LISTED else sorted({choice.partition(".")[0] for choice in choices})
     return f"; choose from {', '.join(top)}"
 
 
 @dataclasses.dataclass(frozen=True)
 class Checked:
-    """A dataclass whose fields obey their metadata. Raises ConfigError on construction otherwise."""
+    """A dataclass whose fields are checked against their metadata on construction. Raises ConfigError."""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -80,10 +80,18 @@ def _check(name: str, value: Any, rule: Any) -> None:
 
 
 def read(cls: type[T], node: Any, key: str) -> T:
-    """The config node (DictConfig or dict) as an instance of the dataclass `cls`.
+    """Reads a config node into a dataclass.
 
-    key: the node's own place in the config ("algo"), put before the field's name in every message.
-    Raises ConfigError.
+    Args:
+        cls: a dataclass.
+        node: a DictConfig or dict.
+        key: the node's key in the config ("algo"), which prefixes field names in error messages.
+
+    Returns:
+        An instance of `cls`.
+
+    Raises:
+        ConfigError: see the module's docstring.
     """
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
@@ -122,7 +130,7 @@ def _required(field: dataclasses.Field) -> bool:
 
 
 def _dataclass_of(kind: Any) -> Any:
-    """The dataclass that a field is, may be, lists, or maps names to; None for plain values."""
+    """Returns the dataclass in a field's type (itself, optional, in a list or in a dict); None for plain values."""
     inner = next((each for each in get_args(kind) if dataclasses.is_dataclass(each)), kind)
     return inner if dataclasses.is_dataclass(inner) else None
 

@@ -6,7 +6,7 @@ import pytest
 from language import COLORS, NOUNS
 from language.cli import main
 from language.sampling import draw_scene
-from language.scene_file import MOST, SceneFileError, as_entries, read_scene
+from language.scene_file import MAX_OBJECTS, SceneFileError, as_entries, read_scene
 
 ONE = "- {id: a, noun: cube, color: red, position: [0.5, 0.1, 0.0]}\n"
 
@@ -34,7 +34,7 @@ def test_a_scene_survives_its_file(tmp_path):
         ("", "must be a list of objects"),
         ("a: 1", "must be a list of objects"),
         ("[]", "lists 0 objects"),
-        (ONE.replace("id: a, ", "") * (MOST + 1), f"lists {MOST + 1} objects"),
+        (ONE.replace("id: a, ", "") * (MAX_OBJECTS + 1), f"lists {MAX_OBJECTS + 1} objects"),
         ("[", "is not YAML: line 1, column 2"),
         (ONE + "\x00", "is not YAML"),
         ("- {id: 2024-99-99}", "month must be in"),

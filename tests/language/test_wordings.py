@@ -72,7 +72,7 @@ def test_what_no_held_out_phrase_can_say_is_an_error():
 
 
 def test_a_task_keeps_a_template_with_and_without_a_goal():
-    with pytest.raises(LanguageError, match=r"'poke \{object\}' is the only phrase"):
+    with pytest.raises(LanguageError, match=r"'poke \{object\}' is the standard phrase"):
         HeldOut(phrases=("poke {object}",))
     held_out = HeldOut(phrases=("nudge {object}", "nudge {object} {goal}"))
     cube, wording = ObjectPhrase("cube"), Wording(Split("train", held_out))
