@@ -114,7 +114,7 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
     cfg = apply(saved["config"], overrides)
 
     from envs.config import read_env
-    from envs.interactive.by_hand import HandEnv
+    from envs.interactive.by_hand import ByHandEnv
     from train import build_env
     from trainers.algorithms.build import fitted_policy
     from trainers.rollout.collection import derive_seed
@@ -129,7 +129,7 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
         if config.in_turn
         else min(config.worlds, config.episodes)
     )
-    env = HandEnv(config_of_env, seed) if config.by_hand else make(worlds, seed)
+    env = ByHandEnv(config_of_env, seed) if config.by_hand else make(worlds, seed)
     try:
         policy = fitted_policy(saved, cfg, env).act
         actor = _actor(config, env, policy)
@@ -163,12 +163,12 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
 
 def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
     """What came of the episodes in which a person at the window chose what is meant."""
-    from envs.interactive.by_hand import play
+    from envs.interactive.by_hand import run_by_hand
     from human.suppress_stdout import suppress_stdout
     from trainers.rollout.evaluation import wilson
 
     with suppress_stdout():  # Bullet's window talks as it is closed
-        played = play(env, actor, episodes, *env.face())
+        played = run_by_hand(env, actor, episodes, *env.user_interface())
     successes = sum(each.success for each in played)
     return {
         "by_hand": True,

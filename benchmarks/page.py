@@ -28,9 +28,9 @@ from PIL import Image
 
 from benchmarks.hostile import WRITERS
 from benchmarks.language import random_scene
-from demo.loop import Loop
+from demo.real_time_loop import RealTimeLoop
 from demo.session import Session
-from demo.session_config import choose
+from demo.session_config import make_config
 from tools.browser import CHROMIUM, TIMEOUT, WIDE, PageTab, PlayServer, headless_browser
 from trainers.rollout.evaluation import wilson
 from trainers.utils.system_info import system_info
@@ -78,20 +78,20 @@ def start(args: argparse.Namespace) -> dict[str, Any]:
 
 def motion(args: argparse.Namespace) -> dict[str, Any]:
     """Milliseconds from a sentence to a gripper that has moved, in the page's own loop, without a browser."""
-    rng, session = np.random.default_rng(args.seed), Session(choose(), args.seed)
-    moved, rest = threading.Event(), session.stage.gripper[0].copy()
+    rng, session = np.random.default_rng(args.seed), Session(make_config(), args.seed)
+    moved, rest = threading.Event(), session.env.gripper[0].copy()
 
     def seen(session: Session) -> None:
-        if np.linalg.norm(session.stage.gripper[0] - rest) > MOVED:
+        if np.linalg.norm(session.env.gripper[0] - rest) > MOVED:
             moved.set()
 
-    loop, motions = Loop(session, seen, print), []
+    loop, motions = RealTimeLoop(session, seen, print), []
     thread = threading.Thread(target=loop.run)
     thread.start()
     for _ in range(args.count):
         loop.ask(Session.shuffle)
         time.sleep(1 + rng.random() * session.period)
-        rest[:] = session.stage.gripper[0]
+        rest[:] = session.env.gripper[0]
         moved.clear()
         began = time.perf_counter()
         loop.ask(lambda session: session.say(session.example()))

@@ -1,1 +1,1 @@
-"""Talk to it, point at it: one robot that people direct, and the page in which they see it."""
+"""Interactive demo: a session with one robot that people instruct, and the user interfaces that show it."""

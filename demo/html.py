@@ -1,50 +1,52 @@
-"""What the page writes, as HTML. Whatever a person typed is escaped: it is shown, never run."""
+"""The HTML of the page. All text from a person is escaped."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
 
-from demo.dialogue import Heard
-from demo.view_state import SCORE, Show
+from demo.dialogue import Interpretation
+from demo.planning import verb_words
+from demo.view_state import OUTCOMES, ViewState
 
-FINE, WRONG, OPEN, PALE = "#2b8a3e", "#c92a2a", "#e67700", "#868e96"
-BOX = "padding:2px 12px;font-size:14px;line-height:1.45;overflow-wrap:anywhere"
+GREEN, RED, ORANGE = "#2b8a3e", "#c92a2a", "#e67700"
+STYLE = "padding:2px 12px;font-size:14px;line-height:1.45;overflow-wrap:anywhere"
 
 
-def heard(what: Heard, names: Sequence[str]) -> str:
-    """The sentence with what was understood in green, and what is wrong with the rest, or what is asked back."""
-    if what.understood is not None:
-        steps = what.understood.steps
-        jobs = ", then ".join(_job(step.task, step.init, step.goal, names) for step in steps)
-        return _box(f"{_colored(what.sentence, FINE)}<br><small>understood: {escape(jobs)}</small>")
-    before, after = what.sentence[: what.place], what.sentence[what.place :]
-    color = OPEN if what.candidates else WRONG
+def interpretation(result: Interpretation, names: Sequence[str]) -> str:
+    """The sentence: what was understood in green, the rest in red, or orange for a question; and the message."""
+    if result.understood is not None:
+        steps = result.understood.steps
+        summary = ", then ".join(_step(step.task, step.init, step.goal, names) for step in steps)
+        return _box(f"{_colored(result.sentence, GREEN)}<br><small>understood: {escape(summary)}</small>")
+    before, after = result.sentence[: result.position], result.sentence[result.position :]
+    color = ORANGE if result.candidates else RED
     rest = f'<u style="color:{color}">{escape(after)}</u>' if after else ""
-    return _box(f'{_colored(before, FINE)}{rest}<br><b style="color:{color}">{escape(what.message)}</b>')
+    return _box(f'{_colored(before, GREEN)}{rest}<br><b style="color:{color}">{escape(result.message)}</b>')
 
 
-def _job(task: str, init: int | None, goal: int | None, names: Sequence[str]) -> str:
-    said = [names[index] for index in (init, goal) if index is not None]
-    return f"{task.replace('_', ' ')} {' to '.join(said)}"
+def _step(verb: str, init: int | None, goal: int | None, names: Sequence[str]) -> str:
+    objects = [names[index] for index in (init, goal) if index is not None]
+    return f"{verb_words(verb)} {' to '.join(objects)}"
 
 
-def status(show: Show, note: str, rate: float) -> str:
-    """What the robot does now, and what its policy hears."""
-    hears = f'<br><small>the policy hears: "{escape(show.hears)}"</small>' if show.hears else ""
-    warning = f'<br><small style="color:{OPEN}">{escape(note)}</small>' if note else ""
-    return _box(f"<b>{escape(show.status)}</b>{hears}{warning}<br><small>clock: {rate:.2f} of real time</small>")
+def status(view: ViewState, note: str, rate: float) -> str:
+    """What the robot does, the policy's sentence, the note, and the rate of the clock."""
+    sentence = f'<br><small>the policy hears: "{escape(view.policy_sentence)}"</small>' if view.policy_sentence else ""
+    warning = f'<br><small style="color:{ORANGE}">{escape(note)}</small>' if note else ""
+    clock = f"<br><small>clock: {rate:.2f} of real time</small>"
+    return _box(f"<b>{escape(view.status)}</b>{sentence}{warning}{clock}")
 
 
 def message(text: str) -> str:
-    """Something that a person should know."""
-    return _box(f'<b style="color:{OPEN}">{escape(text)}</b>') if text else _box("&nbsp;")
+    """A message to the person; an empty line for ""."""
+    return _box(f'<b style="color:{ORANGE}">{escape(text)}</b>') if text else _box("&nbsp;")
 
 
-def looks(show: Show, names: Sequence[str]) -> str:
-    """A bar for each object: where the policy looks, and what the finger shows."""
+def object_shares(view: ViewState, names: Sequence[str]) -> str:
+    """A bar for each object: the policy's attention, and the probability that the finger points at it."""
     rows = []
-    for title, shares in (("policy's attention", show.attention), ("pointed at", show.pointing)):
+    for title, shares in (("policy's attention", view.attention), ("pointed at", view.pointing)):
         if shares is not None and len(shares) == len(names):
             rows.append(f"<i>{title}</i>")
             rows += [_bar(name, float(share)) for name, share in zip(names, shares, strict=True)]
@@ -52,16 +54,15 @@ def looks(show: Show, names: Sequence[str]) -> str:
 
 
 def _bar(name: str, share: float) -> str:
-    width = round(100 * share)
-    bar = f'<div style="background:#fab005;height:6px;width:{width}%"></div>'
+    bar = f'<div style="background:#fab005;height:6px;width:{round(100 * share)}%"></div>'
     return f"<small>{escape(name)}: {share:.0%}</small>{bar}"
 
 
-def numbers(show: Show) -> str:
-    """Rewards of this job, and how often jobs ended how."""
-    terms = [f"{escape(name)} {value:+.2f}" for name, value in show.rewards.items()]
-    ends = [f"{name} {show.score[name]}" for name in SCORE if show.score[name]]
-    return _box(f"reward: {', '.join(terms) or '-'}<br>so far: {', '.join(ends) or '-'}")
+def rewards_and_outcomes(view: ViewState) -> str:
+    """The reward terms of the current subtask, and how often subtasks ended with each outcome."""
+    terms = [f"{escape(name)} {value:+.2f}" for name, value in view.rewards.items()]
+    outcomes = [f"{name} {view.outcome_counts[name]}" for name in OUTCOMES if view.outcome_counts[name]]
+    return _box(f"reward: {', '.join(terms) or '-'}<br>so far: {', '.join(outcomes) or '-'}")
 
 
 def _colored(text: str, color: str) -> str:
@@ -69,4 +70,4 @@ def _colored(text: str, color: str) -> str:
 
 
 def _box(inner: str) -> str:
-    return f'<div style="{BOX}">{inner}</div>'
+    return f'<div style="{STYLE}">{inner}</div>'

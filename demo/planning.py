@@ -1,4 +1,4 @@
-"""From what was understood to what a policy is told: the jobs, and the words in which it knows how to hear them."""
+"""From an understood command to subtasks: the sentence, the referent and the target that the policy is given."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from envs.interactive.interactive_env import InteractiveEnv
+from envs.interactive.object_names import object_name, object_names
 from language import (
     KINDS,
     VERBS,
@@ -14,17 +15,15 @@ from language import (
     Instruction,
     LanguageError,
     ObjectPhrase,
-    Scene,
     Understood,
-    describe,
     say,
 )
 from language.verbs import BASE, GOAL, OBJECT, has_goal
 
 
 @dataclass(frozen=True)
-class Job:
-    """One step of what was asked. sentence: as the policy hears it. referent, target: objects of the scene."""
+class Subtask:
+    """One step of a command. sentence: what the policy is given. referent, target: indices in the scene."""
 
     sentence: str
     referent: int
@@ -32,80 +31,73 @@ class Job:
 
 
 class Planner:
-    """What the task of this stage can do. verb: the task of the language that it is, with `doing` in words."""
+    """Plans for the task of this environment. verb: the task's verb, a key of language.VERBS."""
 
-    def __init__(self, stage: InteractiveEnv, rng: np.random.Generator) -> None:
-        self._stage, self._rng, self._task = stage, rng, stage.config.task
-        self._describer = Describer(tuple(self._task.kinds) or KINDS)
-        self.verb: str = stage.task.verb
-        self.doing = self.verb.replace("_", " ")
+    def __init__(self, env: InteractiveEnv, rng: np.random.Generator) -> None:
+        self._env, self._rng, self._config = env, rng, env.config.task
+        self._describer = Describer(tuple(self._config.kinds) or KINDS)
+        self.verb: str = env.task.verb
 
-    def plan(self, understood: Understood) -> list[Job]:
-        """A job for each step. Raises LanguageError for what this task does not do."""
-        jobs = []
-        for step, words in zip(understood.steps, understood.meaning.steps, strict=True):
+    def plan(self, understood: Understood) -> list[Subtask]:
+        """A subtask for each step. Raises LanguageError for what this task cannot do."""
+        subtasks = []
+        for step, instruction in zip(understood.steps, understood.meaning.steps, strict=True):
             if step.task != self.verb:
-                doing = f"task={self._task.name}, which does '{self.doing}'"
-                raise LanguageError(f"'{step.task.replace('_', ' ')}' is not what {doing}; choose another task")
-            first = step.goal if step.init is None else step.init
-            second = None if step.init is None else step.goal
-            assert first is not None
-            jobs.append(Job(self.words(words, first, second), first, second))
-            self._check(jobs[-1])
-        return jobs
+                task = f"task={self._config.name}, which does '{verb_words(self.verb)}'"
+                raise LanguageError(f"'{verb_words(step.task)}' is not what {task}; choose another task")
+            referent = step.goal if step.init is None else step.init
+            target = None if step.init is None else step.goal
+            assert referent is not None
+            subtasks.append(Subtask(self.policy_sentence(instruction, referent, target), referent, target))
+            self._check_target(subtasks[-1])
+        return subtasks
 
-    def _check(self, job: Job) -> None:
-        scene = self._stage.scene()
-        if self._stage.task.places and job.target is None:
-            raise LanguageError(f"say where {called(job.referent, scene)} is to go")
-        if job.target is not None and not scene.targets[job.target]:
-            raise LanguageError(f"{called(job.target, scene)} marks no place: name one of the see-through ones")
+    def _check_target(self, subtask: Subtask) -> None:
+        scene = self._env.scene()
+        if self._env.task.places and subtask.target is None:
+            raise LanguageError(f"say where {object_name(subtask.referent, scene)} should go")
+        if subtask.target is not None and not scene.targets[subtask.target]:
+            name = object_name(subtask.target, scene)
+            raise LanguageError(f"{name} is not a target; name one of the see-through objects")
 
-    def words(self, said: Instruction, referent: int, target: int | None) -> str:
-        """The sentence as this policy knows how to hear it.
+    def policy_sentence(self, instruction: Instruction, referent: int, target: int | None) -> str:
+        """The instruction in words that the policy was trained with; "" if the task has no words.
 
-        Kinds that it was not taught, and words that only a gesture or what was said before can fill, are put in others
-        that name the same object now.
+        Kinds of phrase that the policy was not trained with, and words that require a gesture or an earlier sentence,
+        are replaced by others that name the same object.
         """
-        if not self._stage.task.speaks:
+        if not self._env.task.speaks:
             return ""
-        phrases = [self._phrase(said.phrase, referent)]
+        phrases = [self._policy_phrase(instruction.phrase, referent)]
         if target is not None:
-            phrases.append(self._phrase(said.goal, target))
-        return say(Instruction(said.task, *phrases))
+            phrases.append(self._policy_phrase(instruction.goal, target))
+        return say(Instruction(instruction.task, *phrases))
 
-    def _phrase(self, said: ObjectPhrase | None, index: int) -> ObjectPhrase:
-        if self._stage.task.points and not self._task.kinds:  # the finger alone tells it
+    def _policy_phrase(self, phrase: ObjectPhrase | None, index: int) -> ObjectPhrase:
+        if self._env.task.points and not self._config.kinds:  # only the gesture tells the referent
             return ObjectPhrase(determiner="that")
-        if said is not None and (said.kind in self._task.kinds or self._stage.task.points):
-            return said
-        scene = self._stage.scene()
-        if self._task.kinds and self._describer.nameable(scene)[index]:
+        if phrase is not None and (phrase.kind in self._config.kinds or self._env.task.points):
+            return phrase
+        scene = self._env.scene()
+        if self._config.kinds and self._describer.nameable(scene)[index]:
             return self._describer.phrase(scene, index, self._rng)
-        if said is not None and said.determiner == "the":
-            return said
-        raise LanguageError(f"no words that this policy knows tell {called(index, scene)} from its like")
+        if phrase is not None and phrase.determiner == "the":
+            return phrase
+        raise LanguageError(f"no words that this policy knows distinguish {object_name(index, scene)} from the others")
 
     def example(self) -> str:
-        """Something that can be said here."""
-        scene = self._stage.scene()
+        """A sentence that is possible in this scene."""
+        scene = self._env.scene()
         movable = [index for index in range(len(scene)) if not scene.targets[index]]
         targets = [index for index in range(len(scene)) if scene.targets[index]]
-        names = all_called(scene)
-        verb, takes = self.verb, bool(targets) and VERBS[self.verb].takes_goal
-        form = next(t for t in VERBS[verb].templates if has_goal(t) == takes)
-        said = form.replace(OBJECT, names[movable[0]]).replace(BASE, names[movable[-1]])
-        return said.replace(GOAL, f"to the same position as {names[targets[0]]}") if takes else said
+        names = object_names(scene)
+        verb = VERBS[self.verb]
+        takes_goal = bool(targets) and verb.takes_goal
+        template = next(template for template in verb.templates if has_goal(template) == takes_goal)
+        sentence = template.replace(OBJECT, names[movable[0]]).replace(BASE, names[movable[-1]])
+        return sentence.replace(GOAL, f"to the same position as {names[targets[0]]}") if takes_goal else sentence
 
 
-def all_called(scene: Scene) -> list[str]:
-    """What each object is called."""
-    return [called(index, scene) for index in range(len(scene))]
-
-
-def called(index: int, scene: Scene) -> str:
-    """The plainest name of one object."""
-    try:
-        return describe(index, scene)
-    except LanguageError:  # no words tell it from its like
-        return f"a {scene[index].color} {scene[index].noun}"
+def verb_words(verb: str) -> str:
+    """The verb as words: "pick and place"."""
+    return verb.replace("_", " ")

@@ -1,4 +1,4 @@
-"""One robot that people direct: what they say, show and choose becomes what it does, a control step at a time."""
+"""A session with one robot: turns what a person says, points at and chooses into control steps."""
 
 from __future__ import annotations
 
@@ -13,298 +13,274 @@ from tensordict import TensorDictBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from conf.schema import ConfigError
-from demo.dialogue import Heard, Talk
-from demo.planning import Job, Planner, all_called
-from demo.session_config import Cast, Choice, cast
-from demo.view_state import Show
+from demo.dialogue import Dialogue, Interpretation
+from demo.finger import Finger
+from demo.planning import Planner, Subtask, verb_words
+from demo.session_config import SessionConfig, Setup, build
+from demo.view_state import ViewState
 from envs.experts import expert
-from human import NothingPointedAt, Unreachable, fuse, posterior, referring_phrase
+from envs.interactive.object_names import object_names
+from human import Unreachable
 from language import Instruction, LanguageError, ObjectPhrase, Scene
 from trainers.rollout.video import outcome
 
 Array = NDArray[np.float64]
 Actor = Callable[[TensorDictBase], TensorDictBase]
-STRAYS = 2.0  # degrees that a finger is taken to stray by, where the config does not say
-REMEMBERED = 4  # gestures
-LOW, NEAR = 0.15, 0.06  # metres: lower than that a gripper goes straight up; so near to its rest it is there
-RISE = 60  # control steps at most
-NUDGE = 0.02  # metres that a key moves the finger, or by hand the gripper
-START = (0.45, 0.0, 0.02)  # metres, where the finger points before it is moved
+LOW = 0.15  # metres: below this height, the gripper first goes straight up
+NEAR = 0.06  # metres from the rest position at which the gripper counts as there
+MAX_RETURN_STEPS = 60  # control steps of the way back to the rest position
+NUDGE = 0.02  # metres by which a key moves the finger, or the gripper if driven by hand
 
 
 class Session:
-    """Not to be shared between threads: whoever steps it also asks it.
+    """One robot and its environment. Not thread-safe: all calls must come from the thread that calls `step`.
 
-    choice: what is on. stage: its world; another one after `change`. show: what is to be seen. aim: (3,) metres, where
-    the finger points, or would begin to.
+    config: the current choice. env: the world; `change` replaces it. view: what user interfaces show. finger: of the
+    person. note: a warning about the choice, or "". hand_target: (3,) metres, where the gripper is driven by hand; None
+    if the policy or the expert drives. gripper_closed: by hand.
     """
 
-    def __init__(self, choice: Choice, seed: int = 0, gui: bool = False) -> None:
-        """gui: in PyBullet's own window; `change` would leave it. Raises ConfigError for what cannot be built."""
+    def __init__(self, config: SessionConfig, seed: int = 0, gui: bool = False) -> None:
+        """gui: in PyBullet's window, which `change` would close. Raises ConfigError for what cannot be built."""
         self._rng = np.random.default_rng(seed)
-        self._take(cast(choice, seed, gui))
+        self._start(build(config, seed, gui))
 
-    def _take(self, part: Cast) -> None:
-        self.choice, self.stage, self._policy, self.note = part.choice, part.stage, part.policy, part.note
-        self.show = Show()
-        self._planner = Planner(self.stage, self._rng)
-        self.hand: Array | None = None  # where the gripper is driven to by hand, metres
-        self.shut = False  # the gripper, by hand
-        self.aim: Array = np.array(START)
+    def _start(self, setup: Setup) -> None:
+        self.config, self.env, self._policy, self.note = setup.config, setup.env, setup.policy, setup.note
+        self.view = ViewState()
+        self.finger = Finger(self.env)
+        self._planner = Planner(self.env, self._rng)
+        self.gripper_closed = False
         self.shuffle()
         self._warm_up()
 
     @torch.no_grad()
     def _warm_up(self) -> None:
-        """What is slow the first time happens before anybody waits for it."""
-        self.listen(self.example())
+        """Runs parser and policy once: the first call is slow."""
+        self.preview(self.example())
         if self._policy is not None:
             self._policy(self._state.exclude("privileged"))
 
-    def change(self, choice: Choice) -> None:
-        """Another robot, task or policy. Raises ConfigError, and all stays as it is."""
-        part = cast(choice, int(self._rng.integers(2**31)))
-        score = self.show.score if choice.task == self.choice.task else None
-        self.stage.close()
-        self._take(part)
-        self.show.score = score or self.show.score
+    def change(self, config: SessionConfig) -> None:
+        """Replaces robot, task or policy. Raises ConfigError, and then nothing changes."""
+        setup = build(config, int(self._rng.integers(2**31)))
+        counts = self.view.outcome_counts if config.task == self.config.task else None
+        self.env.close()
+        self._start(setup)
+        self.view.outcome_counts = counts or self.view.outcome_counts
 
     def shuffle(self) -> None:
-        """Another scene, the arm at rest."""
-        self._state = self.stage.reset()
-        self._forget()
+        """Draws another scene, with the arm at rest."""
+        self._state = self.env.reset()
+        self._dialogue, self._subtasks = Dialogue(), deque[Subtask]()
+        self._subtask: Subtask | None = None
+        self._actor: Actor | None = None  # None while the gripper returns to its rest position
+        self.finger.clear()
+        self.view = ViewState(outcome_counts=self.view.outcome_counts)
+        self.hand_target: Array | None = None
 
-    def _forget(self) -> None:
-        self.talk, self._jobs = Talk(), deque[Job]()
-        self._job: Job | None = None
-        self._actor: Actor | None = None  # None while it goes up
-        self._gestures: deque[int] = deque(maxlen=REMEMBERED)
-        self._fresh = False  # was a finger shown since the last instruction?
-        self.show = Show(score=self.show.score)
-        self.hand = None
-
-    # ---- what is said and shown
+    # ---- Sentences
 
     def scene(self) -> Scene:
-        """The objects, as words see them."""
-        return self.stage.scene()
+        """The objects as the language sees them."""
+        return self.env.scene()
 
-    def names(self) -> list[str]:
-        """What each object is called."""
-        return all_called(self.scene())
+    def object_names(self) -> list[str]:
+        """The name of each object."""
+        return object_names(self.scene())
 
     def example(self) -> str:
-        """Something that can be said here."""
+        """A sentence that is possible in this scene."""
         return self._planner.example()
 
-    def listen(self, sentence: str) -> Heard:
-        """What the sentence would come to; nothing is done."""
-        return self.talk.listen(sentence, self.scene(), self._pointed(sentence))
+    def preview(self, sentence: str) -> Interpretation:
+        """Interprets a sentence without acting on it."""
+        return self._dialogue.preview(sentence, self.scene(), self._pointed_objects(sentence))
 
-    def say(self, sentence: str) -> Heard:
-        """Do what it asks for, from the next control step on, in place of what was being done."""
-        scene = self.scene()
-        heard = self.talk.hear(sentence, scene, self._pointed(sentence))
-        if heard.understood is None:
-            return heard
+    def say(self, sentence: str) -> Interpretation:
+        """Interprets a sentence and, if it is understood, replaces the current subtasks by those that it asks for."""
+        interpretation = self._dialogue.hear(sentence, self.scene(), self._pointed_objects(sentence))
+        if interpretation.understood is None:
+            return interpretation
         try:
-            self._jobs = deque(self._planner.plan(heard.understood))
+            self._subtasks = deque(self._planner.plan(interpretation.understood))
         except LanguageError as error:
-            return Heard(sentence, None, str(error))
-        self._next()
-        return heard
+            return Interpretation(sentence, None, str(error))
+        self._start_next_subtask()
+        return interpretation
 
-    # ---- pointing
+    def _pointed_objects(self, sentence: str) -> Callable[[int], Sequence[int]]:
+        return lambda count: self.finger.referents(count, sentence)
 
-    def point(self, place: ArrayLike) -> int | None:
-        """Let the person point at a place (3,), metres: the object that this singles out; None where it does none.
+    # ---- Pointing, and moving objects
 
-        Raises Unreachable, and nothing changes; ConfigError where nobody stands there.
+    def point_at(self, place: ArrayLike) -> int | None:
+        """Lets the person point at a place (3,), metres. Returns the likeliest object; None if none is near the ray.
+
+        Raises:
+            Unreachable: the person cannot point there; nothing changes.
+            ConfigError: the workspace has no person.
         """
-        if not self.stage.shows:
-            raise ConfigError("nobody stands here to point: choose workspace=collabtable")
-        self.show.ray = self.stage.point(place)
-        self.aim = np.array(place, np.float64)
-        self.show.pointing = self._likely()
-        self._fresh = True
-        if self.show.pointing is None:
-            return None
-        likeliest = int(self.show.pointing.argmax())
-        self._gestures.append(likeliest)
-        return likeliest
+        referent = self.finger.point_at(place)
+        self.view.ray, self.view.pointing = self.finger.ray, self.finger.probabilities
+        return referent
 
-    def nudge(self, way: ArrayLike) -> None:
-        """Move the finger a little along a direction (3,), or by hand the gripper. Raises as `point` does."""
-        if self.hand is not None:
-            self.reach_out(self.hand + NUDGE * np.asarray(way))
+    def nudge(self, direction: ArrayLike) -> None:
+        """Moves the finger, or the gripper if driven by hand, a little in direction (3,). Raises as `point_at`."""
+        if self.hand_target is not None:
+            self.move_hand(self.hand_target + NUDGE * np.asarray(direction))
         else:
-            self.point(self.aim + NUDGE * np.asarray(way))
+            self.point_at(self.finger.aim + NUDGE * np.asarray(direction))
 
-    def _likely(self) -> Array | None:
-        """(K,) how likely each object is pointed at; None where nothing lies along the ray."""
-        if self.show.ray is None:
-            return None
-        noise = max(self.stage.config.gesture.noise_deg, STRAYS)
-        try:
-            return posterior(*self.show.ray, self.scene().positions, noise)
-        except NothingPointedAt:
-            return None
+    def go_where_pointed(self) -> None:
+        """Does the task with the object that was pointed at last. Raises LanguageError if there is none."""
+        referent = self.finger.last_referent
+        if referent is None:
+            raise LanguageError("point at something first: click an object, or move the finger")
+        if self.env.task.places:
+            raise LanguageError("this task needs a target too: click an object, then a target, and say what to do")
+        instruction = Instruction(self._planner.verb, ObjectPhrase(determiner="this"))
+        sentence = self._planner.policy_sentence(instruction, referent, None)
+        self._subtasks = deque([Subtask(sentence, referent)])
+        self._start_next_subtask()
 
-    def _pointed(self, sentence: str) -> Callable[[int], Sequence[int]]:
-        def latest(count: int) -> Sequence[int]:
-            shown = list(self._gestures)[-count:] if count else []
-            if count == 1 and shown and self.show.pointing is not None:
-                shown = [self._together(sentence, shown[0], self.show.pointing)]
-            return shown
-
-        return latest
-
-    def _together(self, sentence: str, shown: int, likely: Array) -> int:
-        """What finger and words single out together ("that red one")."""
-        try:
-            return int(fuse(referring_phrase(sentence), self.scene(), likely).argmax())
-        except (LanguageError, NothingPointedAt):  # a correction names no object by itself
-            return shown
-
-    def go(self) -> None:
-        """Do this task with what is pointed at. Raises LanguageError where nothing is."""
-        if not self._gestures:
-            raise LanguageError("point at something first: click it, or move the finger")
-        if self.stage.task.places:
-            raise LanguageError("this task needs a place as well: click an object, then a place, and say what to do")
-        referent = self._gestures[-1]
-        said = ObjectPhrase(determiner="this")
-        words = self._planner.words(Instruction(self._planner.verb, said), referent, None)
-        self._jobs = deque([Job(words, referent)])
-        self._next()
-
-    def put(self, index: int, place: Array) -> None:
-        """Put an object elsewhere on the table: (2,) metres, as near to that as objects may stand."""
-        if self.stage.task.operates:
-            raise LanguageError("devices stand where they stand: shuffle for others")
-        x0, x1, y0, y1 = self.stage.config.workspace.object_area
+    def put_object(self, index: int, place: Array) -> None:
+        """Puts an object at (2,) metres on the table, or at the nearest place where objects may stand."""
+        if self.env.task.operates:
+            raise LanguageError("devices cannot be moved; press Shuffle for others")
+        x0, x1, y0, y1 = self.env.config.workspace.object_area
         x, y = np.clip(place, (x0, y0), (x1, y1))
-        self.stage.put(index, (float(x), float(y), self.stage.config.task.object_size / 2))
+        self.env.put_object(index, (float(x), float(y), self.env.config.task.object_size / 2))
 
-    def drive(self, driver: str) -> None:
-        """Let the policy, the expert or a hand drive. Raises ConfigError where there is no policy."""
-        if driver == "policy" and not self.has_policy:
-            raise ConfigError(
-                f"there is no trained policy for task={self.choice.task} with robot={self.choice.robot} here"
-            )
-        self.choice = replace(self.choice, driver=driver)
-        self.hand = self.stage.gripper[0] if driver == "hand" else None
-        self._end()
-
-    def reach_out(self, place: Array) -> None:
-        """By hand: the gripper goes there, (3,) metres, as far as it may."""
-        low, high = np.reshape(self.stage.config.workspace.gripper_box, (3, 2)).T
-        self.hand = np.clip(place, low, high)
-
-    # ---- what is done
+    # ---- Who drives
 
     @property
     def has_policy(self) -> bool:
-        """Whether there is one for what was chosen."""
+        """Whether there is a policy for this task, robot and control."""
         return self._policy is not None
+
+    def set_driver(self, driver: str) -> None:
+        """Lets the policy, the expert or the hand drive. Raises ConfigError if there is no policy."""
+        if driver == "policy" and not self.has_policy:
+            raise ConfigError(f"there is no trained policy for task={self.config.task} with robot={self.config.robot}")
+        self.config = replace(self.config, driver=driver)
+        self.hand_target = self.env.gripper[0] if driver == "hand" else None
+        self._end_subtasks()
+
+    def move_hand(self, place: Array) -> None:
+        """Drives the gripper by hand to (3,) metres, or to the nearest place in the gripper's box."""
+        low, high = np.reshape(self.env.config.workspace.gripper_box, (3, 2)).T
+        self.hand_target = np.clip(place, low, high)
+
+    # ---- Subtasks
 
     @property
     def busy(self) -> bool:
-        """Whether it is doing something that was asked."""
-        return self._job is not None
+        """Whether there is a subtask, or the gripper returns before one."""
+        return self._subtask is not None
 
     def stop(self) -> None:
-        """Leave what is being done."""
-        self._end()
-        self.show.status, self.show.meant = "Stopped.", ()
+        """Ends the current subtask and drops the following ones."""
+        self._end_subtasks()
+        self.view.status, self.view.highlighted = "Stopped.", ()
 
-    def _end(self) -> None:
-        self._jobs.clear()
-        self._job = self._actor = None
+    def _end_subtasks(self) -> None:
+        self._subtasks.clear()
+        self._subtask = self._actor = None
 
-    def _next(self) -> None:
-        """Begin the next job: from where policies learned to begin, but for what is corrected in the air."""
-        corrected = self._actor is not None and self.stage.gripper[0, 2] > LOW
-        self._job, self._actor = self._jobs.popleft(), None
-        self._announce(self._job)
-        self._returning = 0 if corrected or self._at_rest() else RISE
-        if not self._returning:
-            self._begin(self._job)
+    def _start_next_subtask(self) -> None:
+        """Policies are trained to start at the rest position, so the gripper returns there first.
 
-    def _at_rest(self) -> bool:
-        return bool(np.linalg.norm(self.stage.gripper[0] - self.stage.rest) < NEAR)
+        Exception: a correction while the gripper is above LOW takes effect at once.
+        """
+        is_correction = self._actor is not None and self.env.gripper[0, 2] > LOW
+        self._subtask, self._actor = self._subtasks.popleft(), None
+        self._show_subtask(self._subtask)
+        self._return_steps = 0 if is_correction or self._is_at_rest() else MAX_RETURN_STEPS
+        if not self._return_steps:
+            self._begin(self._subtask)
 
-    def _back(self) -> Array:
-        """(3,) where the gripper goes next on its way to its rest: up first, or it would take things along."""
-        gripper = self.stage.gripper[0]
-        return self.stage.rest if gripper[2] > LOW else gripper + [0.0, 0.0, LOW]
+    def _is_at_rest(self) -> bool:
+        return bool(np.linalg.norm(self.env.gripper[0] - self.env.rest_position) < NEAR)
 
-    def _announce(self, job: Job) -> None:
-        names = self.names()
-        where = "" if job.target is None else f" to {names[job.target]}"
-        self.show.status = f"Doing: {self._planner.doing} {names[job.referent]}{where}"
-        self.show.hears = job.sentence
-        self.show.meant = (job.referent,) if job.target is None else (job.referent, job.target)
+    def _next_return_position(self) -> Array:
+        """(3,) metres: straight up at first, so that the gripper drags no object along; then the rest position."""
+        gripper = self.env.gripper[0]
+        return self.env.rest_position if gripper[2] > LOW else gripper + [0.0, 0.0, LOW]
 
-    def _begin(self, job: Job) -> None:
-        if self.stage.task.points and not (self._fresh and job.referent in list(self._gestures)[-1:]):
-            self._show(job.referent)
-        self._fresh = False
-        self._state = self.stage.tell(job.sentence, job.referent, job.target)
-        self._actor = expert(self.stage) if self.choice.driver == "expert" else self._policy
-        self.show.rewards = dict.fromkeys(self.stage.reward_names, 0.0)
+    def _show_subtask(self, subtask: Subtask) -> None:
+        names = self.object_names()
+        goal = "" if subtask.target is None else f" to {names[subtask.target]}"
+        self.view.status = f"Doing: {verb_words(self._planner.verb)} {names[subtask.referent]}{goal}"
+        self.view.policy_sentence = subtask.sentence
+        objects = (subtask.referent, subtask.target)
+        self.view.highlighted = tuple(index for index in objects if index is not None)
 
-    def _show(self, index: int) -> None:
-        """This policy must be shown what is meant: the person points at it."""
+    def _begin(self, subtask: Subtask) -> None:
+        if self.env.task.points and not (self.finger.is_new and subtask.referent == self.finger.last_referent):
+            self._show_referent(subtask.referent)
+        self.finger.is_new = False
+        self._state = self.env.give_instruction(subtask.sentence, subtask.referent, subtask.target)
+        self._actor = expert(self.env) if self.config.driver == "expert" else self._policy
+        self.view.rewards = dict.fromkeys(self.env.reward_names, 0.0)
+
+    def _show_referent(self, index: int) -> None:
+        """Lets the person point at the referent, for a policy that requires a gesture."""
         try:
-            self.point(self.scene().positions[index])
+            self.point_at(self.scene().positions[index])
         except Unreachable as error:
             raise LanguageError(str(error)) from None
 
-    @torch.no_grad()
-    def step(self) -> None:
-        """One control step."""
-        with set_exploration_type(ExplorationType.DETERMINISTIC):
-            self._state["action"] = self._action()
-        after = self.stage.step(self._state)["next"]
-        self._state = after.exclude("reward", "done", "terminated", "truncated")
-        if self._actor is not None:
-            self._note(after)
-        elif self._job is not None:
-            self._returning -= 1
-            if self._returning <= 0 or self._at_rest():
-                self._begin(self._job)
-
-    def _action(self) -> torch.Tensor:
-        if self.hand is not None:
-            return self.stage.towards(self.hand[None], np.array([self.shut]))
-        if self._actor is None:
-            return self.stage.still() if self._job is None else self.stage.towards(self._back()[None])
-        frames = self._actor(self._state.exclude("privileged"))
-        if "attention_logits" in frames.keys():
-            shown = self._state["objects_mask"][0]
-            self.show.attention = frames["attention_logits"][0].softmax(-1)[shown].numpy().astype(np.float64)
-        return frames["action"]
-
-    def _note(self, after: TensorDictBase) -> None:
-        for name, value in zip(self.stage.reward_names, after["reward_terms"][0].tolist(), strict=True):
-            self.show.rewards[name] += value
-        if not (after["terminated"] | after["truncated"])[0]:
-            return
-        ending = outcome(after)
-        self.show.score[ending] += 1
-        seconds = self.stage.elapsed[0] * self.period
-        if ending == "success" and self._jobs:
-            self._next()
-            return
-        self._end()
-        self.show.status = f"Done in {seconds:.1f} s." if ending == "success" else f"Not done: {ending}."
+    # ---- Control steps
 
     @property
     def period(self) -> float:
         """Seconds of a control step."""
-        physics = self.stage.config.physics
+        physics = self.env.config.physics
         return physics.time_step * physics.substeps
 
+    @torch.no_grad()
+    def step(self) -> None:
+        """Takes one control step."""
+        with set_exploration_type(ExplorationType.DETERMINISTIC):
+            self._state["action"] = self._action()
+        after = self.env.step(self._state)["next"]
+        self._state = after.exclude("reward", "done", "terminated", "truncated")
+        if self._actor is not None:
+            self._update_subtask(after)
+        elif self._subtask is not None:
+            self._return_steps -= 1
+            if self._return_steps <= 0 or self._is_at_rest():
+                self._begin(self._subtask)
+
+    def _action(self) -> torch.Tensor:
+        if self.hand_target is not None:
+            return self.env.towards(self.hand_target[None], np.array([self.gripper_closed]))
+        if self._subtask is None:
+            return self.env.hold_action()
+        if self._actor is None:
+            return self.env.towards(self._next_return_position()[None])
+        output = self._actor(self._state.exclude("privileged"))
+        if "attention_logits" in output.keys():
+            shown = self._state["objects_mask"][0]
+            self.view.attention = output["attention_logits"][0].softmax(-1)[shown].numpy().astype(np.float64)
+        return output["action"]
+
+    def _update_subtask(self, after: TensorDictBase) -> None:
+        """Adds up rewards; at the end of the episode, starts the next subtask or reports the outcome."""
+        for name, value in zip(self.env.reward_names, after["reward_terms"][0].tolist(), strict=True):
+            self.view.rewards[name] += value
+        if not (after["terminated"] | after["truncated"])[0]:
+            return
+        ending = outcome(after)
+        self.view.outcome_counts[ending] += 1
+        seconds = self.env.elapsed[0] * self.period
+        if ending == "success" and self._subtasks:
+            self._start_next_subtask()
+            return
+        self._end_subtasks()
+        self.view.status = f"Done in {seconds:.1f} s." if ending == "success" else f"Not done: {ending}."
+
     def close(self) -> None:
-        self.stage.close()
+        """Closes the environment."""
+        self.env.close()

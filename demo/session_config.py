@@ -1,4 +1,4 @@
-"""Who plays: the world, and the policy that drives the robot in it, as chosen on the command line or in the page."""
+"""What a session is made from: its config, the environment, and the policy that fits or was chosen."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 from envs.config import read_env
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.window import Window
+from envs.tasks import TASKS
 from trainers.algorithms.build import fitted_policy
-from trainers.export.pretrained import FOLDER, names
+from trainers.export import pretrained
 from trainers.run import checkpoint
 
-DRIVERS = ("policy", "expert", "hand")
-USUAL: dict[str, Any] = {
+DRIVERS = ("policy", "expert", "hand")  # who drives the robot
+GROUPS = ("task", "robot", "control", "workspace")  # config groups that a person chooses
+DEFAULTS: dict[str, Any] = {
     "task": "nl_reach",
     "robot": "kuka",
     "control": "step",
@@ -31,10 +33,14 @@ USUAL: dict[str, Any] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Choice(Checked):
-    """What is on. checkpoint: a run, or a pretrained policy; none: the one that fits, where there is one.
+class SessionConfig(Checked):
+    """What a person chooses.
 
-    objects: how many can be dealt with; none: as many as the task has. overrides: of any other key, as in `train.py`.
+    task, robot, control, workspace: options of the config groups.
+    objects: number of objects that can be the referent; None: as many as the task has.
+    driver: who drives the robot, one of DRIVERS.
+    checkpoint: run directory, checkpoint file or pretrained policy; None: the pretrained policy that fits, if any.
+    overrides: of any other key of the environment's config, as in `train.py`.
     """
 
     task: str
@@ -48,21 +54,20 @@ class Choice(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for group in ("task", "robot", "control", "workspace"):
-            options = groups()[group]
-            if getattr(self, group) not in options:
-                near = did_you_mean(getattr(self, group), options)
-                raise ConfigError(f"{group}={getattr(self, group)} is not known{near}")
+        for group in GROUPS:
+            option, options = getattr(self, group), groups()[group]
+            if option not in options:
+                raise ConfigError(f"{group}={option} is not known{did_you_mean(option, options)}")
 
 
-def choose(**given: Any) -> Choice:
-    """A choice of these, and of what is usual for all else. Raises ConfigError."""
-    return read(Choice, USUAL | given, "")
+def make_config(**values: Any) -> SessionConfig:
+    """The config with these values, and DEFAULTS for the others. Raises ConfigError."""
+    return read(SessionConfig, DEFAULTS | values, "")
 
 
 @dataclass(frozen=True)
-class Trained:
-    """A policy on disk, and what it was trained for."""
+class SavedPolicy:
+    """A policy on disk, and the options that it was trained for."""
 
     path: Path
     task: str
@@ -71,19 +76,20 @@ class Trained:
 
     @property
     def name(self) -> str:
-        """As it is shown."""
+        """The name of its folder."""
         return self.path.name
 
 
 @cache
-def pretrained() -> tuple[Trained, ...]:
-    """Those that come with the project."""
-    return tuple(_trained(FOLDER / name, _load(FOLDER / name)) for name in names())
+def pretrained_policies() -> tuple[SavedPolicy, ...]:
+    """The policies that come with the project."""
+    folders = [pretrained.FOLDER / name for name in pretrained.names()]
+    return tuple(_saved_policy(folder, _load(folder)) for folder in folders)
 
 
-def _trained(path: Path, saved: dict[str, Any]) -> Trained:
-    config = saved["config"]
-    return Trained(path, config["task"]["name"], config["robot"]["name"], config["control"]["name"])
+def _saved_policy(path: Path, payload: dict[str, Any]) -> SavedPolicy:
+    config = payload["config"]
+    return SavedPolicy(path, config["task"]["name"], config["robot"]["name"], config["control"]["name"])
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -91,63 +97,65 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Cast:
-    """What was chosen, as it can be had. policy: None where there is none. note: what a person should know of it."""
+class Setup:
+    """What a session runs with. config: with the task, robot and control of a checkpoint, and a driver that exists.
 
-    choice: Choice
-    stage: InteractiveEnv
+    policy: None if there is none. note: a warning for the person, or "".
+    """
+
+    config: SessionConfig
+    env: InteractiveEnv
     policy: Callable | None
     note: str = ""
 
 
-def cast(choice: Choice, seed: int, gui: bool = False) -> Cast:
-    """gui: show it in PyBullet's own window. Raises ConfigError for what cannot be built."""
-    saved, choice, note = _chosen(choice)
-    config = compose(_overrides(choice)) if saved is None else apply(saved["config"], _common(choice, saved["config"]))
-    env = read_env(config).judged()
-    stage = InteractiveEnv(env, seed, Window(env.workspace.camera, "--gui") if gui else None)
+def build(config: SessionConfig, seed: int, gui: bool = False) -> Setup:
+    """Builds environment and policy. gui: in PyBullet's window. Raises ConfigError for what cannot be built."""
+    payload, config, note = _find_policy(config)
+    if payload is None:
+        options = [f"{group}={getattr(config, group)}" for group in ("task", "robot", "control")]
+        composed = compose([*options, *_changes(config, compose(options))])
+    else:
+        composed = apply(payload["config"], _changes(config, payload["config"]))
+    env_config = read_env(composed).judged()
+    env = InteractiveEnv(env_config, seed, Window(env_config.workspace.camera, "--gui") if gui else None)
     try:
-        policy = None if saved is None else fitted_policy(saved, config, stage).act
-        return Cast(choice, stage, policy, note)
+        policy = None if payload is None else fitted_policy(payload, composed, env).act
+        return Setup(config, env, policy, note)
     except BaseException:
-        stage.close()
+        env.close()
         raise
 
 
-def _chosen(choice: Choice) -> tuple[dict[str, Any] | None, Choice, str]:
-    """The checkpoint's payload, and the choice with what follows from it."""
-    if choice.checkpoint is not None:
-        path = checkpoint.find(Path(choice.checkpoint))
-        saved = checkpoint.load(path)
-        known = _trained(path, saved)
-        return saved, replace(choice, task=known.task, robot=known.robot, control=known.control), ""
-    wanted = choice.task, choice.robot, choice.control
-    fitting = (each.path for each in pretrained() if (each.task, each.robot, each.control) == wanted)
+def _find_policy(config: SessionConfig) -> tuple[dict[str, Any] | None, SessionConfig, str]:
+    """The checkpoint's payload or None, the config with what follows from it, and a note for the person."""
+    if config.checkpoint is not None:
+        path = Path(config.checkpoint)
+        payload = _load(path)
+        saved = _saved_policy(path, payload)
+        return payload, replace(config, task=saved.task, robot=saved.robot, control=saved.control), ""
+    wanted = config.task, config.robot, config.control
+    fitting = (each.path for each in pretrained_policies() if (each.task, each.robot, each.control) == wanted)
     if (folder := next(fitting, None)) is not None:
-        return _load(folder), choice, ""
-    if choice.driver != "policy":
-        return None, choice, ""
-    what = f"task={choice.task} with robot={choice.robot} and control={choice.control}"
-    note = f"There is no trained policy for {what} here: the scripted expert drives. train.py makes one."
-    return None, replace(choice, driver="expert"), note
+        return _load(folder), config, ""
+    if config.driver != "policy":
+        return None, config, ""
+    choice = f"task={config.task} with robot={config.robot} and control={config.control}"
+    note = f"There is no trained policy for {choice}: the scripted expert drives. You can train one with train.py."
+    return None, replace(config, driver="expert"), note
 
 
-def _overrides(choice: Choice) -> list[str]:
-    groups_ = [f"{group}={getattr(choice, group)}" for group in ("task", "robot", "control")]
-    plain = compose(groups_)
-    return [*groups_, *_common(choice, plain)]
-
-
-def _common(choice: Choice, config: Any) -> list[str]:
-    """What differs from this config."""
+def _changes(config: SessionConfig, composed: Any) -> list[str]:
+    """Overrides that turn the composed config into that of the session."""
     changes = []
-    if choice.workspace != config["workspace"]["name"]:
-        changes.append(f"workspace={choice.workspace}")
-    if "reach" in config["task"]["name"]:  # it comes down on things from above, and not into them
-        box = [*compose([f"workspace={choice.workspace}"])["workspace"]["gripper_box"]]
-        box[4] = max(box[4], config["task"]["object_size"])
+    if config.workspace != composed["workspace"]["name"]:
+        changes.append(f"workspace={config.workspace}")
+    task_class = TASKS[composed["task"]["name"]]
+    if not task_class.moves and not task_class.operates:  # reaching from above, so that the gripper hits no object
+        box = [*compose([f"workspace={config.workspace}"])["workspace"]["gripper_box"]]
+        box[4] = max(box[4], composed["task"]["object_size"])
         changes.append(f"workspace.gripper_box={box}")
-    speaks = config["task"]["kinds"] or config["gesture"]["source"] != "none"  # else nothing would tell objects apart
-    if speaks and choice.objects is not None:
-        changes += [f"task.num_objects={choice.objects}", f"task.min_objects={choice.objects}"]
-    return [*changes, *choice.overrides]
+    has_cue = composed["task"]["kinds"] or composed["gesture"]["source"] != "none"  # else nothing tells the referent
+    if has_cue and config.objects is not None:
+        changes += [f"task.num_objects={config.objects}", f"task.min_objects={config.objects}"]
+    return [*changes, *config.overrides]

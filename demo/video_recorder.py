@@ -1,4 +1,4 @@
-"""A film of what goes on, with the words below it."""
+"""Video of a session, with the sentence and the status below the picture."""
 
 from __future__ import annotations
 
@@ -8,30 +8,31 @@ from pathlib import Path
 from demo.session import Session
 from trainers.rollout.video import caption, writer
 
-FPS, EVERY = 10, 2  # frames a second, and control steps a frame: drawing one takes most of a step
+FPS = 10
+STEPS_PER_FRAME = 2  # rendering a frame takes most of a control step
 
 
-class Tape:
-    """path: where the film goes; none: nowhere for good, `close` gives it."""
+class VideoRecorder:
+    """Writes an mp4. path: its file; None: a temporary file, whose content `close` returns."""
 
     def __init__(self, path: Path | None = None) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="deixis-film-")
-        self._path = path or Path(self._folder.name) / "film.mp4"
-        self._film = writer(self._path, FPS)
+        self._folder = tempfile.TemporaryDirectory(prefix="deixis-video-")
+        self._path = path or Path(self._folder.name) / "video.mp4"
+        self._writer = writer(self._path, FPS)
         self._steps = 0
 
     def add(self, session: Session) -> None:
-        """What is to be seen after a control step."""
+        """Adds a frame, at every STEPS_PER_FRAME-th call. To be called after each control step."""
         self._steps += 1
-        if self._steps % EVERY != 1:
+        if self._steps % STEPS_PER_FRAME != 1:
             return
-        show = session.show
-        ending = "success" if show.status.startswith("Done") else show.status
-        self._film.append_data(caption(session.stage.render(), show.hears or show.status, ending))
+        view = session.view
+        ending = "success" if view.status.startswith("Done") else view.status
+        self._writer.append_data(caption(session.env.render(), view.policy_sentence or view.status, ending))
 
     def close(self) -> bytes:
-        """The film."""
-        self._film.close()
+        """Ends the video. Returns the content of the mp4."""
+        self._writer.close()
         content = self._path.read_bytes()
         self._folder.cleanup()
         return content

@@ -1,4 +1,4 @@
-"""What is to be seen besides the scene."""
+"""What the user interfaces of a session show besides the scene."""
 
 from __future__ import annotations
 
@@ -8,24 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-SCORE = ("success", "wrong object", "wrong target", "failed", "out of time")
+OUTCOMES = ("success", "wrong object", "wrong target", "failed", "out of time")
 
 
 @dataclass
-class Show:
-    """What a session lets people see.
+class ViewState:
+    """The state that is shown; K is the number of objects in the scene.
 
-    status: what the robot does, or how it ended. hears: the words that the policy is given. meant: the object that it
-    is to deal with, and where that goes. attention: (K,) in [0, 1], where the policy looks. pointing: (K,) how likely
-    each object is pointed at. ray: the finger's origin and direction, metres. rewards: each term, summed. score: how
-    often it ended how.
+    status: what the robot does, or how the last instruction ended.
+    policy_sentence: the sentence that the policy is given, or "".
+    highlighted: index of the referent, then of the target if there is one; () if nothing is being done.
+    attention: (K,) in [0, 1], the policy's attention over the objects.
+    pointing: (K,) probability that the finger points at each object, summing to 1.
+    ray: origin (3,), metres, and unit direction (3,) of the finger's ray.
+    rewards: sum of each reward term over the current subtask.
+    outcome_counts: number of subtasks that ended with each of OUTCOMES.
     """
 
     status: str = "Say what to do, or point at something."
-    hears: str = ""
-    meant: tuple[int, ...] = ()
+    policy_sentence: str = ""
+    highlighted: tuple[int, ...] = ()
     attention: Array | None = None
     pointing: Array | None = None
     ray: tuple[Array, Array] | None = None
     rewards: dict[str, float] = field(default_factory=dict)
-    score: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SCORE, 0))
+    outcome_counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(OUTCOMES, 0))

@@ -24,9 +24,9 @@ REQUIRED_MODULES = {  # words of a command: the module that they require
     "replay=": "pyarrow",
 }
 NOT_RUN = {  # words of a command: why it is not run; "": it is run
-    "by_hand=true": "waits for a person at a window; tests/test_window.py presses its keys",
+    "by_hand=true": "waits for a person at a window; tests/envs/sim/test_window.py presses its keys",
     "python play.py --headless": "",
-    "python play.py --gui": "waits for a person at a window; tests/test_window.py opens and closes it",
+    "python play.py --gui": "waits for a person at a window; tests/envs/sim/test_window.py opens and closes it",
     "python play.py": "serves its page until it is stopped; tests/demo drive it",
     "pytest": "the tests themselves, which .ci/run runs",
     "pip install": "an installation only; --fresh runs the one of README",

@@ -1,1 +1,1 @@
-"""Environments that a person directs."""
+"""Environments with a person in the loop: they choose the referent, point, and move objects."""

@@ -1,4 +1,4 @@
-"""Episodes by hand: a person moves the finger with keys until it shows what they mean, and watches the robot."""
+"""Episodes in which a person moves the finger with keys until it shows the referent, and then watches the robot."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pybullet as bullet
 import torch
 from numpy.typing import NDArray
 from tensordict import TensorDictBase
@@ -15,153 +14,163 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from conf.schema import ConfigError
 from envs.config import EnvConfig
+from envs.interactive.object_names import object_name
 from envs.mdp.observation_spec import seen_scene
 from envs.sim.window import Window
 from envs.workspace_env import WorkspaceEnv
 from human import Display, KeyboardPointer, KeySource, choose_object, fuse, pointed_object, posterior, referring_phrase
-from human.body.window import WindowDisplay, WindowKeys
-from language import LanguageError, Scene, describe
+from human.body.window import CLOSED, WindowDisplay, WindowKeys
+from language import Scene
 
 Array = NDArray[np.float64]
-NEXT = "Enter: next scene; Escape: leave"
+NEXT = "Enter: next scene; Escape: quit"
 
 
-class HandEnv(WorkspaceEnv):
-    """One world whose person points where they are told. Raises ConfigError where nobody points.
+class ByHandEnv(WorkspaceEnv):
+    """One world whose person points where keys move the finger.
 
-    window: show it in a window, whose keys and view `face` gives.
+    Args:
+        window: whether to show the world in a window; `user_interface` gives its keys and display.
+
+    Raises:
+        ConfigError: the config has no person who points.
     """
 
     def __init__(self, config: EnvConfig, seed: int = 0, window: bool = True) -> None:
         if config.gesture.source == "none":
             raise ConfigError(
-                f"by_hand=true needs a person who points, and in task.name={config.task.name} gesture.source=none; "
-                "take a checkpoint of task=reach_gesture or task=nl_reach_gesture"
+                f"by_hand=true requires a person who points, but task.name={config.task.name} has "
+                "gesture.source=none; take a checkpoint of task=reach_gesture or task=nl_reach_gesture"
             )
         self._window = Window(config.workspace.camera) if window else None
         super().__init__(config, seed=seed, window=self._window)
 
-    def face(self) -> tuple[KeySource, Display]:
-        """The keys and the view of the window."""
+    def user_interface(self) -> tuple[KeySource, Display]:
+        """The keys and the display of the window."""
         assert self._window is not None
         return WindowKeys(self._window.client), WindowDisplay(self._window.client)
 
-    def point(self, target: Array) -> tuple[Array, Array]:
-        """Move the finger to target (3,), metres, in `gesture.frames` physics steps; no control step passes.
+    def point_at(self, target: Array) -> tuple[Array, Array]:
+        """Moves the finger to target (3,), metres, within `gesture.frames` physics steps, and takes no control step.
 
-        Returns the fingertip (3,) and the unit direction (3,) then. Raises Unreachable, and nothing moves.
+        Returns the fingertip (3,) and the unit direction (3,) afterwards. Raises Unreachable, and then nothing moves.
         """
         assert self._person is not None
         gesture = self._person.aim(target)
         self._gestures.point(0, gesture)
         return gesture.origin, gesture.direction
 
-    def mean(self, index: int) -> TensorDictBase:
-        """The scene's object `index` is meant from now on. Returns what is observed, nothing having been done yet."""
+    def set_referent(self, index: int) -> TensorDictBase:
+        """Makes object `index` of the scene the referent, and starts the episode. Returns the observation."""
         self._arrays.read(self._arrays.index)
         slot = int(np.flatnonzero(self._state.shown[0])[index])
         self._set_goal(0, replace(self._arrays.goals[0], referent=slot))
         return self._begun()
 
     def scene(self) -> Scene:
-        """The objects, as words see them."""
+        """The objects as the language sees them."""
         return seen_scene(self._arrays.rows[0, self._state.shown[0]], self.config.task.viewpoint, self.task.operates)
 
 
-class Pointing:
-    """The finger of this environment, as keys move it, and what it shows of this scene."""
+class ScenePointer:
+    """The finger over one scene of the environment (a `human.by_hand.PointingPerson`)."""
 
-    def __init__(self, env: HandEnv) -> None:
+    def __init__(self, env: ByHandEnv) -> None:
         self._env, self._scene = env, env.scene()
         sentence = env.sentence()
         self._phrase = referring_phrase(sentence) if sentence else None
         self._ray = np.zeros(3), np.zeros(3)
 
     def point(self, target: Array) -> Array:
-        self._ray = self._env.point(target)
+        """Points at target (3,), metres. Returns the fingertip (3,). Raises Unreachable."""
+        self._ray = self._env.point_at(target)
         return self._ray[0]
 
     def nearest(self) -> int:
+        """The object nearest to the ray. Raises NothingPointedAt."""
         return int(pointed_object(*self._ray, self._scene.positions))
 
     def meant(self) -> int:
-        shown = posterior(*self._ray, self._scene.positions, noise_deg=0)
-        return int((shown if self._phrase is None else fuse(self._phrase, self._scene, shown)).argmax())
+        """The referent by ray and words. Raises NothingPointedAt."""
+        by_ray = posterior(*self._ray, self._scene.positions, noise_deg=0)
+        return int((by_ray if self._phrase is None else fuse(self._phrase, self._scene, by_ray)).argmax())
 
     def name(self, index: int) -> str:
-        try:
-            return describe(index, self._scene)
-        except LanguageError:  # no words tell it from its like
-            return f"a {self._scene[index].color} {self._scene[index].noun}"
+        """The object in words."""
+        return object_name(index, self._scene)
 
 
 @dataclass(frozen=True)
-class Played:
-    """An episode: what was meant, in words, how it ended (neither: out of time) and after how many control steps."""
+class EpisodeResult:
+    """The result of an episode. referent: in words. steps: control steps. It timed out if both flags are False."""
 
-    meant: str
+    referent: str
     success: bool
     wrong_object: bool
     steps: int
 
     @property
     def ending(self) -> str:
-        """How it ended, in words."""
+        """The outcome in words."""
         return "success" if self.success else "wrong object" if self.wrong_object else "out of time"
 
 
 @torch.no_grad()
-def play(
-    env: HandEnv,
+def run_by_hand(
+    env: ByHandEnv,
     policy: Callable[[TensorDictBase], TensorDictBase],
     episodes: int,
     keys: KeySource,
-    view: Display,
-    hurry: bool = False,
-) -> list[Played]:
-    """So many episodes with the deterministic policy, or as many as were played to their end before Escape.
+    display: Display,
+    real_time: bool = True,
+) -> list[EpisodeResult]:
+    """Runs episodes with the deterministic policy until there are `episodes` results or the person presses Escape.
 
-    policy: writes "action"; never sees the privileged keys. hurry: don't wait for real time to pass.
+    Args:
+        policy: writes "action"; is not given the privileged keys.
+        real_time: False takes control steps without waiting.
     """
-    played: list[Played] = []
-    period = 0.0 if hurry else env.config.physics.time_step * env.config.physics.substeps
+    results: list[EpisodeResult] = []
+    period = env.config.physics.time_step * env.config.physics.substeps if real_time else 0.0
     try:
         with set_exploration_type(ExplorationType.DETERMINISTIC):
-            while len(played) < episodes and (episode := _episode(env, policy, keys, view, period)):
-                played.append(episode)
-                if not _go_on(keys):
+            while len(results) < episodes and (result := _run_episode(env, policy, keys, display, period)):
+                results.append(result)
+                if not _wait_for_enter(keys):
                     break
-    except bullet.error:
-        if not keys.escape_pressed():  # else the window was closed, in the middle of something
+    except CLOSED:
+        if not keys.escape_pressed():  # an error of PyBullet's, not the closed window
             raise
-    view.clear()
-    return played
+    display.clear()
+    return results
 
 
-def _episode(env: HandEnv, policy: Callable, keys: KeySource, view: Display, period: float) -> Played | None:
-    """None: the person left."""
+def _run_episode(
+    env: ByHandEnv, policy: Callable, keys: KeySource, display: Display, period: float
+) -> EpisodeResult | None:
+    """The result; None if the person quit."""
     env.reset()
     sentence = f'"{env.sentence()}"'
-    arm, workspace = Pointing(env), env.config.workspace
+    pointer, workspace = ScenePointer(env), env.config.workspace
     x0, x1, y0, y1 = workspace.object_area
-    middle = ((x0 + x1) / 2, (y0 + y1) / 2, env.config.task.object_size / 2)
-    chosen = choose_object(KeyboardPointer(arm, view, middle, workspace.bounds), keys, view, [sentence])
-    if chosen is None:
+    start = ((x0 + x1) / 2, (y0 + y1) / 2, env.config.task.object_size / 2)
+    index = choose_object(KeyboardPointer(pointer, display, start, workspace.bounds), keys, display, [sentence])
+    if index is None:
         return None
-    name = arm.name(chosen)
-    view.write([sentence, f"meant: {name}", "Escape: leave"])
-    end = _watch(env, policy, env.mean(chosen), keys, period)
+    name = pointer.name(index)
+    display.write([sentence, f"meant: {name}", "Escape: quit"])
+    end = _run_policy(env, policy, env.set_referent(index), keys, period)
     if end is None:
         return None
-    played = Played(name, bool(end["success"][0]), bool(end["wrong_object"][0]), int(env.elapsed[0]))
-    view.write([sentence, f"meant: {name}", played.ending, NEXT])
-    return played
+    result = EpisodeResult(name, bool(end["success"][0]), bool(end["wrong_object"][0]), int(env.elapsed[0]))
+    display.write([sentence, f"meant: {name}", result.ending, NEXT])
+    return result
 
 
-def _watch(
-    env: HandEnv, policy: Callable, state: TensorDictBase, keys: KeySource, period: float
+def _run_policy(
+    env: ByHandEnv, policy: Callable, state: TensorDictBase, keys: KeySource, period: float
 ) -> TensorDictBase | None:
-    """The end of the episode that `state` begins, a control step each `period` seconds; None: the person left."""
+    """The last step of the episode, with a control step every `period` seconds; None if the person quit."""
     due = time.monotonic()
     while not keys.escape_pressed():
         state["action"] = policy(state.exclude("privileged"))["action"]
@@ -173,8 +182,8 @@ def _watch(
     return None
 
 
-def _go_on(keys: KeySource) -> bool:
-    """Wait for Enter; False: it was Escape."""
+def _wait_for_enter(keys: KeySource) -> bool:
+    """Waits for Enter (True) or Escape (False)."""
     while True:
         for key in keys.poll():
             if key in ("enter", "escape"):

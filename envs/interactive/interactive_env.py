@@ -1,4 +1,4 @@
-"""One world that a person directs: they say what is meant now, point, and put things elsewhere, while it goes on."""
+"""One world that a person directs: they give instructions, point and move objects while it runs."""
 
 from __future__ import annotations
 
@@ -20,50 +20,51 @@ from human import Gesture
 from language import Scene
 
 Array = NDArray[np.float64]
-POINTING = 60  # physics steps that an arm takes to point elsewhere: a quarter of a second, as people take
+POINTING_STEPS = 60  # physics steps of a pointing motion: a quarter of a second, about as long as people take
 
 
 class InteractiveEnv(WorkspaceEnv):
-    """A world whose episodes begin when somebody says so. Objects go by their number in `scene`.
+    """One world whose episodes start with `give_instruction`. Objects are numbered as in `scene()`.
 
-    client: Bullet's number. looks: what is drawn, and where it is. shows: whether somebody stands there who can point.
+    client: PyBullet's client number. visual_shapes: what is drawn, and its poses. has_person: whether the workspace
+    has a person who can point.
     """
 
     def __init__(self, config: EnvConfig, seed: int = 0, window: Window | None = None) -> None:
         super().__init__(config, 1, seed, render=True, window=window)
-        self._only = self._worlds[0]
-        self.client = self._only.client
-        self.looks = VisualShapes(self.client)
-        self.shows = self._only.person is not None
+        self._single_world = self._worlds[0]
+        self.client = self._single_world.client
+        self.visual_shapes = VisualShapes(self.client)
+        self.has_person = self._single_world.person is not None
 
-    # ---- what is there
+    # ---- State
 
     def scene(self) -> Scene:
-        """The objects, as words see them."""
+        """The objects as the language sees them."""
         return seen_scene(self._arrays.rows[0, self._slots], self.config.task.viewpoint, self.task.operates)
 
     def bodies(self) -> list[int]:
-        """Bullet's number of each object's body; of devices, which have several, none."""
-        return list(self._only.pool.shown)
+        """PyBullet's body number of each object; [] for devices, which have several bodies."""
+        return list(self._single_world.pool.shown)
 
     @property
-    def stock(self) -> list[int]:
-        """All that `bodies` can be, in one episode or another."""
-        return self._only.pool.bodies
+    def all_bodies(self) -> list[int]:
+        """Every body that `bodies` returns in any episode."""
+        return self._single_world.pool.bodies
 
     @property
     def _slots(self) -> NDArray[np.int64]:
         return np.flatnonzero(self._state.shown[0])
 
     @property
-    def rest(self) -> Array:
-        """(3,) where the gripper is as an episode begins, but for noise, metres."""
+    def rest_position(self) -> Array:
+        """(3,) metres: where the gripper is when an episode starts, without the noise."""
         return self.chain.forward(self.chain.rest[None]).position[0]
 
-    # ---- what is meant
+    # ---- Instructions
 
-    def tell(self, sentence: str, referent: int, target: int | None = None) -> TensorDictBase:
-        """From now on this is asked for, and the time begins anew; nothing is moved. Returns what is observed."""
+    def give_instruction(self, sentence: str, referent: int, target: int | None = None) -> TensorDictBase:
+        """Starts an episode with this instruction. Moves nothing. Returns the observation."""
         slots, arrays = self._slots, self._arrays
         arrays.read(arrays.index)
         where = int(slots[referent if target is None else target])
@@ -71,32 +72,32 @@ class InteractiveEnv(WorkspaceEnv):
         arrays.steps[0] = 0
         return self._begun()
 
-    def still(self) -> Tensor:
-        """(1, A) the action that leaves the arm where it is, its gripper as it is told to be now."""
+    def hold_action(self) -> Tensor:
+        """(1, A) the action that keeps the arm where it is, and the gripper as it is commanded now."""
         hold = torch.from_numpy(self._hold())
         if self._grips.grips:
             hold[0, -1] = 1.0 if self._grips.closed[0] else -1.0
         return hold
 
-    # ---- what a person does
+    # ---- Actions of the person
 
-    def point(self, target: ArrayLike) -> tuple[Array, Array]:
-        """Let the person point at target (3,), metres: the ray that they will show, its origin and direction.
+    def point_at(self, target: ArrayLike) -> tuple[Array, Array]:
+        """Lets the person point at target (3,), metres. Returns origin (3,) and direction (3,) of the final ray.
 
-        Raises Unreachable, and nothing moves.
+        Raises Unreachable, and then nothing moves.
         """
-        person = self._only.person
+        person = self._single_world.person
         assert person is not None
         joints, origin, direction = person.aim(np.asarray(target, np.float64), self.config.gesture.style)
         if self.task.points:
             self._gestures.move(0, Gesture(joints, origin, direction))
         else:
-            person.move(joints, POINTING)
+            person.move(joints, POINTING_STEPS)
         return origin, direction
 
-    def put(self, index: int, position: Sequence[float]) -> None:
-        """Put an object there, (3,) metres, as it is turned; it comes to rest by itself. A held one is let go first."""
+    def put_object(self, index: int, position: Sequence[float]) -> None:
+        """Puts an object at position (3,), metres, without turning it. A held object is released first."""
         if self._state.held[0] == self._slots[index]:
-            self._only.release()
-        self._only.pool.move(index, position)
+            self._single_world.release()
+        self._single_world.pool.move(index, position)
         self._arrays.read(self._arrays.index)

@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 from demo.session import Session
-from demo.session_config import choose
-from demo.splash_page import CAMERA, LENS, LOOK_AT
+from demo.session_config import make_config
+from demo.splash_page import CAMERA, FIELD_OF_VIEW, LOOK_AT
 from tools.browser import CHROMIUM, SIZE, PageTab, PlayServer, headless_browser
 
 LIKELY = r"(?:[6-9]\d|100)%"
@@ -37,7 +37,7 @@ def browser():
 @pytest.fixture(scope="module")
 def first_scene():
     """Where the objects stand at first, metres: the same seed, the same scene."""
-    session = Session(choose(driver="expert"), seed=3)
+    session = Session(make_config(driver="expert"), seed=3)
     yield session.scene().positions
     session.close()
 
@@ -48,7 +48,7 @@ def seen_at(place):
     right = np.cross(ahead, [0, 0, 1]) / np.linalg.norm(np.cross(ahead, [0, 0, 1]))
     from_eye = np.subtract(place, CAMERA)
     x, y, depth = (from_eye @ axis for axis in (right, np.cross(ahead, right), ahead))
-    focal = SIZE[1] / 2 / np.tan(LENS / 2)
+    focal = SIZE[1] / 2 / np.tan(FIELD_OF_VIEW / 2)
     return SIZE[0] / 2 + focal * x / depth, SIZE[1] / 2 + focal * y / depth
 
 
@@ -82,11 +82,11 @@ def test_an_object_that_is_dragged_lies_under_the_mouse_where_it_is_let_go(page,
 
 def test_a_still_and_a_film_can_be_taken_home(page):
     page.press("Record")
-    page.press("Still")
+    page.press("Picture")
     assert page.download("deixis.png")[:8] == b"\x89PNG\r\n\x1a\n"
-    page.press("Start filming")
+    page.press("Start video")
     time.sleep(1)
-    page.press("Stop filming")
+    page.press("Stop video")
     assert page.download("deixis.mp4")[4:8] == b"ftyp"
 
 

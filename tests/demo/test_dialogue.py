@@ -2,7 +2,7 @@
 
 import pytest
 
-from demo.dialogue import LONGEST, Talk
+from demo.dialogue import MAX_CHARACTERS, Dialogue
 from language import Object, Scene
 
 RED_CUBE, BLUE_CUBE, RED_BALL = range(3)
@@ -21,13 +21,13 @@ def no_finger(count):
 
 def said(*sentences, pointed=no_finger):
     """What came of the last sentence."""
-    talk = Talk()
-    return [talk.hear(sentence, SCENE, pointed) for sentence in sentences][-1]
+    dialogue = Dialogue()
+    return [dialogue.hear(sentence, SCENE, pointed) for sentence in sentences][-1]
 
 
-def goals(heard):
-    assert heard.understood is not None, heard.message
-    return [step.goal for step in heard.understood.steps]
+def goals(result):
+    assert result.understood is not None, result.message
+    return [step.goal for step in result.understood.steps]
 
 
 @pytest.mark.parametrize(
@@ -50,10 +50,10 @@ def test_what_is_said_in_the_end_is_understood(sentences, objects):
 
 
 def test_an_open_sentence_is_answered_with_a_question_and_its_candidates():
-    heard = said("reach the cube")
-    assert heard.understood is None
-    assert heard.message == "Do you mean the red cube or the blue cube?"
-    assert (heard.candidates, heard.place) == ((RED_CUBE, BLUE_CUBE), len("reach "))
+    result = said("reach the cube")
+    assert result.understood is None
+    assert result.message == "Do you mean the red cube or the blue cube?"
+    assert (result.candidates, result.position) == ((RED_CUBE, BLUE_CUBE), len("reach "))
 
 
 def test_a_finger_fills_this():
@@ -64,20 +64,20 @@ def test_a_finger_fills_this():
     "sentence", ["hello", "reach the", "<script>alert(1)</script>", "reach the green cube", "\0", "no"]
 )
 def test_what_is_not_understood_is_said_and_nothing_is_lost(sentence):
-    talk = Talk()
-    before = talk.hear("reach the red cube", SCENE, no_finger).understood
-    heard = talk.hear(sentence, SCENE, no_finger)
-    assert heard.understood is None
-    assert heard.message
-    assert talk.previous is before
+    dialogue = Dialogue()
+    before = dialogue.hear("reach the red cube", SCENE, no_finger).understood
+    result = dialogue.hear(sentence, SCENE, no_finger)
+    assert result.understood is None
+    assert result.message
+    assert dialogue.previous is before
 
 
 def test_listening_changes_nothing():
-    talk = Talk()
-    talk.hear("reach the cube", SCENE, no_finger)
-    assert goals(talk.listen("the red one", SCENE, no_finger)) == [RED_CUBE]
-    assert talk.previous is None
+    dialogue = Dialogue()
+    dialogue.hear("reach the cube", SCENE, no_finger)
+    assert goals(dialogue.preview("the red one", SCENE, no_finger)) == [RED_CUBE]
+    assert dialogue.previous is None
 
 
 def test_endless_sentences_are_cut():
-    assert len(said("reach " * 10_000).sentence) == LONGEST
+    assert len(said("reach " * 10_000).sentence) == MAX_CHARACTERS

@@ -2,9 +2,9 @@
 
 import pytest
 
-from demo.gui import HELP, Gui
 from demo.session import Session
-from demo.session_config import choose
+from demo.session_config import make_config
+from demo.window_ui import HELP, WindowUI
 from human import RecordingDisplay
 
 
@@ -27,14 +27,14 @@ class Typist:
 
 @pytest.fixture(scope="module")
 def stood():
-    session = Session(choose(driver="expert"), seed=3)
+    session = Session(make_config(driver="expert"), seed=3)
     yield session
     session.close()
 
 
 @pytest.fixture
 def session(stood):
-    stood.drive("expert")
+    stood.set_driver("expert")
     stood.shuffle()
     return stood
 
@@ -42,17 +42,17 @@ def session(stood):
 def driven(session, *steps, until=lambda: True):
     """The pages that a person saw who pressed this."""
     view = RecordingDisplay()
-    Gui(session, Typist(steps, until), view, hurry=True).run()
+    WindowUI(session, Typist(steps, until), view, real_time=False).run()
     return view
 
 
 def test_a_sentence_is_typed_mended_and_done(session):
-    name = session.names()[1]
-    view = driven(session, f"reach {name}x", ["backspace"], ["enter"], until=lambda: "Done" in session.show.status)
+    name = session.object_names()[1]
+    view = driven(session, f"reach {name}x", ["backspace"], ["enter"], until=lambda: "Done" in session.view.status)
     assert f"> reach {name}x_" in view.pages[0]
     assert f"> reach {name}_" in view.pages[1]
     assert "> _" in view.pages[2]
-    assert session.show.meant == (1,)
+    assert session.view.highlighted == (1,)
     assert all(page[: len(HELP)] == list(HELP) for page in view.pages)
 
 
@@ -67,11 +67,11 @@ def test_the_finger_is_moved_to_an_object_which_the_robot_then_reaches(session):
     x, y = session.scene().positions[0, :2]
     down = [["down" if y < 0 else "up"]] * round(abs(y) / 0.02)
     across = [["left" if x < 0.45 else "right"]] * round(abs(x - 0.45) / 0.02)
-    view = driven(session, *down, *across, ["f3"], until=lambda: "Done" in session.show.status)
-    assert session.show.meant == (0,)
+    view = driven(session, *down, *across, ["f3"], until=lambda: "Done" in session.view.status)
+    assert session.view.highlighted == (0,)
     assert view.beam is not None
     assert view.beam[1][2] == pytest.approx(0, abs=1e-9)  # it ends on the table
-    assert any(line.startswith(f"pointed at: {session.names()[0]}") for line in view.pages[-1])
+    assert any(line.startswith(f"pointed at: {session.object_names()[0]}") for line in view.pages[-1])
 
 
 def test_nothing_is_gone_to_before_something_is_pointed_at(session):
@@ -80,13 +80,13 @@ def test_nothing_is_gone_to_before_something_is_pointed_at(session):
 
 
 def test_the_gripper_is_driven_by_hand_and_shut(session):
-    before = session.stage.gripper[0].copy()
-    view = driven(session, ["f4"], ["f5"], *[["up"]] * 5, until=lambda: session.stage.gripper[0, 1] > before[1] + 0.08)
-    assert session.choice.driver == "hand"
-    assert session.shut
-    assert any("driven by: hand, gripper shut" in line for line in view.pages[-1])
+    before = session.env.gripper[0].copy()
+    view = driven(session, ["f4"], ["f5"], *[["up"]] * 5, until=lambda: session.env.gripper[0, 1] > before[1] + 0.08)
+    assert session.config.driver == "hand"
+    assert session.gripper_closed
+    assert any("driven by: hand, gripper closed" in line for line in view.pages[-1])
     driven(session, ["f4"])
-    assert session.choice.driver == "policy"
+    assert session.config.driver == "policy"
 
 
 def test_another_scene_takes_the_ray_away(session):

@@ -1,4 +1,4 @@
-"""The real window on a screen of its own, with real key presses: what `by_hand=true` is for a person."""
+"""The window on a virtual screen (Xvfb) with real key presses, as a person uses `by_hand=true` and `play.py --gui`."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
-SLOW = 90  # seconds that a busy machine may need for the next thing to happen; one at leisure needs 10 for all of them
+ROOT = Path(__file__).resolve().parents[3]
+TIMEOUT = 90  # seconds for the next event on a busy machine; an idle one needs 10 for all of them
 PROGRAM = """
 from conf.overrides import compose
 from envs import read_env
-from envs.interactive.by_hand import HandEnv, play
+from envs.interactive.by_hand import ByHandEnv, run_by_hand
 from envs.experts import Oracle
-from human.body.window import WindowView
+from human.body.window import WindowDisplay
 
-class Told(WindowView):
+class PrintingDisplay(WindowDisplay):
     def write(self, lines):
         super().write(lines)
         print("|".join(lines), flush=True)
@@ -35,15 +35,16 @@ class Told(WindowView):
         super().clear()
         print("cleared", flush=True)
 
-env = HandEnv(read_env(compose(["task=reach_gesture", "gesture.frames=3"])), seed=0)
-keys, view = env.face()
-print("played", play(env, Oracle(env), 5, keys, Told(view._client)), flush=True)
+env = ByHandEnv(read_env(compose(["task=reach_gesture", "gesture.frames=3"])), seed=0)
+keys, _ = env.user_interface()
+# A window is always client 0 of PyBullet.
+print("results", run_by_hand(env, Oracle(env), 5, keys, PrintingDisplay(0)), flush=True)
 env.close()
 """
 
 
 class Screen:
-    """An X server without a screen. Skips the test where there is none, or none that draws."""
+    """An X server without a screen. Skips the test if Xvfb is missing or does not start."""
 
     def __init__(self, folder: Path) -> None:
         server = shutil.which("Xvfb")
@@ -56,22 +57,22 @@ class Screen:
             self._server = subprocess.Popen(words, pass_fds=[write], stdout=log, stderr=log, stdin=subprocess.DEVNULL)
         os.close(write)
         with os.fdopen(read) as pipe:
-            number = pipe.readline().strip()  # it takes a free one; nothing, where it ends
+            number = pipe.readline().strip()  # it chooses a free one; "" if it has ended
         if not number:
             self.close()
             pytest.skip(f"Xvfb does not start: {(folder / 'xvfb.log').read_text()[-200:]}")
         self.name = f":{number}"
 
     def environment(self) -> dict[str, str]:
-        """One thread of OpenGL in software leaves the other core to the simulation."""
+        """OpenGL in software gets one thread, which leaves the other core to the simulation."""
         path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
         return os.environ | {"DISPLAY": self.name, "LP_NUM_THREADS": "1", "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
 
     def check(self) -> None:
-        """Skips where PyBullet opens no window here: OpenGL in software is missing."""
+        """Skips the test if PyBullet cannot open a window here, for want of OpenGL in software."""
         code = "import pybullet as b; print('opened', b.connect(b.GUI), flush=True)"
         tried = subprocess.run(
-            [sys.executable, "-c", code], env=self.environment(), capture_output=True, text=True, timeout=SLOW
+            [sys.executable, "-c", code], env=self.environment(), capture_output=True, text=True, timeout=TIMEOUT
         )
         if "opened 0" not in tried.stdout:
             pytest.skip(f"no OpenGL in software: {(tried.stdout + tried.stderr).strip()[-200:]}")
@@ -81,8 +82,8 @@ class Screen:
         self._server.wait(10)
 
 
-class Played:
-    """A program, what it prints, and a keyboard."""
+class Program:
+    """A running program, the lines that it prints, and a keyboard."""
 
     def __init__(self, screen: Screen, folder: Path, *words: str) -> None:
         from Xlib import display
@@ -108,8 +109,8 @@ class Played:
         self._lines.put(None)
 
     def until(self, words: str) -> str:
-        """The next line that has these words. Skips where PyBullet opens no window at all."""
-        seen, deadline = [], time.monotonic() + SLOW
+        """The next line that contains these words. Skips the test if PyBullet cannot open a window at all."""
+        seen, deadline = [], time.monotonic() + TIMEOUT
         while time.monotonic() < deadline:
             try:
                 line = self._lines.get(timeout=1)
@@ -125,7 +126,7 @@ class Played:
         raise AssertionError(f"{words!r} never came, but {seen}; {self._log.read()[-1000:]}")
 
     def press(self, name: str, until: str | None = None) -> str:
-        """Tap a key, or hold it until a line with these words comes, which is returned."""
+        """Taps a key, or holds it until a line with these words comes. Returns that line."""
         from Xlib import XK, X
         from Xlib.ext import xtest
 
@@ -141,7 +142,7 @@ class Played:
         return line
 
     def picture(self):
-        """(768, 1024, 3) what is on the screen."""
+        """(768, 1024, 3) uint8, the content of the screen."""
         import numpy as np
         from Xlib import X
 
@@ -159,12 +160,12 @@ class Played:
 
 @pytest.fixture
 def start(tmp_path):
-    """Starts a program on a screen of its own."""
+    """A function that starts a program on a virtual screen."""
     screen = Screen(tmp_path)
     programs = []
 
     def begin(*words):
-        programs.append(Played(screen, tmp_path, *words))
+        programs.append(Program(screen, tmp_path, *words))
         return programs[-1]
 
     try:
@@ -175,22 +176,24 @@ def start(tmp_path):
         screen.close()
 
 
-def test_play_opens_the_window_draws_the_robot_and_ends_with_escape(start):
-    played = start("play.py", "--gui")
-    deadline = time.monotonic() + SLOW
-    while not is_drawn(played.picture()) and played.process.poll() is None:
+@pytest.mark.slow
+def test_play_draws_the_robot_in_a_window_and_ends_with_escape(start):
+    program = start("play.py", "--gui")
+    deadline = time.monotonic() + TIMEOUT
+    while not is_drawn(program.picture()) and program.process.poll() is None:
         assert time.monotonic() < deadline
         time.sleep(0.5)
-    if played.process.poll() is not None:
-        played.until("an end")  # skips where PyBullet opens no window at all
-    played.press("Escape")
-    assert played.process.wait(60) == 0
+    if program.process.poll() is not None:
+        program.until("an end")  # skips if PyBullet cannot open a window at all
+    program.press("Escape")
+    assert program.process.wait(60) == 0
 
 
-def test_a_person_at_the_window_chooses_with_keys(start):
-    played = start("-c", PROGRAM)
-    target = metres_in(played.until("target"))
-    assert "arrows" in played.until("pointing at")
+@pytest.mark.slow
+def test_keys_at_the_window_choose_the_referent(start):
+    program = start("-c", PROGRAM)
+    target = metres_in(program.until("target"))
+    assert "arrows" in program.until("pointing at")
     for key, axis, metres in (
         ("Left", 0, -0.05),
         ("Up", 1, 0.05),
@@ -199,26 +202,26 @@ def test_a_person_at_the_window_chooses_with_keys(start):
         ("Down", 1, -0.05),
     ):
         target[axis] += metres
-        played.press(key)
-        assert metres_in(played.until("target")) == pytest.approx(target, abs=1e-3), key
-        played.until("pointing at")
-    played.press("2")
-    played.until("step 2 cm")
-    lower = metres_in(played.press("Next", until="target"))  # page down
+        program.press(key)
+        assert metres_in(program.until("target")) == pytest.approx(target, abs=1e-3), key
+        program.until("pointing at")
+    program.press("2")
+    program.until("step 2 cm")
+    lower = metres_in(program.press("Next", until="target"))  # page down
     assert lower[:2] == pytest.approx(target[:2], abs=1e-3)
     assert lower[2] < target[2]
-    played.press("w")  # PyBullet's own key, which would draw wires
-    assert is_drawn(played.picture())
-    played.press("Return")
-    meant = played.until("meant:").split("|")[1]
-    assert meant in played.until("|success|")
-    played.press("Return")
-    played.until("arrows")
-    played.press("Escape")
-    result = played.until("played")
-    assert result.count("Played(") == 1
+    program.press("w")  # a key of PyBullet's own, which would draw wireframes
+    assert is_drawn(program.picture())
+    program.press("Return")
+    meant = program.until("meant:").split("|")[1]
+    assert meant in program.until("|success|")
+    program.press("Return")
+    program.until("arrows")
+    program.press("Escape")
+    result = program.until("results")
+    assert result.count("EpisodeResult(") == 1
     assert "success" in result
-    assert played.process.wait(60) == 0
+    assert program.process.wait(60) == 0
 
 
 def metres_in(line: str) -> list[float]:
@@ -226,7 +229,7 @@ def metres_in(line: str) -> list[float]:
 
 
 def is_drawn(picture):
-    """Dark words on the pale wall at the top left, a blue arm, and no panels, which are dark at the left edge."""
+    """Dark words on the pale wall at the top left, a blue arm, and no panels, which would be dark at the left edge."""
     words, below = picture[15:130, 10:400], picture[200:700, 0:200]
     written = 0.01 < (words < 90).all(-1).mean() < 0.3 and (words > 200).all(-1).mean() > 0.5
     red, blue = (picture[..., channel].astype(int) for channel in (0, 2))

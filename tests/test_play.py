@@ -14,7 +14,7 @@ import play
 from conf.schema import ConfigError
 from tools.browser import free_port
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def test_a_port_that_is_taken_is_told(monkeypatch):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(ConfigError, match=f"--port={port} cannot be had"):
+        with pytest.raises(ConfigError, match=f"--port={port} cannot be used"):
             play.main(["--port", str(port)])
 
 
