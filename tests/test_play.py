@@ -1,4 +1,4 @@
-"""play.py as it is typed: a film without a page, and what is wrong in one line."""
+"""The command play.py: the video, the page, and errors of one line."""
 
 import signal
 import socket
@@ -22,25 +22,27 @@ def port():
     return free_port()
 
 
-def test_an_instruction_is_filmed_by_a_pretrained_policy(tmp_path, capsys):
-    film = tmp_path / "new" / "said.mp4"
-    play.main(["--headless", str(film), "--say", "reach {0} then reach {1}"])
+@pytest.mark.slow
+def test_headless_writes_a_video_of_a_pretrained_policy(tmp_path, capsys):
+    video = tmp_path / "new" / "said.mp4"
+    play.main(["--headless", str(video), "--say", "reach {0} then reach {1}"])
     assert "Done in" in capsys.readouterr().out
-    frames = imageio.mimread(film, memtest=False)
+    frames = imageio.mimread(video, memtest=False)
     assert len(frames) > 15
     assert (frames[0] != frames[-1]).any()
 
 
-def test_what_cannot_be_done_is_told_and_leaves_no_film(tmp_path):
-    film = tmp_path / "said.mp4"
+@pytest.mark.slow
+def test_a_bad_sentence_raises_and_writes_no_video(tmp_path):
+    video = tmp_path / "said.mp4"
     for sentence in ("reach the elephant", "reach {9}", "{"):
         with pytest.raises(ConfigError, match=r"--say: .* is not understood"):
-            play.main(["--headless", str(film), "--say", sentence])
-    assert not film.exists()
+            play.main(["--headless", str(video), "--say", sentence])
+    assert not video.exists()
 
 
 @pytest.mark.parametrize(
-    ("typed", "message"),
+    ("words", "message"),
     [
         (["--headless", "said.mp4"], "--headless and --say belong together"),
         (["--say", "reach the cube"], "--headless and --say belong together"),
@@ -54,15 +56,15 @@ def test_what_cannot_be_done_is_told_and_leaves_no_film(tmp_path):
         (["checkpoint=nowhere"], "checkpoint=nowhere does not exist"),
     ],
 )
-def test_bad_input_is_told_in_one_line(typed, message, monkeypatch, tmp_path, port):
+def test_bad_input_raises_an_error_of_one_line(words, message, monkeypatch, tmp_path, port):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigError) as error:
-        play.main(["--port", port, *typed])
+        play.main(["--port", port, *words])
     assert message in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_a_port_that_is_taken_is_told(monkeypatch):
+def test_a_taken_port_raises():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -71,8 +73,9 @@ def test_a_port_that_is_taken_is_told(monkeypatch):
             play.main(["--port", str(port)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ready", [False, True], ids=["while it loads", "once it is ready"])
-def test_the_page_is_served_and_an_interrupt_ends_it_in_peace(port, ready):
+def test_the_page_is_served_and_an_interrupt_ends_the_process_without_errors(port, ready):
     command = [sys.executable, "play.py", "--port", port, "robot=jaco", "driver=expert"]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
@@ -87,10 +90,10 @@ def test_the_page_is_served_and_an_interrupt_ends_it_in_peace(port, ready):
         process.kill()
     assert process.returncode == 0, errors
     assert "Traceback" not in errors
-    assert "warning" not in errors  # nobody else can open it
+    assert "warning" not in errors  # other machines cannot open it
 
 
-def test_the_program_ends_with_one_line_and_no_traceback():
+def test_bad_input_ends_the_process_with_one_line_and_no_traceback():
     ended = subprocess.run(
         [sys.executable, "play.py", "robot=pandora"], cwd=ROOT, capture_output=True, text=True, timeout=120
     )

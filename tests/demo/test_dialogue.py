@@ -1,4 +1,4 @@
-"""A conversation about one scene: instructions, questions and their answers, corrections, nonsense."""
+"""Dialogues about one scene: instructions, questions and answers, corrections, nonsense."""
 
 import pytest
 
@@ -15,12 +15,12 @@ SCENE = Scene(
 )
 
 
-def no_finger(count):
+def no_gestures(count):
     return ()
 
 
-def said(*sentences, pointed=no_finger):
-    """What came of the last sentence."""
+def result_of(*sentences, pointed=no_gestures):
+    """The interpretation of the last sentence."""
     dialogue = Dialogue()
     return [dialogue.hear(sentence, SCENE, pointed) for sentence in sentences][-1]
 
@@ -45,39 +45,39 @@ def goals(result):
         (["reach the sphere then reach the cube", "the red one"], [RED_BALL, RED_CUBE]),
     ],
 )
-def test_what_is_said_in_the_end_is_understood(sentences, objects):
-    assert goals(said(*sentences)) == objects
+def test_the_last_sentence_of_a_dialogue_is_understood(sentences, objects):
+    assert goals(result_of(*sentences)) == objects
 
 
-def test_an_open_sentence_is_answered_with_a_question_and_its_candidates():
-    result = said("reach the cube")
+def test_an_ambiguous_sentence_gets_a_question_with_its_candidates():
+    result = result_of("reach the cube")
     assert result.understood is None
     assert result.message == "Do you mean the red cube or the blue cube?"
     assert (result.candidates, result.position) == ((RED_CUBE, BLUE_CUBE), len("reach "))
 
 
-def test_a_finger_fills_this():
-    assert goals(said("reach this", pointed=lambda count: [RED_BALL][:count])) == [RED_BALL]
+def test_a_gesture_gives_the_referent_of_this():
+    assert goals(result_of("reach this", pointed=lambda count: [RED_BALL][:count])) == [RED_BALL]
 
 
 @pytest.mark.parametrize(
     "sentence", ["hello", "reach the", "<script>alert(1)</script>", "reach the green cube", "\0", "no"]
 )
-def test_what_is_not_understood_is_said_and_nothing_is_lost(sentence):
+def test_a_sentence_that_is_not_understood_gets_a_message_and_keeps_the_previous_one(sentence):
     dialogue = Dialogue()
-    before = dialogue.hear("reach the red cube", SCENE, no_finger).understood
-    result = dialogue.hear(sentence, SCENE, no_finger)
+    before = dialogue.hear("reach the red cube", SCENE, no_gestures).understood
+    result = dialogue.hear(sentence, SCENE, no_gestures)
     assert result.understood is None
     assert result.message
     assert dialogue.previous is before
 
 
-def test_listening_changes_nothing():
+def test_a_preview_changes_nothing():
     dialogue = Dialogue()
-    dialogue.hear("reach the cube", SCENE, no_finger)
-    assert goals(dialogue.preview("the red one", SCENE, no_finger)) == [RED_CUBE]
+    dialogue.hear("reach the cube", SCENE, no_gestures)
+    assert goals(dialogue.preview("the red one", SCENE, no_gestures)) == [RED_CUBE]
     assert dialogue.previous is None
 
 
-def test_endless_sentences_are_cut():
-    assert len(said("reach " * 10_000).sentence) == MAX_CHARACTERS
+def test_long_sentences_are_cut():
+    assert len(result_of("reach " * 10_000).sentence) == MAX_CHARACTERS
