@@ -1,11 +1,11 @@
-"""Our speed beside the raw loop's and the peers', side by side in one run.
+"""Compares the speed of this project with that of the raw PyBullet loop and of other libraries, in one run.
 
     pip install -e ".[bench]"
     python benchmarks/throughput.py --write docs/throughput.md
 
-Every workload runs in a fresh process that prints one JSON line. Rounds are interleaved: each runs every
-workload once, and every second round runs them backwards, so that a busy neighbour favours nobody. A ratio is
-taken within each round; the table shows its median over the rounds, with the least and the greatest.
+Every workload runs in a fresh process that prints one JSON line. Rounds are interleaved: each runs every workload once,
+and every second round runs them in reverse order, so that other load on the machine affects all of them alike. A ratio
+is taken within each round; the table shows its median over the rounds, with the least and the greatest.
 """
 
 from __future__ import annotations
@@ -29,6 +29,13 @@ TIME_LIMIT = 900  # seconds a workload may take
 OURS, PEERS = "benchmarks.ours", "benchmarks.peers"
 PACKAGES = ("torch", "torchrl", "pybullet", "gymnasium", "numpy", "panda-gym", "stable-baselines3")
 
+INTRODUCTION = (
+    "Speed of this project beside the raw PyBullet loop, panda-gym, LANRO-gym and stable-baselines3. Every workload",
+    "runs in a process of its own, in interleaved rounds; a ratio is taken within each round. `benchmarks/ours.py` and",
+    "`benchmarks/peers.py` describe the workloads. *Matched* workloads have the physics of the other library.",
+    "[Results](results.md#what-falls-short) gives the reasons where a bar is not met.",
+)
+
 Round = dict[str, dict[str, Any]]  # workload name -> the JSON object it printed, or {"error": ...}
 
 
@@ -47,8 +54,8 @@ class Workload:
 
 
 @dataclass(frozen=True)
-class Promise:
-    """`over` / `under` round by round, or `over` alone, and the bound that the median is to keep."""
+class Comparison:
+    """`over` / `under` in each round, or `over` alone, and the bound for the median."""
 
     label: str
     over: str
@@ -64,14 +71,14 @@ class Promise:
         return [entry[self.over]["rate"] / divisor for entry, divisor in zip(whole, divisors, strict=True)]
 
     def row(self, rounds: Sequence[Round]) -> list[str]:
-        """Label, median, spread, bound, and whether it holds."""
+        """Label, median, spread, bound, and whether the median meets it."""
         values = self.values(rounds)
         bound = f"{'<=' if self.at_most else '>='} {self.bound:g}"
         if not values:
             return [self.label, *spread(values), bound, "not measured"]
         median = statistics.median(values)
-        holds = median <= self.bound if self.at_most else median >= self.bound
-        return [self.label, *spread(values), bound, "yes" if holds else "no"]
+        met = median <= self.bound if self.at_most else median >= self.bound
+        return [self.label, *spread(values), bound, "yes" if met else "no"]
 
 
 # Neighbours in this list are measured one after the other, so the two sides of a ratio stand together.
@@ -96,18 +103,20 @@ WORKLOADS = (
     Workload("memory_per_world", OURS, 16),
     Workload("reset_memory", OURS, 10_000),
 )
-PROMISES = (
-    Promise("env bare / raw loop (kuka, 1 core)", "env_kuka", "raw_kuka", 0.75),
-    Promise("the same of pick and place", "env_place", "raw_place", 0.7),
-    Promise("collector with policy / env bare (1 core)", "collector_1", "env_kuka", 0.7),
-    Promise("collector, 2 workers / 1 worker", "collector_2", "collector_1", 1.5),
-    Promise("our panda reach / panda-gym", "env_panda_matched", "panda_gym_reach", 1.7),
-    Promise("the same, panda-gym with our few solver iterations", "env_panda_matched", "panda_gym_reach_lean", 1.0),
-    Promise("our panda nl_reach / lanro-gym", "env_panda_nl_matched", "lanro_nl_reach", 1.0),
-    Promise("PPO frames/s / stable-baselines3", "ppo_frames", "sb3_ppo", 4.0),
-    Promise("SAC gradient steps/s / stable-baselines3", "sac_gradient_steps", "sb3_sac", 1.5),
-    Promise("memory of a world while training, MiB", "memory_per_world", "", 45.0, at_most=True),
-    Promise("memory after 10 000 resets / before", "reset_memory", "", 1.05, at_most=True),
+COMPARISONS = (
+    Comparison("env bare / raw loop (kuka, 1 core)", "env_kuka", "raw_kuka", 0.75),
+    Comparison("the same for pick and place", "env_place", "raw_place", 0.7),
+    Comparison("collector with policy / env bare (1 core)", "collector_1", "env_kuka", 0.7),
+    Comparison("collector, 2 workers / 1 worker", "collector_2", "collector_1", 1.5),
+    Comparison("our panda reach / panda-gym", "env_panda_matched", "panda_gym_reach", 1.7),
+    Comparison(
+        "the same, panda-gym with our number of solver iterations", "env_panda_matched", "panda_gym_reach_lean", 1.0
+    ),
+    Comparison("our panda nl_reach / lanro-gym", "env_panda_nl_matched", "lanro_nl_reach", 1.0),
+    Comparison("PPO frames/s / stable-baselines3", "ppo_frames", "sb3_ppo", 4.0),
+    Comparison("SAC gradient steps/s / stable-baselines3", "sac_gradient_steps", "sb3_sac", 1.5),
+    Comparison("memory of a world while training, MiB", "memory_per_world", "", 45.0, at_most=True),
+    Comparison("memory after 10 000 resets / before", "reset_memory", "", 1.05, at_most=True),
 )
 
 
@@ -117,7 +126,7 @@ def _pin(cores: int) -> Callable[[], None]:
 
 
 def _last_result(output: str) -> dict[str, Any] | None:
-    """The last JSON object with a rate: PyBullet prints lines of its own beside it."""
+    """The last JSON object with a rate. PyBullet may print other lines."""
     for line in reversed(output.splitlines()):
         if line.startswith("{") and '"rate"' in line:
             return dict(json.loads(line))
@@ -125,7 +134,7 @@ def _last_result(output: str) -> dict[str, Any] | None:
 
 
 def measure(workload: Workload, quick: bool) -> dict[str, Any]:
-    """Run a workload in a fresh process; what went wrong comes back under `error`."""
+    """The result of a workload in a fresh process; {"error": ...} where it failed."""
     environment = {**os.environ, "OMP_NUM_THREADS": str(workload.cores), "PYTHONWARNINGS": "ignore"}
     try:
         done = subprocess.run(
@@ -161,7 +170,7 @@ def run_rounds(workloads: Sequence[Workload], repeats: int, quick: bool) -> list
 
 
 def spread(values: Sequence[float]) -> tuple[str, str]:
-    """Median, and least to greatest, as text; dashes where nothing was measured."""
+    """Median, and least to greatest, as text; dashes if there are no values."""
     if not values:
         return "-", "-"
     return f"{statistics.median(values):,.4g}", f"{min(values):,.4g} - {max(values):,.4g}"
@@ -182,11 +191,11 @@ def rate_table(rounds: Sequence[Round]) -> list[str]:
     return _table(["workload", "median", "least - greatest", "unit", "rounds"], rows)
 
 
-def promise_table(rounds: Sequence[Round]) -> list[str]:
-    """One row a promise that this run touched: what was measured, the bound, whether it holds."""
+def comparison_table(rounds: Sequence[Round]) -> list[str]:
+    """One row for each comparison that this run measured: median, spread, bound, whether it is met."""
     ran = set().union(*rounds)
-    rows = [promise.row(rounds) for promise in PROMISES if ran & {promise.over, promise.under}]
-    return _table(["what", "median", "least - greatest", "promised", "holds"], rows)
+    rows = [comparison.row(rounds) for comparison in COMPARISONS if ran & {comparison.over, comparison.under}]
+    return _table(["what", "median", "least - greatest", "bar", "met"], rows)
 
 
 def _version(package: str) -> str:
@@ -197,7 +206,7 @@ def _version(package: str) -> str:
 
 
 def machine() -> dict[str, Any]:
-    """What the figures were measured on; the load is that of the last minute before."""
+    """The machine and the versions. load_before: the mean load of the last minute."""
     return {
         "python": platform.python_version(),
         "processor": platform.machine(),
@@ -213,7 +222,7 @@ def write(path: Path, about: dict[str, Any], rounds: Sequence[Round], tables: Se
     versions = ", ".join(f"{package} {version}" for package, version in about["packages"].items())
     head = f"{about['cores']} cores, {about['processor']}, Python {about['python']}; {versions}."
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(["# Throughput", "", f"`{command}`", "", head, "", *tables, ""]))
+    path.write_text("\n".join(["# Throughput", "", *INTRODUCTION, "", f"`{command}`", "", head, "", *tables, ""]))
     measured = json.dumps({"command": command, "machine": about, "rounds": rounds}, indent=1)
     path.with_suffix(".json").write_text(measured + "\n")
 
@@ -240,7 +249,7 @@ def main() -> None:
         parser.error(f"--repeats={args.repeats}: at least one round is needed")
     about = machine()
     rounds = run_rounds(_chosen(args.only), args.repeats, args.quick)
-    tables = [*promise_table(rounds), "", *rate_table(rounds)]
+    tables = [*comparison_table(rounds), "", *rate_table(rounds)]
     print("\n".join(tables))
     if args.write:
         write(args.write, about, rounds, tables)
