@@ -29,7 +29,7 @@ from conf.overrides import compose
 from envs import make_env, read_env
 from envs.config import EnvConfig
 from envs.experts.reach import ReachExpert
-from envs.mdp.gestures import meet
+from envs.mdp.gestures import make_person
 from envs.tasks import TASKS
 from envs.tasks.object_layout import scatter
 from envs.workspace_env import WorkspaceEnv
@@ -158,7 +158,7 @@ def picking(args: argparse.Namespace) -> dict[str, Any]:
 def _make_person(noise_deg: float) -> tuple[EnvConfig, Any]:
     """The config of nl_reach_gesture, and its person."""
     config = read_env(compose(["task=nl_reach_gesture", f"gesture.noise_deg={noise_deg}"]))
-    return config, meet(config.workspace.human, config.gesture)
+    return config, make_person(config.workspace.human, config.gesture)
 
 
 def _pointed_scenes(person: Person, area: list[float], count: int, rng: Generator) -> Iterator[PointedScene]:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
 from envs.experts.registry import expert
-from envs.mdp.observation_spec import seen_scene
+from envs.mdp.object_rows import scene_of_rows
 from envs.workspace_env import WorkspaceEnv
 from human import NothingPointedAt, fuse, posterior, referring_phrase, visibility
 from language import Scene, parse
@@ -43,7 +43,7 @@ class Oracle:
     def _understood(self, world: int, objects: NDArray, shown: NDArray[np.bool_], ray: NDArray) -> tuple[int, int]:
         """The slots of the referent, and of its target: itself where it has none."""
         viewpoint, slots = self._env.config.task.viewpoint, np.flatnonzero(shown)
-        scene = seen_scene(objects[shown], viewpoint, self._env.task.operates)
+        scene = scene_of_rows(objects[shown], viewpoint, self._env.task.operates)
         sentence = self._env.sentence(world)
         if len(ray):
             object_ = self._shown(world, sentence, scene, ray)

@@ -15,7 +15,7 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 from conf.schema import ConfigError
 from envs.config import EnvConfig
 from envs.interactive.object_names import object_name
-from envs.mdp.observation_spec import seen_scene
+from envs.mdp.object_rows import scene_of_rows
 from envs.sim.window import Window
 from envs.workspace_env import WorkspaceEnv
 from human import Display, KeyboardPointer, KeySource, choose_object, fuse, pointed_object, posterior, referring_phrase
@@ -65,11 +65,11 @@ class ByHandEnv(WorkspaceEnv):
         self._arrays.read(self._arrays.index)
         slot = int(np.flatnonzero(self._state.shown[0])[index])
         self._set_goal(0, replace(self._arrays.goals[0], referent=slot))
-        return self._begun()
+        return self._first_observation()
 
     def scene(self) -> Scene:
         """The objects as the language sees them."""
-        return seen_scene(self._arrays.rows[0, self._state.shown[0]], self.config.task.viewpoint, self.task.operates)
+        return scene_of_rows(self._arrays.rows[0, self._state.shown[0]], self.config.task.viewpoint, self.task.operates)
 
 
 class ScenePointer:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from envs.config import EnvConfig
 from envs.mdp.goals import Goal
-from envs.mdp.observation_spec import seen_scene
+from envs.mdp.object_rows import scene_of_rows
 from envs.sim.visual_shapes import VisualShapes
 from envs.sim.window import Window
 from envs.workspace_env import WorkspaceEnv
@@ -41,7 +41,7 @@ class InteractiveEnv(WorkspaceEnv):
 
     def scene(self) -> Scene:
         """The objects as the language sees them."""
-        return seen_scene(self._arrays.rows[0, self._slots], self.config.task.viewpoint, self.task.operates)
+        return scene_of_rows(self._arrays.rows[0, self._slots], self.config.task.viewpoint, self.task.operates)
 
     def bodies(self) -> list[int]:
         """PyBullet's body number of each object; [] for devices, which have several bodies."""
@@ -70,11 +70,11 @@ class InteractiveEnv(WorkspaceEnv):
         where = int(slots[referent if target is None else target])
         self._set_goal(0, Goal(int(slots[referent]), where, sentence, sentence, arrays.goals[0].kind))
         arrays.steps[0] = 0
-        return self._begun()
+        return self._first_observation()
 
     def hold_action(self) -> Tensor:
         """(1, A) the action that keeps the arm where it is, and the gripper as it is commanded now."""
-        hold = torch.from_numpy(self._hold())
+        hold = torch.from_numpy(self._source.hold())
         if self._grips.grips:
             hold[0, -1] = 1.0 if self._grips.closed[0] else -1.0
         return hold

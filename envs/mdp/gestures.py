@@ -19,7 +19,7 @@ RAY_WIDTH = 7  # origin (m), unit direction, and 1 where a gesture is shown; all
 NEVER = -1
 
 
-def meet(human: HumanConfig | None, config: GestureConfig) -> Person | None:
+def make_person(human: HumanConfig | None, config: GestureConfig) -> Person | None:
     """The person who points; None where nobody is asked to. Raises ConfigError where nobody is there."""
     if config.source == "none":
         return None
@@ -28,7 +28,7 @@ def meet(human: HumanConfig | None, config: GestureConfig) -> Person | None:
     return Person(human, config)
 
 
-def watch(workspace: WorkspaceConfig, config: GestureConfig) -> CameraRayReader | None:
+def make_ray_reader(workspace: WorkspaceConfig, config: GestureConfig) -> CameraRayReader | None:
     """The camera whose pictures rays are read from; None where they are not. Raises ConfigError."""
     if config.source != "camera" or workspace.human is None:
         return None
@@ -69,7 +69,7 @@ class Gestures:
         self._turns[i], self._due[i] = episode.turn, NEVER if episode.turn is None else episode.turn.at
         self.rays[i, 6] = episode.gesture.shown
 
-    def turn(self, steps: NDArray[np.int64]) -> list[tuple[int, int]]:
+    def switch(self, steps: NDArray[np.int64]) -> list[tuple[int, int]]:
         """Send arms on to another object where it is time to: (world, object that is meant now) for each.
 
         steps: (N,) control steps since each episode began.

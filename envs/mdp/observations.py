@@ -1,92 +1,267 @@
-"""What is seen now: the arrays of all worlds as the tensors of `envs/mdp/observation_spec.py`."""
+"""What the environment observes: the only place where an observation is declared.
+
+To add one, add an `ObservationTerm` to `OBSERVATIONS`.
+"""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import torch
-from tensordict import TensorDict
+from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 
-from envs.mdp.gestures import Gestures
-from envs.mdp.grip_controller import GripController
-from envs.mdp.observation_spec import NEAR, Bounds, clipped, offsets
-from envs.mdp.world_state import WorldState
+from envs.mdp.goals import SENTENCE_BYTES
+from envs.mdp.object_rows import CLOSE, NEAR, offsets, row_bounds
+from envs.mdp.observation_terms import GoalSource, ObservationTerm, Observer, Setup, Source, bounded
 from envs.sim.kinematics import Array
 from envs.tasks import State, Task
 
+MAX_TIP_DISTANCE = 3.0  # metres from the origin that a fingertip may be
+NEAR_OFFSET = np.repeat((NEAR, CLOSE), 3)
+OUTCOMES = {  # what a control step gave, (N, 1) bool each
+    "success": "whether the episode ended in success at this step",
+    "wrong_object": "whether it ended so because of another object",
+    "wrong_target": "whether it ended so because of another target",
+    "at_goal": "whether the gripper is at the referent, or the referent where it is to go",
+}
+REWARD_TERMS = "(T,): the weighted reward terms, by `reward_names`; their sum is the reward"
 
-def observe(
-    arrays: WorldState, grips: GripController, gestures: Gestures, task: Task, bounds: Bounds
-) -> dict[str, Any]:
-    """Fresh tensors, never views of what the next step overwrites; all but "hold"."""
-    state = arrays.state
-    rows = np.where(state.shown[..., None], _rows(arrays, task), 0.0)
-    told = asked(task, state, bounds)
-    privileged = told.pop("privileged") | {
-        "kind": torch.from_numpy(arrays.kind.copy()),
-        "sentence": torch.from_numpy(arrays.sentence.copy()),
-    }
+
+def observation_spec(observer: Observer, num_worlds: int, task: Task) -> Composite:
+    """The spec of what an environment of N worlds returns beside rewards and the ends of episodes."""
+    spec = observer.spec(num_worlds)
+    for name in OUTCOMES:
+        spec[name] = Binary(1, shape=(num_worlds, 1), dtype=torch.bool)
+    spec["reward_terms"] = Unbounded(shape=(num_worlds, len(task.terms)), dtype=torch.float32)
+    return spec
+
+
+def descriptions() -> dict[str, str]:
+    """What each key holds, for the documentation."""
+    return {term.key: term.description for term in OBSERVATIONS} | OUTCOMES | {"reward_terms": REWARD_TERMS}
+
+
+# ---- specs of one world
+
+
+def _workspace(setup: Setup) -> tuple[Array, Array]:
+    """Lowest and highest corner of where anything may be, (3,) metres each."""
+    low, high = np.reshape(setup.workspace.bounds, (3, 2)).T
+    return low, high
+
+
+def _robot_spec(setup: Setup) -> Bounded:
+    low, high = _workspace(setup)
+    speed, ones = 2 * np.array(setup.robot.max_speed), np.ones(6)  # a joint that is struck can exceed its own speed
+    gripper = 3 if setup.task.grips else 1
+    return bounded(
+        [setup.chain.low - 0.1, -speed, low, -ones, np.zeros(gripper)],
+        [setup.chain.high + 0.1, speed, high, ones, np.ones(gripper)],
+    )
+
+
+def _objects_spec(setup: Setup) -> Bounded:
+    return bounded(*row_bounds(setup.task, *_workspace(setup)), setup.task.config.slots)
+
+
+def _gesture_spec(setup: Setup) -> Bounded:
+    tip, direction = np.full(3, MAX_TIP_DISTANCE), np.ones(3)
+    return bounded([-tip, -direction, [0.0]], [tip, direction, [1.0]])
+
+
+def _goal_spec(setup: Setup) -> Bounded:
+    low, high = _workspace(setup)
+    if not setup.task.moves:
+        return bounded([low], [high])
+    memory, offset = setup.task.memory[0], NEAR_OFFSET
+    return bounded(
+        [low, low, -offset, -offset, -offset, np.zeros(1), np.zeros_like(memory)],
+        [high, high, offset, offset, offset, np.ones(1), np.ones_like(memory)],
+    )
+
+
+def _flag_each_slot(setup: Setup) -> Binary:
+    slots = setup.task.config.slots
+    return Binary(slots, shape=(slots,), dtype=torch.bool)
+
+
+def _slot(setup: Setup) -> Categorical:
+    return Categorical(setup.task.config.slots, shape=(), dtype=torch.int64)
+
+
+# ---- values of N worlds
+
+
+def _robot(source: Source) -> Array:
+    worlds = source.worlds
+    pose, count = worlds.pose, worlds.angles.shape[1]
+    speeds, rotation = worlds.joints[:, :count, 1], pose.rotation
+    gripper = source.grips.observation(worlds.joints[..., 0])
+    parts = worlds.angles, speeds, pose.position, rotation[:, :, 0], rotation[:, :, 1], gripper
+    return np.concatenate(parts, axis=1)
+
+
+def _objects(source: Source) -> Array:
+    rows, task, state = source.worlds.rows, source.task, source.state
     if task.moves:
-        privileged["held"] = torch.from_numpy(state.held.copy())
-        privileged["movable"] = torch.from_numpy(state.movable.copy())
-        told["objects_near"] = torch.from_numpy(_near(state).astype(np.float32))
-    seen = told | {
-        "robot": clipped(_robot(arrays, grips), bounds.robot),
-        "objects": clipped(rows, bounds.objects),
-        "objects_mask": torch.from_numpy(state.shown.copy()),
-        "instruction": torch.from_numpy(arrays.instruction.copy()),
-    }
-    if gestures.points:
-        seen["gesture"] = clipped(gestures.rays, bounds.gesture)
-        measures = gestures.measures(state.objects, state.shown, state.referent)
-        privileged["pointing"] = clipped(measures, bounds.pointing)
-    return seen | {"privileged": TensorDict(privileged, [len(rows)])}
+        offset = offsets(rows[..., :3], source.worlds.pose.position[:, None])
+        rows = np.concatenate((rows, offset, task.seen(state)), axis=2)
+    return np.where(state.shown[..., None], rows, 0.0)
 
 
-def asked(task: Task, state: State, bounds: Bounds) -> dict[str, Any]:
-    """What is seen of N episodes that depends on what is meant in them, and "stage"."""
-    privileged = {
-        "referent": torch.from_numpy(state.referent.copy()),
-        "goal": clipped(_goal(task, state), bounds.goal),
-    }
-    if task.places:
-        privileged["target"] = torch.from_numpy(state.target.copy())
-    seen = {"stage": torch.from_numpy(task.stage(state))} if task.stages > 1 else {}
-    return seen | {"privileged": privileged}
-
-
-def _robot(arrays: WorldState, grips: GripController) -> Array:
-    pose, count = arrays.pose, arrays.angles.shape[1]
-    speeds, turned = arrays.joints[:, :count, 1], pose.rotation
-    held = grips.observation(arrays.joints[..., 0])
-    return np.concatenate((arrays.angles, speeds, pose.position, turned[:, :, 0], turned[:, :, 1], held), axis=1)
-
-
-def _rows(arrays: WorldState, task: Task) -> Array:
-    """(N, K, D)"""
-    if not task.moves:
-        return arrays.rows
-    offset = offsets(arrays.rows[..., :3], arrays.pose.position[:, None])
-    return np.concatenate((arrays.rows, offset, task.seen(arrays.state)), axis=2)
-
-
-def _goal(task: Task, state: State) -> Array:
-    """(N, G)"""
+def _goal(source: GoalSource) -> Array:
+    state = source.state
     each = np.arange(len(state.referent))
     referent = state.objects[each, state.referent]
-    if not task.moves:
+    if not source.task.moves:
         return referent
     target = state.objects[each, state.target]
-    near = _near(state)
+    near = _nearness(state)
     near[each, state.referent] = 0.0
-    other = near.argmax(1)
-    way = offsets(state.objects[each, other], state.gripper), near.max(1, keepdims=True)
-    ways = offsets(referent, state.gripper), offsets(target, referent)
-    return np.concatenate((referent, target, *ways, *way, task.memory), axis=1)
+    other = state.objects[each, near.argmax(1)]
+    to_referent, to_target = offsets(referent, state.gripper), offsets(target, referent)
+    to_other = offsets(other, state.gripper)
+    parts = referent, target, to_referent, to_target, to_other, near.max(1, keepdims=True), source.task.memory
+    return np.concatenate(parts, axis=1)
 
 
-def _near(state: State) -> Array:
-    """(N, K) how near objects are that could be knocked against: 1 at the gripper, 0 from `NEAR` on."""
+def _nearness(state: State) -> Array:
+    """(N, K) how near each movable object is: 1 at the gripper, 0 from `NEAR` on."""
     offset = state.objects - state.gripper[:, None]
     return state.movable * np.maximum(1.0 - np.sqrt((offset * offset).sum(-1)) / NEAR, 0.0)
+
+
+def _pointing(source: Source) -> Array:
+    state = source.state
+    return source.gestures.measures(state.objects, state.shown, state.referent)
+
+
+# ---- the table
+
+OBSERVATIONS = (
+    ObservationTerm(
+        "robot",
+        "(R,): joint angles (rad) and speeds (rad/s), gripper centre (m), the first two columns of its rotation "
+        "matrix (Zhou et al. 2019: continuous, where quaternions jump), and how far the fingers are open, in [0, 1]. "
+        "Where the task grips: also how far they are told to be closed, and whether anything is held",
+        spec=_robot_spec,
+        compute=_robot,
+        gymnasium=True,
+    ),
+    ObservationTerm(
+        "objects",
+        "(K, D), a row for each slot: position (m), quaternion (x, y, z, w), RGBA (A of a target: 0.5), shape one-hot "
+        "(of devices: their kind, and the pose of their handle), size (m), role (1: target). Where the task moves "
+        f"objects: the offset from the gripper clipped at {NEAR} m, again clipped at {CLOSE} m (grasping and releasing "
+        "are matters of a centimetre), and the task's own columns. Of a slot that is not shown: 0",
+        spec=_objects_spec,
+        compute=_objects,
+        gymnasium=True,
+    ),
+    ObservationTerm(
+        "objects_mask",
+        "(K,) bool: which slots show an object",
+        spec=_flag_each_slot,
+        compute=lambda source: source.state.shown,
+        gymnasium=True,
+    ),
+    ObservationTerm(
+        "objects_near",
+        f"(K,), where objects are moved: how near each object is that can be knocked over, 1 at the gripper and 0 from "
+        f"{NEAR} m on; 0 for all others",
+        spec=lambda setup: Bounded(0, 1, shape=(setup.task.config.slots,), dtype=torch.float32),
+        compute=lambda source: _nearness(source.state),
+        present=lambda task: task.moves,
+    ),
+    ObservationTerm(
+        "instruction",
+        "(L,) int64: the tokens of the sentence, 0 for padding",
+        spec=lambda setup: Categorical(
+            len(setup.tokenizer.vocabulary), shape=(setup.tokenizer.length,), dtype=torch.int64
+        ),
+        compute=lambda source: source.worlds.instruction,
+        gymnasium=True,
+    ),
+    ObservationTerm(
+        "gesture",
+        "(7,), where a person points: the fingertip (m), the unit direction of its ray, and 1 where a gesture is "
+        "shown; 0 throughout where none is",
+        spec=_gesture_spec,
+        compute=lambda source: source.gestures.rays,
+        present=lambda task: task.points,
+        gymnasium=True,
+    ),
+    ObservationTerm(
+        "stage",
+        "() int64, where objects are moved: 0 before, 1 while something is held (or near, where nothing is gripped), "
+        "2 beside a target with it",
+        spec=lambda setup: Categorical(setup.task.stages, shape=(), dtype=torch.int64),
+        compute=lambda source: source.task.stage(source.state),
+        present=lambda task: task.stages > 1,
+        goal=True,
+    ),
+    ObservationTerm(
+        "hold",
+        "(A,): the action that keeps the arm where it is",
+        spec=lambda setup: Bounded(-1, 1, shape=(setup.action_width,), dtype=torch.float32),
+        compute=lambda source: source.hold(),
+    ),
+    ObservationTerm(
+        "privileged/referent",
+        "() int64: the slot of the referent",
+        spec=_slot,
+        compute=lambda source: source.state.referent,
+        goal=True,
+    ),
+    ObservationTerm(
+        "privileged/target",
+        "() int64, where there are targets: the slot of the target",
+        spec=_slot,
+        compute=lambda source: source.state.target,
+        present=lambda task: task.places,
+        goal=True,
+    ),
+    ObservationTerm(
+        "privileged/goal",
+        "(G,): the referent's position (m). Where objects are moved: also the target's (without one, the referent's), "
+        "the offsets (clipped twice, as in `objects`) from gripper to referent, from referent to target, and from "
+        "gripper to the nearest other movable object, how near that one is, and what the task remembers, in [0, 1]",
+        spec=_goal_spec,
+        compute=_goal,
+        goal=True,
+    ),
+    ObservationTerm(
+        "privileged/kind",
+        "() int64: the kind of sentence, an index into `kind_names`",
+        spec=lambda setup: Categorical(len(setup.task.kind_names), shape=(), dtype=torch.int64),
+        compute=lambda source: source.worlds.kind,
+    ),
+    ObservationTerm(
+        "privileged/sentence",
+        "(B,) uint8: the sentence in UTF-8, filled up with zeros",
+        spec=lambda setup: Bounded(0, 255, shape=(SENTENCE_BYTES,), dtype=torch.uint8),
+        compute=lambda source: source.worlds.sentence,
+    ),
+    ObservationTerm(
+        "privileged/held",
+        "() int64, where objects are moved: the slot of the object that is held, -1 for none",
+        spec=lambda setup: Bounded(-1, setup.task.config.slots - 1, shape=(), dtype=torch.int64),
+        compute=lambda source: source.state.held,
+        present=lambda task: task.moves,
+    ),
+    ObservationTerm(
+        "privileged/movable",
+        "(K,) bool, where objects are moved: which slots show an object that can be moved",
+        spec=_flag_each_slot,
+        compute=lambda source: source.state.movable,
+        present=lambda task: task.moves,
+    ),
+    ObservationTerm(
+        "privileged/pointing",
+        "(3,), where a person points: radians from the ray to the referent, radians between the referent and the "
+        "object nearest to it as seen from the fingertip, and metres from the fingertip to the referent; 0 where no "
+        "gesture is shown",
+        spec=lambda setup: bounded([np.zeros(3)], [[np.pi, np.pi, 2 * MAX_TIP_DISTANCE]]),
+        compute=_pointing,
+        present=lambda task: task.points,
+    ),
+)

@@ -1,9 +1,11 @@
-"""Episodes told again: as if what they came to had been asked for, in words too.
+"""Relabels episodes with the goal they achieved: hindsight experience replay, for places and for words.
 
-A see-through target touches nothing, and words touch nothing either. So a recorded episode would have gone just the
-same, had its target stood where the object came to be, or had another object been named. `Task.retold` says what could
-have been asked; the sentence is said anew for the changed scene; and the task itself judges what was recorded, so
-that rewards and ends are written once, and those that depend on what came before are right as well.
+A see-through target touches nothing, and neither does a sentence. So a recorded episode would have gone the same way
+had its target stood where the object ended up, or had another object been named. `Task.retold` says what could have
+been asked for. The sentence is generated for the changed scene, and the task itself evaluates what was recorded, so
+that rewards and terminations are defined once, and those that depend on the past are right as well.
+
+Source: Andrychowicz et al. 2017 (arXiv:1707.01495).
 """
 
 from __future__ import annotations
@@ -19,71 +21,80 @@ from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 
 from envs.mdp.goals import in_bytes, tokens
-from envs.mdp.observation_spec import COLUMNS, OBJECT_WIDTH, OFFSET, Bounds, clipped, offsets, seen_scene
-from envs.mdp.observations import asked
-from envs.mdp.rewards import judge, weights
+from envs.mdp.object_rows import COLUMNS, OBJECT_WIDTH, OFFSET, offsets, scene_of_rows
+from envs.mdp.observation_terms import GoalSource, Observer
+from envs.mdp.rewards import compute_outcome, reward_weights
 from envs.sim.object_pool import PARKED
 from envs.tasks import NOTHING, Episode, State, Task
 from language import LanguageError, Placed, Tokenizer
 
-NAMES = [field.name for field in fields(State)]
+STATE_FIELDS = [field.name for field in fields(State)]
+FIELDS_WITHOUT_MOVING = STATE_FIELDS[:4]  # those that tasks have that move nothing
 
 
 @dataclass(frozen=True)
-class Tale:
-    """One episode of T control steps as it is told again.
+class RelabelledEpisode:
+    """An episode of T control steps with another goal.
 
-    frames: (T,) as recorded. moments: the T + 1 states, a world each, as they would have been. rows: (T + 1, K, D) the
-    objects as they would have been seen. episode: what is asked.
+    frames: (T,) as recorded. states: the T + 1 states with the new goal, in the place of worlds. rows: (T + 1, K, D)
+    the rows of `objects` with the new goal. episode: what is asked for.
     """
 
     frames: TensorDictBase
-    moments: State
+    states: State
     rows: NDArray[np.float32]
     episode: Episode
 
 
-class Hindsight:
-    """task: one of its own, whose N worlds are N episodes. bounds: of what is observed. joints: of the arm."""
+class Relabeller:
+    """Relabels recorded episodes.
 
-    def __init__(self, task: Task, worlds: int, tokenizer: Tokenizer, bounds: Bounds, joints: int) -> None:
-        self._task, self._worlds, self._tokenizer, self._bounds = task, worlds, tokenizer, bounds
-        self._weights = weights(task)
-        self._gripper = slice(2 * joints, 2 * joints + 3)  # in the robot's row
+    Args:
+        task: one of its own, whose N worlds are N episodes that are relabelled at once.
+        num_episodes: N.
+        tokenizer, observer: of the environment that the episodes were recorded in.
+        joints: how many the arm has.
+    """
+
+    def __init__(self, task: Task, num_episodes: int, tokenizer: Tokenizer, observer: Observer, joints: int) -> None:
+        self._task, self._num_episodes, self._tokenizer, self._observer = task, num_episodes, tokenizer, observer
+        self._weights = reward_weights(task)
+        self._gripper = slice(2 * joints, 2 * joints + 3)  # the gripper centre's columns in `robot`
 
     def __call__(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:
-        """The episodes, (T,) each with all that is observed, that have another tale to tell, up to where it ends."""
+        """The episodes, (T,) each with all that is observed, that achieved another goal, up to where they end then."""
         if self._task.points:
-            return []  # the finger points at what was meant
+            return []  # the finger points at the recorded goal
         rng = np.random.default_rng(seed)
-        tales = [tale for frames in episodes if (tale := self._tale(frames, rng)) is not None]
-        count = self._worlds
-        return [told for i in range(0, len(tales), count) for told in self._judged(tales[i : i + count])]
+        relabelled = [each for frames in episodes if (each := self._relabel(frames, rng)) is not None]
+        count = self._num_episodes
+        batches = [relabelled[i : i + count] for i in range(0, len(relabelled), count)]
+        return [frames for batch in batches for frames in self._evaluate(batch)]
 
-    def _tale(self, frames: TensorDictBase, rng: Generator) -> Tale | None:
+    def _relabel(self, frames: TensorDictBase, rng: Generator) -> RelabelledEpisode | None:
+        """The episode with the goal that it achieved, if that is another one and words can say it."""
         rows = np.concatenate((frames["objects"][:1].numpy(), frames["next", "objects"].numpy()))
-        moments = self._moments(frames, rows)
-        shown = np.flatnonzero(moments.shown[0])
-        scene = seen_scene(rows[0, shown], self._task.config.viewpoint)
-        fixed = ~scene.targets if not self._task.moves else ~scene.targets & ~moments.movable[0, shown]
+        states = self._states(frames, rows)
+        shown = np.flatnonzero(states.shown[0])
+        scene = scene_of_rows(rows[0, shown], self._task.config.viewpoint)
+        fixed = ~scene.targets if not self._task.moves else ~scene.targets & ~states.movable[0, shown]
         try:
-            episode = self._task.retold(Placed(scene, np.zeros(len(scene)), fixed), _among(moments, shown), rng)
+            episode = self._task.retold(Placed(scene, np.zeros(len(scene)), fixed), _select_slots(states, shown), rng)
         except LanguageError:
             return None
         if episode is None:
             return None
         moved = (episode.scene.positions != scene.positions).any(1)
         slots, places = shown[moved], episode.scene.positions[moved]
-        moments.objects[:, slots] = rows[:, slots, :3] = places
+        states.objects[:, slots] = rows[:, slots, :3] = places
         if self._task.moves:
-            rows[:, slots, OFFSET] = offsets(moments.objects[:, slots], moments.gripper[:, None])
+            rows[:, slots, OFFSET] = offsets(states.objects[:, slots], states.gripper[:, None])
         target = episode.referent if episode.target is None else episode.target
-        meant = {"referent": shown[episode.referent], "target": shown[target]}
-        meant = {name: np.full(len(rows), slot) for name, slot in meant.items()}
-        return Tale(frames, replace(moments, **meant), rows, episode)
+        referents, targets = (np.full(len(rows), shown[index]) for index in (episode.referent, target))
+        return RelabelledEpisode(frames, replace(states, referent=referents, target=targets), rows, episode)
 
-    def _moments(self, frames: TensorDictBase, rows: NDArray[np.float32]) -> State:
-        """What the task saw of an episode, from its beginning on."""
+    def _states(self, frames: TensorDictBase, rows: NDArray[np.float32]) -> State:
+        """The T + 1 states of an episode, as the task saw them."""
         shown = self._history(frames, "objects_mask")
         places = np.where(shown[..., None], rows[..., :3], PARKED)
         gripper = self._history(frames, "robot")[:, self._gripper].astype(np.float64)
@@ -100,69 +111,74 @@ class Hindsight:
         """(T + 1, ...) what was observed at the beginning and after each step."""
         return torch.cat((frames[key][:1], frames[("next", *key)])).numpy()
 
-    def _judged(self, tales: Sequence[Tale]) -> list[TensorDictBase]:
-        """So many tales at once, up to where they end."""
-        spans = [len(tale.frames) for tale in tales]
-        states = self._side_by_side([tale.moments for tale in tales], max(spans))
-        self._task.reset(np.arange(self._worlds), states[0])
-        seen = [self._seen(states[0])]
-        came_to = []
-        for state in states[1:]:
-            came_to.append(TensorDict(judge(self._task, state, self._weights), [self._worlds]))
-            seen.append(self._seen(state))
-        each = zip(tales, torch.stack(seen, 1), torch.stack(came_to, 1), strict=False)
-        return [self._frames(tale, after, ends[: len(tale.frames)]) for tale, after, ends in each]
+    def _evaluate(self, batch: Sequence[RelabelledEpisode]) -> list[TensorDictBase]:
+        """The frames of up to N episodes with the rewards and terminations of their new goals."""
+        spans = [len(each.frames) for each in batch]
+        steps = self._side_by_side([each.states for each in batch], max(spans))
+        self._task.reset(np.arange(self._num_episodes), steps[0])
+        observed = [self._observe(steps[0])]
+        outcomes = []
+        for state in steps[1:]:
+            outcomes.append(TensorDict(compute_outcome(self._task, state, self._weights), [self._num_episodes]))
+            observed.append(self._observe(state))
+        each = zip(batch, torch.stack(observed, 1), torch.stack(outcomes, 1), strict=False)
+        return [self._frames(one, after, ends[: len(one.frames)]) for one, after, ends in each]
 
-    def _seen(self, state: State) -> TensorDictBase:
+    def _observe(self, state: State) -> TensorDictBase:
+        """(N,) the observations that depend on the goal, and the task's own columns of objects (N, K, C)."""
         columns = np.where(state.shown[..., None], self._task.seen(state), 0.0)
-        seen = asked(self._task, state, self._bounds) | {"columns": torch.from_numpy(columns)}
-        return TensorDict(seen, [self._worlds])
+        observed = self._observer.observe(GoalSource(self._task, state), goal=True)
+        return TensorDict(observed | {"columns": torch.from_numpy(columns)}, [self._num_episodes])
 
-    def _side_by_side(self, tales: Sequence[State], span: int) -> list[State]:
-        """Moment by moment, the tales as worlds. Those that are over stay as they are; the first fills up."""
-        tales = [*tales, *[tales[0]] * (self._worlds - len(tales))]
-        at = [np.minimum(np.arange(span + 1), len(tale.gripper) - 1) for tale in tales]
-        names = NAMES if self._task.moves else NAMES[:4]
-        whole = {name: [getattr(tale, name)[when] for tale, when in zip(tales, at, strict=True)] for name in names}
-        arrays = {name: np.stack(each, axis=1) for name, each in whole.items()}
+    def _side_by_side(self, episodes: Sequence[State], span: int) -> list[State]:
+        """For each step, the episodes as worlds. Those that are over stay as they are; the first fills empty places."""
+        episodes = [*episodes, *[episodes[0]] * (self._num_episodes - len(episodes))]
+        steps = [np.minimum(np.arange(span + 1), len(states.gripper) - 1) for states in episodes]
+        names = STATE_FIELDS if self._task.moves else FIELDS_WITHOUT_MOVING
+        histories = {
+            name: [getattr(states, name)[at] for states, at in zip(episodes, steps, strict=True)] for name in names
+        }
+        arrays = {name: np.stack(history, axis=1) for name, history in histories.items()}
         return [State(**{name: array[t] for name, array in arrays.items()}) for t in range(span + 1)]
 
-    def _frames(self, tale: Tale, seen: TensorDictBase, ends: TensorDictBase) -> TensorDictBase:
-        """(T,) what would have been recorded. seen: (T + 1 or more,). ends: (T,) what each step came to."""
-        over = ends["terminated"].flatten().nonzero()
-        count = int(over[0]) + 1 if len(over) else len(ends)
-        seen, ends = self._told(tale, seen, count + 1), ends[:count].clone()
+    def _frames(
+        self, relabelled: RelabelledEpisode, observed: TensorDictBase, outcomes: TensorDictBase
+    ) -> TensorDictBase:
+        """The frames that would have been recorded, up to the end. observed: (T + 1 or more,). outcomes: (T,)."""
+        over = outcomes["terminated"].flatten().nonzero()
+        count = int(over[0]) + 1 if len(over) else len(outcomes)
+        observed, outcomes = self._observations(relabelled, observed, count + 1), outcomes[:count].clone()
         done = torch.zeros(count, 1, dtype=torch.bool)
         done[-1] = True
-        ends = ends.update({"done": done, "truncated": done & ~ends["terminated"]})
-        frames = tale.frames[:count].clone()
-        frames.update(seen[:-1]).update(_a_step_later(ends.exclude("reward")))
-        frames["next"].update(seen[1:]).update(ends)
+        outcomes = outcomes.update({"done": done, "truncated": done & ~outcomes["terminated"]})
+        frames = relabelled.frames[:count].clone()
+        frames.update(observed[:-1]).update(_one_step_later(outcomes.exclude("reward")))
+        frames["next"].update(observed[1:]).update(outcomes)
         return frames
 
-    def _told(self, tale: Tale, seen: TensorDictBase, count: int) -> TensorDictBase:
-        """(count,) all that is seen and heard of the tale that may differ from what was recorded."""
-        episode, seen = tale.episode, seen[:count].clone()
+    def _observations(self, relabelled: RelabelledEpisode, observed: TensorDictBase, count: int) -> TensorDictBase:
+        """(count,) all observations that may differ from what was recorded."""
+        episode, observed = relabelled.episode, observed[:count].clone()
         words = torch.from_numpy(tokens(episode, self._tokenizer).copy())
         sentence = torch.from_numpy(in_bytes(episode.sentence).copy())
         privileged = {"kind": torch.tensor(episode.kind).expand(count), "sentence": sentence.expand(count, -1)}
-        rows = tale.rows[:count].astype(np.float64)
-        rows[..., COLUMNS] = seen.pop("columns").numpy()
-        objects = clipped(rows, self._bounds.objects)
-        return seen.update({"objects": objects, "instruction": words.expand(count, -1), "privileged": privileged})
+        rows = relabelled.rows[:count].astype(np.float64)
+        rows[..., COLUMNS] = observed.pop("columns").numpy()
+        objects = self._observer.tensor("objects", rows)
+        return observed.update({"objects": objects, "instruction": words.expand(count, -1), "privileged": privileged})
 
 
-def _a_step_later(ends: TensorDictBase) -> TensorDictBase:
-    """(T,) what is known of the steps before; of none, at first."""
-    return torch.cat((torch.zeros_like(ends[:1]), ends[:-1]))
+def _one_step_later(outcomes: TensorDictBase) -> TensorDictBase:
+    """(T,) the outcomes as the observation before each step has them: none at first."""
+    return torch.cat((torch.zeros_like(outcomes[:1]), outcomes[:-1]))
 
 
-def _among(moments: State, slots: NDArray[np.int64]) -> State:
-    """The same with these slots alone, numbered anew."""
-    few: dict[str, Any] = {"objects": moments.objects[:, slots], "shown": moments.shown[:, slots]}
-    few["referent"] = np.searchsorted(slots, moments.referent)
-    if len(moments.held):
-        few["target"] = np.searchsorted(slots, moments.target)
-        few |= {name: getattr(moments, name)[:, slots] for name in ("movable", "targets", "turns")}
-        few["held"] = np.where(moments.held == NOTHING, NOTHING, np.searchsorted(slots, moments.held))
-    return replace(moments, **few)
+def _select_slots(states: State, slots: NDArray[np.int64]) -> State:
+    """The states with these slots alone, numbered anew."""
+    selected: dict[str, Any] = {"objects": states.objects[:, slots], "shown": states.shown[:, slots]}
+    selected["referent"] = np.searchsorted(slots, states.referent)
+    if len(states.held):
+        selected["target"] = np.searchsorted(slots, states.target)
+        selected |= {name: getattr(states, name)[:, slots] for name in ("movable", "targets", "turns")}
+        selected["held"] = np.where(states.held == NOTHING, NOTHING, np.searchsorted(slots, states.held))
+    return replace(states, **selected)

@@ -1,4 +1,4 @@
-"""What a control step came to, as the environment tells it."""
+"""Weighted rewards and terminations of a control step."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from envs.sim.kinematics import Array
 from envs.tasks import State, Task
 
 
-def weights(task: Task) -> Array:
+def reward_weights(task: Task) -> Array:
     """(T,) the weight of each reward term, in the order of `terms`."""
     return np.array([task.config.reward[name] for name in task.terms])
 
 
-def judge(task: Task, state: State, weights: Array) -> dict[str, Tensor]:
-    """The task's next control step: reward_terms (N, T), their sum, and how episodes ended, (N, 1) each.
+def compute_outcome(task: Task, state: State, weights: Array) -> dict[str, Tensor]:
+    """Advance the task by one control step: reward_terms (N, T), reward (N, 1) and flags, (N, 1) each.
 
-    All but the end by time, which no task knows of.
+    "terminated" is among the flags. The env adds truncation.
     """
     outcome = task.step(state)
     terms = np.stack([outcome.terms[name] for name in task.terms], axis=1) * weights

@@ -1,4 +1,4 @@
-"""Scenes that are drawn and described but never simulated: all that is needed to learn what is meant."""
+"""Scenes that are drawn and described but never simulated, to learn the meaning of words from."""
 
 from __future__ import annotations
 
@@ -8,44 +8,49 @@ from tensordict import TensorDict, TensorDictBase
 
 from envs.mdp.gestures import RAY_WIDTH, ray_of
 from envs.mdp.goals import Goal, tokens
-from envs.mdp.observation_spec import FACING, OBJECT_WIDTH, OFFSET, Bounds, clipped, lasting_rows, offsets
+from envs.mdp.object_rows import FACING, OBJECT_WIDTH, OFFSET, offsets, static_rows
+from envs.mdp.observation_terms import Observer, Setup
 from envs.sim.devices import facing
-from envs.tasks import Task
-from language import Tokenizer
 
 
-def described(task: Task, tokenizer: Tokenizer, bounds: Bounds, slots: int, count: int, seed: int) -> TensorDictBase:
-    """(count,) objects, objects_mask, instruction, privileged/referent, where there are targets privileged/target and,
-    where a person points, gesture.
+def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> TensorDictBase:
+    """Draw episodes and observe what can be observed without a simulator.
 
-    They have the shapes and bounds of the observation of a world with so many slots; offsets are seen from grippers
-    that are anywhere. The gesture is the finger's own ray, even where episodes are shown the one that a camera reads.
+    Offsets are seen from grippers that are anywhere in the workspace. The gesture is the finger's own ray, even where
+    episodes show the one that a camera reads.
+
+    Args:
+        setup, observer: of the environment whose shapes and bounds the observations have.
+        count: how many.
+        seed: of all randomness.
+
+    Returns:
+        (count,) objects, objects_mask, instruction, privileged/referent; where there are targets, privileged/target;
+        where a person points, gesture.
     """
-    rng = np.random.default_rng(seed)
-    rows, shown = np.zeros((count, slots, bounds.objects.shape[1])), np.zeros((count, slots), bool)
-    words, meant = np.zeros((count, tokenizer.length), np.int64), np.zeros((count, 2), np.int64)
-    grippers = rng.uniform(bounds.position[0], bounds.position[1], (count, 3)) if task.moves else None
+    task, rng = setup.task, np.random.default_rng(seed)
+    slots, width = observer.shape("objects")
+    rows, shown = np.zeros((count, slots, width)), np.zeros((count, slots), bool)
+    instructions, goals = np.zeros((count, setup.tokenizer.length), np.int64), np.zeros((count, 2), np.int64)
+    low, high = np.reshape(setup.workspace.bounds, (3, 2)).T.astype(np.float32)
+    grippers = rng.uniform(low, high, (count, 3)) if task.moves else None
     rays = np.zeros((count, RAY_WIDTH))
     for i in range(count):
         episode = task.draw(rng)
         order = rng.permutation(slots)[: len(episode.scene)]
-        rows[i, order, :OBJECT_WIDTH], shown[i, order] = lasting_rows(episode.scene, episode.yaw), True
-        words[i] = tokens(episode, tokenizer)
+        rows[i, order, :OBJECT_WIDTH], shown[i, order] = static_rows(episode.scene, episode.yaw), True
+        instructions[i] = tokens(episode, setup.tokenizer)
         goal = Goal.of(episode, order)
-        meant[i] = goal.referent, goal.target
+        goals[i] = goal.referent, goal.target
         rays[i] = ray_of(episode.gesture)
     if grippers is not None:
         rows[..., OFFSET] = offsets(rows[..., :3], grippers[:, None])
     if task.operates:
         rows[..., FACING] = np.where(shown[..., None], facing(rows[..., 3:7]), 0.0)
-    referents, targets = (torch.from_numpy(slots.copy()) for slots in meant.T)
-    names = {"referent": referents} | ({"target": targets} if task.places else {})
-    values = {
-        "objects": clipped(rows, bounds.objects),
-        "objects_mask": torch.from_numpy(shown),
-        "instruction": torch.from_numpy(words),
-        "privileged": TensorDict(names, [count]),
-    }
+    values = {"objects": rows, "objects_mask": shown, "instruction": instructions}
     if task.points:
-        values["gesture"] = clipped(rays, bounds.gesture)
-    return TensorDict(values, [count])
+        values["gesture"] = rays
+    tensors = {key: observer.tensor(key, value) for key, value in values.items()}
+    referents, targets = (torch.from_numpy(slots.copy()) for slots in goals.T)
+    privileged = {"referent": referents} | ({"target": targets} if task.places else {})
+    return TensorDict(tensors | {"privileged": TensorDict(privileged, [count])}, [count])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.mdp.goals import SENTENCE_BYTES, Goal, in_bytes
-from envs.mdp.observation_spec import ATTRIBUTES, OBJECT_WIDTH, attributes
+from envs.mdp.object_rows import ATTRIBUTES, OBJECT_WIDTH, attributes
 from envs.sim.kinematics import Array, Kinematics, Pose
 from envs.sim.object_pool import PARKED, Mobility
 from envs.sim.robot import RobotConfig

@@ -3,13 +3,12 @@
     out=docs/reference   the folder that they go to
     check=false          true: write nothing, and fail where the pages there are not what would be written
 
-Shapes, types and bounds come from the environments' own specs. `envs.mdp.observation_spec` describes the keys.
+Shapes, types and bounds come from the environments' own specs. `envs.mdp.observations` describes the keys.
 """
 
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, fields, replace
@@ -23,8 +22,9 @@ from conf.arguments import out_folder, run, split
 from conf.overrides import compose, groups
 from conf.schema import Checked, ConfigError, read
 from envs.config import EnvConfig, read_env
-from envs.mdp import observation_spec as observation
 from envs.mdp.controls import CONTROLS
+from envs.mdp.object_rows import CLOSE, NEAR
+from envs.mdp.observations import descriptions
 from envs.tasks import TASKS
 from envs.workspace_env import WorkspaceEnv
 from language import DEVICES, SHAPES
@@ -32,7 +32,7 @@ from language import DEVICES, SHAPES
 DEFAULTS = {"out": "docs/reference", "check": False}
 NOTE = "<!-- Written by `python -m envs.tools.tables` from the specs: not to be edited. -->"
 COLUMNS = ["x", "y", "z (m)", "quaternion x", "y", "z", "w", "red", "green", "blue", "opacity"]
-OFFSETS = [f"offset {axis} within {near} m" for near in (observation.NEAR, observation.CLOSE) for axis in "xyz"]
+OFFSETS = [f"offset {axis} within {near} m" for near in (NEAR, CLOSE) for axis in "xyz"]
 PLACE, TURNED = ["gripper x", "y", "z (m)"], [f"rotation, {i}. column, {axis}" for i in (1, 2) for axis in "xyz"]
 ARM = {
     "step": ["move x", "move y", "move z"],
@@ -109,7 +109,7 @@ def _tasks_page(tasks: dict[str, Specs], made: dict[tuple[str, str, str], Specs]
         "",
         "## What the keys hold",
         "",
-        *_table(["key", "what it holds"], [[f"`{key}`", text] for key, text in told().items()]),
+        *_table(["key", "what it holds"], [[f"`{key}`", text] for key, text in descriptions().items()]),
         "",
         "## Rows of `objects`",
         "",
@@ -228,21 +228,6 @@ def _robot_tables(robot: str, made: dict[tuple[str, str, str], Specs]) -> list[s
 
 def _number(value: float) -> str:
     return f"{round(value, 3):g}"
-
-
-def told() -> dict[str, str]:
-    """What the docstring of `envs.mdp.observation_spec` says of each key."""
-    rows: dict[str, str] = {}
-    key = ""
-    for line in str(observation.__doc__).splitlines():
-        cells = [cell.strip() for cell in line.strip("| ").split("|")] if line.startswith("|   | |") else None
-        start = re.match(r"\| ([\w, ]+) \| (.*?)\| (.*)", line)
-        if cells:
-            rows[key] += " " + cells[-1]
-        elif start and start[1] != "key":
-            key = start[1].strip()
-            rows[key] = start[3].strip(" |")
-    return rows
 
 
 def _table(head: list[str], rows: Rows) -> list[str]:

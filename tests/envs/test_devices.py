@@ -9,7 +9,7 @@ from torchrl.envs.utils import check_env_specs
 
 from conf.schema import ConfigError
 from envs.experts import expert
-from envs.mdp.observation_spec import FACING, lasting_rows, seen_scene
+from envs.mdp.object_rows import FACING, scene_of_rows, static_rows
 from envs.tasks import State
 from envs.tasks.operate import MEDDLED, OPERATED
 from language import DEVICES, ground, parse
@@ -75,7 +75,7 @@ def test_what_is_seen_is_what_words_name(name):
     env = make("kuka", "step", name, worlds=4, seed=1)
     td = env.reset()
     for i in range(4):
-        scene = seen_scene(td["objects"][i].numpy(), devices=True)
+        scene = scene_of_rows(td["objects"][i].numpy(), devices=True)
         assert ground(parse(env.sentence(i)), scene) == td["privileged", "referent"][i]
     env.close()
 
@@ -103,7 +103,7 @@ def test_devices_stand_where_they_were_drawn_and_wait_there(name):
     drawn = [env.task.draw(np.random.default_rng(np.random.SeedSequence(2, spawn_key=(i,)))) for i in range(3)]
     for i, episode in enumerate(drawn):
         rows = np.array(sorted(td["objects"][i, :, :7].tolist()))
-        lasting = np.array(sorted(lasting_rows(episode.scene, episode.yaw)[:, :7].tolist()))
+        lasting = np.array(sorted(static_rows(episode.scene, episode.yaw)[:, :7].tolist()))
         np.testing.assert_allclose(rows[:, :3], lasting[:, :3], atol=1e-5)
         np.testing.assert_allclose(np.abs((rows * lasting)[:, 3:].sum(1)), 1.0, atol=1e-6)  # the same turns
     assert (ways(td) == 0).all()

@@ -10,7 +10,7 @@ import pytest
 import torch
 from torchrl.envs.utils import check_env_specs
 
-from envs.mdp.observation_spec import COLUMNS
+from envs.mdp.object_rows import COLUMNS
 from tests.helpers.env_cases import FEWER, Poker, act, differences, hold, leaves, make, name_of, partial_reset
 
 WORLDS = 3

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from envs.experts import expert
-from envs.mdp.observation_spec import OBJECT_WIDTH
+from envs.mdp.object_rows import OBJECT_WIDTH
 from language import parse
 from tests.helpers.env_cases import act, leaves, make
 

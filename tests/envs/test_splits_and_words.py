@@ -6,7 +6,7 @@ import torch
 
 from conf.schema import ConfigError
 from envs.experts import Oracle
-from envs.mdp.observation_spec import seen_scene
+from envs.mdp.object_rows import scene_of_rows
 from language import ground, parse, say
 from tests.helpers.env_cases import make, task_of
 
@@ -103,7 +103,7 @@ def test_drawn_scenes_are_what_episodes_begin_with():
     scenes = env.draw_scenes(40, seed=5)
     for i in range(40):
         shown = scenes["objects_mask"][i].numpy()
-        scene = seen_scene(scenes["objects"][i].numpy()[shown])
+        scene = scene_of_rows(scenes["objects"][i].numpy()[shown])
         referent = int(np.flatnonzero(shown)[ground(parse(env.tokenizer.decode(scenes["instruction"][i])), scene)])
         assert referent == scenes["privileged", "referent"][i]
     assert torch.equal(scenes["objects"], env.draw_scenes(40, seed=5)["objects"])

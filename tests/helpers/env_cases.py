@@ -8,7 +8,7 @@ import torch
 import conf
 from conf.overrides import compose
 from envs import make_env, read_env
-from envs.mdp.gestures import meet
+from envs.mdp.gestures import make_person
 from envs.tasks import TASKS as KNOWN
 
 CONF = Path(conf.__file__).parent
@@ -48,7 +48,7 @@ def make(robot="kuka", control="step", task="nl_reach", *more, worlds=1, seed=0,
 
 def task_of(name, *overrides, worlds=1):
     config = read_env(compose([f"task={name}", *overrides]))
-    person = meet(config.workspace.human, config.gesture)
+    person = make_person(config.workspace.human, config.gesture)
     return KNOWN[config.task.name](config.task, config.workspace.object_area, worlds, person)
 
 

@@ -7,7 +7,7 @@ import torch
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from envs import make_env
-from envs.mdp.observation_spec import NEAR, OFFSET
+from envs.mdp.object_rows import NEAR, OFFSET
 from tests.helpers.plans import plan
 from trainers.models.policy import build
 

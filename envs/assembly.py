@@ -1,0 +1,72 @@
+"""Builds the parts of an environment from its config."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from envs.config import EnvConfig
+from envs.mdp.controls import CONTROLS, Control
+from envs.mdp.grip_controller import GripController
+from envs.mdp.initial_states import InitialStates
+from envs.sim.kinematics import Array, Kinematics
+from envs.sim.object_pool import PoolSpec
+from envs.sim.robot import read_chain
+from envs.sim.window import Window
+from envs.sim.world import World
+from envs.tasks import TASKS, State, Task
+from human import Person
+from language import SHAPES
+
+PRESS_DEPTH = 0.005  # metres that a magnet may go below the top of an object on the table
+
+
+def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task:
+    """The task of N worlds. person: who points, if anybody."""
+    return TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
+
+
+def make_chain(config: EnvConfig, task: Task) -> Kinematics:
+    """The kinematics of the arm. Its rest pose depends on whether the task moves objects."""
+    return read_chain(config.robot if task.moves else config.robot.reaching())
+
+
+def make_world(config: EnvConfig, task: Task, render: bool = False, window: Window | None = None) -> World:
+    """One world with all that the task shows."""
+    objects = PoolSpec(SHAPES, task.bodies, config.task.object_size)
+    gripper = config.gripper if task.moves else None
+    return World(config.robot, config.workspace, config.physics, objects, render, window, gripper, task.devices)
+
+
+def gripper_name(config: EnvConfig, task: Task) -> str | None:
+    """What is mounted on the robot: "magnet" or "fingers"; None where the task moves no objects."""
+    return config.gripper.of(config.robot) if task.moves else None
+
+
+def gripper_box(config: EnvConfig, task: Task) -> Array:
+    """(2, 3) lowest and highest corner of where the gripper may be, metres."""
+    box = np.reshape(config.workspace.gripper_box, (3, 2)).T.copy()
+    if gripper_name(config, task) == "magnet" and task.grips:  # it grips objects from above
+        box[0, 2] = max(box[0, 2], config.task.object_size - PRESS_DEPTH)
+    return box
+
+
+def make_control(config: EnvConfig, task: Task, chain: Kinematics) -> Control:
+    """The control that the config names."""
+    speed = np.array(config.robot.max_speed) * (config.physics.time_step * config.physics.substeps)
+    guarded = gripper_name(config, task) == "magnet"
+    make = CONTROLS[config.control.name]
+    return make(config.control, chain, speed, gripper_box(config, task), guarded, task.turns)
+
+
+def make_initial_states(config: EnvConfig, task: Task, chain: Kinematics) -> InitialStates:
+    """Where the arm begins episodes."""
+    curriculum = config.task.curriculum.share > 0
+    return InitialStates(chain, config.task.reset_noise, gripper_box(config, task) if curriculum else None)
+
+
+def make_grips(config: EnvConfig, task: Task, worlds: Sequence[World], state: State) -> GripController:
+    """The controller of all worlds' grippers. state: where it writes what they hold."""
+    kind = gripper_name(config, task) if task.grips else None
+    return GripController(kind, config.robot, config.task.object_size, worlds, state, task.lag, not task.moves)

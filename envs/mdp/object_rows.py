@@ -1,0 +1,75 @@
+"""The rows of the observation `objects`: one for each slot, with what is known of the object in it.
+
+The columns in their order:
+
+1. position (m) and quaternion (x, y, z, w);
+2. RGBA (A of a target: 0.5), shape one-hot, size (m) and role (1: target), which no episode changes;
+3. where the task moves objects: the offset from the gripper, clipped at `NEAR`, and again at `CLOSE`;
+4. the task's own `columns`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.tasks import Task
+from language import COLORS, DEVICES, NOUNS, SEE_THROUGH, SHAPES, Scene, color_name, color_table
+
+Array = NDArray[np.float64]
+NEAR, CLOSE = 0.2, 0.04  # metres at which offsets are clipped: grasping needs the finer scale
+OBJECT_WIDTH = 3 + 4 + 4 + len(SHAPES) + 1 + 1
+ATTRIBUTES = slice(7, OBJECT_WIDTH)  # what no episode changes: colour, shape, size, role
+OFFSET = slice(OBJECT_WIDTH, OBJECT_WIDTH + 6)  # the offsets from the gripper, if any
+COLUMNS = slice(OFFSET.stop, None)  # the task's own columns, if any
+FACING = slice(OFFSET.stop, OFFSET.stop + 2)  # of devices: where they face
+MAX_SIZE = 0.2  # metres
+# A task is about shapes or about devices: each noun's column in the one-hot of its kind.
+_ONE_HOT = np.array([(SHAPES if noun in SHAPES else DEVICES).index(noun) for noun in NOUNS])
+
+
+def row_bounds(task: Task, low: Array, high: Array) -> tuple[list, list]:
+    """The least and greatest values of a row, in parts to concatenate. low, high: (3,) of positions, metres."""
+    rest = OBJECT_WIDTH - 7 - 2
+    least: list = [low, -np.ones(4), np.zeros(rest), [0.0, 0.0]]
+    greatest: list = [high, np.ones(4), np.ones(rest), [MAX_SIZE, 1.0]]
+    if task.moves:
+        limit = np.repeat((NEAR, CLOSE), 3)
+        least += [-limit, [column.low for column in task.columns]]
+        greatest += [limit, [column.high for column in task.columns]]
+    return least, greatest
+
+
+def attributes(scene: Scene) -> Array:
+    """(K, OBJECT_WIDTH - 7) the part of each object's row that no episode changes."""
+    shape = np.eye(len(SHAPES))[_ONE_HOT[scene.nouns]]
+    colors = color_table()[scene.colors]
+    colors[scene.targets, 3] = SEE_THROUGH
+    return np.concatenate((colors, shape, scene.sizes[:, None], scene.targets[:, None]), axis=1)
+
+
+def static_rows(scene: Scene, yaw: Array | None) -> Array:
+    """(K, OBJECT_WIDTH) the rows of objects that rest where the scene has them. yaw: (K,) radians; None: 0."""
+    half = (np.zeros(len(scene)) if yaw is None else yaw) / 2
+    quaternions = np.stack((np.zeros_like(half), np.zeros_like(half), np.sin(half), np.cos(half)), axis=1)
+    return np.concatenate((scene.positions, quaternions, attributes(scene)), axis=1)
+
+
+def scene_of_rows(rows: NDArray, viewpoint: str = "robot", devices: bool = False) -> Scene:
+    """The scene that rows (K, D) describe: the inverse of `static_rows`. devices: the objects are devices."""
+    nouns = DEVICES if devices else SHAPES
+    colors, shapes = rows[:, 7:11], rows[:, 11 : 11 + len(nouns)]
+    return Scene.from_arrays(
+        nouns=[list(NOUNS).index(nouns[column]) for column in shapes.argmax(1)],
+        colors=[list(COLORS).index(color_name(color)) for color in colors],
+        positions=rows[:, :3],
+        size=rows[:, OBJECT_WIDTH - 2],
+        targets=rows[:, OBJECT_WIDTH - 1] > 0.5,
+        viewpoint=viewpoint,
+    )
+
+
+def offsets(positions: Array, origin: Array) -> Array:
+    """(..., 6) metres from `origin` to positions, both (..., 3): twice, since each copy is clipped on its own."""
+    offset = positions - origin
+    return np.concatenate((offset, offset), axis=-1)

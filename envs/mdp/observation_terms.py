@@ -1,0 +1,152 @@
+"""What one observation is: its spec, how it is computed, and who may see it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+from torchrl.data import Bounded, Composite, TensorSpec
+
+from envs.mdp.controls import Control
+from envs.mdp.gestures import Gestures
+from envs.mdp.grip_controller import GripController
+from envs.mdp.world_state import WorldState
+from envs.sim.kinematics import Kinematics
+from envs.sim.robot import RobotConfig
+from envs.sim.workspace import WorkspaceConfig
+from envs.tasks import State, Task
+from language import Tokenizer
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What specs depend on. action_width: how many numbers an action has."""
+
+    workspace: WorkspaceConfig
+    robot: RobotConfig
+    chain: Kinematics
+    task: Task
+    tokenizer: Tokenizer
+    action_width: int
+
+
+@dataclass(frozen=True)
+class GoalSource:
+    """What observations that depend on the goal are computed from: N episodes as the task sees them."""
+
+    task: Task
+    state: State
+
+
+@dataclass(frozen=True)
+class Source(GoalSource):
+    """What all other observations are computed from, as well."""
+
+    worlds: WorldState
+    grips: GripController
+    gestures: Gestures
+    control: Control
+
+    def hold(self) -> NDArray[np.float32]:
+        """(N, A) the action that keeps the arm where it is; 0 for the gripper, whose command is absolute."""
+        arm = self.control.hold(self.worlds.angles, self.worlds.pose.position)
+        return np.concatenate((arm, np.zeros((len(arm), self.grips.width))), axis=1).astype(np.float32)
+
+
+def always(task: Task) -> bool:
+    """An observation that every task has."""
+    return True
+
+
+@dataclass(frozen=True)
+class ObservationTerm:
+    """One observation. Its key begins with "privileged/" where policies must not see it.
+
+    Everything else follows from the list of terms: the specs of TorchRL and Gymnasium, recordings (every public key is
+    recorded), checkpoints (which store the shapes of public keys), checks for finite values, and docs/reference.
+
+    Attributes:
+        key: "name" or "privileged/name".
+        description: what it holds, with units, for the documentation.
+        spec: of one world.
+        compute: gives (N, ...) numbers of N worlds from a `Source`. Floats are clipped to the spec's bounds.
+        present: whether a task has it.
+        goal: whether it depends on what the episode asks for. It is then computed from a `GoalSource` alone, and again
+            where an episode is relabelled.
+        gymnasium: whether the Gymnasium environment shows it.
+    """
+
+    key: str
+    description: str
+    spec: Callable[[Setup], TensorSpec]
+    compute: Callable[[Any], NDArray]
+    present: Callable[[Task], bool] = always
+    goal: bool = False
+    gymnasium: bool = False
+
+    @property
+    def path(self) -> tuple[str, ...]:
+        """The key as TensorDicts take it."""
+        return tuple(self.key.split("/"))
+
+
+class Observer:
+    """Makes specs of observations and tensors that keep to them.
+
+    terms: those that the task has.
+    """
+
+    def __init__(self, terms: Iterable[ObservationTerm], setup: Setup) -> None:
+        self.terms = [term for term in terms if term.present(setup.task)]
+        self._specs = {term.key: term.spec(setup) for term in self.terms}
+        self._bounds = {
+            key: (spec.space.low.numpy(), spec.space.high.numpy())
+            for key, spec in self._specs.items()
+            if isinstance(spec, Bounded) and spec.dtype == torch.float32
+        }
+
+    def spec(self, num_worlds: int) -> Composite:
+        """The spec of all terms for N worlds."""
+        spec = Composite(privileged=Composite(shape=(num_worlds,)), shape=(num_worlds,))
+        for term in self.terms:
+            one = self._specs[term.key]
+            spec[term.path] = one.expand(num_worlds, *one.shape)
+        return spec
+
+    def shape(self, key: str) -> torch.Size:
+        """Of one world."""
+        return self._specs[key].shape
+
+    def bounds(self, key: str) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The least and greatest values of one world's floats."""
+        return self._bounds[key]
+
+    def tensor(self, key: str, values: ArrayLike) -> Tensor:
+        """A fresh tensor: floats as float32 within their bounds; NaN stays NaN, for checks to find."""
+        if key in self._bounds:
+            return torch.from_numpy(np.clip(np.asarray(values, np.float32), *self._bounds[key]))
+        return torch.from_numpy(np.array(values))
+
+    def observe(self, source: GoalSource, goal: bool | None = None) -> dict[str, Any]:
+        """The observations of N worlds, those under "privileged" as a dict of their own.
+
+        goal: only the terms that do, or do not, depend on the goal; None: all terms.
+        """
+        observed: dict[str, Any] = {"privileged": {}}
+        for term in self.terms:
+            if goal is None or term.goal == goal:
+                part = observed["privileged"] if len(term.path) > 1 else observed
+                part[term.path[-1]] = self.tensor(term.key, term.compute(source))
+        return observed
+
+
+def bounded(least: Sequence[ArrayLike], greatest: Sequence[ArrayLike], *batch: int) -> Bounded:
+    """float32 (*batch, width) between these values, given in parts to concatenate."""
+    low, high = (torch.tensor(np.concatenate(parts).astype(np.float32)) for parts in (least, greatest))
+    shape = (*batch, len(low))
+    return Bounded(low.expand(shape), high.expand(shape), shape, dtype=torch.float32)
