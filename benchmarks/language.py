@@ -25,12 +25,9 @@ from numpy.random import Generator
 from benchmarks.hostile import WRITERS
 from benchmarks.results import rows, write_section
 from language import (
-    COLORS,
     DEFAULT_KINDS,
     KINDS,
-    SHAPES,
     VERBS,
-    VIEWPOINTS,
     Chain,
     Command,
     Describer,
@@ -48,6 +45,7 @@ from language import (
 )
 from language.generator import ReferringExpressions
 from language.splits import Split
+from tools.random_scenes import random_scene
 
 PER_SCENE = 250  # deeper sentences that are drawn of one scene
 SHOWN = 5  # failures that are told in full
@@ -76,26 +74,14 @@ class Tally(NamedTuple):
     wrong: list[str]
 
 
-def random_scene(rng: Generator, counts: tuple[int, int] = (2, 8)) -> Scene:
-    """Things of three sizes and several heights, a fifth of them targets, seen by the robot or the human."""
-    return scene_of(int(rng.integers(counts[0], counts[1] + 1)), rng)
-
-
-def scene_of(number: int, rng: Generator) -> Scene:
-    """The same, of so many things."""
-    return Scene.from_arrays(
-        nouns=rng.integers(len(SHAPES), size=number),
-        colors=rng.integers(len(COLORS), size=number),
-        positions=rng.uniform([0.3, -0.3, 0.0], [0.7, 0.3, 0.2], size=(number, 3)),
-        size=rng.choice([0.03, 0.05, 0.07], size=number),
-        targets=rng.random(number) < 0.2,
-        viewpoint=list(VIEWPOINTS)[rng.integers(len(VIEWPOINTS))],
-    )
+def _small_scene(rng: Generator, counts: tuple[int, int] = (2, 8)) -> Scene:
+    """Returns a random scene of counts[0] to counts[1] objects."""
+    return random_scene(int(rng.integers(counts[0], counts[1] + 1)), rng)
 
 
 def every_sentence(seed: int) -> Tally:
     """Each sentence of at most one relation about one scene, said and understood."""
-    scene = random_scene(np.random.default_rng([seed, 1]))
+    scene = _small_scene(np.random.default_rng([seed, 1]))
     expressions = ReferringExpressions(scene, Split(), redundant=True)
     kinds = [kind for kind in KINDS if kind != "nested"]
     said = (
@@ -112,7 +98,7 @@ def deeper_sentences(job: tuple[int, int]) -> Tally:
     seed, number = job
     rng = np.random.default_rng([seed, 2])
     while True:
-        scene = random_scene(rng)
+        scene = _small_scene(rng)
         expressions = ReferringExpressions(scene, Split(), redundant=True)
         if expressions.nameable_nested(2).sum() > 1:
             return check(scene, (_deeper(expressions, rng) for _ in range(number)))
@@ -181,7 +167,7 @@ def round_trip(args: argparse.Namespace) -> dict[str, Any]:
 def speed(args: argparse.Namespace) -> dict[str, Any]:
     """Sentences a second with 6 objects, on one core, once everything is imported and the grammar is built."""
     rng = np.random.default_rng(args.seed)
-    scenes = [random_scene(rng, (6, 6)) for _ in range(args.speed_scenes)]
+    scenes = [_small_scene(rng, (6, 6)) for _ in range(args.speed_scenes)]
     describer = Describer(KINDS)
     made = [
         (scene, Instruction("reach", describer.phrase(scene, int(index), rng)))
@@ -221,7 +207,7 @@ def _rate(work: Callable[[], list[Any]]) -> float:
 def fuzz(args: argparse.Namespace) -> dict[str, Any]:
     """Random, truncated, shuffled and hostile strings, each parsed against a scene, some as corrections."""
     rng = np.random.default_rng(args.seed)
-    scenes = [random_scene(rng, (6, 6)) for _ in range(100)]
+    scenes = [_small_scene(rng, (6, 6)) for _ in range(100)]
     previous = Instruction("reach", ObjectPhrase("cube", "red"))
     parse("reach the cube")
     outcomes = dict.fromkeys(("understood", *(error.__name__ for error in ERRORS), "other"), 0)

@@ -127,7 +127,7 @@ def test_the_search_for_cycles_finds_one():
 @pytest.mark.parametrize(
     ("module", "heavy"),
     [
-        ("language", {"torch", "tensordict", "torchrl", "pybullet", "hydra", "matplotlib"}),
+        ("language", {"torch", "tensordict", "torchrl", "pybullet", "hydra", "matplotlib", "lark", "envs"}),
         ("conf.schema", {"torch", "pybullet", "hydra", "omegaconf", "numpy"}),
         ("conf.overrides", {"torch", "pybullet", "hydra"}),
     ],

@@ -3,7 +3,6 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from benchmarks.language import scene_of
 from language import (
     COLORS,
     NOUNS,
@@ -22,6 +21,7 @@ from language import (
     say,
 )
 from language.objects import ROLE_WORDS
+from tools.random_scenes import random_scene
 
 # Seen by the robot: the red cube is on the right, the green one on the left and far away, the cylinder on the sphere.
 TABLE = Scene(
@@ -47,7 +47,7 @@ PLACES = Scene(
 
 def random_scenes(number, counts=range(2, 9), seed=0):
     rng = np.random.default_rng(seed)
-    return [scene_of(int(count), rng) for count in rng.choice(list(counts), size=number)]
+    return [random_scene(int(count), rng) for count in rng.choice(list(counts), size=number)]
 
 
 def scene(*things):

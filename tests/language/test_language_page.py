@@ -1,4 +1,4 @@
-"""docs/language.md is true: its Python runs as it stands, and its commands print what it shows."""
+"""docs/language.md: its Python runs, and its commands print what it shows."""
 
 import copy
 import importlib

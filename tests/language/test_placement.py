@@ -1,4 +1,4 @@
-"""Scenes drawn from a list of what stands where, and the subtasks picked among them."""
+"""Layouts drawn from specifications of objects, and subtasks among them."""
 
 import re
 
@@ -20,7 +20,7 @@ def draws(layout, number=200, spacing=0.1, seed=0):
     return [layout.draw(rng, spacing) for _ in range(number)]
 
 
-def test_objects_are_what_was_said_within_their_areas():
+def test_objects_follow_their_specifications_and_areas():
     for placed in draws(from_all([RED, BALL, PLACE])):
         cube, ball, place = placed.scene
         assert (cube.noun, cube.color, ball.noun) == ("cube", "red", "sphere")
@@ -33,7 +33,7 @@ def test_objects_are_what_was_said_within_their_areas():
             assert (thing.position <= high).all()
 
 
-def test_areas_are_filled_and_open_words_take_every_value():
+def test_places_fill_the_areas_and_unspecified_words_take_every_value():
     drawn = draws(from_all([BALL, PLACE]), 600)
     heights = np.array([placed.scene.positions[0, 2] for placed in drawn])
     assert heights.min() < 0.03 < 0.19 < heights.max()
@@ -41,7 +41,7 @@ def test_areas_are_filled_and_open_words_take_every_value():
     assert {int(placed.scene.colors[1]) for placed in drawn} == set(range(len(COLORS)))
 
 
-def test_only_what_asks_for_it_is_turned():
+def test_yaw_is_random_only_on_request():
     yaw = np.array([placed.yaw for placed in draws(from_all([RED, BALL]), 600)])
     assert not yaw[:, 0].any()
     assert yaw[:, 1].min() >= -np.pi
@@ -49,7 +49,7 @@ def test_only_what_asks_for_it_is_turned():
     assert np.histogram(yaw[:, 1], bins=4, range=(-np.pi, np.pi))[0].min() > 100
 
 
-def test_all_centres_keep_their_distance_targets_too():
+def test_all_centres_including_targets_keep_the_spacing():
     specs = [ObjectSpec(None, None, TABLE, role=role) for role in ("real", "target") * 4]
     for placed in draws(from_all(specs), 50, spacing=0.15):
         ground = placed.scene.positions[:, :2]
@@ -57,13 +57,13 @@ def test_all_centres_keep_their_distance_targets_too():
         assert apart.min() >= 0.15 - 1e-9
 
 
-def test_places_exactly_one_spacing_apart_are_taken():
+def test_places_at_exactly_the_spacing_are_accepted():
     specs = [ObjectSpec("cube", None, (x, x, 0, 0, 0, 0)) for x in (0.35, 0.47, 0.59)]
     (placed,) = draws(from_all(specs), 1, spacing=0.12)
     assert placed.scene.positions[:, 0].tolist() == [0.35, 0.47, 0.59]
 
 
-def test_drawn_colors_differ_within_a_role_while_there_are_enough():
+def test_drawn_colors_differ_within_a_role_while_colors_are_left():
     every = len(COLORS)
     given = ["red", None, "green"] + [None] * (every - 3)
     specs = [ObjectSpec(None, color, TABLE) for color in given]
@@ -73,7 +73,7 @@ def test_drawn_colors_differ_within_a_role_while_there_are_enough():
         assert set(placed.scene.colors[every:].tolist()) == set(range(every))
 
 
-def test_the_same_seed_draws_the_same():
+def test_the_same_seed_draws_the_same_layout():
     first, again, other = (draws(from_all([RED, BALL, PLACE]), 5, seed=seed) for seed in (1, 1, 2))
     assert [tuple(placed.scene) for placed in first] == [tuple(placed.scene) for placed in again]
     assert [placed.yaw.tolist() for placed in first] == [placed.yaw.tolist() for placed in again]
@@ -88,19 +88,19 @@ def picks(layout):
     return {layout.pick(rng) for _ in range(200)}
 
 
-def test_pairs_stay_together():
+def test_a_pair_keeps_its_goal():
     layout = from_pairs([(RED, PLACE), (BALL, None), (RED, BALL)])
     assert layout.specs == (RED, PLACE, BALL, RED, BALL)
     assert picks(layout) == {(0, 1), (2, None), (3, 4)}
 
 
-def test_any_of_one_list_goes_to_any_of_the_other():
+def test_from_lists_combines_any_init_with_any_goal():
     assert picks(from_lists([RED, BALL], [PLACE, RED, PLACE])) == {(i, j) for i in (0, 1) for j in (2, 3, 4)}
     assert picks(from_lists([RED], [])) == {(0, None)}
     assert picks(from_lists([], [PLACE])) == {(None, 0)}
 
 
-def test_of_all_objects_a_real_one_goes_to_a_target():
+def test_from_all_combines_real_objects_with_targets():
     assert picks(from_all([PLACE, RED, BALL, PLACE])) == {(1, 0), (1, 3), (2, 0), (2, 3)}
     assert picks(from_all([RED, BALL])) == {(0, None), (1, None)}
 
@@ -124,24 +124,24 @@ def test_of_all_objects_a_real_one_goes_to_a_target():
         ({"size": 0.0}, "size=0.0 must be a positive number of metres"),
     ],
 )
-def test_a_wrong_spec_is_named(wrong, message):
+def test_an_invalid_specification_is_refused_with_its_key(wrong, message):
     with pytest.raises(LanguageError, match=re.escape(message)):
         ObjectSpec(**{"noun": "cube", "color": "red", "area": LEFT, **wrong})
 
 
-def test_a_target_cannot_be_brought_anywhere():
+def test_a_target_cannot_be_an_init():
     for make in (lambda: from_lists([RED, PLACE], []), lambda: from_pairs([(RED, None), (PLACE, RED)])):
         with pytest.raises(LanguageError, match="object 1 is an init with role=target: it must be real"):
             make()
 
 
 @pytest.mark.parametrize("make", [lambda: from_pairs([]), lambda: from_lists([], []), lambda: from_all([])])
-def test_a_layout_of_nothing_is_refused(make):
+def test_an_empty_layout_is_refused(make):
     with pytest.raises(LanguageError, match="at least one object"):
         make()
 
 
-def test_where_there_is_no_room_the_object_is_named():
+def test_a_layout_without_room_is_refused_with_the_object():
     tight = ObjectSpec("cube", None, (0.4, 0.45, 0, 0.05, 0, 0))
     with pytest.raises(LanguageError, match=r"object 1 found no place in its area=\[0.4, 0.45.*spacing=0.2 metres"):
         from_all([tight, tight]).draw(np.random.default_rng(0), 0.2)

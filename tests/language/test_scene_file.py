@@ -1,4 +1,4 @@
-"""Scenes as YAML files, and the one line that each wrong file gets."""
+"""Scenes as YAML files, and the error messages for invalid files."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from language.scene_file import MAX_OBJECTS, SceneFileError, as_entries, read_sc
 ONE = "- {id: a, noun: cube, color: red, position: [0.5, 0.1, 0.0]}\n"
 
 
-def test_a_scene_survives_its_file(tmp_path):
+def test_a_scene_is_unchanged_after_writing_and_reading(tmp_path):
     for seed in range(20):
         drawn = draw_scene(np.random.default_rng(seed))
         path = tmp_path / f"{seed}.yaml"
@@ -63,7 +63,7 @@ def test_a_scene_survives_its_file(tmp_path):
     ],
     ids=lambda value: None if len(value) > 60 else value,
 )
-def test_a_wrong_scene_gets_one_line_that_names_it(text, said, tmp_path, capsys):
+def test_an_invalid_scene_file_is_refused_in_one_line(text, said, tmp_path, capsys):
     path = tmp_path / "scene.yaml"
     path.write_text(text)
     assert main(["describe", "--scene", str(path)]) == 2
@@ -73,14 +73,14 @@ def test_a_wrong_scene_gets_one_line_that_names_it(text, said, tmp_path, capsys)
     assert said in errors
 
 
-def test_a_folder_and_bytes_that_are_no_text_are_no_scene(tmp_path):
+def test_folders_and_binary_files_are_refused(tmp_path):
     (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00\xd8")
     for path in (tmp_path, tmp_path / "bytes.yaml", tmp_path / "nowhere.yaml"):
         with pytest.raises(SceneFileError, match=r"cannot be read|is not YAML"):
             read_scene(path)
 
 
-def test_every_noun_and_color_can_stand_in_a_scene_file(tmp_path):
+def test_every_noun_and_color_is_accepted_in_a_scene_file(tmp_path):
     pairs = [(noun, color) for noun in NOUNS for color in COLORS]
     path = tmp_path / "all.yaml"
     path.write_text("".join(f"- {{noun: {n}, color: {c}, position: [0.5, 0, 0]}}\n" for n, c in pairs))

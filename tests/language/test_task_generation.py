@@ -1,4 +1,4 @@
-"""What a scene becomes without simulation, and tasks of several steps that are made that way."""
+"""Scenes after a task, and generated tasks of several steps."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from tests.helpers.language_cases import PLACES, random_scenes
 
 
 @pytest.mark.parametrize("task", [task for task, known in VERBS.items() if known.effect == "goal"])
-def test_what_goes_somewhere_is_where_the_goal_was(task):
+def test_a_moved_object_takes_the_place_of_the_goal(task):
     done = scene_after(task, 0, 3, PLACES)
     assert (done.positions[0] == PLACES.positions[3]).all()
     assert (done.positions[1:] == PLACES.positions[1:]).all()
@@ -39,18 +39,18 @@ def test_objects_are_only_stacked_on_real_ones():
     }
 
 
-def test_what_is_lifted_is_higher():
+def test_a_lifted_object_is_higher():
     done = scene_after("lift", 1, None, PLACES)
     assert (done.positions - PLACES.positions).nonzero()[0].tolist() == [1]
     assert done.positions[1, 2] > PLACES.positions[1, 2] + 0.1
 
 
 @pytest.mark.parametrize(("task", "init", "goal"), [("reach", None, 2), ("grasp", None, 1), ("poke", 1, None)])
-def test_what_moves_nothing_leaves_the_scene(task, init, goal):
+def test_tasks_without_effect_return_the_same_scene(task, init, goal):
     assert scene_after(task, init, goal, PLACES) is PLACES
 
 
-def test_an_unknown_task_has_no_effect_to_apply():
+def test_an_unknown_task_is_refused():
     with pytest.raises(LanguageError, match="did you mean 'lift'"):
         scene_after("lifts", 0, None, PLACES)
 
@@ -62,7 +62,7 @@ def tables():
 
 
 @pytest.mark.parametrize("depth", [1, 2, 4])
-def test_every_generated_step_is_feasible_and_understood_in_the_scene_it_meets(depth):
+def test_every_generated_step_is_feasible_and_understood_in_its_scene(depth):
     number = 0
     for table in tables():
         for generated in generate_tasks(table, width=4, depth=depth, seed=3):
@@ -90,24 +90,24 @@ def check_each_step(table, generated, steps):
             assert not (distance[~before.targets] < 0.04).any()
 
 
-def test_tasks_differ_and_are_the_same_for_the_same_seed():
+def test_tasks_differ_and_repeat_with_the_seed():
     one, other = (generate_tasks(PLACES, width=20, depth=3, seed=7) for _ in range(2))
     assert len({task.command for task in one}) == 20
     assert [task.command for task in one] == [task.command for task in other]
     assert [task.command for task in generate_tasks(PLACES, 20, 3, seed=8)] != [task.command for task in one]
 
 
-def test_only_the_tasks_that_are_asked_for_are_generated():
+def test_only_the_requested_tasks_are_generated():
     for generated in generate_tasks(PLACES, width=10, depth=2, tasks=("push", "lift")):
         assert {step.task for step in generated.command.steps} <= {"push", "lift"}
 
 
-def test_a_scene_that_gives_no_task_gives_none():
+def test_a_scene_without_a_feasible_task_returns_none():
     assert generate_tasks(Scene([]), width=3, depth=1) == []
     assert generate_tasks(Scene(list(PLACES)[3:]), width=3, depth=1, tasks=("push", "lift")) == []
 
 
-def test_generated_tasks_keep_to_the_split():
+def test_generated_tasks_stay_within_the_split():
     split = Split("train", HeldOut(color_noun=(("green", "cube"),)))
     describer = Describer(("color_shape", "relation"), split)
     for generated in generate_tasks(PLACES, width=20, depth=2, describer=describer):
@@ -115,6 +115,6 @@ def test_generated_tasks_keep_to_the_split():
 
 
 @pytest.mark.parametrize("wrong", [{"width": 0}, {"depth": 0}, {"tasks": ("sing",)}])
-def test_what_cannot_be_generated_is_refused(wrong):
+def test_invalid_arguments_are_refused(wrong):
     with pytest.raises(LanguageError):
         generate_tasks(PLACES, **({"width": 1, "depth": 1} | wrong))

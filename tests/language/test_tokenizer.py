@@ -1,3 +1,5 @@
+"""Tokenizer and vocabulary."""
+
 import pickle
 from dataclasses import replace
 
@@ -34,7 +36,7 @@ def test_the_vocabulary_is_the_same_each_time_and_holds_each_word_once():
 
 @settings(max_examples=100, deadline=None)
 @given(meanings)
-def test_every_word_that_is_said_is_known(meaning):
+def test_the_vocabulary_contains_every_word_of_say(meaning):
     words = say(meaning)
     assert TOKENIZER.unknown_words(words) == ()
     assert LONG.decode(LONG.encode(words)) == words.replace(",", "")
@@ -49,7 +51,7 @@ def test_generated_sentences_fit_the_default_length():
             TOKENIZER.encode(sentence)
 
 
-def test_a_row_is_padded_with_zeros():
+def test_ids_are_padded_with_zeros():
     tokens = TOKENIZER.encode("reach the cube")
     assert tokens.dtype == np.int64
     assert tokens.shape == (32,)
@@ -57,43 +59,43 @@ def test_a_row_is_padded_with_zeros():
     assert (tokens[3:] == 0).all()
 
 
-def test_a_remembered_row_cannot_be_spoilt():
+def test_cached_ids_are_read_only():
     with pytest.raises(ValueError, match="read-only"):
         TOKENIZER.encode("reach the cube")[0] = 5
 
 
-def test_unknown_words_are_marked_and_reported():
+def test_unknown_words_are_encoded_as_unk_and_reported():
     assert TOKENIZER.unknown_words("Reach the mauve cube, quickly!") == ("mauve", "quickly")
     assert TOKENIZER.decode(TOKENIZER.encode("reach the mauve cube")) == "reach the <unk> cube"
 
 
-def test_capitals_and_marks_make_no_difference():
+def test_capitals_and_punctuation_are_ignored():
     assert (TOKENIZER.encode("Reach  the CUBE!") == TOKENIZER.encode("reach the cube")).all()
 
 
-def test_too_long_a_sentence_is_an_error():
+def test_a_sentence_that_is_too_long_is_refused():
     with pytest.raises(LanguageError, match="33 words; at most 32"):
         TOKENIZER.encode("red " * 33)
 
 
 @pytest.mark.parametrize("token", [-1, 10_000])
-def test_a_number_without_a_word_is_an_error(token):
+def test_an_id_outside_the_vocabulary_is_refused(token):
     with pytest.raises(LanguageError, match=f"token {token} is out of range"):
         TOKENIZER.decode([token])
 
 
-def test_a_stored_vocabulary_is_recognised():
+def test_a_stored_vocabulary_equals_the_present_one():
     TOKENIZER.check_same(list(TOKENIZER.vocabulary))
     assert pickle.loads(pickle.dumps(TOKENIZER)) == TOKENIZER
 
 
-def test_another_vocabulary_is_told_apart_by_its_words():
+def test_different_vocabularies_are_reported_with_their_words():
     other = ["crimson" if word == "red" else word for word in TOKENIZER.vocabulary]
     with pytest.raises(LanguageError, match="only this one has 'red'; only the other has 'crimson'"):
         TOKENIZER.check_same(other)
 
 
-def test_another_order_is_told_apart_by_its_first_difference():
+def test_a_different_order_is_reported_with_its_first_difference():
     other = list(TOKENIZER.vocabulary)
     place = other.index("red")
     other[place], other[place + 1] = other[place + 1], other[place]
@@ -128,6 +130,6 @@ def test_new_words_get_ids_after_all_existing_ones(monkeypatch):
 
 
 @pytest.mark.parametrize("vocabulary", [("the",), ("<pad>", "<unk>", "a", "a")])
-def test_a_broken_vocabulary_is_refused(vocabulary):
+def test_an_invalid_vocabulary_is_refused(vocabulary):
     with pytest.raises(LanguageError, match="<pad>"):
         Tokenizer(vocabulary)

@@ -1,4 +1,4 @@
-"""Everything that is registered is said, understood, found in a scene, and known to the tokenizer."""
+"""Registries: each relation, superlative and noun is generated, parsed, grounded and tokenized."""
 
 from functools import cache
 
@@ -49,7 +49,7 @@ def examples(kind):
     [("relation", known) for known in RELATIONS.values()] + [("superlative", known) for known in SUPERLATIVES.values()],
     ids=lambda known: getattr(known, "phrase", ""),
 )
-def test_each_relation_and_superlative_matters_and_is_said_understood_and_found(kind, known):
+def test_each_relation_and_superlative_matters_and_is_generated_parsed_and_grounded(kind, known):
     cases = examples(kind)[known.phrase]
     assert len(cases) > 10
     for each, referent, phrase in cases[:: len(cases) // 10]:
@@ -72,7 +72,7 @@ def test_each_relation_and_superlative_matters_and_is_said_understood_and_found(
         ("nearest to", "farthest from"),
     ],
 )
-def test_opposite_relations_tell_two_sides_apart(pair):
+def test_opposite_relations_exclude_each_other(pair):
     one, other = (RELATIONS[phrase].margin for phrase in pair)
     here, there = np.array([[0.4, -0.1, 0.0], [0.5, 0.1, 0.1]])
     if pair[0] in ("above", "below"):
@@ -100,7 +100,7 @@ def test_a_registered_relation_is_said_parsed_grounded_tokenized_and_described(b
     assert ground(Instruction("reach", said[beyond]), table) == 1
 
 
-def test_a_registered_relation_of_two_and_a_superlative_are_too():
+def test_registered_two_anchor_relations_and_superlatives_are_used_everywhere():
     relation("opposite", anchors=2)(lambda subject, one, other: one[..., 0] + other[..., 0] - 2 * subject[..., 0])
     superlative("frontmost", "foremost")(lambda positions, sizes: -positions[..., 0])
     try:
@@ -116,7 +116,7 @@ def test_a_registered_relation_of_two_and_a_superlative_are_too():
         unregister("frontmost")
 
 
-def test_a_relation_is_not_understood_before_it_is_registered_nor_after_it_is_forgotten():
+def test_a_relation_is_parsed_only_while_it_is_registered():
     sentence = "reach the cube seaward of the blue sphere"
     assert isinstance(answer(sentence), NotUnderstood)
     relation("seaward of")(lambda subject, anchor: subject[..., 0] - anchor[..., 0])
@@ -134,13 +134,13 @@ def test_a_relation_is_not_understood_before_it_is_registered_nor_after_it_is_fo
         lambda: relation("most between", anchors=2, best=True),
     ],
 )
-def test_words_that_are_taken_and_relations_of_no_known_form_are_refused(register):
+def test_registering_taken_words_or_invalid_relations_is_refused(register):
     with pytest.raises(LanguageError):
         register()(lambda *positions: positions[0][..., 1])
     assert not {"port of", "foremost", "among", "most between"} & {*RELATIONS, *SUPERLATIVES}
 
 
-def test_nothing_is_beside_itself_even_where_a_relation_holds_both_ways():
+def test_an_object_is_not_related_to_itself():
     table = scene(("red cube", 0.0), ("blue cube", 0.1), ("green cube", 0.5))
     assert steps("reach the cube near the red cube", table) == [("reach", None, 1)]
     said = [str(phrase) for phrase in Describer(["relation"]).expressions(table).all("relation", 1)]
@@ -153,7 +153,7 @@ def test_every_noun_is_a_shape_or_a_device():
 
 
 @pytest.mark.parametrize(("verb", "noun"), [("press", "button"), ("switch", "lever"), ("turn", "wheel")])
-def test_a_device_is_named_like_a_shape(verb, noun):
+def test_devices_are_named_like_shapes(verb, noun):
     table = scene((f"red {noun}", 0.0), (f"blue {noun}", 0.2), ("red cube", 0.4))
     for word in (noun, *NOUNS[noun]):
         assert steps(f"{verb} the red {word}", table) == [(verb, None, 0)]
@@ -161,7 +161,7 @@ def test_a_device_is_named_like_a_shape(verb, noun):
     assert Tokenizer.default().unknown_words(" ".join(NOUNS[noun])) == ()
 
 
-def test_a_new_noun_is_one_line(monkeypatch):
+def test_a_new_noun_needs_one_entry(monkeypatch):
     monkeypatch.setitem(NOUNS, "cone", ("pyramid",))
     instruction = parse("lift the gray pyramid")
     assert instruction == Instruction("lift", ObjectPhrase("cone", "gray"))
@@ -169,7 +169,7 @@ def test_a_new_noun_is_one_line(monkeypatch):
     assert ground(instruction, scene(("red cube", 0.0), ("gray cone", 0.1))) == 1
 
 
-def test_a_phrase_that_the_grammar_cannot_hold_is_refused(monkeypatch):
+def test_a_phrase_with_invalid_characters_is_refused(monkeypatch):
     monkeypatch.setitem(NOUNS, "cone2", ())
     with pytest.raises(LanguageError, match="write it with the letters a to z"):
         parse("reach the cube")

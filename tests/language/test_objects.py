@@ -1,3 +1,5 @@
+"""Objects, scenes and viewpoints."""
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ THINGS = (
 )
 
 
-def test_a_scene_gives_back_the_objects_it_was_made_of():
+def test_a_scene_returns_its_objects():
     made = Scene(THINGS)
     assert tuple(made) == THINGS
     assert len(made) == 2
@@ -21,7 +23,7 @@ def test_a_scene_of_arrays_equals_a_scene_of_objects():
     assert tuple(again) == THINGS
 
 
-def test_a_scene_does_not_change_with_the_arrays_it_was_made_from():
+def test_a_scene_copies_its_arrays_and_is_read_only():
     positions = np.zeros((2, 3))
     made = Scene.from_arrays([0, 1], [0, 1], positions)
     positions[:] = 1
@@ -30,7 +32,7 @@ def test_a_scene_does_not_change_with_the_arrays_it_was_made_from():
         made.positions[0] = 1
 
 
-def test_moved_things_are_the_same_things_elsewhere():
+def test_moved_changes_positions_only():
     before = Scene(THINGS, viewpoint="human")
     moved = before.moved([(0.6, 0.0, 0.1), (0.5, -0.1, 0.02)])
     assert tuple(before) == THINGS
@@ -42,13 +44,13 @@ def test_moved_things_are_the_same_things_elsewhere():
     assert moved.viewpoint == "human"
 
 
-def test_the_human_sits_across_the_table_and_sees_it_turned_round():
+def test_the_human_viewpoint_is_opposite_the_robot():
     seen = Scene(THINGS, viewpoint="human").seen
     assert np.allclose(seen, [(0.6, -0.1, 0.02), (0.5, 0.1, 0.02)])
     assert (Scene(THINGS).seen == Scene(THINGS).positions).all()
 
 
-def test_an_empty_scene_is_a_scene():
+def test_a_scene_may_be_empty():
     assert len(Scene([])) == 0
 
 
@@ -73,6 +75,6 @@ def test_an_unknown_viewpoint_is_refused():
         ({"size": 0.0}, "positive"),
     ],
 )
-def test_wrong_objects_are_refused_in_words(wrong, message):
+def test_invalid_objects_are_refused_with_a_message(wrong, message):
     with pytest.raises(LanguageError, match=message):
         Object(**({"noun": "cube", "color": "red", "position": (0.0, 0.0, 0.0)} | wrong))

@@ -1,4 +1,4 @@
-"""`python -m language` as a person and a program use it."""
+"""Commands of `python -m language`: output, errors and options."""
 
 import io
 import json
@@ -40,13 +40,13 @@ def answered(capsys, *arguments):
     return json.loads(capsys.readouterr().out), status
 
 
-def test_a_sentence_gives_its_objects_reward_and_networks(capsys, scene):
+def test_parse_prints_objects_reward_and_networks(capsys, scene):
     step = {"task": "pick_and_place", "init": "a", "goal": "t", "reward": "pnp", "networks": 3}
     sentence = "pick the red cube and place it to the same position as the transparent green cube"
     assert answered(capsys, sentence, "--scene", scene) == ({**step, "steps": [step]}, 0)
 
 
-def test_a_chain_lists_its_steps_and_the_first_stands_on_top(capsys, scene):
+def test_the_answer_to_a_chain_lists_all_steps_and_repeats_the_first(capsys, scene):
     answer, status = answered(capsys, "lift the red cube, then reach the sphere", "--scene", scene)
     assert [(step["task"], step["init"], step["goal"]) for step in answer["steps"]] == [
         ("lift", "a", None),
@@ -68,7 +68,7 @@ def test_a_chain_lists_its_steps_and_the_first_stands_on_top(capsys, scene):
         ("lift the red cube, then reach the blue one", "ambiguous", 30, ["b", "c"]),
     ],
 )
-def test_an_error_gives_kind_place_and_candidates(capsys, scene, sentence, error, position, candidates):
+def test_errors_have_kind_position_and_candidates(capsys, scene, sentence, error, position, candidates):
     answer, status = answered(capsys, sentence, "--scene", scene)
     assert (answer["error"], answer["position"], answer["candidates"]) == (error, position, candidates)
     assert answer["message"]
@@ -76,7 +76,7 @@ def test_an_error_gives_kind_place_and_candidates(capsys, scene, sentence, error
     assert ("expected" in answer) == (error == "syntax")
 
 
-def test_a_person_reads_words_on_one_stream_and_what_is_wrong_on_the_other(capsys, scene):
+def test_answers_go_to_stdout_and_errors_to_stderr(capsys, scene):
     assert main(["parse", "reach the blue cube", "--scene", scene]) == 0
     out, errors = capsys.readouterr()
     assert out.splitlines()[0] == "reach the blue cube"
@@ -89,7 +89,7 @@ def test_a_person_reads_words_on_one_stream_and_what_is_wrong_on_the_other(capsy
     assert not out
 
 
-def test_the_caret_stands_under_its_letter_whatever_comes_before():
+def test_the_caret_is_under_the_position_of_the_error():
     assert underlined("reach\tthe bleu", 10) == ("reach the bleu", " " * 10 + "^")
     assert underlined("\x1b[2J的 x", 6)[1] == " " * 7 + "^"
     assert "\x1b" not in underlined("\x1b[2J", 0)[0]
@@ -98,7 +98,7 @@ def test_the_caret_stands_under_its_letter_whatever_comes_before():
     assert shown[len(caret) - 1] == "w"
 
 
-def test_gestures_and_viewpoint(capsys, scene):
+def test_pointed_and_viewpoint_options_change_the_answer(capsys, scene):
     assert answered(capsys, "reach this", "--scene", scene, "--pointed", "c")[0]["goal"] == "c"
     put = answered(capsys, "put this there", "--scene", scene, "--pointed", "b", "--pointed", "t")[0]
     assert (put["init"], put["goal"]) == ("b", "t")
@@ -106,7 +106,7 @@ def test_gestures_and_viewpoint(capsys, scene):
     assert answered(capsys, "reach the left cube", "--scene", scene, "--viewpoint", "human")[0]["goal"] == "t"
 
 
-def test_without_a_scene_only_the_words_are_checked(capsys):
+def test_without_a_scene_only_the_words_are_parsed(capsys):
     step = {"task": "push", "object": "the blue object", "place": "the sphere"}
     assert answered(capsys, "push the blue one to the ball") == ({**step, "steps": [step]}, 0)
     assert answered(capsys, "no, the blue one")[0]["object"] == "the blue object"
@@ -114,7 +114,7 @@ def test_without_a_scene_only_the_words_are_checked(capsys):
     assert printed(capsys, "parse", "reach the tin") == "task reach, object the cylinder\n"
 
 
-def test_lines_are_answered_one_by_one_and_corrections_revise_what_was_understood(capsys, scene, monkeypatch):
+def test_lines_are_answered_in_order_and_corrections_revise_the_last_understood(capsys, scene, monkeypatch):
     lines = "lift the red cube\n\n  \nlift the nothing\nno, the blue one\r\nno, the green one\nreach the sphere"
     monkeypatch.setattr("sys.stdin", io.StringIO(lines))
     assert main(["parse", "-", "--scene", scene]) == 2
@@ -146,7 +146,7 @@ def test_help_shows_examples_and_the_scene_file(capsys):
         (["parse", "x", "--viewpoint", "cat", "--scene", "s"], "'cat' (choose from 'robot', 'human')"),
     ],
 )
-def test_wrong_arguments_get_one_line(arguments, said, capsys):
+def test_wrong_arguments_print_one_line(arguments, said, capsys):
     with pytest.raises(SystemExit) as ended:
         main(arguments)
     errors = capsys.readouterr().err
@@ -164,12 +164,12 @@ def test_wrong_arguments_get_one_line(arguments, said, capsys):
         (["--scene", "/nowhere.yaml"], "/nowhere.yaml: cannot be read"),
     ],
 )
-def test_options_that_need_a_scene_say_so(arguments, said, capsys):
+def test_options_that_need_a_scene_are_refused_without_one(arguments, said, capsys):
     assert main(["parse", "reach this", *arguments]) == 2
     assert said in capsys.readouterr().err
 
 
-def test_a_gesture_at_an_unknown_object_names_the_known_ones(capsys, scene):
+def test_an_unknown_pointed_object_is_refused_with_the_known_ids(capsys, scene):
     assert main(["parse", "reach this", "--scene", scene, "--pointed", "x"]) == 2
     assert "'x' is not a known object id; choose from a, b, c, t" in capsys.readouterr().err
 
@@ -187,13 +187,13 @@ def test_describe_all_lists_phrases_that_name_the_object(capsys, scene):
             assert named.ids[parse(f"reach {phrase}", named.scene).steps[0].goal] == thing["id"]
 
 
-def test_describe_tells_what_no_words_tell_apart(capsys, tmp_path):
+def test_describe_marks_objects_that_no_words_distinguish(capsys, tmp_path):
     (tmp_path / "twins.yaml").write_text(TWINS)
     words = printed(capsys, "describe", "--scene", str(tmp_path / "twins.yaml"), "--all")
     assert words.splitlines() == [f"o{i}  (no words tell it from its like)" for i in (0, 1)]
 
 
-def test_count_is_exact_and_in_powers_of_ten(capsys):
+def test_count_prints_exact_numbers_and_powers_of_ten(capsys):
     counted = json.loads(printed(capsys, "count", "--json"))
     assert [row["depth"] for row in counted] == [0, 1, 2, 3]
     assert [row["sentences"] for row in counted] == [language.count(depth) for depth in range(4)]
@@ -203,7 +203,7 @@ def test_count_is_exact_and_in_powers_of_ten(capsys):
 
 @pytest.mark.parametrize("depth", [None, 0, 1, 2, 3])
 @pytest.mark.parametrize("steps", [1, 3])
-def test_what_is_sampled_is_understood_and_of_the_depth_asked_for(depth, steps):
+def test_samples_are_understood_and_have_the_requested_depth(depth, steps):
     rng = np.random.default_rng(0)
     for drawn in sample(20, rng, depth=depth, steps=steps, wording=Wording()):
         assert parse(drawn.sentence) == parse(say(drawn.command)) == drawn.command
@@ -212,7 +212,7 @@ def test_what_is_sampled_is_understood_and_of_the_depth_asked_for(depth, steps):
             assert {step.phrase.depth for step in drawn.command.steps} == {depth}
 
 
-def test_samples_carry_the_scene_they_are_said_in(capsys, tmp_path):
+def test_samples_in_json_include_their_scene(capsys, tmp_path):
     for line in printed(capsys, "sample", "--n", "10", "--json", "--varied").splitlines():
         drawn = json.loads(line)
         (tmp_path / "drawn.yaml").write_text(json.dumps(drawn.pop("scene")))  # JSON is YAML
@@ -220,7 +220,7 @@ def test_samples_carry_the_scene_they_are_said_in(capsys, tmp_path):
         assert (answer, status) == (drawn, 0)
 
 
-def test_samples_repeat_with_their_seed_and_keep_to_their_scene(capsys, scene):
+def test_samples_repeat_with_the_seed_and_use_the_given_scene(capsys, scene):
     first = printed(capsys, "sample", "--n", "30", "--seed", "7", "--scene", scene)
     assert first == printed(capsys, "sample", "--n", "30", "--seed", "7", "--scene", scene)
     assert first != printed(capsys, "sample", "--n", "30", "--seed", "8", "--scene", scene)
@@ -229,7 +229,7 @@ def test_samples_repeat_with_their_seed_and_keep_to_their_scene(capsys, scene):
     assert {named.id(step.goal) for step in tasks if step.init is not None} <= {"t", None}
 
 
-def test_what_a_scene_cannot_give_is_told(capsys, tmp_path):
+def test_sampling_an_impossible_instruction_is_refused(capsys, tmp_path):
     (tmp_path / "twins.yaml").write_text(TWINS)
     assert main(["sample", "--scene", str(tmp_path / "twins.yaml"), "--depth", "3"]) == 2
     assert "no instruction of 1 step with 3 nested relations can be said here" in capsys.readouterr().err

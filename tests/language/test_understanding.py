@@ -1,4 +1,4 @@
-"""Chains of steps, and corrections of what was said before."""
+"""Chains of steps, and corrections of previous instructions."""
 
 import pytest
 
@@ -21,13 +21,13 @@ LIFT_AND_TOUCH = [("lift", 1, None), ("reach", None, 2)]
         "pick up the green cube and reach for the ball",
     ],
 )
-def test_steps_are_joined_in_many_ways(sentence):
+def test_steps_may_be_joined_in_several_ways(sentence):
     sentence = sentence.replace("the ball", "the blue ball")
     assert steps(sentence, PLACES) == LIFT_AND_TOUCH
     assert isinstance(parse(sentence), Chain)
 
 
-def test_a_chain_may_be_long():
+def test_long_chains_are_parsed():
     sentence = "touch the ball, then grab the green cube and lift it, then push it to the transparent sphere"
     assert steps(sentence.replace("the ball", "the blue ball"), PLACES) == [
         ("reach", None, 2),
@@ -37,13 +37,13 @@ def test_a_chain_may_be_long():
     ]
 
 
-def test_what_comes_after_comes_later():
+def test_after_you_puts_its_step_first():
     nested = parse("after you touch the ball, lift the cube and push it there")
     assert [step.task for step in nested.steps] == ["reach", "lift", "push"]
     assert say(nested) == "reach the sphere, then lift the cube, then push it there"
 
 
-def test_it_is_the_object_of_the_step_before():
+def test_it_refers_to_the_object_of_the_previous_step():
     assert steps("touch the green cube, then lift it", PLACES) == [("reach", None, 1), ("lift", 1, None)]
     assert steps("touch the yellow one, then lift the object below it", TABLE) == [
         ("reach", None, 4),
@@ -51,7 +51,7 @@ def test_it_is_the_object_of_the_step_before():
     ]
 
 
-def test_a_later_step_is_understood_in_the_scene_that_the_step_before_leaves():
+def test_a_step_is_grounded_in_the_scene_after_the_previous_step():
     sentence = "push the solid red cube to the transparent sphere, then lift the leftmost cube"
     assert steps(sentence, PLACES) == [("push", 0, 4), ("lift", 0, None)]
     result = parse(sentence, PLACES).result
@@ -80,7 +80,7 @@ def test_a_later_step_is_understood_in_the_scene_that_the_step_before_leaves():
         ),
     ],
 )
-def test_a_correction_revises_the_instruction_before(before, correction, after):
+def test_a_correction_revises_the_previous_instruction(before, correction, after):
     got = parse(correction, TABLE, previous=parse(before))
     assert got.steps == parse(after, TABLE).steps
 
@@ -100,18 +100,18 @@ def test_a_correction_revises_the_instruction_before(before, correction, after):
         ("poke the green cube", "no, to the transparent sphere", ("poke", 1, 4)),
     ],
 )
-def test_a_place_is_corrected_too(before, correction, after):
+def test_a_correction_may_change_the_goal(before, correction, after):
     assert steps(correction, PLACES, pointed=[4], previous=parse(before)) == [after]
 
 
-def test_a_correction_that_leaves_several_asks_again():
+def test_an_ambiguous_correction_raises_several_fit():
     error = answer("no, the blue one", TABLE, previous=parse("reach the object left of the red cube"))
     assert isinstance(error, SeveralFit)
     assert error.candidates == (1, 2)
     assert error.position == 4
 
 
-def test_what_a_correction_keeps_is_told_by_a_place_in_the_new_sentence():
+def test_errors_of_a_correction_refer_to_positions_in_the_correction():
     before = parse("touch the ball and push the blue cube to the purple cylinder")
     error = answer("no, the red one", TABLE, previous=before)
     assert isinstance(error, NothingFits)
@@ -119,12 +119,12 @@ def test_what_a_correction_keeps_is_told_by_a_place_in_the_new_sentence():
     assert error.position == 4
 
 
-def test_each_gesture_of_a_correction_meets_its_word():
+def test_gestures_of_a_correction_are_matched_to_its_words():
     before = parse("reach the red cube")
     assert steps("not that one, this one", TABLE, pointed=[2, 1], previous=before) == [("reach", None, 1)]
     assert steps("no, this one", TABLE, pointed=[2], previous=before) == [("reach", None, 2)]
 
 
-def test_revise_takes_meanings_as_parse_takes_sentences():
+def test_revise_equals_parse_with_the_previous_instruction():
     before, correction = parse("reach the red cube"), parse("no, the blue one")
     assert revise(before, correction, TABLE) == parse("no, the blue one", TABLE, previous=before)

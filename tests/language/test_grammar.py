@@ -1,4 +1,4 @@
-"""Saying and parsing are one another's inverse."""
+"""`say` and `parse` are inverse to each other."""
 
 import numpy as np
 import pytest
@@ -14,15 +14,17 @@ HERE = ObjectPhrase(determiner="here")
 seeds = st.integers(0, 2**32 - 1)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(meanings)
-def test_what_is_said_is_understood(meaning):
+def test_parse_inverts_say(meaning):
     assert parse(say(meaning)) == meaning
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(meanings, seeds)
-def test_what_is_said_in_any_other_words_is_understood_the_same(meaning, seed):
+def test_parse_inverts_say_in_any_wording(meaning, seed):
     sentence = Wording().say(meaning, np.random.default_rng(seed))
     assume(len(sentence) <= 1000)  # what is longer is refused
     assert parse(sentence) == meaning
@@ -30,7 +32,7 @@ def test_what_is_said_in_any_other_words_is_understood_the_same(meaning, seed):
 
 @settings(max_examples=100, deadline=None)
 @given(meanings)
-def test_each_phrase_of_what_is_understood_knows_its_place_in_the_sentence(meaning):
+def test_parsed_phrases_have_their_positions_in_the_sentence(meaning):
     sentence = say(meaning)
     for instruction in getattr(parse(sentence), "steps", ()):
         for part in (*instruction.phrase.parts(), *(instruction.goal.parts() if instruction.goal else ())):
@@ -39,7 +41,7 @@ def test_each_phrase_of_what_is_understood_knows_its_place_in_the_sentence(meani
 
 @settings(max_examples=100, deadline=None)
 @given(phrases)
-def test_a_phrase_is_as_deep_as_its_relations(phrase):
+def test_depth_counts_nested_relations(phrase):
     assert phrase.depth == (1 + max(anchor.depth for anchor in phrase.anchors) if phrase.anchors else 0)
     assert phrase.depth <= 3
 
@@ -79,7 +81,7 @@ def test_a_phrase_is_as_deep_as_its_relations(phrase):
         (ObjectPhrase(determiner="it"), "it", "gesture"),
     ],
 )
-def test_each_kind_says_itself(phrase, words, kind):
+def test_each_kind_of_phrase_is_said_as_expected(phrase, words, kind):
     instruction = Instruction("reach", phrase)
     assert say(phrase) == words
     assert say(instruction) == f"reach {words}"
@@ -87,7 +89,7 @@ def test_each_kind_says_itself(phrase, words, kind):
     assert parse(say(instruction)) == instruction
 
 
-def test_what_is_longer_than_an_instruction_says_itself_too():
+def test_chains_and_corrections_are_said_as_expected():
     reach, push = Instruction("reach", BLUE_SPHERE), Instruction("push", CUBE, BLUE_SPHERE)
     assert say(Chain((reach, push))) == (
         "reach the blue sphere, then push the cube to the same position as the blue sphere"
@@ -111,21 +113,21 @@ def test_what_is_longer_than_an_instruction_says_itself_too():
         "hey robot, move to the red cube left of the blue sphere now",
     ],
 )
-def test_other_ways_to_say_it_mean_the_same(sentence):
+def test_alternative_sentences_have_the_same_meaning(sentence):
     assert parse(sentence) == parse("reach the red cube left of the blue sphere")
 
 
 @pytest.mark.parametrize("word", ["object", "one", "thing"])
-def test_any_noun_has_several_words(word):
+def test_generic_nouns_are_parsed(word):
     assert parse(f"reach the red {word}").phrase == ObjectPhrase(color="red")
 
 
 @pytest.mark.parametrize("mark", ["isn't", "isn\u2019t", "ISN'T"])
-def test_an_apostrophe_may_be_typed_either_way(mark):
+def test_both_apostrophes_are_accepted(mark):
     assert parse(f"reach the cube that {mark} red") == parse("reach the cube that is not red")
 
 
-def test_a_relation_belongs_to_the_nearest_object():
+def test_a_relation_attaches_to_the_nearest_object():
     phrase = parse("reach the cube left of the sphere right of the cylinder").phrase
     assert phrase.anchors == (ObjectPhrase("sphere", None, "right of", (ObjectPhrase("cylinder"),)),)
 
@@ -164,6 +166,6 @@ def test_between_takes_the_nearest_and():
         (lambda: Correction(CUBE, rejected=HERE), "'here' cannot be rejected"),
     ],
 )
-def test_a_meaning_that_could_not_be_said_cannot_be_made(make, message):
+def test_a_meaning_without_a_sentence_is_refused(make, message):
     with pytest.raises(LanguageError, match=message):
         make()

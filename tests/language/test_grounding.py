@@ -1,3 +1,5 @@
+"""Objects that phrases fit in a scene."""
+
 import pytest
 
 from language import ObjectPhrase, Scene, SeveralFit, ground, matches, parse
@@ -26,7 +28,7 @@ def fitting(words, table=TABLE, pointed=()):
         ("the little one", 1),
     ],
 )
-def test_the_words_find_their_object(words, index):
+def test_phrases_ground_to_the_expected_object(words, index):
     assert ground(parse(f"reach {words}"), TABLE) == index
 
 
@@ -46,7 +48,7 @@ def test_the_words_find_their_object(words, index):
         ("between the sphere and the red cube", [1]),
     ],
 )
-def test_each_relation_holds_for_those_it_describes(words, indices):
+def test_each_relation_matches_the_expected_objects(words, indices):
     assert fitting(f"the object {words}") == indices
 
 
@@ -63,7 +65,7 @@ def test_each_relation_holds_for_those_it_describes(words, indices):
         ("smallest", [1]),
     ],
 )
-def test_each_superlative_means_the_most_of_something(superlative, indices):
+def test_each_superlative_matches_the_expected_objects(superlative, indices):
     assert fitting(f"the {superlative} object") == indices
 
 
@@ -79,27 +81,27 @@ def test_each_superlative_means_the_most_of_something(superlative, indices):
         ("the object above the sphere", [4], [4]),
     ],
 )
-def test_left_and_near_depend_on_who_looks(words, robot, human):
+def test_relations_depend_on_the_viewpoint(words, robot, human):
     assert fitting(words) == robot
     assert fitting(words, ACROSS) == human
 
 
 @pytest.mark.parametrize(("gap", "holds"), [(0.02, False), (0.04, True), (-0.04, False)])
-def test_a_relation_holds_beyond_three_centimetres(gap, holds):
+def test_a_relation_holds_above_a_margin_of_three_centimetres(gap, holds):
     phrase = ObjectPhrase("cube", None, "left of", (ObjectPhrase("sphere"),))
     assert matches(phrase, scene(("red cube", gap), ("red sphere", 0.0)))[0] == holds
 
 
-def test_a_superlative_picks_among_what_the_rest_fits():
+def test_a_superlative_selects_among_the_objects_that_the_rest_fits():
     assert fitting("the leftmost cube in front of the green cube") == [1]
     assert fitting("the highest cube that is not green") == [1]
 
 
-def test_two_that_are_as_far_left_are_both_the_leftmost():
+def test_a_superlative_matches_ties():
     assert fitting("the leftmost cube", scene(("red cube", 0.1), ("blue cube", 0.105), ("green cube", 0.0))) == [0, 1]
 
 
-def test_nothing_is_between_a_thing_and_itself():
+def test_between_requires_two_different_anchors():
     assert fitting("the object between the red cube and the red cube") == []
 
 
@@ -116,7 +118,7 @@ def test_nothing_is_between_a_thing_and_itself():
         ("the cube that is not red right of the sphere", [1]),
     ],
 )
-def test_negation_leaves_the_others(words, indices):
+def test_a_negation_excludes_objects(words, indices):
     assert fitting(words) == indices
 
 
@@ -129,16 +131,16 @@ def test_negation_leaves_the_others(words, indices):
         ("the opaque cube", [0, 1]),
     ],
 )
-def test_see_through_places_are_told_from_things(words, indices):
+def test_roles_distinguish_targets_from_real_objects(words, indices):
     assert fitting(words, PLACES) == indices
 
 
 @pytest.mark.parametrize("words", ["this", "that", "this cube", "that blue one", "here", "there", "over there"])
-def test_a_gesture_supplies_what_the_words_leave_open(words):
+def test_a_gesture_resolves_an_ambiguous_phrase(words):
     assert fitting(words, pointed=[1]) == [1]
 
 
-def test_gestures_meet_their_words_in_turn_and_the_last_one_stays():
+def test_gestures_are_matched_to_words_in_order_and_the_last_is_reused():
     assert steps("push this there", PLACES, [1, 3]) == [("push", 1, 3)]
     assert steps("reach this, then reach that, then reach this", TABLE, [4, 2]) == [
         ("reach", None, 4),
@@ -147,17 +149,17 @@ def test_gestures_meet_their_words_in_turn_and_the_last_one_stays():
     ]
 
 
-def test_a_relation_may_be_seen_from_what_is_shown():
+def test_a_gesture_may_show_the_anchor_of_a_relation():
     assert fitting("the cube left of this", pointed=[2]) == [3]
     assert fitting("the object between this and that sphere", pointed=[0, 2]) == [1]
 
 
 @pytest.mark.parametrize("words", ["this sphere", "that red one"])
-def test_a_gesture_does_not_overrule_the_words(words):
+def test_a_gesture_does_not_override_the_words(words):
     assert fitting(words, pointed=[1]) == []
 
 
-def test_only_what_is_real_is_moved_so_its_see_through_twin_does_not_count():
+def test_a_moved_object_must_be_real():
     assert steps("push the red cube to the transparent red cube", PLACES) == [("push", 0, 3)]
     with pytest.raises(SeveralFit):
         parse("reach the red cube", PLACES)

@@ -1,4 +1,4 @@
-"""Each task, in all the words that ask for it, and the tasks as the original asked for them."""
+"""The templates of each verb, and the phrasings of the original system."""
 
 import pytest
 
@@ -19,7 +19,7 @@ def test_every_template_of_a_task_is_understood(task, template):
 
 
 @pytest.mark.parametrize("place", WORDS_FOR_PLACES)
-def test_a_place_is_said_in_many_ways(place):
+def test_every_phrase_for_a_place_is_understood(place):
     assert steps(f"push the green cube {place} the transparent red cube", PLACES) == [("push", 1, 3)]
 
 
@@ -45,7 +45,7 @@ def test_a_place_is_said_in_many_ways(place):
         ("reach here", GroundedStep("reach", None, 4, "distance", 1)),
     ],
 )
-def test_the_originals_own_phrasings_are_understood(sentence, step):
+def test_phrasings_of_the_original_are_understood(sentence, step):
     assert parse(sentence, PLACES, pointed=[4]).steps == (step,)
 
 
@@ -65,13 +65,13 @@ def test_the_originals_own_phrasings_are_understood(sentence, step):
         ("pick up the green cube", 1, None, "lift", 3),
     ],
 )
-def test_every_task_says_what_it_moves_and_how_it_is_rewarded(sentence, init, goal, reward, networks):
+def test_every_task_has_the_originals_init_goal_reward_and_networks(sentence, init, goal, reward, networks):
     sentence = sentence.replace("the ball", "the blue ball")
     (step,) = parse(sentence, PLACES).steps
     assert (step.init, step.goal, step.reward, step.networks) == (init, goal, reward, networks)
 
 
-def test_a_new_verb_is_one_line(monkeypatch):
+def test_a_new_verb_needs_one_entry(monkeypatch):
     monkeypatch.setitem(VERBS, "wave", Verb(("wave at {object}", "greet {object} from afar")))
     instruction = Instruction("wave", ObjectPhrase("sphere"))
     assert parse("greet the ball from afar") == instruction
@@ -80,7 +80,7 @@ def test_a_new_verb_is_one_line(monkeypatch):
     assert Tokenizer.default().unknown_words("wave at greet from afar") == ()
 
 
-def test_a_new_template_is_one_string(monkeypatch):
+def test_a_new_template_needs_one_string(monkeypatch):
     push = VERBS["push"]
     monkeypatch.setitem(
         VERBS, "push", Verb((*push.templates, "slide {object} across {goal}"), moves=True, effect="goal")

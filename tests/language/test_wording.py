@@ -1,4 +1,4 @@
-"""The same meaning in other words."""
+"""Random wordings of a meaning."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def test_every_synonym_is_drawn():
         assert polite in sentences
 
 
-def test_all_of_it_means_the_same():
+def test_all_wordings_have_the_same_meaning():
     for sentence in said(Wording(), TOUCH):
         assert parse(sentence) == TOUCH
     for sentence in said(Wording(), parse("pick the green cube and place it to the transparent cube")):
@@ -49,29 +49,29 @@ def test_the_same_seed_gives_the_same_words():
 
 
 @pytest.mark.parametrize("name", ["train", "test_length", "test_composition"])
-def test_a_held_out_phrase_is_never_said_but_in_test_paraphrase(name):
+def test_held_out_phrases_occur_in_test_paraphrase_only(name):
     split = Split(name, HeldOut((("red", "cube"),), (), HELD_OUT.phrases))
     for sentence in said(Wording(split), TOUCH):
         assert not any(word in sentence for word in WORDS)
 
 
-def test_test_paraphrase_always_says_a_held_out_phrase():
+def test_test_paraphrase_always_contains_a_held_out_phrase():
     for sentence in said(Wording(Split("test_paraphrase", HELD_OUT)), TOUCH):
         assert any(word in sentence for word in WORDS)
         assert parse(sentence) == TOUCH
 
 
-def test_the_plain_sentence_never_says_a_held_out_phrase():
+def test_the_standard_sentence_never_contains_a_held_out_phrase():
     assert not any(word in say(TOUCH) for word in WORDS)
 
 
-def test_what_no_held_out_phrase_can_say_is_an_error():
+def test_test_paraphrase_without_a_possible_phrase_raises():
     wording = Wording(Split("test_paraphrase", HeldOut(phrases=("grey",))))
     with pytest.raises(LanguageError, match="cannot be said with a held-out phrase"):
         wording.say(parse("lift the red cube"), np.random.default_rng(0))
 
 
-def test_a_task_keeps_a_template_with_and_without_a_goal():
+def test_holding_out_the_standard_template_is_refused():
     with pytest.raises(LanguageError, match=r"'poke \{object\}' is the standard phrase"):
         HeldOut(phrases=("poke {object}",))
     held_out = HeldOut(phrases=("nudge {object}", "nudge {object} {goal}"))
@@ -80,6 +80,6 @@ def test_a_task_keeps_a_template_with_and_without_a_goal():
         assert all("poke" in sentence for sentence in said(wording, instruction, 40))
 
 
-def test_a_phrase_is_said_without_polite_words():
+def test_phrases_have_no_polite_words():
     phrases = said(Wording(), ObjectPhrase("sphere", "gray"))
     assert set(phrases) == {f"the {color} {noun}" for color in ("gray", "grey") for noun in ("sphere", "ball")}

@@ -1,4 +1,4 @@
-"""`python -m language` as a process: pipes, signals, exit codes, and what it loads."""
+"""`python -m language` as a process: pipes, signals, exit codes and imports."""
 
 import json
 import os
@@ -37,7 +37,7 @@ def start(*arguments):
     return subprocess.Popen([*COMMAND, *arguments], text=True, cwd=ROOT, **pipes)
 
 
-def test_it_can_be_talked_to_through_a_pipe(scene):
+def test_sentences_through_a_pipe_are_answered_at_once(scene):
     with start("parse", "-", "--scene", scene) as process:
         for sentence, goal in (("reach the red cube", "a"), ("no, the blue one", "c")):
             process.stdin.write(sentence + "\n")
@@ -47,7 +47,7 @@ def test_it_can_be_talked_to_through_a_pipe(scene):
         assert process.wait(timeout=20) == 0
 
 
-def test_ctrl_c_ends_it_quietly(scene):
+def test_ctrl_c_exits_with_130_and_no_traceback(scene):
     with start("parse", "-", "--scene", scene) as process:
         process.stdin.write("reach the red cube\n")
         process.stdin.flush()
@@ -57,7 +57,7 @@ def test_ctrl_c_ends_it_quietly(scene):
         assert process.stderr.read() == ""
 
 
-def test_a_reader_that_stops_is_no_error():
+def test_a_closed_pipe_exits_with_141_and_no_message():
     with start("sample", "--n", "100000", "--depth", "0") as process:
         assert process.stdout.readline()
         process.stdout.close()
@@ -66,7 +66,7 @@ def test_a_reader_that_stops_is_no_error():
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_a_full_disk_is_told_in_one_line():
+def test_a_full_disk_prints_one_line():
     with open("/dev/full", "w") as full:
         done = run("sample", "--n", "1", stdout=full)
     assert done.returncode == 2
@@ -74,19 +74,20 @@ def test_a_full_disk_is_told_in_one_line():
     assert done.stderr.count("\n") == 1
 
 
-def test_bytes_that_are_no_text_are_words_that_are_not_understood(scene):
+def test_undecodable_bytes_are_unknown_words(scene):
     done = run("parse", "-", "--scene", scene, text=False, input=b"reach the \xff cube\nreach the red cube\n")
     first, second = map(json.loads, done.stdout.splitlines())
     assert (first["error"], first["position"], second["goal"], done.returncode) == ("syntax", 10, "a", 2)
 
 
-def test_the_command_line_loads_nothing_heavy():
+def test_the_command_line_imports_no_heavy_library():
     code = "import sys, language.cli; print(*{'torch', 'lark', 'yaml', 'pybullet'} & set(sys.modules))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert found.stdout.split() == []
 
 
-def test_the_process_gives_the_exit_code_of_its_command(scene):
+@pytest.mark.slow
+def test_the_process_exits_with_the_code_of_the_command(scene):
     assert run("parse", "reach the red cube", "--scene", scene).returncode == 0
     done = run("parse", "reach the red sphere", "--scene", scene, env={**os.environ, "PYTHONIOENCODING": "ascii"})
     assert (done.returncode, done.stdout) == (2, "")

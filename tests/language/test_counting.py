@@ -1,4 +1,4 @@
-"""The count of different sentences, beside the sentences themselves where they are few."""
+"""The number of sentences, compared with enumeration where it is small."""
 
 from itertools import product
 
@@ -84,14 +84,14 @@ MOST = {
         (tiny("reach {object}", **BESIDE, **BETWEEN, color={"red": ("red",)}), 2),
     ],
 )
-def test_the_count_is_the_number_of_different_sentences(words, depth):
+def test_the_count_equals_the_number_of_enumerated_sentences(words, depth):
     every = list(sentences(words, depth))
     assert len(every) == len(set(every)) == count(depth, words)
     for index in np.random.default_rng(0).choice(len(every), size=100):
         parse(every[index])
 
 
-def test_there_are_more_sentences_the_deeper_they_nest():
+def test_the_count_grows_with_depth():
     counts = [count(depth) for depth in range(4)]
     assert counts == sorted(counts)
     assert counts[1] > 10**12

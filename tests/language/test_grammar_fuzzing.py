@@ -1,7 +1,8 @@
-"""Whatever is typed, the answer is a meaning or one of the three errors."""
+"""Any input is parsed or raises one of the three errors."""
 
 import string
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,21 +24,23 @@ def check(sentence):
         str(got).encode()  # so that it can be printed
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(HOSTILE | st.lists(WORDS | st.text(max_size=5), max_size=40).map(" ".join))
-def test_any_text_gives_an_answer_or_one_of_the_three_errors(text):
+def test_any_text_is_parsed_or_raises_one_of_the_three_errors(text):
     check(text)
 
 
 @settings(max_examples=50, deadline=None)
 @given(st.text(alphabet=string.printable, max_size=1100))
-def test_long_noise_gives_an_answer_or_one_of_the_three_errors(text):
+def test_long_noise_is_parsed_or_raises_one_of_the_three_errors(text):
     check(text)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(meanings.map(say), st.data())
-def test_a_good_sentence_broken_anywhere_gives_an_answer_or_one_of_the_three_errors(sentence, data):
+def test_a_corrupted_sentence_is_parsed_or_raises_one_of_the_three_errors(sentence, data):
     words = sentence.split(" ")
     at = data.draw(st.integers(0, len(words) - 1))
     check(sentence[: data.draw(st.integers(0, len(sentence)))])
@@ -45,7 +48,7 @@ def test_a_good_sentence_broken_anywhere_gives_an_answer_or_one_of_the_three_err
     check(" ".join(data.draw(st.permutations(words))))
 
 
-def test_the_deepest_nesting_that_fits_a_sentence_is_answered():
+def test_the_deepest_nesting_within_the_length_limit_is_handled():
     for nest in ("the one by " * 89 + "it", "the one between " * 30 + "the red cube" + " and the sphere" * 30):
         check(f"reach {nest}")
     check("after you " * 90 + "reach the ball")

@@ -1,3 +1,5 @@
+"""Describer and describe: unique phrases for objects of a scene."""
+
 from collections import Counter
 
 import numpy as np
@@ -32,7 +34,7 @@ def described(describer, scenes, seed=1):
 
 
 @pytest.mark.parametrize("redundant", [False, True])
-def test_a_generated_sentence_is_understood_as_its_referent(redundant):
+def test_a_generated_sentence_grounds_to_its_referent(redundant):
     for each, referent, instruction in described(Describer(KINDS, redundant=redundant), random_scenes(300)):
         assert parse(say(instruction)) == instruction
         assert ground(instruction, each) == referent
@@ -40,7 +42,7 @@ def test_a_generated_sentence_is_understood_as_its_referent(redundant):
 
 
 @pytest.mark.parametrize("redundant", [False, True])
-def test_every_expression_up_to_one_relation_is_understood_as_its_referent(redundant):
+def test_every_expression_with_up_to_one_relation_grounds_to_its_referent(redundant):
     for each in random_scenes(6, counts=[2, 4, 6]):
         expressions = Describer(KINDS, redundant=redundant).expressions(each)
         for kind in ONE_STEP:
@@ -52,7 +54,7 @@ def test_every_expression_up_to_one_relation_is_understood_as_its_referent(redun
 
 
 @pytest.mark.parametrize("depth", [2, 3])
-def test_a_deep_phrase_is_understood_as_its_referent(depth):
+def test_a_nested_phrase_grounds_to_its_referent(depth):
     rng, number = np.random.default_rng(0), 0
     for each in random_scenes(60, counts=[4, 6, 8]):
         expressions = Describer(redundant=True).expressions(each)
@@ -67,20 +69,20 @@ def test_a_deep_phrase_is_understood_as_its_referent(depth):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_only_allowed_kinds_are_said(kind):
+def test_only_allowed_kinds_are_generated(kind):
     said = [instruction.kind for *_, instruction in described(Describer([kind]), random_scenes(100))]
     assert set(said) == {kind}
     assert len(said) > 20
 
 
-def test_every_spoken_kind_occurs():
+def test_every_default_kind_occurs():
     kinds = Counter(instruction.kind for *_, instruction in described(Describer(), random_scenes(200)))
     assert set(kinds) == set(DEFAULT_KINDS)
     assert min(kinds.values()) > 20
 
 
 @pytest.mark.parametrize("kind", ["relation", "superlative", "negation"])
-def test_more_words_are_said_only_where_the_rest_is_ambiguous(kind):
+def test_words_are_added_only_to_ambiguous_heads(kind):
     for each, referent, instruction in described(Describer([kind]), random_scenes(200)):
         phrase = instruction.phrase
         without = matches(ObjectPhrase(phrase.noun, phrase.color, size=phrase.size, role=phrase.role), each)
@@ -88,14 +90,14 @@ def test_more_words_are_said_only_where_the_rest_is_ambiguous(kind):
         assert without[referent]
 
 
-def test_more_words_are_said_of_what_has_a_name_only_by_choice():
+def test_redundant_words_are_added_only_on_request():
     table = scene(("red cube", 0.0), ("blue sphere", 0.2))
     only, also = (Describer(redundant=more).expressions(table).all("relation", 0) for more in (False, True))
     assert {phrase.head for phrase in only} == {ObjectPhrase()}
     assert "the red cube right of the sphere" in map(str, also)
 
 
-def test_a_relation_is_seen_from_others_by_their_plain_names():
+def test_anchors_are_named_by_colour_and_noun():
     for each, referent, instruction in described(Describer(["relation"]), random_scenes(200)):
         found = [int(matches(anchor, each).argmax()) for anchor in instruction.phrase.anchors]
         assert len({referent, *found}) == 1 + len(found)
@@ -104,7 +106,7 @@ def test_a_relation_is_seen_from_others_by_their_plain_names():
             assert matches(anchor, each).sum() == 1
 
 
-def test_kinds_and_words_and_expressions_are_drawn_evenly():
+def test_kinds_words_and_expressions_are_drawn_uniformly():
     table = scene(("red cube", 0.0), ("blue sphere", 0.2))
     describer, rng = Describer(), np.random.default_rng(0)
     drawn = [describer.phrase(table, 0, rng) for _ in range(12000)]
@@ -117,7 +119,7 @@ def test_kinds_and_words_and_expressions_are_drawn_evenly():
             assert count == pytest.approx(sum(counts.values()) / number, rel=0.25)
 
 
-def test_twins_that_stand_side_by_side_are_not_nameable():
+def test_indistinguishable_objects_are_not_nameable():
     table = scene(("red cube", 0.0), ("red cube", 0.02), ("blue sphere", 0.2))
     assert Describer().nameable(table).tolist() == [False, False, True]
     with pytest.raises(LanguageError, match="red cube, object 0"):
@@ -127,11 +129,11 @@ def test_twins_that_stand_side_by_side_are_not_nameable():
 
 
 @pytest.mark.parametrize(("index", "name"), [(0, "the red cube"), (2, "the blue sphere"), (4, "the yellow cylinder")])
-def test_describe_gives_the_plainest_name(index, name):
+def test_describe_returns_the_simplest_name(index, name):
     assert describe(index, TABLE) == describe(TABLE[index], TABLE) == name
 
 
-def test_describe_tells_a_thing_from_its_see_through_twin():
+def test_describe_distinguishes_an_object_from_a_target_of_the_same_look():
     table = Scene([Object("cube", "red", (0.4, y, 0.0), role=role) for y, role in ((0.0, "real"), (0.3, "target"))])
     names = [describe(index, table) for index in (0, 1)]
     assert names[1] == "the transparent red cube"
@@ -139,7 +141,7 @@ def test_describe_tells_a_thing_from_its_see_through_twin():
 
 
 @pytest.mark.parametrize("missing", [7, -1, Object("cube", "pink", (0.0, 0.0, 0.0))])
-def test_what_is_not_in_the_scene_cannot_be_described(missing):
+def test_describing_an_object_outside_the_scene_raises(missing):
     with pytest.raises(LanguageError, match=r"not in the scene|out of range"):
         describe(missing, TABLE)
 
@@ -150,7 +152,7 @@ def test_the_same_seed_gives_the_same_sentences():
     assert one == other
 
 
-def test_scenes_asked_in_turn_do_not_mix():
+def test_a_describer_alternates_between_scenes_correctly():
     describer, scenes = Describer(), random_scenes(20, counts=[4])
     alone = [Describer().nameable(each).tolist() for each in scenes]
     describer.nameable(scenes[0])

@@ -1,4 +1,4 @@
-"""What is held out is never said in training, and always in the test of it."""
+"""Held-out words and pairs are excluded from training and required by their test splits."""
 
 import numpy as np
 import pytest
@@ -32,35 +32,35 @@ def held_out(phrase):
 
 
 @pytest.mark.parametrize("name", NEVER)
-def test_a_held_out_pair_is_never_said_in_training(name):
+def test_train_never_contains_a_held_out_pair(name):
     said = [phrase for *_, phrase in described(Split(name, HELD_OUT))]
     assert len(said) > 1000
     assert not any(map(held_out, said))
     assert {phrase.kind for phrase in said} == set(KINDS)
 
 
-def test_test_composition_always_says_a_held_out_pair():
+def test_test_composition_always_contains_a_held_out_pair():
     said = [phrase for *_, phrase in described(Split("test_composition", HELD_OUT))]
     assert len(said) > 500
     assert all(map(held_out, said))
     assert {pair for phrase in said for pair in held_out(phrase)} == {*HELD_OUT.color_noun, *HELD_OUT.relation_noun}
 
 
-def test_without_a_split_both_are_said():
+def test_without_a_split_held_out_and_other_pairs_occur():
     said = [bool(held_out(phrase)) for *_, phrase in described(Split("all", HELD_OUT), number=30)]
     assert True in said
     assert False in said
 
 
 @pytest.mark.parametrize("name", [*NEVER, "test_composition"])
-def test_whatever_the_split_the_phrase_names_its_object_alone(name):
+def test_phrases_of_every_split_are_unique(name):
     for each, referent, phrase in described(Split(name, HELD_OUT), number=20):
         assert ground(Instruction("reach", phrase), each) == referent
 
 
 @pytest.mark.parametrize("depth", [2, 3])
 @pytest.mark.parametrize("name", ["train", "test_composition"])
-def test_longer_phrases_keep_to_the_split_too(name, depth):
+def test_nested_phrases_stay_within_the_split(name, depth):
     rng, split = np.random.default_rng(0), Split(name, HELD_OUT)
     said = []
     for each in random_scenes(40, counts=[5, 7], seed=4):
@@ -86,6 +86,6 @@ def test_longer_phrases_keep_to_the_split_too(name, depth):
         (lambda: Split("test_paraphrase"), "needs phrases"),
     ],
 )
-def test_a_split_that_could_not_be_held_is_refused(make, message):
+def test_an_invalid_split_is_refused(make, message):
     with pytest.raises(LanguageError, match=message):
         make()

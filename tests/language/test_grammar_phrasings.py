@@ -1,4 +1,4 @@
-"""Ways of speaking that people use although nobody told them to."""
+"""Colloquial phrasings."""
 
 import pytest
 
@@ -34,12 +34,12 @@ TABLE = Scene(
         ("reach the cube that is not a big one", "reach the cube that is not large"),
     ],
 )
-def test_it_means_what_we_would_say(sentence, means):
+def test_colloquial_sentences_are_understood(sentence, means):
     assert parse(sentence) == parse(means)
     assert parse(say(parse(sentence))) == parse(sentence)
 
 
-def test_a_side_is_said_once():
+def test_two_superlatives_in_one_phrase_are_refused():
     with pytest.raises(ValueError, match="say one of them"):
         parse("reach the leftmost cube on the right")
 
@@ -54,7 +54,7 @@ def test_a_side_is_said_once():
         ("no, to the transparent pink cube", [], 0, 4),
     ],
 )
-def test_a_correction_leaves_the_other_gestures_as_they_were(correction, pointed, init, goal):
+def test_a_correction_keeps_the_other_gestures(correction, pointed, init, goal):
     before = parse("push this there", TABLE, pointed=[0, 3])
     step = parse(correction, TABLE, pointed, previous=before).steps[0]
     assert (step.init, step.goal) == (init, goal)

@@ -1,4 +1,4 @@
-"""What is wrong with a sentence is told in one of three ways, with the place, and with what to say instead."""
+"""The three errors: kind, position, and suggestions."""
 
 import re
 
@@ -27,7 +27,7 @@ from tests.helpers.language_cases import PLACES, TABLE, answer, random_scenes, s
         ("", 0, "reach", "ends too early"),
     ],
 )
-def test_a_sentence_outside_the_grammar_is_told_where_and_what_was_meant(sentence, position, expects, hint):
+def test_not_understood_has_position_expected_phrases_and_a_hint(sentence, position, expects, hint):
     with pytest.raises(NotUnderstood, match=hint) as caught:
         parse(sentence)
     assert caught.value.position == position
@@ -52,19 +52,19 @@ def test_an_overlong_sentence_is_refused():
         ("reach the ball, then touch the pink one", "pink object", 27),
     ],
 )
-def test_what_nothing_fits_is_told_by_its_failing_part_and_with_what_is_there(sentence, part, position):
+def test_nothing_fits_has_the_failing_part_and_lists_the_scene(sentence, part, position):
     with pytest.raises(NothingFits, match=f"there is no {part}.*; there is a red cube, a blue cube") as caught:
         parse(sentence, TABLE)
     assert caught.value.part == part
     assert caught.value.position == position
 
 
-def test_what_nothing_fits_is_told_with_what_comes_nearest():
+def test_nothing_fits_suggests_similar_objects():
     with pytest.raises(NothingFits, match=r"no red sphere \(did you mean the red cube or the blue sphere\?\)"):
         parse("reach the red sphere", TABLE)
 
 
-def test_nothing_fits_an_empty_table():
+def test_nothing_fits_in_an_empty_scene():
     with pytest.raises(NothingFits, match="nothing at all"):
         ground(parse("reach the object"), scene())
 
@@ -81,19 +81,19 @@ def test_nothing_fits_an_empty_table():
         ("no, the blue one", "no instruction before", 0),
     ],
 )
-def test_what_has_no_meaning_here_is_told_why(sentence, message, position):
+def test_missing_context_is_reported_with_its_reason(sentence, message, position):
     with pytest.raises(NothingFits, match=message) as caught:
         parse(sentence, PLACES)
     assert caught.value.position == position
 
 
-def test_words_that_do_not_fit_what_is_shown_are_told_what_that_is():
+def test_a_contradicting_gesture_is_reported_with_its_object():
     with pytest.raises(NothingFits, match="nothing fits 'this cube': what is meant there is the blue sphere"):
         parse("reach this cube", TABLE, pointed=[2])
 
 
 @pytest.mark.parametrize("pointed", [[99], [-1]])
-def test_a_gesture_to_nowhere_is_refused(pointed):
+def test_a_gesture_at_an_unknown_index_is_refused(pointed):
     with pytest.raises(ValueError, match="out of range: the scene has 5 objects"):
         parse("reach this", TABLE, pointed=pointed)
 
@@ -108,14 +108,14 @@ def test_a_gesture_to_nowhere_is_refused(pointed):
         ("reach the sphere and touch the cube", (0, 1, 3), 27),
     ],
 )
-def test_what_several_fit_is_told_with_all_of_them(sentence, candidates, position):
+def test_several_fit_lists_all_candidates(sentence, candidates, position):
     with pytest.raises(SeveralFit, match=f"any of {len(candidates)}. Do you mean") as caught:
         parse(sentence, TABLE)
     assert caught.value.candidates == candidates
     assert caught.value.position == position
 
 
-def test_the_question_names_each_candidate_in_words_that_are_understood():
+def test_the_question_names_each_candidate_in_parsable_words():
     with pytest.raises(SeveralFit) as caught:
         parse("reach the blue object", TABLE)
     assert caught.value.question == "Do you mean the blue cube or the blue sphere?"
@@ -133,7 +133,7 @@ def names(error):
     return error.question.removeprefix("Do you mean ").removesuffix("?").split(" or ")
 
 
-def test_twins_are_told_apart_by_their_places():
+def test_indistinguishable_candidates_are_named_with_their_positions():
     table = scene(("red cube", 0.0), ("red cube", 0.02))
     with pytest.raises(
         SeveralFit, match=re.escape("the red cube at (0.40, 0.00, 0.00) or the red cube at (0.40, 0.02")
@@ -142,12 +142,12 @@ def test_twins_are_told_apart_by_their_places():
 
 
 @pytest.mark.parametrize("sentence", ["reach the cube", "reach the sphere", "reach the leftmost cube"])
-def test_a_crowded_table_makes_no_endless_message(sentence):
+def test_messages_about_large_scenes_are_short(sentence):
     crowd = Scene.from_arrays(np.zeros(60), np.zeros(60), np.linspace([0.3, -0.3, 0], [0.3, 0.3, 0], 60))
     assert len(str(answer(sentence, crowd))) < 1000
 
 
-def test_a_phrase_as_long_as_a_sentence_may_be_is_not_repeated_in_full():
+def test_long_phrases_are_truncated_in_messages():
     table = Scene([*TABLE, Object("cylinder", "gray", (0.4, 0.0, 0.1))])
     nest = "the gray one by the sphere by " * 30 + "the gray one"
     for words, kind in (("the pink one", NothingFits), ("the red one", NothingFits), ("the object", SeveralFit)):
@@ -159,5 +159,5 @@ def test_a_phrase_as_long_as_a_sentence_may_be_is_not_repeated_in_full():
 @pytest.mark.parametrize(
     "sentence", ["reach the cube left of the red cube, it", "push this there", "no, this one", "lift it"]
 )
-def test_a_sentence_with_a_scene_is_never_guessed(sentence):
+def test_an_ambiguous_sentence_raises_instead_of_guessing(sentence):
     assert not hasattr(answer(sentence, TABLE), "steps")

@@ -1,4 +1,4 @@
-"""Who can be named, beside every phrase that could be said, tried one after the other."""
+"""Nameable objects of the generator, compared with a brute-force search over all phrases."""
 
 from functools import cache
 
@@ -12,7 +12,7 @@ from tests.helpers.language_cases import random_scenes
 
 @pytest.mark.parametrize("redundant", [False, True])
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "nested"])
-def test_an_object_is_nameable_just_where_some_sentence_names_it(kind, redundant):
+def test_an_object_is_nameable_if_and_only_if_some_phrase_fits_it_alone(kind, redundant):
     for each in random_scenes(24, counts=range(1, 5), seed=3):
         named = Describer([kind], redundant=redundant).nameable(each).tolist()
         brute = Brute(each, redundant)
