@@ -1,4 +1,4 @@
-"""Scenarios compose to what they say, and what is typed wins over them."""
+"""Scenarios: their composition, and the precedence of overrides."""
 
 import pytest
 
@@ -17,7 +17,7 @@ SCENARIOS = {
 
 
 @pytest.mark.parametrize("number", SCENARIOS)
-def test_a_scenario_is_a_robot_a_control_an_algorithm_and_one_task(number):
+def test_a_scenario_sets_robot_control_algorithm_and_task(number):
     config = compose([f"scenario={number}"])
     environment, plan = read_env(config), read_plan(config)
     assert (environment.robot.name, environment.control.name, plan.algo.name) == SCENARIOS[number]
@@ -28,7 +28,7 @@ def test_a_scenario_is_a_robot_a_control_an_algorithm_and_one_task(number):
     assert config.scenario == number
 
 
-def test_scenarios_differ_in_nothing_else_but_how_long_they_learn():
+def test_scenarios_of_one_algorithm_share_their_hyperparameters():
     """One set of hyperparameters for each algorithm, whatever the robot and the control."""
     same = ("algo", "policy", "task", "collector")
     first = compose(["scenario=1"])
@@ -37,12 +37,12 @@ def test_scenarios_differ_in_nothing_else_but_how_long_they_learn():
         assert [other[key] for key in same] == [first[key] for key in same]
 
 
-def test_without_a_scenario_nothing_changes():
+def test_scenario_none_changes_nothing():
     assert compose(["scenario=none"]) == compose()
     assert "scenario" not in compose()
 
 
-def test_what_is_typed_wins_over_the_scenario():
+def test_overrides_take_precedence_over_the_scenario():
     typed = ["scenario=2", "robot=panda", "algo=sac", "total_frames=1000", "task.num_objects=3"]
     for words in (typed, typed[::-1]):
         config = compose(words)
@@ -59,17 +59,17 @@ def test_what_is_typed_wins_over_the_scenario():
         ["-m", "scenario='1','2'"],
     ],
 )
-def test_the_sweeps_of_the_comparison_pass(words):
+def test_sweeps_over_scenarios_and_groups_are_accepted(words):
     check(words)
 
 
-def test_options_that_are_numbers_are_quoted_for_hydra_and_other_numbers_are_not():
+def test_numeric_options_are_quoted_and_other_numbers_are_not():
     words = ["scenario=1,2", "scenario=none,3", "seed=1,2", "robot=kuka", "scenario='4'"]
     assert quoted(words) == ["scenario='1','2'", "scenario=none,'3'", "seed=1,2", "robot=kuka", "scenario='4'"]
 
 
 @pytest.mark.parametrize("word", ["scenario=6", "scenario=1,7"])
-def test_an_unknown_scenario_is_named(word):
+def test_an_unknown_scenario_is_refused(word):
     with pytest.raises(ConfigError, match=r"^scenario=[67] is not known; choose from 1, 2, 3, 4, 5, none$"):
         check([word])
 

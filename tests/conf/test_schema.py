@@ -1,4 +1,4 @@
-"""`conf.schema.read`: what it takes, and what it says of the rest."""
+"""`conf.schema.read`: valid nodes, and error messages for invalid ones."""
 
 from dataclasses import dataclass
 
@@ -49,7 +49,7 @@ def changed(path, value):
 
 
 @pytest.mark.parametrize("wrap", [dict, OmegaConf.create])
-def test_a_good_node_becomes_its_dataclass(wrap):
+def test_a_valid_node_becomes_its_dataclass(wrap):
     cart = read(Cart, wrap(GOOD), "cart")
     wheel = Wheel(0.5, [0.0, 0.5])
     assert cart == Cart(
@@ -59,7 +59,7 @@ def test_a_good_node_becomes_its_dataclass(wrap):
     assert type(cart.stops) is list
 
 
-def test_reading_changes_nothing_in_what_is_read():
+def test_reading_does_not_change_the_node():
     node = {**GOOD, "spare": dict(WHEEL)}
     read(Cart, node, "cart")
     assert node == GOOD
@@ -104,7 +104,7 @@ def test_interpolations_are_resolved():
         ("wheels", 4, r"^cart\.wheels=4 must be a group of named entries$"),
     ],
 )
-def test_what_is_wrong_is_named_with_its_full_key_its_value_and_what_would_be_right(path, value, message):
+def test_errors_name_the_full_key_the_value_and_what_would_be_right(path, value, message):
     with pytest.raises(ConfigError, match=message) as caught:
         read(Cart, changed(path, value), "cart")
     assert "\n" not in str(caught.value)
@@ -112,7 +112,7 @@ def test_what_is_wrong_is_named_with_its_full_key_its_value_and_what_would_be_ri
 
 
 @pytest.mark.parametrize("path", ["name", "load", "wheels", "spare.radius"])
-def test_what_is_missing_is_asked_for(path):
+def test_missing_keys_are_reported(path):
     node = OmegaConf.create(GOOD)
     holder, _, key = path.rpartition(".")
     del (OmegaConf.select(node, holder) if holder else node)[key]
@@ -120,21 +120,21 @@ def test_what_is_missing_is_asked_for(path):
         read(Cart, node, "cart")
 
 
-def test_a_node_that_is_no_group_is_refused():
+def test_a_node_that_is_not_a_group_is_refused():
     with pytest.raises(ConfigError, match=r"^cart=7 must be a group of keys: name, load"):
         read(Cart, 7, "cart")
 
 
-def test_at_the_top_keys_have_no_prefix():
+def test_keys_at_the_top_level_have_no_prefix():
     with pytest.raises(ConfigError, match=r"^horses=9 is out of range"):
         read(Cart, changed("horses", 9), "")
 
 
-def test_a_config_cannot_be_changed_once_read():
+def test_a_config_is_immutable():
     with pytest.raises(AttributeError):
         read(Cart, GOOD, "cart").load = 3
 
 
-def test_did_you_mean_only_where_it_is_near():
+def test_did_you_mean_suggests_only_similar_words():
     assert did_you_mean("kuka1", ["kuka", "panda"]) == "; did you mean 'kuka'?"
     assert did_you_mean("ur5", ["kuka", "panda"]) == "; choose from kuka, panda"

@@ -1,4 +1,4 @@
-"""What the tests of the person share."""
+"""The person of the tests: configuration, body and measurements."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def config(**changes: Any) -> HumanConfig:
 
 @contextmanager
 def standing(**changes: Any) -> Iterator[Body]:
-    """A person in a client of their own, with gravity."""
+    """Yields a person in a PyBullet client of their own, with gravity."""
     client = bullet.connect(bullet.DIRECT)
     try:
         bullet.setGravity(0, 0, -9.81, client)
@@ -41,20 +41,20 @@ def standing(**changes: Any) -> Iterator[Body]:
 
 
 def table(count: int) -> np.ndarray:
-    """(count^2, 3) places all over the table top, at the height of a small object's centre."""
+    """Returns places (count^2, 3) all over the table top, at the height of a small object's centre."""
     x, y = np.meshgrid(np.linspace(-0.35, 0.95, count), np.linspace(-0.7, 0.7, count))
     return np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.025)], 1)
 
 
 def off(body: Body, target: Any, style: str = "finger") -> float:
-    """Degrees from the person's line, as Bullet has the links, to where the target is from the fingertip."""
+    """Returns the angle between the person's line, from PyBullet's links, and the target, in degrees."""
     origin, direction = body.drawn(style)
     sight = np.asarray(target) - origin
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(direction, sight)), direction @ sight)))
 
 
 def angles(body: Body) -> list[float]:
-    """Of all the body's joints."""
+    """Returns the angles of all joints of the body."""
     return [
         bullet.getJointState(body.body, j, body.client)[0] for j in range(bullet.getNumJoints(body.body, body.client))
     ]

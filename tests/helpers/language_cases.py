@@ -1,4 +1,4 @@
-"""Random scenes and meanings for the tests of the language, and one table that is known by heart."""
+"""Random scenes and meanings for the tests of the language, and two fixed scenes."""
 
 import numpy as np
 from hypothesis import strategies as st
@@ -23,7 +23,7 @@ from language import (
 from language.objects import ROLE_WORDS
 from tools.random_scenes import random_scene
 
-# Seen by the robot: the red cube is on the right, the green one on the left and far away, the cylinder on the sphere.
+# From the robot's viewpoint the red cube is on the right, the green one far left, and the cylinder on the sphere.
 TABLE = Scene(
     [
         Object("cube", "red", (0.4, -0.2, 0.0)),
@@ -33,7 +33,7 @@ TABLE = Scene(
         Object("cylinder", "yellow", (0.4, 0.1, 0.12)),
     ]
 )
-# Two cubes and a ball to be brought to two places that are only marked.
+# Two cubes and a ball, and two targets.
 PLACES = Scene(
     [
         Object("cube", "red", (0.4, -0.2, 0.02)),
@@ -51,12 +51,12 @@ def random_scenes(number, counts=range(2, 9), seed=0):
 
 
 def scene(*things):
-    """A scene from "red cube" and a y each, in metres."""
+    """Returns a scene from ("red cube", y in metres) pairs."""
     return Scene(Object(words.split()[1], words.split()[0], (0.4, y, 0.0)) for words, y in things)
 
 
 def answer(sentence, *scene_and_more, **more):
-    """What `parse` gives, or the LanguageError that it raises."""
+    """Returns the result of `parse`, or the LanguageError that it raises."""
     try:
         return parse(sentence, *scene_and_more, **more)
     except LanguageError as error:
@@ -64,7 +64,7 @@ def answer(sentence, *scene_and_more, **more):
 
 
 def steps(sentence, *scene_and_more, **more):
-    """(task, init, goal) of each step that is understood."""
+    """Returns (task, init, goal) of each step."""
     return [(step.task, step.init, step.goal) for step in parse(sentence, *scene_and_more, **more).steps]
 
 
@@ -84,7 +84,7 @@ _excluded = st.builds(ObjectPhrase, _maybe(NOUNS), _maybe(COLORS), size=_maybe(S
 
 @st.composite
 def _described(draw, depth):
-    """Any phrase of at most so many relations, each of its fields with any value."""
+    """Any phrase with at most `depth` nested relations."""
     where = {}
     if depth and draw(st.booleans()):
         known = draw(_one_of(RELATIONS.values()))

@@ -1,4 +1,4 @@
-"""Keys move the finger: by the chosen step, as the viewer sees it, and only to where the arm can follow."""
+"""Pointing with the keyboard."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ BOUNDS = (-1.0, 2.0, -1.0, 1.0, -0.1, 1.0)
 PLACES = np.array([[0.45, 0.0, 0.02], [0.45, 0.2, 0.02]])
 
 
-class Arm:
-    """A person's own, over two objects. rays: the finger's directions, one for each physics step."""
+class PersonOverTwoObjects:
+    """A person who points over two objects. rays: the finger's direction after each physics step."""
 
     def __init__(self, body: Body, frames: int = 10) -> None:
         self.body, self.frames = body, frames
@@ -38,7 +38,7 @@ class Arm:
 
 @pytest.fixture
 def arm(standing_body):
-    return Arm(standing_body)
+    return PersonOverTwoObjects(standing_body)
 
 
 @pytest.fixture(scope="module")
@@ -61,30 +61,30 @@ def moved(arm, *keys, yaw=0.0):
     ("yaw", "right", "away"),
     [(0, (1, 0), (0, 1)), (14, (1, 0), (0, 1)), (90, (0, 1), (-1, 0)), (-80, (0, -1), (1, 0)), (180, (-1, 0), (0, -1))],
 )
-def test_arrows_go_where_the_viewer_sees_them_go(arm, yaw, right, away):
+def test_arrows_move_in_the_viewers_directions(arm, yaw, right, away):
     for key, (x, y), sign in (("right", right, 1), ("left", right, -1), ("up", away, 1), ("down", away, -1)):
         assert moved(arm, key, yaw=yaw) == pytest.approx([0.05 * sign * x, 0.05 * sign * y, 0])
 
 
-def test_page_keys_move_the_third_axis(arm):
+def test_page_keys_move_up_and_down(arm):
     assert moved(arm, "pageup") == [0, 0, 0.05]
     assert moved(arm, "3", "pageup", "pagedown", "pageup") == [0, 0, 0.03]
 
 
 @pytest.mark.parametrize(("digit", "metres"), [(str(cm), cm / 100) for cm in range(1, 10)] + [("0", 0.1)])
-def test_digits_choose_steps_of_1_to_10_cm(arm, digit, metres):
+def test_digits_set_the_step_to_1_to_10_cm(arm, digit, metres):
     assert moved(arm, digit, "left") == [-metres, 0, 0]
 
 
-def test_moves_count_from_where_the_finger_is(arm):
+def test_moves_accumulate(arm):
     assert moved(arm, "2", "left", "left", "up", "7", "up") == pytest.approx([-0.04, 0.09, 0])
 
 
-def test_other_keys_do_nothing(arm):
+def test_other_keys_have_no_effect(arm):
     assert moved(arm, "w", "f1", "") == [0, 0, 0]
 
 
-def test_the_arm_moves_through_what_lies_between(arm):
+def test_the_arm_moves_through_intermediate_postures(arm):
     hand = KeyboardPointer(arm, RecordingDisplay(), MIDDLE, BOUNDS)
     arm.rays.clear()
     before = arm.body.ray()[1]
@@ -100,7 +100,7 @@ def test_the_arm_moves_through_what_lies_between(arm):
     assert after @ sight / np.linalg.norm(sight) > np.cos(np.radians(0.1))
 
 
-def test_what_cannot_be_pointed_at_is_refused_and_the_finger_stays(arm):
+def test_an_unreachable_place_is_refused_and_the_finger_stays(arm):
     beside = (1.05, 0.04, 0.64)
     hand = KeyboardPointer(arm, RecordingDisplay(), beside, BOUNDS)
     before = arm.body.ray()
@@ -120,7 +120,7 @@ def test_the_finger_stays_within_the_workspace(arm):
     assert hand.target[0] == pytest.approx(0.4)
 
 
-def test_enter_chooses_what_is_pointed_at_and_says_it_in_words(arm):
+def test_enter_chooses_the_object_pointed_at_and_shows_its_name(arm):
     view = RecordingDisplay()
     assert (
         choose_object(
@@ -135,7 +135,7 @@ def test_enter_chooses_what_is_pointed_at_and_says_it_in_words(arm):
     np.testing.assert_allclose(view.beam[1], (0.45, 0.2, 0.02))
 
 
-def test_enter_on_nothing_shows_why_and_goes_on(arm):
+def test_enter_on_nothing_shows_the_reason_and_continues(arm):
     view = RecordingDisplay()
     high = [*["0", "pageup"], *["pageup"] * 7]
     assert choose_object(KeyboardPointer(arm, view, MIDDLE, BOUNDS), ScriptedKeys([*high, "enter"]), view) is None
@@ -150,7 +150,7 @@ def test_enter_on_nothing_shows_why_and_goes_on(arm):
     )
 
 
-def test_escape_leaves(arm):
+def test_escape_returns_none(arm):
     view = RecordingDisplay()
     keys = ScriptedKeys(["left", "escape", "enter"])
     assert choose_object(KeyboardPointer(arm, view, MIDDLE, BOUNDS), keys, view) is None

@@ -14,7 +14,7 @@ def rays(rng, *batch):
     return rng.normal(size=(*batch, 3)), direction / np.linalg.norm(direction, axis=-1, keepdims=True)
 
 
-def test_distance_and_angle_are_those_of_the_right_triangle_between_ray_and_object():
+def test_offsets_are_those_of_the_right_triangle_between_ray_and_object():
     rng = np.random.default_rng(0)
     origin, direction = rays(rng, 50)
     positions = rng.normal(size=(50, 4, 3))
@@ -26,7 +26,7 @@ def test_distance_and_angle_are_those_of_the_right_triangle_between_ray_and_obje
     np.testing.assert_allclose(np.cos(lies.angle), lies.along / np.linalg.norm(offset, axis=-1), atol=1e-12)
 
 
-def test_an_object_on_the_ray_is_beside_it_by_nothing_however_far_the_ray_has_run():
+def test_an_object_on_the_ray_has_offset_zero_at_any_distance():
     """The original took the norm of the projection: it would prefer the object nearest to the hand."""
     direction = np.array([-0.6, 0.0, -0.8])
     near_but_aside = ORIGIN + 0.1 * direction + [0.0, 0.05, 0.0]
@@ -34,7 +34,7 @@ def test_an_object_on_the_ray_is_beside_it_by_nothing_however_far_the_ray_has_ru
     assert pointed_object(ORIGIN, direction, [near_but_aside, far_but_on_it]) == 1
 
 
-def test_the_index_has_the_batch_shape_and_agrees_with_one_ray_at_a_time():
+def test_the_index_has_the_batch_shape_and_agrees_with_single_rays():
     rng = np.random.default_rng(1)
     origin, direction = rays(rng, 5, 3)
     steps = rng.uniform(0.2, 1.0, size=(5, 3, 6, 1))
@@ -45,14 +45,14 @@ def test_the_index_has_the_batch_shape_and_agrees_with_one_ray_at_a_time():
         assert found[index] == pointed_object(origin[index], direction[index], positions[index])
 
 
-def test_what_lies_behind_the_hand_is_never_meant_however_near_it_is():
+def test_objects_behind_the_hand_are_never_selected():
     direction = np.array([-1.0, 0.0, 0.0])
     behind, before = ORIGIN + [0.05, 0.0, 0.0], ORIGIN + [-0.3, 0.1, 0.0]
     assert pointed_object(ORIGIN, direction, [behind, before]) == 1
     assert posterior(ORIGIN, direction, [behind, before], 10.0).tolist() == [0.0, 1.0]
 
 
-def test_an_object_that_is_not_shown_is_never_meant():
+def test_absent_objects_are_never_selected():
     direction = np.array([-1.0, 0.0, 0.0])
     positions = [ORIGIN + [-0.3, 0.0, 0.0], ORIGIN + [-0.3, 0.1, 0.0]]
     assert pointed_object(ORIGIN, direction, positions, shown=[False, True]) == 1
@@ -60,7 +60,7 @@ def test_an_object_that_is_not_shown_is_never_meant():
 
 
 @pytest.mark.parametrize("judge", [pointed_object, lambda *ray: posterior(*ray, 2.0)])
-def test_a_ray_along_which_nothing_lies_says_by_how_much_it_misses(judge):
+def test_a_ray_without_objects_raises_with_the_nearest_angle(judge):
     aside = ORIGIN + [-0.1, 0.3, 0.0]
     with pytest.raises(NothingPointedAt, match=r"72 degrees beside it, and less than 45"):
         judge(ORIGIN, np.array([-1.0, 0.0, 0.0]), [aside])
@@ -69,18 +69,18 @@ def test_a_ray_along_which_nothing_lies_says_by_how_much_it_misses(judge):
 
 
 @pytest.mark.parametrize("direction", [[0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]])
-def test_a_direction_of_no_length_is_refused(direction):
+def test_a_direction_of_length_zero_is_refused(direction):
     with pytest.raises(ValueError, match="not all 0"):
         pointed_object(ORIGIN, direction, [[0.0, 0.0, 0.0]])
 
 
-def test_the_length_of_a_direction_tells_nothing():
+def test_the_length_of_a_direction_has_no_effect():
     positions = [ORIGIN + [-0.3, 0.02, 0.0], ORIGIN + [-0.5, 0.1, 0.0]]
     one, other = (posterior(ORIGIN, np.array([-1.0, 0.05, 0.0]) * scale, positions, 3.0) for scale in (1, 7))
     np.testing.assert_allclose(one, other)
 
 
-def test_the_posterior_is_as_often_right_as_it_says():
+def test_the_posterior_is_calibrated():
     """Calibration: of objects drawn evenly and pointed at with this noise, those given p are meant in a share p."""
     rng = np.random.default_rng(2)
     count, noise = 20_000, 5.0
@@ -95,12 +95,12 @@ def test_the_posterior_is_as_often_right_as_it_says():
         assert abs(said[chosen].mean() - right.mean()) < 0.02
 
 
-def test_without_noise_only_the_nearest_object_is_possible():
+def test_without_noise_the_nearest_object_has_all_the_probability():
     positions = [ORIGIN + [-0.3, 0.02, 0.0], ORIGIN + [-0.5, 0.01, 0.0]]
     assert posterior(ORIGIN, np.array([-1.0, 0.0, 0.0]), positions, 0.0).tolist() == [0.0, 1.0]
 
 
-def test_the_finger_strays_by_the_noise_in_both_directions_across_it():
+def test_aiming_noise_has_the_given_deviation_in_both_directions():
     rng = np.random.default_rng(3)
     direction = np.array([0.0, 0.6, -0.8])
     turned = add_aiming_noise(np.broadcast_to(direction, (50_000, 3)), 4.0, rng)
@@ -111,7 +111,7 @@ def test_the_finger_strays_by_the_noise_in_both_directions_across_it():
     np.testing.assert_array_equal(add_aiming_noise(direction, 0.0, rng), direction)
 
 
-def test_an_object_that_another_hides_from_the_eyes_is_less_likely():
+def test_a_hidden_object_has_a_smaller_prior():
     eyes = np.array([1.5, 0.0, 0.9])
     sight = np.array([0.5, 0.0, 0.0]) - eyes
     hidden, hider, plain = eyes + sight, eyes + 0.9 * sight, eyes + sight + [0.0, 0.2, 0.0]
@@ -122,7 +122,7 @@ def test_an_object_that_another_hides_from_the_eyes_is_less_likely():
     assert knowing[0] < 0.3 * evenly[0]
 
 
-def test_nothing_is_meant_at_the_widest_angle_or_beyond():
+def test_objects_at_the_maximum_angle_or_beyond_are_excluded():
     for angle, meant in ((MAX_ANGLE - 0.01, True), (MAX_ANGLE + 0.01, False)):
         place = ORIGIN + 0.3 * np.array([-np.cos(angle), np.sin(angle), 0.0])
         if meant:

@@ -1,4 +1,4 @@
-"""docs/pointing.md is true: its Python runs as it stands, and its table has every key."""
+"""docs/pointing.md: its Python runs, and its table has every key."""
 
 import re
 from dataclasses import fields
@@ -19,10 +19,10 @@ def test_an_example_runs(code):
     exec(compile(code, "docs/pointing.md", "exec"), {"__name__": "example"})
 
 
-def test_every_key_of_a_gesture_is_told():
+def test_the_table_lists_every_key_of_a_gesture():
     assert re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE) == [field.name for field in fields(GestureConfig)]
 
 
-def test_its_pictures_are_there():
+def test_its_pictures_exist():
     for name in re.findall(r"!\[.*?\]\((.*?)\)", PAGE):
         assert (DOCS / name).is_file()

@@ -3,14 +3,11 @@
 import io
 import json
 
-import numpy as np
 import pytest
 
 import language
-from language import Wording, parse, say, understand
-from language.answers import underlined
+from language import parse
 from language.cli import main
-from language.sampling import sample
 from language.scene_file import read_scene
 
 SCENE = """\
@@ -87,15 +84,6 @@ def test_answers_go_to_stdout_and_errors_to_stderr(capsys, scene):
     assert errors.splitlines()[:2] == ["reach the blue one", "      ^"]
     assert "candidates: b, c" in errors
     assert not out
-
-
-def test_the_caret_is_under_the_position_of_the_error():
-    assert underlined("reach\tthe bleu", 10) == ("reach the bleu", " " * 10 + "^")
-    assert underlined("\x1b[2J的 x", 6)[1] == " " * 7 + "^"
-    assert "\x1b" not in underlined("\x1b[2J", 0)[0]
-    shown, caret = underlined("word " * 200_000, 500_000)
-    assert len(shown) < 200
-    assert shown[len(caret) - 1] == "w"
 
 
 def test_pointed_and_viewpoint_options_change_the_answer(capsys, scene):
@@ -199,17 +187,6 @@ def test_count_prints_exact_numbers_and_powers_of_ten(capsys):
     assert [row["sentences"] for row in counted] == [language.count(depth) for depth in range(4)]
     assert [int(row["log10"]) for row in counted] == [len(str(row["sentences"])) - 1 for row in counted]
     assert f"{counted[0]['sentences']:,}" in printed(capsys, "count")
-
-
-@pytest.mark.parametrize("depth", [None, 0, 1, 2, 3])
-@pytest.mark.parametrize("steps", [1, 3])
-def test_samples_are_understood_and_have_the_requested_depth(depth, steps):
-    rng = np.random.default_rng(0)
-    for drawn in sample(20, rng, depth=depth, steps=steps, wording=Wording()):
-        assert parse(drawn.sentence) == parse(say(drawn.command)) == drawn.command
-        assert len(understand(drawn.command, drawn.scene).steps) == steps
-        if depth is not None:
-            assert {step.phrase.depth for step in drawn.command.steps} == {depth}
 
 
 def test_samples_in_json_include_their_scene(capsys, tmp_path):

@@ -1,4 +1,4 @@
-"""The person's URDF: ours to the last mesh, with an arm's limits, and others' are checked before they are used."""
+"""The person's URDF, its proportions and meshes, and URDF files of users."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ def root(proportions: Proportions | None = None) -> ElementTree.Element:
     return ElementTree.fromstring(urdf(proportions))
 
 
-def test_has_the_links_that_others_ask_for():
+def test_the_urdf_has_the_links_that_other_modules_use():
     links = {link.get("name") for link in root().iter("link")}
     assert links >= {"r_hand", "r_index1", "r_index2", "r_index3_endeffector", "eyes", "cone", "head", "l_hand"}
 
 
-def test_names_no_mesh_but_those_it_writes(tmp_path):
+def test_the_urdf_refers_exactly_to_the_meshes_that_are_written(tmp_path):
     tree = ElementTree.parse(write(tmp_path))
     meshes = {str(mesh.get("filename")) for mesh in tree.iter("mesh")}
     assert "cone.obj" in meshes
     assert meshes == {path.name for path in tmp_path.glob("*.obj")}
 
 
-def test_who_loads_the_urdf_elsewhere_can_touch_arms_and_trunk_and_not_the_cone():
+def test_arms_and_trunk_have_collision_shapes_and_the_cone_has_none():
     touched = {link.get("name") for link in root().iter("link") if link.find("collision") is not None}
     assert "cone" not in touched
     assert touched >= {"trunk", "head", "r_upper_arm", "r_forearm", "r_hand", "r_index1", "l_hand"}
 
 
-def test_masses_are_those_of_a_person():
+def test_masses_sum_to_that_of_a_person():
     masses = [float(str(mass.get("value"))) for mass in root().iter("mass")]
     assert min(masses) > 0
     assert sum(masses) == pytest.approx(70, rel=0.05)
 
 
-def test_left_and_right_arm_mirror():
+def test_left_and_right_arm_are_mirrored():
     joints = {joint.get("name"): joint for joint in root().iter("joint")}
     pairs = [(joint, joints["r" + name[1:]]) for name, joint in joints.items() if name and name.startswith("l_")]
     assert len(pairs) == 7
@@ -76,7 +76,7 @@ def test_a_taller_person_has_higher_eyes(tmp_path):
 
 
 @pytest.mark.parametrize("link", ["r_index2", "r_index3_endeffector", "r_hand", "eyes"])
-def test_another_urdf_must_have_the_links(tmp_path, link):
+def test_a_urdf_without_a_required_link_is_refused(tmp_path, link):
     path = write(tmp_path)
     path.write_text(path.read_text().replace(f'"{link}"', f'"my_{link}"'))
     with (
@@ -86,12 +86,12 @@ def test_another_urdf_must_have_the_links(tmp_path, link):
         pass
 
 
-def test_another_urdf_points_as_ours_does(tmp_path):
+def test_a_urdf_file_points_like_the_built_in_model(tmp_path):
     with standing(urdf=str(write(tmp_path))) as other, standing() as ours:
         assert (other.solve((0.4, 0.1, 0.0)) == ours.solve((0.4, 0.1, 0.0))).all()
 
 
-def test_what_is_no_urdf_is_refused_with_its_key(tmp_path):
+def test_missing_and_broken_urdf_files_are_refused_with_their_key(tmp_path):
     broken = tmp_path / "broken.urdf"
     broken.write_text("<robot")
     for path, message in ((tmp_path / "none.urdf", "is not a file"), (broken, "does not load")):
@@ -107,6 +107,6 @@ def test_what_is_no_urdf_is_refused_with_its_key(tmp_path):
         ({}, "at least one joint"),
     ],
 )
-def test_a_rest_that_the_body_cannot_take_is_refused(rest, message):
+def test_an_impossible_rest_posture_is_refused(rest, message):
     with pytest.raises(ConfigError, match=message), standing(rest=rest):
         pass

@@ -1,4 +1,4 @@
-"""Every YAML in conf/ builds: each option of each group, read into the dataclass that declares it."""
+"""Every YAML of conf/ reads into its dataclass; overrides are checked and applied."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ def test_every_file_is_an_option_of_a_group():
     )
 
 
-def test_every_group_is_in_the_table_of_contents():
+def test_config_yaml_names_every_group():
     contents = yaml.safe_load((FOLDER / "config.yaml").read_text())["defaults"]
     named = {key for entry in contents if isinstance(entry, dict) for key in entry}
     assert {key for key in named if not key.startswith("override hydra/")} == set(groups())
@@ -46,13 +46,13 @@ def test_every_option_reads_into_its_dataclass(group, option):
         assert values.name == option.removesuffix("_large")  # a larger nl_reach is the same task with other values
 
 
-def test_every_key_of_the_config_is_declared_somewhere(default):
+def test_every_key_of_the_config_is_declared(default):
     environment, plan = read_env(default), read_plan(default)
     declared = {*vars(environment), *vars(plan), *vars(plan.run), "choices", "resume", "run", "sweep"}
     assert set(default) <= declared
 
 
-def test_values_are_given_in_one_place():
+def test_dataclasses_of_the_config_have_no_defaults():
     """A dataclass that declares a value has no default beside it."""
     config = compose()
     for holder in (read_env(config), read_plan(config)):
@@ -78,7 +78,7 @@ def test_values_are_given_in_one_place():
         ["task=reach", "task.max_steps=5"],
     ],
 )
-def test_good_overrides_pass(words):
+def test_valid_overrides_pass(words):
     check(words)
 
 
@@ -93,18 +93,18 @@ def test_good_overrides_pass(words):
         ("seed", "overrides are written key=value$"),
     ],
 )
-def test_bad_overrides_are_named(word, message):
+def test_invalid_overrides_are_refused_with_a_suggestion(word, message):
     with pytest.raises(ConfigError, match=message) as caught:
         check([word])
     assert "\n" not in str(caught.value)
 
 
-def test_what_hydra_refuses_is_a_config_error():
+def test_errors_of_hydra_become_config_errors():
     with pytest.raises(ConfigError):
         compose(["robot=nobody"])
 
 
-def test_a_kept_config_takes_overrides(default):
+def test_overrides_apply_to_a_saved_config(default):
     from omegaconf import OmegaConf
 
     kept = OmegaConf.to_container(default, resolve=True)

@@ -1,4 +1,4 @@
-"""The person's arm: it points where it is asked to, keeps an arm's limits, and rests without a drift."""
+"""The pointing arm and its body: accuracy, limits, motions and determinism."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def solved(body: Body, style: str, places: np.ndarray) -> list[np.ndarray | None
 
 
 @pytest.mark.parametrize("style", STYLES)
-def test_points_within_half_a_degree_all_over_the_table(body, style):
+def test_the_line_points_within_half_a_degree_all_over_the_table(body, style):
     places = table(20)
     errors = []
     for place, joints in zip(places, solved(body, style, places), strict=True):
@@ -43,7 +43,7 @@ def test_points_within_half_a_degree_all_over_the_table(body, style):
 
 
 @pytest.mark.parametrize("style", STYLES)
-def test_reaches_wherever_objects_lie_within_an_arms_limits(body, style):
+def test_every_object_place_is_reachable_within_the_joint_limits(body, style):
     places = table(20)
     near = places[(places[:, 0] > 0.2) & (places[:, 0] < 0.7) & (np.abs(places[:, 1]) < 0.45)]
     for joints in solved(body, style, near):
@@ -62,7 +62,7 @@ def test_styles_run_through_different_points(body):
         body.ray("eyes")
 
 
-def test_refuses_what_nobody_could_point_at(body):
+def test_unreachable_targets_are_refused_and_nothing_moves(body):
     body.point_at(CUBE)
     before = angles(body), body.target
     with pytest.raises(Unreachable, match=r"\(1.400, 0.040, 0.640\) m"):
@@ -82,7 +82,7 @@ def test_relative_targets_count_from_the_last_one(body):
     assert off(body, (0.5, 0.2, 0.025)) < 0.1
 
 
-def test_solving_forgets_what_was_asked_before(body):
+def test_solve_does_not_depend_on_earlier_targets(body):
     first = body.solve(CUBE)
     body.point_at(OTHER, style="wrist")
     before = angles(body)
@@ -90,7 +90,7 @@ def test_solving_forgets_what_was_asked_before(body):
     assert angles(body) == before
 
 
-def test_a_move_passes_through_what_lies_between_and_ends_exactly(body):
+def test_a_motion_passes_through_intermediate_postures_and_ends_exactly(body):
     body.point_at(CUBE)
     goal = body.solve(OTHER)
     body.point_at(OTHER, frames=16)
@@ -115,13 +115,13 @@ def test_a_resting_body_does_not_drift(body):
 
 
 @pytest.mark.parametrize("style", STYLES)
-def test_what_is_drawn_points_along_the_ray(body, style):
+def test_the_drawn_links_agree_with_the_ray(body, style):
     for place in table(4):
         body.point_at(place, style=style)
         np.testing.assert_allclose(body.drawn(style), body.ray(style), atol=1e-5)
 
 
-def test_an_arm_that_nobody_sees_is_the_same_without_a_body(body):
+def test_an_arm_without_a_body_equals_the_body(body):
     arm = read_arm(config())
     for place, frames in ((CUBE, 0), (OTHER, 9)):
         for each in (arm, body):
@@ -133,7 +133,7 @@ def test_an_arm_that_nobody_sees_is_the_same_without_a_body(body):
     np.testing.assert_array_equal(arm.eyes, body.eyes)
 
 
-def test_relaxed_it_hangs(body):
+def test_the_relaxed_arm_hangs(body):
     body.relax()
     tip = body.ray()[0]
     assert tip[2] < -0.05
@@ -151,14 +151,14 @@ def episode(body: Body) -> list[list[float]]:
     return seen
 
 
-def test_same_targets_same_bits_also_after_other_episodes():
+def test_the_same_targets_give_the_same_bits_after_other_episodes():
     with standing() as fresh, standing() as used:
         used.point_at((0.3, -0.3, 0.1), frames=20, style="eye")
         step(used, 7)  # cut off in mid-move
         assert episode(used) == episode(fresh) == episode(used)
 
 
-def test_what_runs_into_a_person_goes_through_and_moves_nothing(body):
+def test_bodies_pass_through_the_person_without_moving_them(body):
     body.point_at(CUBE)
     step(body, 5)
     posed, tip = angles(body), body.ray()[0]
