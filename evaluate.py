@@ -1,29 +1,30 @@
-"""How often does a checkpoint do what it is told: `python evaluate.py checkpoint=<run dir or file> episodes=500`.
+"""Evaluate a policy on fresh episodes: `python evaluate.py checkpoint=<run dir or file> episodes=500`.
 
-    checkpoint=...    a run directory, a checkpoint file (best.pt, last.pt), or a published policy (pretrained/<name>)
-    episodes=500      fresh episodes, deterministic policy
-    seed=0            of the evaluation, apart from every training run's own episodes
-    worlds=20         that run side by side
-    splits=false      true: a row for each of train, test_composition, test_paraphrase and test_length
-    words=said        blank, swapped: judge the policy with no words, or with another episode's
+    checkpoint=...    a run directory, a checkpoint file (best.pt, last.pt), or a pretrained policy by name
+    episodes=500      number of episodes, with the deterministic policy
+    seed=0            of the evaluation; its episodes are not those of a training run
+    worlds=20         simulated in parallel
+    splits=false      true: one row for each of train, test_composition, test_paraphrase and test_length
+    words=said        instruction ablations: blank (no words) or swapped (those of another episode)
     reader=policy     oracle: the parser finds the object and a scripted arm goes there, on the same episodes
-    in_turn=0         scenes in which each object is named in turn, all else the same; instead of episodes
+    in_turn=0         number of scenes in which each object is named in turn, with all else equal; replaces episodes
     by_hand=false     true: a window opens in which you move the person's finger with keys and watch the robot;
-                      Escape ends it, or episodes=3 does; noise_deg, dropout and switch of the gesture are left out
-    video=0           episodes to film as well, with the sentence on the frame
-    out=<file>        where the result goes; a numbered file otherwise, in the run directory, or for a published policy
-                      in outputs/
-    task.num_objects=6 ...   any key of the run's config, to judge it elsewhere than it was trained
+                      Escape or episodes=3 ends it; noise_deg, dropout and switch of the gesture are switched off
+    video=0           number of additional episodes to record, with the sentence below each frame
+    out=<file>        file of the result; default: a numbered file in the run directory, or in outputs/ for a
+                      pretrained policy
+    task.num_objects=6 ...   any key of the run's config, to evaluate under other conditions than in training
 
-Prints success with its 95 % Wilson interval, overall and by kind of instruction, and saves it as JSON. Where somebody
-points, also by angle to the nearest rival, number of objects, distance, and how far the ray strays, in the bins of
-`trainers.rollout.evaluation.BINS`, with a picture beside the JSON. For more objects: task.min_objects=2
-task.num_objects=8.
+Prints the success rate with its 95 % Wilson interval, overall and by kind of instruction, and saves it as JSON. With
+gestures it also prints success by angle to the nearest rival, number of objects, distance, and angular error of the
+ray, in the bins of `trainers.rollout.evaluation.BINS`, and saves a figure beside the JSON. For more objects:
+task.min_objects=2 task.num_objects=8.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -36,6 +37,8 @@ from conf.schema import Checked, ConfigError, one_of, read, within
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateConfig(Checked):
+    """The program's own keys; see the top of this file."""
+
     checkpoint: str
     episodes: int = within(1, 10_000_000)
     seed: int = within(0, 2**31 - 1)
@@ -65,7 +68,7 @@ SPLITS = ("train", "test_composition", "test_paraphrase", "test_length")
 
 
 def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
-    """Our own keys, and the overrides of the run's config that are left. Raises ConfigError."""
+    """The program's own keys, and the remaining words: overrides of the run's config. Raises ConfigError."""
     names = [field.name for field in fields(EvaluateConfig)]
     own, overrides = split(arguments, names, "checkpoint=<run dir>")
     if "checkpoint" not in own:
@@ -77,7 +80,14 @@ def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
 
 
 def main(arguments: list[str]) -> dict[str, Any]:
-    """Evaluate, print, save. Raises ConfigError."""
+    """Evaluate, print the result and save it as JSON.
+
+    Returns:
+        The values of the JSON file.
+
+    Raises:
+        ConfigError: for bad input.
+    """
     config, overrides = parse(arguments)
 
     from trainers.reports.plots import pointing_plot
@@ -88,10 +98,10 @@ def main(arguments: list[str]) -> dict[str, Any]:
     saved = checkpoint.load(path)
     out = Path(config.out) if config.out else _numbered(path)
     out.parent.mkdir(parents=True, exist_ok=True)
-    named = {
-        split: _judge(config, saved, [*overrides, f"task.split={split}"], None) for split in SPLITS * config.splits
+    by_split = {
+        split: _evaluate(config, saved, [*overrides, f"task.split={split}"], None) for split in SPLITS * config.splits
     }
-    result = named["train"] if named else _judge(config, saved, overrides, out)
+    result = by_split["train"] if by_split else _evaluate(config, saved, overrides, out)
     report: dict[str, Any] = {
         "checkpoint": str(path),
         "seed": config.seed,
@@ -99,18 +109,20 @@ def main(arguments: list[str]) -> dict[str, Any]:
         "reader": config.reader,
     }
     report |= {"overrides": overrides, **result}
-    if named:
-        report["by_split"] = named
+    if by_split:
+        report["by_split"] = by_split
     write_json(out, report)
     if "by_pointing" in report:
-        title = f"success of {report['episodes']} episodes by what they point at"
+        title = f"success of {report['episodes']} episodes by difficulty of the gesture"
         pointing_plot(report["by_pointing"], out.with_suffix(".png"), title)
     print(describe(report, out))
     return report
 
 
-def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], film: Path | None) -> dict[str, Any]:
-    """One evaluation with these overrides, and a film beside `film` where there is one."""
+def _evaluate(
+    config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], video: Path | None
+) -> dict[str, Any]:
+    """One evaluation with these overrides. video: a path whose suffix is replaced by .mp4; None for no video."""
     cfg = apply(saved["config"], overrides)
 
     from envs.config import read_env
@@ -119,17 +131,17 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
     from trainers.algorithms.build import fitted_policy
     from trainers.rollout.collection import derive_seed
     from trainers.rollout.evaluation import evaluate
-    from trainers.rollout.video import record
+    from trainers.rollout.video import record_video
 
-    config_of_env = read_env(cfg).judged()
-    make = partial(build_env, config_of_env)
+    env_config = read_env(cfg).judged()
+    make = partial(build_env, env_config)
     seed = derive_seed(config.seed, 2**20, evaluation=True)
     worlds = (
         cfg["task"]["num_objects"] * max(1, cfg["task"].get("num_targets", 0))
         if config.in_turn
         else min(config.worlds, config.episodes)
     )
-    env = ByHandEnv(config_of_env, seed) if config.by_hand else make(worlds, seed)
+    env = ByHandEnv(env_config, seed) if config.by_hand else make(worlds, seed)
     try:
         policy = fitted_policy(saved, cfg, env).act
         actor = _actor(config, env, policy)
@@ -140,17 +152,16 @@ def _judge(config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], 
         result = evaluate(env, actor, config.episodes, seed).as_dict()
     finally:
         env.close()
-    if config.video and film:
-        stage = make(1, seed, render=True)
-        record(stage, policy, film.with_suffix(".mp4"), config.video)
-        stage.close()
+    if config.video and video:
+        with closing(make(1, seed, render=True)) as rendered:
+            record_video(rendered, policy, video.with_suffix(".mp4"), config.video)
     return result
 
 
 def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
-    """Who acts: the policy, the policy with other words, or the parser with a scripted arm."""
+    """What acts: the policy, the policy with ablated instructions, or the oracle. Raises ConfigError."""
     from envs.experts import Oracle
-    from trainers.rollout.instruction_ablations import Misheard
+    from trainers.rollout.instruction_ablations import AblatedInstructions
 
     if config.reader == "oracle":
         if not env.task.speaks:
@@ -158,16 +169,16 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
         return Oracle(env)
     if config.words == "swapped" and env.batch_size[0] < 2:
         raise ConfigError(f"words=swapped needs worlds of at least 2; worlds={env.batch_size[0]}")
-    return policy if config.words == "said" else Misheard(policy, config.words)
+    return policy if config.words == "said" else AblatedInstructions(policy, config.words)
 
 
 def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
-    """What came of the episodes in which a person at the window chose what is meant."""
+    """The result of episodes in which a person at the window chooses the referent."""
     from envs.interactive.by_hand import run_by_hand
     from human.suppress_stdout import suppress_stdout
     from trainers.rollout.evaluation import wilson
 
-    with suppress_stdout():  # Bullet's window talks as it is closed
+    with suppress_stdout():  # PyBullet prints when its window is closed
         played = run_by_hand(env, actor, episodes, *env.user_interface())
     successes = sum(each.success for each in played)
     return {
@@ -181,7 +192,7 @@ def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
 
 
 def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
-    """The share of objects that the arm goes to when each object of a scene is named in turn, all else the same."""
+    """Success over episodes that name each object of a scene in turn, with all else equal. Raises ConfigError."""
     import numpy as np
 
     from trainers.rollout.evaluation import wilson
@@ -189,21 +200,21 @@ def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
 
     if not env.task.speaks:
         raise ConfigError(f"in_turn needs a task with words; {env.config.task.name} has none")
-    reached: list[bool] = []
+    successes: list[bool] = []
     for scene in range(scenes):
         episodes = env.task.each_in_turn(np.random.default_rng([seed, scene]))
         success = run_to_end(env, actor, env.start(episodes, seed + scene))
-        reached += success[: len(episodes)].tolist()
+        successes += success[: len(episodes)].tolist()
     return {
         "scenes": scenes,
-        "episodes": len(reached),
-        "success_at_end": sum(reached) / len(reached),
-        "ci95": list(wilson(sum(reached), len(reached))),
+        "episodes": len(successes),
+        "success_at_end": sum(successes) / len(successes),
+        "ci95": list(wilson(sum(successes), len(successes))),
     }
 
 
 def describe(report: dict[str, Any], out: Path) -> str:
-    """The result as a person reads it: overall, by kind of instruction, by what makes a gesture hard, and by split."""
+    """The result as text: by kind of instruction, by difficulty of the gesture, and overall or by split."""
     from trainers.reports.plots import bin_name
 
     lines = [_line(kind, part) for kind, part in report.get("by_kind", {}).items()]
@@ -212,14 +223,14 @@ def describe(report: dict[str, Any], out: Path) -> str:
         for name, bins in report.get("by_pointing", {}).items()
         for part in bins
     ]
-    whole = [_line(split, part) for split, part in report.get("by_split", {"all": report}).items()]
-    return "\n".join([*lines, *whole, f"saved in {out}"])
+    overall = [_line(split, part) for split, part in report.get("by_split", {"all": report}).items()]
+    return "\n".join([*lines, *overall, f"saved in {out}"])
 
 
 def _line(name: str, part: dict[str, Any]) -> str:
     low, high = part["ci95"]
-    others = [("success_once", "success_once"), ("wrong object", "wrong_object")]
-    rest = [f"{words} {part[key]:.3f}" for words, key in others if key in part]
+    others = {"success_once": "success_once", "wrong object": "wrong_object"}
+    rest = [f"{label} {part[key]:.3f}" for label, key in others.items() if key in part]
     return ", ".join(
         [
             f"{name:16} success_at_end {part['success_at_end']:.3f} (95 %: {low:.3f}-{high:.3f})",
@@ -230,7 +241,7 @@ def _line(name: str, part: dict[str, Any]) -> str:
 
 
 def _numbered(path: Path) -> Path:
-    """A file that does not exist yet, in the run directory or else in outputs/: nothing is overwritten."""
+    """A numbered file that does not exist yet, in the run directory; for a published policy, in outputs/."""
     folder, name = path.parent, "evaluation"
     if path.suffix == ".safetensors":
         folder, name = Path("outputs"), f"evaluation_{path.resolve().parent.name}"

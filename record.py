@@ -1,19 +1,19 @@
-"""Demonstrations for other libraries: `python record.py checkpoint=<run dir or file> format=lerobot`.
+"""Record demonstrations as datasets of other libraries: `python record.py checkpoint=<run dir or file> format=lerobot`.
 
-    checkpoint=...    a run directory, a checkpoint file, or a published policy (pretrained/<name>)
-    episodes=100      fresh episodes, deterministic policy
+    checkpoint=...    a run directory, a checkpoint file, or a pretrained policy by name
+    episodes=100      number of fresh episodes, with the deterministic policy
     format=lerobot    or minari; both need pip install -e ".[record]"
-    expert=false      true: the task's scripted expert acts, in the checkpoint's environment, or without a checkpoint in
-                      the one of the other words (task=nl_push robot=panda)
-    camera=false      true: with the pictures of the workspace's camera
-    seed=0            of the episodes; no training or evaluation has them
-    out=<dir>         where the dataset goes; a numbered directory in outputs/ otherwise
-    task.num_objects=6 ...   any key of the config, to record elsewhere than it was trained
+    expert=false      true: the task's scripted expert acts, in the checkpoint's environment; without a checkpoint, in
+                      the environment of the other words (task=nl_push robot=panda)
+    camera=false      true: with images of the workspace's camera
+    seed=0            of the episodes; neither training nor evaluation uses the same ones
+    out=<dir>         directory of the dataset; default: a numbered one in outputs/
+    task.num_objects=6 ...   any key of the config, to record under other conditions than in training
 
-    replay=<dir>      instead: play the episodes of such a dataset again, and compare all that was recorded
-    tolerance=0       how far a number may be from the recorded one; 0: bit for bit
+    replay=<dir>      instead: replay the episodes of a dataset and compare everything that was recorded
+    tolerance=0       the greatest difference allowed in any number; 0: bit for bit
 
-docs/recording.md tells what is in a dataset, and how others load it.
+docs/recording.md describes the datasets and how other libraries load them.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordConfig(Checked):
+    """The program's own keys; see the top of this file."""
+
     checkpoint: str | None
     episodes: int = within(1, 10_000_000)
     format: str = one_of("lerobot", "minari")
@@ -60,20 +62,20 @@ DEFAULTS = {
 
 
 def parse(arguments: list[str]) -> tuple[RecordConfig, list[str]]:
-    """Our own keys, and the overrides of the config that are left. Raises ConfigError."""
+    """The program's own keys, and the remaining words: overrides of the config. Raises ConfigError."""
     names = [field.name for field in fields(RecordConfig)]
     own, overrides = split(arguments, names, "checkpoint=<run dir>")
     config = read(RecordConfig, DEFAULTS | own, "")
-    aside = [word for word in arguments if not word.startswith(("replay=", "tolerance="))]
-    if config.replay and aside:
-        raise ConfigError(f"{aside[0]}: replay=<dir> takes no other key but tolerance: the recording tells the rest")
+    others = [word for word in arguments if not word.startswith(("replay=", "tolerance="))]
+    if config.replay and others:
+        raise ConfigError(f"{others[0]}: replay=<dir> takes no other key than tolerance; the recording holds the rest")
     if not (config.replay or config.checkpoint or config.expert):
         raise ConfigError("checkpoint=<run dir or file> is missing; or give expert=true, or replay=<dir>")
     return config, overrides
 
 
 def main(arguments: list[str]) -> None:
-    """Record, or replay, and print what came of it. Raises ConfigError."""
+    """Record or replay episodes, and print the result. Raises ConfigError."""
     config, overrides = parse(arguments)
     if config.replay:
         _replay(Path(config.replay), config.tolerance)
@@ -82,22 +84,23 @@ def main(arguments: list[str]) -> None:
 
 
 def _record(config: RecordConfig, overrides: list[str]) -> None:
+    """Record episodes. Raises ConfigError; SystemExit with 128 + signal after SIGINT and SIGTERM."""
     from envs.workspace_env import WorkspaceEnv
     from trainers.datasets.dataset import write
     from trainers.rollout.evaluation import Interrupted
-    from trainers.run.train_loop import Stop
+    from trainers.run.signals import StopSignal
     from trainers.utils.atomic_io import refuse_existing
     from trainers.utils.optional_imports import import_optional
 
     import_optional(*{"lerobot": ["pyarrow"], "minari": ["minari", "h5py"]}[config.format])
-    saved, whole = _asked(config, overrides)
-    made = _judged(whole)
-    place = Path(config.out) if config.out else _numbered(made, config)
+    saved, whole = _load_config(config, overrides)
+    env_config = _eval_config(whole)
+    place = Path(config.out) if config.out else _numbered(env_config, config)
     refuse_existing(place)
-    with closing(WorkspaceEnv(made, 1, 0, config.camera)) as env, Stop() as stop:
+    with closing(WorkspaceEnv(env_config, 1, 0, config.camera)) as env, StopSignal() as stop:
         about = _about(env, config, whole.get("choices", {}))
         try:
-            told = write(
+            metadata = write(
                 place,
                 config.format,
                 env,
@@ -110,13 +113,13 @@ def _record(config: RecordConfig, overrides: list[str]) -> None:
             )
         except Interrupted:
             raise SystemExit(128 + stop.signal) from None
-    low, high = told["ci95"]
-    print(f"{told['episodes']} episodes, {told['steps']} steps, success_at_end {told['success_at_end']:.3f} ", end="")
-    print(f"(95 %: {low:.3f}-{high:.3f}): {place}")
+    low, high = metadata["ci95"]
+    counts = f"{metadata['episodes']} episodes, {metadata['steps']} steps"
+    print(f"{counts}, success_at_end {metadata['success_at_end']:.3f} (95 %: {low:.3f}-{high:.3f}): {place}")
 
 
-def _asked(config: RecordConfig, overrides: list[str]) -> tuple[dict[str, Any] | None, Any]:
-    """The checkpoint, if there is one, and the whole config. Raises ConfigError."""
+def _load_config(config: RecordConfig, overrides: list[str]) -> tuple[dict[str, Any] | None, Any]:
+    """The checkpoint's payload, None without one, and the composed config. Raises ConfigError."""
     if config.checkpoint is None:
         check(overrides)
         return None, compose(overrides)
@@ -126,14 +129,15 @@ def _asked(config: RecordConfig, overrides: list[str]) -> tuple[dict[str, Any] |
     return saved, apply(saved["config"], overrides)
 
 
-def _judged(config: Any) -> EnvConfig:
+def _eval_config(config: Any) -> EnvConfig:
+    """The environment's config for evaluation."""
     from envs.config import read_env
 
     return read_env(config).judged()
 
 
 def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None, whole: Any) -> Any:
-    """Who acts: the checkpoint's policy, or the expert. Raises ConfigError where they don't fit."""
+    """What acts: the checkpoint's policy, or the task's expert. Raises ConfigError if it does not fit."""
     if config.expert or saved is None:
         from envs.experts import expert
 
@@ -144,21 +148,21 @@ def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None
 
 
 def _about(env: WorkspaceEnv, config: RecordConfig, choices: Mapping[str, str]) -> dict[str, Any]:
-    """What the formats want to know of the environment beside its episodes."""
-    made = env.config
-    period = made.physics.time_step * made.physics.substeps
-    joints = [f"{joint}.{of}" for of in ("angle", "speed") for joint in made.robot.joints]
-    places = [f"gripper.{axis}" for axis in "xyz"]
-    turned = [f"gripper.{column}.{axis}" for column in "xy" for axis in "xyz"]
-    names = [*joints, *places, *turned, "opening", *(["shut", "holds"] if env.task.grips else [])]
+    """What the formats and the metadata need to know about the environment."""
+    env_config = env.config
+    period = env_config.physics.time_step * env_config.physics.substeps
+    joints = [f"{joint}.{of}" for of in ("angle", "speed") for joint in env_config.robot.joints]
+    position = [f"gripper.{axis}" for axis in "xyz"]
+    orientation = [f"gripper.{column}.{axis}" for column in "xy" for axis in "xyz"]
+    names = [*joints, *position, *orientation, "opening", *(["shut", "holds"] if env.task.grips else [])]
     return {
-        "config": asdict(made),
+        "config": asdict(env_config),
         "actor": "expert" if config.expert else f"policy of {config.checkpoint}",
-        "instruction": f"{made.task.name} with {made.robot.name}, {made.control.name}",
-        "robot": made.robot.name,
+        "instruction": f"{env_config.task.name} with {env_config.robot.name}, {env_config.control.name}",
+        "robot": env_config.robot.name,
         "fps": max(1, round(1 / period)),
         "names": {"robot": names},
-        "gym": _gym_spec(made, choices),
+        "gym": _gym_spec(env_config, choices),
     }
 
 
@@ -189,29 +193,29 @@ def _gym_spec(config: EnvConfig, choices: Mapping[str, str]) -> Any:
     return EnvSpec(f"Deixis/{config.task.name}-v0", entry_point="envs.gym_env:GymEnv", kwargs=kwargs)
 
 
-def _numbered(made: EnvConfig, config: RecordConfig) -> Path:
-    """A directory that does not exist yet, called as Minari calls its versions."""
-    name = f"{made.task.name}-{made.robot.name}-{'expert' if config.expert else 'policy'}-{config.format}"
+def _numbered(env_config: EnvConfig, config: RecordConfig) -> Path:
+    """A directory in outputs/ that does not exist yet, with a version number as Minari has them."""
+    name = f"{env_config.task.name}-{env_config.robot.name}-{'expert' if config.expert else 'policy'}-{config.format}"
     places = (Path("outputs") / f"{name}-v{i}" for i in range(10_000))
     return next(place for place in places if not place.exists())
 
 
 def _replay(folder: Path, tolerance: float) -> None:
-    """Raises ConfigError where an episode comes out otherwise than it was recorded."""
+    """Replay a recording. Raises ConfigError if an episode differs from it by more than the tolerance."""
     from envs.workspace_env import WorkspaceEnv
     from trainers.datasets.dataset import read
-    from trainers.datasets.verify_replay import replay
+    from trainers.datasets.verify_replay import verify_replay
 
-    about, episodes = read(folder)
-    with closing(WorkspaceEnv(_judged(about["config"]), 1, 0)) as env:
-        result = replay(env, episodes)
-    if result.largest > tolerance or not result.episodes:
+    metadata, episodes = read(folder)
+    with closing(WorkspaceEnv(_eval_config(metadata["config"]), 1, 0)) as env:
+        result = verify_replay(env, episodes)
+    if result.max_difference > tolerance or not result.episodes:
         raise ConfigError(
-            f"{folder}: {result.differing} of {result.episodes} episodes differ from their recording; the most in "
-            f"{result.key} of episode {result.episode}, by {result.largest:g} where tolerance={tolerance:g}"
+            f"{folder}: {result.differing} of {result.episodes} episodes differ from their recording; the most "
+            f"in {result.key} of episode {result.episode}, by {result.max_difference:g} with tolerance={tolerance:g}"
         )
-    exactly = "bit for bit" if result.largest == 0 else f"within {result.largest:g}"
-    print(f"{result.episodes} episodes, {result.steps} steps: all states as recorded, {exactly}")
+    match = "bit for bit" if result.max_difference == 0 else f"within {result.max_difference:g}"
+    print(f"{result.episodes} episodes, {result.steps} steps: all states as recorded, {match}")
 
 
 def cli(words: Sequence[str] | None = None) -> None:

@@ -63,7 +63,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     return fit(
         plan,
         make_env=partial(build_env, env_config),
-        make_judge=partial(build_env, env_config.judged()),
+        make_eval_env=partial(build_env, env_config.judged()),
         folder=folder,
         config=plain,
         vocabulary=list(Tokenizer.default().vocabulary),

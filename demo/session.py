@@ -22,7 +22,7 @@ from envs.experts import expert
 from envs.interactive.object_names import object_names
 from human import Unreachable
 from language import Instruction, LanguageError, ObjectPhrase, Scene
-from trainers.rollout.video import outcome
+from trainers.rollout.video import outcome_of
 
 Array = NDArray[np.float64]
 Actor = Callable[[TensorDictBase], TensorDictBase]
@@ -272,7 +272,7 @@ class Session:
             self.view.rewards[name] += value
         if not (after["terminated"] | after["truncated"])[0]:
             return
-        ending = outcome(after)
+        ending = outcome_of(after)
         self.view.outcome_counts[ending] += 1
         seconds = self.env.elapsed[0] * self.period
         if ending == "success" and self._subtasks:

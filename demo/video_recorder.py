@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from demo.session import Session
-from trainers.rollout.video import caption, writer
+from trainers.rollout.video import add_caption, open_video
 
 FPS = 10
 STEPS_PER_FRAME = 2  # rendering a frame takes most of a control step
@@ -18,7 +18,7 @@ class VideoRecorder:
     def __init__(self, path: Path | None = None) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="deixis-video-")
         self._path = path or Path(self._folder.name) / "video.mp4"
-        self._writer = writer(self._path, FPS)
+        self._writer = open_video(self._path, FPS)
         self._steps = 0
 
     def add(self, session: Session) -> None:
@@ -28,7 +28,7 @@ class VideoRecorder:
             return
         view = session.view
         ending = "success" if view.status.startswith("Done") else view.status
-        self._writer.append_data(caption(session.env.render(), view.policy_sentence or view.status, ending))
+        self._writer.append_data(add_caption(session.env.render(), view.policy_sentence or view.status, ending))
 
     def close(self) -> bytes:
         """Ends the video. Returns the content of the mp4."""

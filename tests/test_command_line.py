@@ -215,7 +215,7 @@ def test_bad_input_gets_one_clear_message(arguments, said, tmp_path):
         (["checkpoint={run}", "control=joints"], "trained with control=step"),
         (["checkpoint={run}", "episodes=0"], "episodes=0"),
         (["checkpoint={run}", "epsiodes=3"], "epsiodes"),
-        (["checkpoint={run}/eval.json"], "no checkpoint of ours"),
+        (["checkpoint={run}/eval.json"], "not a checkpoint of this project"),
         (["checkpoint={run}", "words=loud"], "words=loud is not known"),
         (["checkpoint={run}", "words=swapped", "worlds=1"], "worlds of at least 2"),
         (["checkpoint={run}", "reader=parrot"], "reader=parrot"),

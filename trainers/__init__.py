@@ -1,21 +1,22 @@
-"""Networks, PPO, SAC, collection, evaluation, checkpoints and reports. Sees specs, never environments' classes.
+"""Training, evaluation and reports. Depends on the specs of environments, never on their classes.
 
-    config       what a run may set (imports no torch)
-    policy       networks from specs          grounding   which object do the words mean
-    ppo, sac     one algorithm each
-    collection   worlds ─► batches            evaluation  how often does it do what it was told
-    checkpoint   files that survive a kill    metrics     metrics.csv, loggers, eval.json
-    policy_file  a policy alone            publish     one with its card, from a finished run
-    demonstrations  episodes to be kept       dataset     ... as LeRobot's (as_lerobot) or Minari's (as_minari)
-    fit          collect ─► update ─► evaluate ─► report
-    sweep, job   several runs at a time       report      what they came to: report.html, report.md
+    config       the parameters of a run (imports no torch)
+    algorithms   PPO, SAC and the other algorithms, found by name
+    models       policies and critics, built from specs
+    rollout      collection of batches, evaluation, instruction ablations, videos
+    run          the training loop, its metrics and checkpoints
+    sweeps       several runs at a time, and the records that runs leave
+    reports      figures, tables and statistics of finished runs
+    datasets     demonstrations as LeRobot and Minari datasets
+    export       published policies with their cards
+    utils        atomic file writes, optional imports, system information
 
-This file stays free of torch so that the command line answers at once.
+This file imports no torch, so that the command line starts quickly.
 """
 
 import os
 
-# TorchRL reads this when it is first imported: seconds that a worker and its parent wait for one another before
-# they give up. Its own default is for ever, which turns a stuck worker into a hang.
+# TorchRL reads this on its first import: seconds that a worker and its parent wait for each other. By default they
+# wait forever, so that a worker that is stuck would hang the run.
 os.environ.setdefault("MAX_IDLE_COUNT", "600")
-os.environ.setdefault("RL_LOGGING_LEVEL", "WARNING")  # no notes on buffers made, between a person and the result
+os.environ.setdefault("RL_LOGGING_LEVEL", "WARNING")  # no messages about buffers

@@ -15,7 +15,8 @@ from tests.helpers.fake_env import WORDS, FakeEnv, make_env
 from tests.helpers.plans import config, plan
 from trainers.algorithms.algorithm import DivergedError
 from trainers.models.policy import build
-from trainers.rollout.collection import CollectionError, Episodes, Rollouts, derive_seed
+from trainers.rollout.collection import CollectionError, Rollouts, derive_seed
+from trainers.rollout.episode_statistics import EpisodeStatistics
 from trainers.rollout.evaluation import evaluate
 from trainers.run import checkpoint
 from trainers.run.metrics import MetricsWriter, read_metrics
@@ -106,7 +107,7 @@ def test_seeds_of_training_and_evaluation_never_meet():
 def test_episodes_are_carried_over_from_batch_to_batch():
     env = make_env(4, 0)
     batch = env.rollout(60, break_when_any_done=False)
-    whole, parts = Episodes(env.reward_names), Episodes(env.reward_names)
+    whole, parts = EpisodeStatistics(env.reward_names), EpisodeStatistics(env.reward_names)
     expected = whole.measure(batch)
     pieces = [parts.measure(batch[:, i : i + 7]) for i in range(0, 60, 7)]
     count = sum(p["train/episodes"] for p in pieces)
@@ -155,7 +156,7 @@ def test_two_workers_get_the_weights_and_one_killed_ends_the_run():
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_workers_killed_before_they_take_new_weights_end_the_run_too(monkeypatch, count):
-    monkeypatch.setattr("trainers.rollout.collection.GRACE", 1.0)
+    monkeypatch.setattr("trainers.rollout.worker_monitor.GRACE_SECONDS", 1.0)
     env = make_env(4, 0)
     policy = build(plan().policy, env.observation_spec, env.action_unit)
     rollouts = Rollouts(make_env, policy, plan(overrides=("collector.workers=2",)).collector, 4, 0)

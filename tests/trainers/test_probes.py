@@ -7,7 +7,7 @@ from tests.helpers.plans import plan
 from trainers.algorithms.ppo import PPO
 from trainers.config import PPOConfig
 from trainers.models.policy import build
-from trainers.rollout.instruction_ablations import Misheard, run_to_end
+from trainers.rollout.instruction_ablations import AblatedInstructions, run_to_end
 
 
 class Seer:
@@ -28,7 +28,7 @@ def test_blanked_words_are_no_words_and_the_rest_stays():
     env, seer = make_env(4, 0), Seer()
     state = env.reset()
     before = state.clone()
-    Misheard(seer, "blank")(state.exclude("privileged"))
+    AblatedInstructions(seer, "blank")(state.exclude("privileged"))
     assert (seer.heard[0] == 0).all()
     assert (state["instruction"] == before["instruction"]).all()
 
@@ -37,7 +37,7 @@ def test_swapped_words_are_the_next_worlds_and_stay_for_the_episode():
     env, seer = make_env(4, 1), Seer()
     state = env.reset()
     said = torch.arange(1, 5)[:, None].expand(4, state["instruction"].shape[1]).clone()
-    listener = Misheard(seer, "swapped")
+    listener = AblatedInstructions(seer, "swapped")
     listener(state.clone().set("instruction", said))
     assert seer.heard[-1][:, 0].tolist() == [2, 3, 4, 1]
     said[1] = 9  # world 1 begins a new episode: world 0, whose episode goes on, keeps what it heard
@@ -50,7 +50,7 @@ def test_swapped_words_are_the_next_worlds_and_stay_for_the_episode():
 
 def test_words_of_one_world_cannot_be_swapped():
     with pytest.raises(ValueError, match="two worlds"):
-        Misheard(Seer(), "swapped")(make_env(1, 0).reset())
+        AblatedInstructions(Seer(), "swapped")(make_env(1, 0).reset())
 
 
 def test_an_episode_is_run_to_its_end_and_no_further():

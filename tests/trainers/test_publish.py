@@ -107,7 +107,7 @@ def test_a_config_is_told_as_the_words_that_compose_it(words):
     ("prepare", "said"),
     [
         (lambda run, _: (run / "eval.json").unlink(), "not finished: it has no eval.json"),
-        (lambda run, _: rewrite(run / "eval.json", frames=128), "gone on since its eval.json: 128 frames there, 256"),
+        (lambda run, _: rewrite(run / "eval.json", frames=128), "resumed after its eval.json: 128 frames there, 256"),
         (lambda run, _: (run / "checkpoints" / "last.pt").write_bytes(b"x"), "damaged"),
         (lambda run, _: (run / "eval.json").write_text("{"), "damaged"),
         (lambda _, place: place.mkdir(parents=True), "exists already"),
@@ -128,8 +128,8 @@ def rewrite(file, **values):
 
 
 def test_a_policy_too_large_for_a_repository_is_refused(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(publish, "MOST", 10_000)
-    with pytest.raises(ConfigError, match=r"policy.safetensors would have [\d,]+ bytes; .* below 10,000"):
+    monkeypatch.setattr(publish, "MAX_BYTES", 10_000)
+    with pytest.raises(ConfigError, match=r"policy.safetensors would have [\d,]+ bytes; .* less than 10,000"):
         publish.publish(run, tmp_path / "large")
     assert not list(tmp_path.iterdir())
 
@@ -140,12 +140,12 @@ def test_a_directory_of_runs_is_refused(run, tmp_path):
 
 
 def test_training_cannot_go_on_from_a_policy_alone(policy, tmp_path):
-    with pytest.raises(CheckpointError, match="a policy alone, without optimiser and critic"):
+    with pytest.raises(CheckpointError, match="a published policy without optimiser and critic"):
         train.resumed(str(policy), [])
     from tests.helpers.fake_env import FakeEnv
     from tests.helpers.plans import plan
 
-    with pytest.raises(CheckpointError, match="a policy alone"):
+    with pytest.raises(CheckpointError, match="a published policy"):
         fit(plan(), FakeEnv, tmp_path, {}, [], resume=checkpoint.find(policy), progress=False)
 
 
@@ -163,5 +163,5 @@ def test_a_damaged_policy_is_refused(policy, tmp_path, damage):
 
 def test_another_safetensors_file_is_refused(tmp_path):
     save_file({"w": torch.zeros(3)}, tmp_path / "other.safetensors", {"format": "pt"})
-    with pytest.raises(CheckpointError, match="no checkpoint of ours: its metadata has no deixis"):
+    with pytest.raises(CheckpointError, match="not a checkpoint of this project: its metadata has no deixis"):
         checkpoint.load(tmp_path / "other.safetensors")

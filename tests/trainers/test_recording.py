@@ -64,11 +64,11 @@ def test_what_is_read_is_what_came(recorded, episodes, form):
     for theirs, ours in zip(kept, episodes, strict=True):
         assert (theirs.seed, theirs.sentence) == (ours.seed, ours.sentence)
         np.testing.assert_array_equal(theirs.actions, ours.actions)
-        for name in ("seen", "meant", "came_to"):
+        for name in ("observations", "labels", "outcomes"):
             kept_values, values = getattr(theirs, name), getattr(ours, name)
             assert kept_values.keys() == values.keys()
             for key, value in values.items():
-                wanted = value if name == "came_to" else value[:last]
+                wanted = value if name == "outcomes" else value[:last]
                 np.testing.assert_array_equal(kept_values[key].reshape(wanted.shape), wanted)
     assert about["episodes"] == len(episodes) == 3
     assert about["steps"] == sum(map(len, episodes))
@@ -77,8 +77,8 @@ def test_what_is_read_is_what_came(recorded, episodes, form):
 
 def test_the_finger_moves_on_in_what_is_recorded(episodes):
     """Else a replay that ignores it would not be noticed."""
-    assert any(len(np.unique(episode.meant["referent"])) > 1 for episode in episodes)
-    assert {"gesture", "instruction", "robot", "objects", "objects_mask", "hold"} <= episodes[0].seen.keys()
+    assert any(len(np.unique(episode.labels["referent"])) > 1 for episode in episodes)
+    assert {"gesture", "instruction", "robot", "objects", "objects_mask", "hold"} <= episodes[0].observations.keys()
 
 
 @pytest.mark.parametrize("form", FORMATS)
@@ -150,14 +150,14 @@ def test_its_statistics_are_those_of_all_steps(recorded, episodes):
     np.testing.assert_allclose(known["std"], actions.std(0))
     assert known["count"] == [len(actions)]
     parts = [lerobot_stats.of_values(actions[:7]), lerobot_stats.of_values(actions[7:])]
-    np.testing.assert_allclose(lerobot_stats.together(*parts)["std"], actions.std(0))
+    np.testing.assert_allclose(lerobot_stats.merge(*parts)["std"], actions.std(0))
 
 
 def test_lerobot_itself_reads_it(recorded, episodes):
     library = pytest.importorskip("lerobot.datasets.lerobot_dataset")
     loaded = library.LeRobotDataset("deixis/recorded", root=recorded["lerobot"])
     assert (loaded.num_episodes, loaded.num_frames) == (3, sum(map(len, episodes)))
-    np.testing.assert_array_equal(loaded[2]["observation.state"].numpy(), episodes[0].seen["robot"][2])
+    np.testing.assert_array_equal(loaded[2]["observation.state"].numpy(), episodes[0].observations["robot"][2])
     assert loaded[0]["task"] == episodes[0].sentence
 
 
@@ -185,7 +185,7 @@ def test_a_replay_tells_what_is_not_as_recorded(recorded, tmp_path):
     with h5py.File(copy / "data/main_data.hdf5", "a") as file:
         kept = file["episode_1/actions"][0]
         file["episode_1/actions"][0] = -kept
-    with pytest.raises(ConfigError, match=r"1 of 3 episodes differ .* of episode 1, by \d.* where tolerance=0"):
+    with pytest.raises(ConfigError, match=r"1 of 3 episodes differ .* of episode 1, by \d.* with tolerance=0"):
         record.main([f"replay={copy}"])
     with h5py.File(copy / "data/main_data.hdf5", "a") as file:
         file["episode_1/actions"][0] = kept
@@ -232,7 +232,7 @@ def test_tables_go_on_in_another_file(tmp_path):
         (["checkpoint={run}", "gesture=ray", "workspace=collabtable"], "gesture is .* and gesture it was trained with"),
         (["expert=true", "out={run}"], "exists already"),
         (["replay=/nowhere"], "/nowhere does not exist"),
-        (["replay={run}"], "no recording of ours: it has no deixis.json"),
+        (["replay={run}"], "not a recording of this project: it has no deixis.json"),
         (["replay={run}", "episodes=3"], "episodes=3: replay=<dir> takes no other key"),
     ],
 )

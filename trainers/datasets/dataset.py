@@ -1,4 +1,4 @@
-"""A directory of demonstrations in a format of others, and what it takes to play them again."""
+"""Datasets of demonstrations in other libraries' formats, with the metadata that a replay needs."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from trainers.rollout.evaluation import Interrupted, wilson
 from trainers.utils.atomic_io import atomic_directory, write_json
 
 FORMATS: dict[str, Any] = {"lerobot": (LeRobotWriter, read_lerobot), "minari": (MinariWriter, read_minari)}
-ABOUT = "deixis.json"  # beside the format's own files
-KEPT = ("kind", "config", "actor", "instruction", "seed", "episodes", "steps", "success_at_end", "ci95")
+METADATA = "deixis.json"  # beside the files of the format
+METADATA_KEYS = ("kind", "config", "actor", "instruction", "seed", "episodes", "steps", "success_at_end", "ci95")
 
 
 def write(
@@ -29,44 +29,59 @@ def write(
     episodes: int,
     seed: int,
     about: dict[str, Any],
-    pictures: bool = False,
+    images: bool = False,
     stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
-    """Write so many episodes to the new directory `place`; what `ABOUT` holds of them. Nothing is there before the end.
+    """Record episodes to a new directory, which appears under its name when it is complete.
 
-    kind: of `FORMATS`. env: of one world. about: of `KEPT` config, actor and instruction, and what the format's writer
-    asks for. stop: asked at each episode; raises Interrupted once it says so. Raises ConfigError.
+    Args:
+        place: the directory.
+        kind: the format, a key of `FORMATS`.
+        env: of one world; built for rendering if images are recorded.
+        actor: writes "action".
+        episodes: their number.
+        seed: of the recording.
+        about: config, actor and instruction for the metadata, and what the format's writer needs.
+        images: whether to record camera images.
+        stop: called after each episode; True interrupts the recording.
+
+    Returns:
+        The metadata.
+
+    Raises:
+        Interrupted: `stop` returned True.
+        ConfigError: the directory exists or cannot be written, or a library is missing.
     """
     steps = successes = 0
     with atomic_directory(place) as folder:
-        shape = env.render().shape if pictures else None
+        shape = env.render().shape if images else None
         writer = FORMATS[kind][0](folder, place.name, env, about, shape)
-        for episode in demonstrate(env, actor, episodes, seed, pictures):
+        for episode in demonstrate(env, actor, episodes, seed, images):
             writer.add(episode)
             steps, successes = steps + len(episode), successes + episode.success
             if stop():
                 raise Interrupted
         writer.finish()
         share = {"success_at_end": successes / episodes, "ci95": list(wilson(successes, episodes))}
-        known: dict[str, Any] = about | share | {"kind": kind, "seed": seed, "episodes": episodes, "steps": steps}
-        told = {name: known[name] for name in KEPT}
-        write_json(folder / ABOUT, told)
-    return told
+        values: dict[str, Any] = about | share | {"kind": kind, "seed": seed, "episodes": episodes, "steps": steps}
+        metadata = {name: values[name] for name in METADATA_KEYS}
+        write_json(folder / METADATA, metadata)
+    return metadata
 
 
 def read(folder: Path) -> tuple[dict[str, Any], Iterator[Demonstration]]:
-    """What `ABOUT` holds, and the episodes. Raises ConfigError."""
-    file = folder / ABOUT
+    """The metadata and the episodes of a recording. Raises ConfigError for a missing or damaged one."""
+    file = folder / METADATA
     if not file.is_file():
-        why = f"is no recording of ours: it has no {ABOUT}" if folder.exists() else "does not exist"
-        raise ConfigError(f"{folder} {why}")
+        problem = f"is not a recording of this project: it has no {METADATA}" if folder.exists() else "does not exist"
+        raise ConfigError(f"{folder} {problem}")
     try:
-        about = json.loads(file.read_text())
-        missing = [name for name in KEPT if name not in about]
+        metadata = json.loads(file.read_text())
+        missing = [name for name in METADATA_KEYS if name not in metadata]
     except (ValueError, TypeError):
         raise ConfigError(f"{file} is damaged") from None
     if missing:
         raise ConfigError(f"{file} is damaged: it has no {', '.join(missing)}")
-    if about["kind"] not in FORMATS:
-        raise ConfigError(f"{file}: kind={about['kind']} is not known" + did_you_mean(about["kind"], FORMATS))
-    return about, FORMATS[about["kind"]][1](folder)
+    if metadata["kind"] not in FORMATS:
+        raise ConfigError(f"{file}: kind={metadata['kind']} is not known" + did_you_mean(metadata["kind"], FORMATS))
+    return metadata, FORMATS[metadata["kind"]][1](folder)

@@ -1,4 +1,4 @@
-"""Episodes to be kept: what was seen, done and rewarded at each step, and the seed that brings the episode back."""
+"""Recorded episodes: observations, actions and outcomes of each step, and the seed that reproduces the episode."""
 
 from __future__ import annotations
 
@@ -13,93 +13,99 @@ from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from trainers.rollout.collection import derive_seed
-from trainers.rollout.video import said
+from trainers.rollout.video import sentence_of
 
 SEEN = ("robot", "objects", "objects_mask", "objects_near", "instruction", "gesture", "stage", "hold")
-MEANT = ("referent", "target")  # slots; no policy is shown them
-CAME_TO = ("reward", "success", "terminated", "truncated")
-FIRST = 2**29  # of the seeds' indices: no evaluation of evaluate.py or of a run has one of them
+LABELS = ("referent", "target")  # privileged keys that are recorded: slots of the objects
+OUTCOMES = ("reward", "success", "terminated", "truncated")
+SEED_INDEX = 2**29  # first index of the seeds: no evaluation of a run or of evaluate.py uses one of them
 
-Actor = Callable[[TensorDictBase], TensorDictBase]
+Actor = Callable[[TensorDictBase], TensorDictBase]  # writes "action"
 
 
 @dataclass
 class Demonstration:
     """One episode of T steps.
 
-    seen: what the policy may see, by its key, (T+1, ...) each: before every action, and after the last one.
-    meant: the slots of the object that is meant, and of its target where there are any, (T+1,) each.
-    actions: (T, A) float32 in [-1, 1]. came_to: reward (float32), success, terminated and truncated, (T,) each.
-    seed: the environment, of one world, given it and reset, begins with this episode. sentence: "" without words.
-    pictures: (T+1, H, W, 3) uint8, or nothing.
+    seed: an environment of one world with this seed begins with this episode after a reset.
+    sentence: the instruction; "" without words.
+    observations: by key, (T+1, ...) each: before every action, and after the last one.
+    labels: the slots of the referent and of its target, if the environment has them, (T+1,) each.
+    actions: (T, A) float32 in [-1, 1].
+    outcomes: reward (float32), success, terminated and truncated, (T,) each.
+    images: T+1 of shape (H, W, 3) uint8, or none.
     """
 
     seed: int
     sentence: str
-    seen: dict[str, NDArray]
-    meant: dict[str, NDArray]
+    observations: dict[str, NDArray]
+    labels: dict[str, NDArray]
     actions: NDArray[np.float32]
-    came_to: dict[str, NDArray]
-    pictures: list[NDArray[np.uint8]] = field(default_factory=list)
+    outcomes: dict[str, NDArray]
+    images: list[NDArray[np.uint8]] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.actions)
 
     @property
     def success(self) -> bool:
-        return bool(self.came_to["success"][-1])
+        """Whether the episode ended in success."""
+        return bool(self.outcomes["success"][-1])
 
 
-def demonstrate(
-    env: EnvBase, actor: Actor, episodes: int, seed: int, pictures: bool = False
-) -> Iterator[Demonstration]:
-    """So many episodes of the deterministic actor, one after another.
+def demonstrate(env: EnvBase, actor: Actor, episodes: int, seed: int, images: bool = False) -> Iterator[Demonstration]:
+    """Run episodes with a deterministic actor, one after another.
 
-    env: of one world; it must have been made for rendering where pictures are wanted. actor: writes "action"; it is
-    shown nothing privileged. seed: of all.
+    Args:
+        env: of one world; built for rendering if images are recorded.
+        actor: writes "action"; it does not receive the privileged keys.
+        episodes: their number.
+        seed: of the whole recording; each episode's seed is derived from it.
+        images: whether to record camera images.
     """
     for index in range(episodes):
-        own = derive_seed(seed, FIRST + index, evaluation=True)
-        yield _episode(env, lambda state: actor(state.exclude("privileged"))["action"], own, pictures)
+        episode_seed = derive_seed(seed, SEED_INDEX + index, evaluation=True)
+        yield _run_episode(env, lambda state: actor(state.exclude("privileged"))["action"], episode_seed, images)
 
 
-def again(env: EnvBase, kept: Demonstration) -> Demonstration:
-    """The episode that comes of the same seed and actions."""
-    actions = iter(torch.from_numpy(kept.actions))
-    return _episode(env, lambda _: next(actions)[None], kept.seed, False, len(kept))
+def replay_episode(env: EnvBase, recorded: Demonstration) -> Demonstration:
+    """Run an episode with the seed and the actions of a recorded one."""
+    actions = iter(torch.from_numpy(recorded.actions))
+    return _run_episode(env, lambda _: next(actions)[None], recorded.seed, False, len(recorded))
 
 
 @torch.no_grad()
-def _episode(
+def _run_episode(
     env: EnvBase,
     act: Callable[[TensorDictBase], torch.Tensor],
     seed: int,
-    pictures: bool,
-    most: int | None = None,
+    images: bool,
+    max_steps: int | None = None,
 ) -> Demonstration:
-    """most: steps after which it ends whatever happens."""
+    """act: the action (1, A) for a state. max_steps: the episode is cut after so many steps."""
     env.set_seed(seed)
     state = env.reset()
-    sentence, frames = said(state), [env.render()] if pictures else []
+    sentence, frames = sentence_of(state), [env.render()] if images else []
     states, steps = [state], list[TensorDictBase]()
     with set_exploration_type(ExplorationType.DETERMINISTIC):
-        while not steps or not (steps[-1]["done"].item() or len(steps) == most):
+        while not steps or not (steps[-1]["done"].item() or len(steps) == max_steps):
             action = act(state).clamp(-1.0, 1.0)
             state = env.step(TensorDict({"action": action}, env.batch_size))["next"]
-            state["did"] = action
+            state["action"] = action
             states.append(state)
             steps.append(state)
-            frames += [env.render()] if pictures else []
+            frames += [env.render()] if images else []
     return Demonstration(
         seed=seed,
         sentence=sentence,
-        seen={key: _stack(states, key) for key in SEEN if key in env.observation_spec.keys()},
-        meant={key: _stack(states, ("privileged", key)) for key in MEANT if key in state["privileged"].keys()},
-        actions=_stack(steps, "did"),
-        came_to={key: _stack(steps, key)[:, 0] for key in CAME_TO},
-        pictures=frames,
+        observations={key: _stack(states, key) for key in SEEN if key in env.observation_spec.keys()},
+        labels={key: _stack(states, ("privileged", key)) for key in LABELS if key in state["privileged"].keys()},
+        actions=_stack(steps, "action"),
+        outcomes={key: _stack(steps, key)[:, 0] for key in OUTCOMES},
+        images=frames,
     )
 
 
 def _stack(states: list[TensorDictBase], key: str | tuple[str, str]) -> NDArray:
+    """The values of a key in world 0, stacked over the steps."""
     return np.stack([state[key][0].numpy() for state in states])

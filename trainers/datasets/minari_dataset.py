@@ -1,8 +1,8 @@
-"""Demonstrations as a Minari dataset, and back: https://minari.farama.org.
+"""Writing and reading demonstrations as a Minari dataset: https://minari.farama.org.
 
-Observations are a Dict of `Demonstration.seen`, and of "camera" where there are pictures (which Minari keeps as JPEG);
-infos hold the slots that are meant, and whether the step ended in success. Each episode has its seed, its sentence and
-its success as metadata. Minari gives the environment back (`recover_environment`) where its Gymnasium spec is known.
+Observations are a Dict of `Demonstration.observations`, and of "camera" if there are images: Minari stores them as
+JPEG. Infos hold the labels, and whether the step ended in success. The metadata of an episode are its seed, its
+sentence and its success. Minari rebuilds the environment (`recover_environment`) if its Gymnasium spec is known.
 """
 
 from __future__ import annotations
@@ -24,10 +24,14 @@ CAMERA = "camera"
 
 
 class MinariWriter:
-    """Writes to the new directory `folder`, an episode at a time; Minari's own files are in folder/data.
+    """Writes a dataset episode by episode; Minari's files are in folder/data.
 
-    about: what is known of all episodes, under "actor", "instruction" and "gym" (an EnvSpec, or None). name: of the
-    dataset. env: that they come from. shape: of pictures (H, W, 3), or None for none.
+    Args:
+        folder: a new directory.
+        name: of the dataset.
+        env: the environment of the episodes.
+        about: "actor", "instruction" and "gym" (an EnvSpec or None).
+        shape: of the images (H, W, 3); None for no images.
     """
 
     def __init__(
@@ -38,10 +42,10 @@ class MinariWriter:
         from minari.dataset.minari_storage import MinariStorage
 
         self._buffer = EpisodeBuffer
-        self._pictures, self._count = shape is not None, 0
+        self._has_images, self._count = shape is not None, 0
         self._storage = MinariStorage.new(
-            folder.absolute() / "data",  # it looks for its own size below a relative path twice
-            observation_space=_observed(env, shape),
+            folder.absolute() / "data",  # absolute: Minari prefixes a relative path twice when it computes its size
+            observation_space=_observation_space(env, shape),
             action_space=spaces.Box(-1.0, 1.0, (env.action_spec.shape[-1],), np.float32),
             env_spec=about["gym"],
         )
@@ -56,41 +60,42 @@ class MinariWriter:
         )
 
     def add(self, episode: Demonstration) -> None:
-        pictures = {CAMERA: episode.pictures} if self._pictures else {}
+        """Write one episode."""
+        images = {CAMERA: episode.images} if self._has_images else {}
         buffer = self._buffer(
             id=self._count,
             seed=episode.seed,
-            observations=episode.seen | pictures,
+            observations=episode.observations | images,
             actions=episode.actions,
-            rewards=episode.came_to["reward"],
-            terminations=episode.came_to["terminated"],
-            truncations=episode.came_to["truncated"],
-            infos=episode.meant | {"success": np.concatenate(([False], episode.came_to["success"]))},
+            rewards=episode.outcomes["reward"],
+            terminations=episode.outcomes["terminated"],
+            truncations=episode.outcomes["truncated"],
+            infos=episode.labels | {"success": np.concatenate(([False], episode.outcomes["success"]))},
         )
         self._storage.update_episodes([buffer])
-        told = {"sentence": episode.sentence, "success": episode.success}
-        self._storage.update_episode_metadata([told], [self._count])
+        metadata = {"sentence": episode.sentence, "success": episode.success}
+        self._storage.update_episode_metadata([metadata], [self._count])
         self._count += 1
 
     def finish(self) -> None:
-        """Nothing is left to be written."""
+        """Does nothing: `add` has written everything."""
 
 
 def read_minari(folder: Path) -> Iterator[Demonstration]:
-    """The episodes that were written, without pictures. Raises ConfigError."""
+    """The episodes of a dataset, without images. Raises ConfigError if minari is not installed."""
     (minari,) = import_optional("minari")
     dataset = minari.MinariDataset(folder / "data")
     metadata = dataset.storage.get_episode_metadata(range(dataset.total_episodes))
-    for episode, told in zip(dataset.iterate_episodes(), metadata, strict=True):
+    for episode, own in zip(dataset.iterate_episodes(), metadata, strict=True):
         infos = dict(episode.infos)
         success = infos.pop("success")[1:]
         yield Demonstration(
-            seed=told["seed"],
-            sentence=told["sentence"],
-            seen={key: values for key, values in episode.observations.items() if key != CAMERA},
-            meant=infos,
+            seed=own["seed"],
+            sentence=own["sentence"],
+            observations={key: values for key, values in episode.observations.items() if key != CAMERA},
+            labels=infos,
             actions=episode.actions,
-            came_to={
+            outcomes={
                 "reward": episode.rewards,
                 "success": success,
                 "terminated": episode.terminations,
@@ -99,17 +104,18 @@ def read_minari(folder: Path) -> Iterator[Demonstration]:
         )
 
 
-def _observed(env: EnvBase, shape: tuple[int, ...] | None) -> spaces.Dict:
-    found: dict[str, spaces.Space] = {
+def _observation_space(env: EnvBase, shape: tuple[int, ...] | None) -> spaces.Dict:
+    """The Gymnasium space of one world's observations. shape: of the images, if any."""
+    members: dict[str, spaces.Space] = {
         key: _space(env.observation_spec[key]) for key in SEEN if key in env.observation_spec.keys()
     }
     if shape is not None:
-        found[CAMERA] = spaces.Box(0, 255, shape, np.uint8)
-    return spaces.Dict(found)
+        members[CAMERA] = spaces.Box(0, 255, shape, np.uint8)
+    return spaces.Dict(members)
 
 
 def _space(spec: Any) -> spaces.Space:
-    """The space of one world's values."""
+    """The Gymnasium space of one world's values."""
     if isinstance(spec, Bounded):
         return spaces.Box(spec.space.low[0].numpy(), spec.space.high[0].numpy(), dtype=np.float32)
     if isinstance(spec, Binary):

@@ -1,4 +1,4 @@
-"""Whether recorded episodes come about again: the same seed, the same actions, and the states side by side."""
+"""Checks that recorded episodes can be reproduced: same seed, same actions, and a comparison of all states."""
 
 from __future__ import annotations
 
@@ -9,48 +9,53 @@ import numpy as np
 from numpy.typing import NDArray
 from torchrl.envs import EnvBase
 
-from trainers.datasets.demonstrations import Demonstration, again
+from trainers.datasets.demonstrations import Demonstration, replay_episode
 
 
 @dataclass
-class Replayed:
-    """largest: the greatest difference of any number recorded from what came this time; in `key` of `episode`."""
+class ReplayResult:
+    """Comparison of recorded and replayed episodes.
+
+    differing: number of episodes with any difference. max_difference: the greatest absolute difference of any recorded
+    number; it is in `key` of `episode`.
+    """
 
     episodes: int = 0
     steps: int = 0
-    differing: int = 0  # episodes with any difference
-    largest: float = 0.0
+    differing: int = 0
+    max_difference: float = 0.0
     key: str = ""
     episode: int = -1
 
 
-def replay(env: EnvBase, kept: Iterable[Demonstration]) -> Replayed:
-    """Play every episode again and compare all that was recorded of it. env: of one world, of the recorded config."""
-    result = Replayed()
-    for index, episode in enumerate(kept):
-        gaps = _differences(episode, again(env, episode))
-        key, gap = max(gaps.items(), key=lambda item: item[1])
-        if gap > result.largest:
-            result.largest, result.key, result.episode = gap, key, index
-        result.differing += gap > 0
+def verify_replay(env: EnvBase, recorded: Iterable[Demonstration]) -> ReplayResult:
+    """Replay every episode and compare it with its recording. env: of one world, with the recorded config."""
+    result = ReplayResult()
+    for index, episode in enumerate(recorded):
+        differences = _differences(episode, replay_episode(env, episode))
+        key, difference = max(differences.items(), key=lambda item: item[1])
+        if difference > result.max_difference:
+            result.max_difference, result.key, result.episode = difference, key, index
+        result.differing += difference > 0
         result.episodes, result.steps = result.episodes + 1, result.steps + len(episode)
     return result
 
 
-def _differences(kept: Demonstration, now: Demonstration) -> dict[str, float]:
-    """The greatest difference by key; infinite where the number of values or the sentence is another.
+def _differences(recorded: Demonstration, replayed: Demonstration) -> dict[str, float]:
+    """The greatest difference of each key; infinite if the sentence or the number of values differs.
 
-    A format may leave out the state after the last action: then it is not compared.
+    A format may leave out the state after the last action; then that state is not compared.
     """
-    out = {"sentence": 0.0 if kept.sentence == now.sentence else float("inf")}
-    for recorded, came in ((kept.seen, now.seen), (kept.meant, now.meant), (kept.came_to, now.came_to)):
-        out |= {key: _gap(values, came[key][: len(values)]) for key, values in recorded.items()}
+    out = {"sentence": 0.0 if recorded.sentence == replayed.sentence else float("inf")}
+    for name in ("observations", "labels", "outcomes"):
+        new = getattr(replayed, name)
+        out |= {key: _difference(values, new[key][: len(values)]) for key, values in getattr(recorded, name).items()}
     return out
 
 
-def _gap(kept: NDArray, now: NDArray) -> float:
-    """Between steps' values, in whatever shape a format keeps those of one step."""
-    if kept.size != now.size:
+def _difference(recorded: NDArray, replayed: NDArray) -> float:
+    """The greatest absolute difference, in whatever shape a format stores the values of a step."""
+    if recorded.size != replayed.size:
         return float("inf")
-    apart = np.abs(kept.astype(np.float64).ravel() - now.astype(np.float64).ravel())
+    apart = np.abs(recorded.astype(np.float64).ravel() - replayed.astype(np.float64).ravel())
     return float(np.nan_to_num(apart, nan=np.inf).max())

@@ -1,1 +1,1 @@
-"""Policies as files to share."""
+"""Published policies: a file with the weights, and a card."""

@@ -1,6 +1,7 @@
-"""A policy alone, as one safetensors file: its weights and, as text beside them, what it was built from.
+"""A policy as one safetensors file: its weights, and the config, vocabulary and widths it was built from as metadata.
 
-safetensors runs nothing on reading, but knows no checksums: a flipped bit would load as a weight. So the text has one.
+Reading safetensors executes nothing. The format has no checksums, so that a flipped bit would load as a weight;
+therefore the metadata has one.
 """
 
 from __future__ import annotations
@@ -15,33 +16,38 @@ from safetensors import safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-NAME = "policy.safetensors"  # in a folder that holds a policy
-ABOUT = ("config", "vocabulary", "widths")
-ENTRY = "deixis"  # one entry of the file's metadata: of several, the order would differ from run to run
+NAME = "policy.safetensors"  # in the directory of a policy
+METADATA_KEYS = ("config", "vocabulary", "widths")
+ENTRY = "deixis"  # the only metadata entry: the order of several would differ between runs
 
 
 def pack(payload: dict[str, Any], form: int) -> bytes:
-    """The file of a checkpoint's policy. payload: as `checkpoint.load` gives it. form: number of the format."""
+    """The file's content.
+
+    Args:
+        payload: of a checkpoint, as `checkpoint.load` returns it.
+        form: version of the checkpoint format.
+    """
     weights = {name: tensor.detach().clone() for name, tensor in payload["algorithm"]["policy"].items()}
-    about = {"format": form, **{name: payload[name] for name in ABOUT}}
-    return save(weights, {ENTRY: json.dumps(about | {"sha256": _digest(weights, about)})})
+    metadata = {"format": form, **{name: payload[name] for name in METADATA_KEYS}}
+    return save(weights, {ENTRY: json.dumps(metadata | {"sha256": _digest(weights, metadata)})})
 
 
 def unpack(path: Path) -> dict[str, Any]:
-    """What a checkpoint's payload has of a policy, on the CPU. Raises ValueError, or safetensors' own errors."""
+    """A checkpoint payload with the policy only, on the CPU. Raises ValueError, or an error of safetensors."""
     with safe_open(path, "pt") as file:
-        about = json.loads((file.metadata() or {}).get(ENTRY, "{}"))
-        if not isinstance(about, dict) or "sha256" not in about:
+        metadata = json.loads((file.metadata() or {}).get(ENTRY, "{}"))
+        if not isinstance(metadata, dict) or "sha256" not in metadata:
             raise ValueError(f"its metadata has no {ENTRY}")
         weights = {name: file.get_tensor(name) for name in file.keys()}
-    if about.pop("sha256") != _digest(weights, about):
+    if metadata.pop("sha256") != _digest(weights, metadata):
         raise ValueError("its checksum does not fit")
-    return about | {"algorithm": {"policy": weights}}
+    return metadata | {"algorithm": {"policy": weights}}
 
 
-def _digest(weights: dict[str, Tensor], about: dict[str, Any]) -> str:
-    """Of all that the file holds, but for the checksum itself."""
-    sha = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
+def _digest(weights: dict[str, Tensor], metadata: dict[str, Any]) -> str:
+    """SHA-256 of the metadata, and of each tensor with its name, type and shape."""
+    sha = hashlib.sha256(json.dumps(metadata, sort_keys=True).encode())
     for name, tensor in sorted(weights.items()):
         sha.update(f"{name} {tensor.dtype} {list(tensor.shape)}".encode())
         sha.update(tensor.contiguous().view(-1).view(torch.uint8).numpy().tobytes())

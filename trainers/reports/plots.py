@@ -1,4 +1,4 @@
-"""Pictures of one run: its learning curve, and success by what was pointed at."""
+"""Figures of one run: its learning curve, and success by difficulty of the gesture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,12 @@ from trainers.run.metrics import read_metrics
 
 
 def learning_curve(metrics: Path, target: Path) -> None:
-    """A picture of success over frames: in training, with its noise, and of the deterministic policy."""
+    """Plot success against frames, in training with exploration noise and of the deterministic policy.
+
+    Args:
+        metrics: path of metrics.csv.
+        target: path of the image.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -22,7 +27,7 @@ def learning_curve(metrics: Path, target: Path) -> None:
     for name, label, style in (
         ("train/success", "success in training", "-"),
         ("eval/success_at_end", "success of the deterministic policy", "o-"),
-        ("eval/wrong_object", "at the wrong object", "x--"),
+        ("eval/wrong_object", "wrong object", "x--"),
         ("grounding/accuracy", "grounding accuracy", ":"),
     ):
         points = [(row["frames"], row[name]) for row in rows if math.isfinite(row.get(name, math.nan))]
@@ -35,18 +40,21 @@ def learning_curve(metrics: Path, target: Path) -> None:
     figure.savefig(target, dpi=120, bbox_inches="tight")
 
 
-PANELS = {  # of the measures in a result's "by_pointing": what the axis says, and how its bins are told
-    "angle": "to the nearest rival, from the fingertip (degrees)",
-    "objects": "objects shown",
-    "distance": "from the fingertip (cm)",
-    "stray": "the ray's error / the way to the nearest rival",
+PANELS = {  # measure in a result's "by_pointing" -> label of its axis
+    "angle": "angle to the nearest rival, from the fingertip (degrees)",
+    "objects": "number of objects",
+    "distance": "distance from the fingertip (cm)",
+    "stray": "angular error of the ray / angle to the nearest rival",
 }
 
 
 def pointing_plot(by_pointing: Mapping[str, Sequence[Mapping[str, Any]]], target: Path, title: str) -> None:
-    """A picture of success by angle, number of objects, distance and error, with 95 % intervals and episodes per bin.
+    """Plot success by angle, number of objects, distance and error, with 95 % intervals and episodes per bin.
 
-    by_pointing: as a result's JSON has it; measures that it lacks are left out.
+    Args:
+        by_pointing: from a result's JSON; measures that it lacks are left out.
+        target: path of the image.
+        title: of the figure.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -64,23 +72,23 @@ def pointing_plot(by_pointing: Mapping[str, Sequence[Mapping[str, Any]]], target
 
 
 def _panel(axes: Any, name: str, bins: Sequence[Mapping[str, Any]]) -> None:
-    places, shares = range(len(bins)), [part["success_at_end"] for part in bins]
+    positions, shares = range(len(bins)), [part["success_at_end"] for part in bins]
     low, high = zip(*(part["ci95"] for part in bins), strict=True)
     errors = [
         [max(share - end, 0) for share, end in zip(shares, low, strict=True)],
         [max(end - share, 0) for share, end in zip(shares, high, strict=True)],
     ]
-    axes.bar(places, shares, color="tab:blue", alpha=0.35)
-    axes.errorbar(places, shares, errors, fmt="o", color="tab:blue", markersize=4, capsize=3)
-    for place, part in zip(places, bins, strict=True):
-        axes.text(place, 1.04, f"{part['episodes']}", ha="center", fontsize="small", color="gray")
+    axes.bar(positions, shares, color="tab:blue", alpha=0.35)
+    axes.errorbar(positions, shares, errors, fmt="o", color="tab:blue", markersize=4, capsize=3)
+    for position, part in zip(positions, bins, strict=True):
+        axes.text(position, 1.04, f"{part['episodes']}", ha="center", fontsize="small", color="gray")
     axes.set(xlabel=PANELS[name], ylabel="success at end", ylim=(0, 1.12), xlim=(-0.6, len(bins) - 0.4))
-    axes.set_xticks(places, [bin_name(name, part["range"]) for part in bins], fontsize="small")
+    axes.set_xticks(positions, [bin_name(name, part["range"]) for part in bins], fontsize="small")
     axes.grid(axis="y", alpha=0.3)
 
 
 def bin_name(name: str, ends: Sequence[float | None]) -> str:
-    """A bin's ends as a person reads them: "2-3", "30+", and "6" for a count."""
+    """The label of a bin: "2-3", "30+", and "6" for a count. ends: its lower and upper edge."""
     low, high = ends
     if name == "objects":
         return f"{low:g}"

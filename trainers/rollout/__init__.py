@@ -1,1 +1,1 @@
-"""Collection, evaluation, instruction ablations and video."""
+"""Batches of experience, evaluation, instruction ablations and videos."""

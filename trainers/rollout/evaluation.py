@@ -1,4 +1,4 @@
-"""How often does it do what it was told: the deterministic policy, counted without bias."""
+"""Evaluation of the deterministic policy: success with a confidence interval, over episodes counted without bias."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 Z95 = 1.959963984540054
 POINTING = ("privileged", "pointing")
-# What makes a gesture hard to read, with the lower ends of the bins that it is counted in; the last one is open. angle:
-# degrees between the referent and its nearest rival, as the fingertip sees them. stray: how far beside the referent the
-# ray passes, 1 being that angle; up to a half, the ray itself tells them apart. distance: cm from the fingertip.
+# Measures of how difficult a gesture is to read, with the lower edges of their bins; the last bin is open.
+# angle: between the referent and its nearest rival, seen from the fingertip, degrees. objects: their number.
+# distance: from the fingertip to the referent, cm. stray: angle between ray and referent, relative to `angle`; up to
+# 0.5, the ray alone identifies the referent.
 BINS: dict[str, tuple[float, ...]] = {
     "angle": (0, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30),
     "objects": tuple(range(1, 9)),
@@ -29,16 +30,17 @@ BINS: dict[str, tuple[float, ...]] = {
 
 
 class Interrupted(Exception):
-    """Somebody asked the run to stop."""
+    """A signal asked the program to stop."""
 
 
 @dataclass
 class EvalResult:
-    """Shares of episodes in [0, 1].
+    """Statistics over episodes; rates are in [0, 1].
 
-    success_at_end: the episode ended in success, the task's own word for it. success_once: the gripper was at the
-    referent at some step at least. wrong_object: it ended at another object. ci95: Wilson's interval of success_at_end.
-    by_pointing: the episodes in which somebody pointed, by each of `BINS`; empty bins are left out.
+    success_at_end: the episode ended in success, as the task defines it. success_once: the gripper was at the referent
+    at one step at least. wrong_object: the episode ended at another object. ci95: Wilson's interval of success_at_end.
+    by_kind: the same by kind of instruction. by_pointing: the episodes with a gesture, by each measure of `BINS`; empty
+    bins are left out.
     """
 
     episodes: int
@@ -64,7 +66,7 @@ class EvalResult:
 
 @dataclass(frozen=True)
 class Bin:
-    """Episodes whose measure is in [low, high); high is None where the bin is open."""
+    """The episodes whose measure is in [low, high); high is None for the last bin, which is open."""
 
     low: float
     high: float | None
@@ -79,20 +81,24 @@ class Bin:
 
 
 @dataclass(frozen=True)
-class Episode:
-    """pointing: its measures by the names of `BINS`; empty where nobody pointed."""
+class EpisodeOutcome:
+    """How an episode ended.
+
+    kind: index of the kind of instruction. at_referent: the gripper was at the referent at one step at least. pointing:
+    the measures of `BINS`; empty without a gesture.
+    """
 
     kind: int
     success: bool
-    once: bool
-    wrong: bool
-    total: float
+    at_referent: bool
+    wrong_object: bool
+    total_reward: float
     length: int
     pointing: dict[str, float] = field(default_factory=dict)
 
 
 def wilson(successes: int, n: int, z: float = Z95) -> tuple[float, float]:
-    """Wilson's score interval for a share of n trials (1927); 95 % by default. (0, 1) for no trials."""
+    """Wilson's score interval (1927) for the success rate of n trials; 95 % by default. (0, 1) for no trials."""
     if n == 0:
         return 0.0, 1.0
     share, zz = successes / n, z * z / n
@@ -102,9 +108,10 @@ def wilson(successes: int, n: int, z: float = Z95) -> tuple[float, float]:
 
 
 def quotas(episodes: int, worlds: int) -> list[int]:
-    """How many episodes of each world count: its first ones, decided beforehand.
+    """How many episodes of each world are counted: its first ones.
 
-    Counting the first `episodes` to end would favour short ones, and those are the successes.
+    The numbers are fixed in advance, because counting the first `episodes` episodes to end would favour short ones, and
+    successful episodes are shorter.
     """
     return [episodes // worlds + (world < episodes % worlds) for world in range(worlds)]
 
@@ -116,33 +123,41 @@ def evaluate(
     seed: int | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> EvalResult:
-    """Exactly `episodes` episodes of the deterministic policy.
+    """Evaluate the deterministic policy over exactly `episodes` episodes.
 
-    env: batch_size (N,), on the policy's device. policy: writes "action"; never sees the privileged keys.
-    seed: given to the environment first. stop: asked at each step; raises Interrupted once it says so.
+    Args:
+        env: batch_size (N,), on the policy's device.
+        policy: writes "action"; it does not receive the privileged keys.
+        episodes: their number over all worlds.
+        seed: set on the environment first, unless it is None.
+        stop: called at each step; True interrupts the evaluation.
+
+    Raises:
+        Interrupted: `stop` returned True.
     """
     if seed is not None:
         env.set_seed(seed)
-    ended = _play(env, policy, quotas(episodes, env.batch_size[0]), stop)
+    outcomes = _run_episodes(env, policy, quotas(episodes, env.batch_size[0]), stop)
     names = env.kind_names
-    kinds = {names[kind]: [e for e in ended if e.kind == kind] for kind in sorted({e.kind for e in ended})}
-    result = _summary(ended)
+    kinds = {names[kind]: [e for e in outcomes if e.kind == kind] for kind in sorted({e.kind for e in outcomes})}
+    result = _summary(outcomes)
     result.by_kind = {name: _summary(group) for name, group in kinds.items()}
-    result.by_pointing = by_pointing(ended)
+    result.by_pointing = by_pointing(outcomes)
     return result
 
 
 @torch.no_grad()
-def _play(env: EnvBase, policy: TensorDictModuleBase, left: list[int], stop: Callable[[], bool]) -> list[Episode]:
+def _run_episodes(
+    env: EnvBase, policy: TensorDictModuleBase, left: list[int], stop: Callable[[], bool]
+) -> list[EpisodeOutcome]:
+    """left: how many episodes of each world are still to be counted; it is changed."""
     worlds = len(left)
-    total, once, length = (
-        torch.zeros(worlds),
-        torch.zeros(worlds, dtype=torch.bool),
-        torch.zeros(worlds, dtype=torch.int64),
-    )
-    ended: list[Episode] = []
+    total_reward = torch.zeros(worlds)
+    at_referent = torch.zeros(worlds, dtype=torch.bool)
+    length = torch.zeros(worlds, dtype=torch.int64)
+    outcomes: list[EpisodeOutcome] = []
     state = env.reset()
-    shown = _Shown(state)
+    pointing = _PointingMeasures(state)
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         while any(left):
             if stop():
@@ -151,74 +166,76 @@ def _play(env: EnvBase, policy: TensorDictModuleBase, left: list[int], stop: Cal
             kind = state["privileged", "kind"]
             step, state = env.step_and_maybe_reset(state)
             after = step["next"]
-            total += after["reward"].flatten()
-            shown.follow(after)
-            once |= after["at_goal"].flatten() | after["success"].flatten()
+            total_reward += after["reward"].flatten()
+            pointing.follow(after)
+            at_referent |= after["at_goal"].flatten() | after["success"].flatten()
             length += 1
             for world in after["done"].flatten().nonzero().flatten().tolist():
                 if left[world]:
                     left[world] -= 1
-                    ended.append(
-                        Episode(
+                    outcomes.append(
+                        EpisodeOutcome(
                             kind=int(kind[world]),
                             success=bool(after["success"][world]),
-                            once=bool(once[world]),
-                            wrong=bool(after["wrong_object"][world]),
-                            total=float(total[world]),
+                            at_referent=bool(at_referent[world]),
+                            wrong_object=bool(after["wrong_object"][world]),
+                            total_reward=float(total_reward[world]),
                             length=int(length[world]),
-                            pointing=shown.measures(world),
+                            pointing=pointing.measures(world),
                         )
                     )
-                total[world], once[world], length[world] = 0.0, False, 0
-            shown.begin(state, after["done"].flatten())
-    return ended
+                total_reward[world], at_referent[world], length[world] = 0.0, False, 0
+            pointing.begin(state, after["done"].flatten())
+    return outcomes
 
 
-class _Shown:
-    """What each world's finger shows, as privileged/pointing has it, and among how many objects.
+class _PointingMeasures:
+    """For each world, the measures of the gesture (privileged/pointing) and the number of objects.
 
-    Taken as an episode begins, before anything is pushed, and again for as long as the finger moves: an episode in
-    which it goes on to another object counts by that one. Nothing where the environment has no such keys.
+    They are read when an episode begins, before an object is moved, and again at each step in which the gesture moves:
+    an episode whose gesture moves to another object is counted by the later object. Without such observations there are
+    no measures.
     """
 
     def __init__(self, state: TensorDictBase) -> None:
-        self._rows = _row(state) if POINTING in state.keys(include_nested=True) else None
+        self._rows = _pointing_row(state) if POINTING in state.keys(include_nested=True) else None
 
-    def begin(self, state: TensorDictBase, begun: Tensor) -> None:
-        """state: after the reset of the worlds that have begun, (N,) bool."""
+    def begin(self, state: TensorDictBase, started: Tensor) -> None:
+        """Read the measures of new episodes. started: (N,) bool, the worlds that `state` has just reset."""
         if self._rows is not None:
-            self._rows = torch.where(begun[:, None], _row(state), self._rows)
+            self._rows = torch.where(started[:, None], _pointing_row(state), self._rows)
 
     def follow(self, state: TensorDictBase) -> None:
-        """state: after a step."""
+        """Read the measures of worlds whose gesture has moved. state: after a step."""
         if self._rows is not None:
-            fresh = _row(state)
-            moved = (fresh[:, :-4] != self._rows[:, :-4]).any(-1, keepdim=True)
-            self._rows = torch.where(moved, fresh, self._rows)
+            rows = _pointing_row(state)
+            moved = (rows[:, :-4] != self._rows[:, :-4]).any(-1, keepdim=True)
+            self._rows = torch.where(moved, rows, self._rows)
 
     def measures(self, world: int) -> dict[str, float]:
-        """By the names of `BINS`; empty where nothing is shown."""
-        error, apart, metres, objects = [0.0] * 4 if self._rows is None else self._rows[world, -4:].tolist()
+        """The measures of `BINS` by name; {} if nothing is pointed at."""
+        error, angle, metres, objects = [0.0] * 4 if self._rows is None else self._rows[world, -4:].tolist()
         if metres == 0:
             return {}
         out = {"objects": objects, "distance": 100 * metres}
-        if objects > 1:  # else there is no rival
-            out |= {"angle": math.degrees(apart), "stray": error / max(apart, 1e-9)}
+        if objects > 1:  # otherwise there is no rival
+            out |= {"angle": math.degrees(angle), "stray": error / max(angle, 1e-9)}
         return out
 
 
-def _row(state: TensorDictBase) -> Tensor:
-    """(N, ...) the gesture, privileged/pointing (3,), and the number of objects."""
+def _pointing_row(state: TensorDictBase) -> Tensor:
+    """(N, ...): the gesture, privileged/pointing (3,), and the number of objects."""
     return torch.cat([state["gesture"], state[POINTING], state["objects_mask"].sum(-1, keepdim=True)], -1)
 
 
-def by_pointing(ended: Sequence[Episode]) -> dict[str, list[Bin]]:
-    """Success in each bin that any episode falls into, under the names of `BINS`; {} where nobody pointed."""
-    out = {name: _bins([(e.pointing[name], e.success) for e in ended if name in e.pointing], name) for name in BINS}
+def by_pointing(outcomes: Sequence[EpisodeOutcome]) -> dict[str, list[Bin]]:
+    """Success in each bin that holds an episode, by the names of `BINS`; {} without gestures."""
+    out = {name: _bins([(e.pointing[name], e.success) for e in outcomes if name in e.pointing], name) for name in BINS}
     return {name: bins for name, bins in out.items() if bins}
 
 
 def _bins(measured: Sequence[tuple[float, bool]], name: str) -> list[Bin]:
+    """measured: the measure and the success of each episode."""
     edges, ends = BINS[name], (*BINS[name][1:], None)
     groups: list[list[bool]] = [[] for _ in edges]
     for value, success in measured:
@@ -230,15 +247,15 @@ def _bins(measured: Sequence[tuple[float, bool]], name: str) -> list[Bin]:
     ]
 
 
-def _summary(ended: list[Episode]) -> EvalResult:
-    n = len(ended)
-    successes = sum(e.success for e in ended)
+def _summary(outcomes: list[EpisodeOutcome]) -> EvalResult:
+    n = len(outcomes)
+    successes = sum(e.success for e in outcomes)
     return EvalResult(
         episodes=n,
         success_at_end=successes / n,
-        success_once=sum(e.once for e in ended) / n,
-        wrong_object=sum(e.wrong for e in ended) / n,
+        success_once=sum(e.at_referent for e in outcomes) / n,
+        wrong_object=sum(e.wrong_object for e in outcomes) / n,
         ci95=wilson(successes, n),
-        mean_return=sum(e.total for e in ended) / n,
-        mean_length=sum(e.length for e in ended) / n,
+        mean_return=sum(e.total_reward for e in outcomes) / n,
+        mean_length=sum(e.length for e in outcomes) / n,
     )

@@ -1,4 +1,4 @@
-"""Does it listen? What becomes of the policy when the words are others, or when only the words are others."""
+"""Instruction ablations: the policy acts on blank or swapped instructions."""
 
 from __future__ import annotations
 
@@ -9,42 +9,54 @@ from torch import Tensor
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-HEARD = ("said", "blank", "swapped")
+ABLATIONS = ("said", "blank", "swapped")  # said: no ablation
 
 
-class Misheard(TensorDictModuleBase):
-    """The policy, with other words than were said.
+class AblatedInstructions(TensorDictModuleBase):
+    """A policy that receives other instructions than the environment gives.
 
-    heard: "blank": none at all. "swapped": those that the next world was told when this world's episode began.
-    Raises ValueError for swapped words of a single world.
+    Args:
+        policy: reads "instruction" and writes "action".
+        ablation: "blank": all tokens are padding. "swapped": the instruction that the next world had when this
+            world's episode began.
     """
 
-    def __init__(self, policy: TensorDictModuleBase, heard: str) -> None:
+    def __init__(self, policy: TensorDictModuleBase, ablation: str) -> None:
         super().__init__()
-        self.policy, self.heard = policy, heard
+        self.policy, self.ablation = policy, ablation
         self.in_keys, self.out_keys = policy.in_keys, policy.out_keys
-        self._said: Tensor | None = None
-        self._others = torch.empty(0)
+        self._instructions: Tensor | None = None  # of the last step
+        self._swapped = torch.empty(0)
 
     def forward(self, frames: TensorDictBase) -> TensorDictBase:
-        said = frames["instruction"]
-        frames = frames.copy().set("instruction", torch.zeros_like(said) if self.heard == "blank" else self._swap(said))
-        return self.policy(frames)
+        """Act on frames (worlds,). Raises ValueError if the instructions of a single world are to be swapped."""
+        instructions = frames["instruction"]
+        other = torch.zeros_like(instructions) if self.ablation == "blank" else self._swap(instructions)
+        return self.policy(frames.copy().set("instruction", other))
 
-    def _swap(self, said: Tensor) -> Tensor:
-        if len(said) < 2:
-            raise ValueError("words can be swapped between two worlds at least")
-        if self._said is None:
-            self._said, self._others = torch.zeros_like(said), torch.zeros_like(said)
-        begins = (said != self._said).any(1, keepdim=True)
-        self._others = torch.where(begins, said.roll(-1, 0), self._others)
-        self._said = said.clone()
-        return self._others
+    def _swap(self, instructions: Tensor) -> Tensor:
+        if len(instructions) < 2:
+            raise ValueError("swapped instructions need at least two worlds")
+        if self._instructions is None:
+            self._instructions, self._swapped = torch.zeros_like(instructions), torch.zeros_like(instructions)
+        started = (instructions != self._instructions).any(1, keepdim=True)
+        self._swapped = torch.where(started, instructions.roll(-1, 0), self._swapped)
+        self._instructions = instructions.clone()
+        return self._swapped
 
 
 @torch.no_grad()
 def run_to_end(env: EnvBase, policy: TensorDictModuleBase, state: TensorDictBase) -> Tensor:
-    """(N,) bool, in which worlds the episode that `state` begins ends in success, with the deterministic policy."""
+    """Run one episode in each world with the deterministic policy.
+
+    Args:
+        env: batch_size (N,).
+        policy: writes "action"; it does not receive the privileged keys.
+        state: the first observation of the episodes.
+
+    Returns:
+        (N,) bool: whether each episode ended in success.
+    """
     ended = torch.zeros(env.batch_size, dtype=torch.bool)
     success = torch.zeros(env.batch_size, dtype=torch.bool)
     with set_exploration_type(ExplorationType.DETERMINISTIC):

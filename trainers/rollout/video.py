@@ -1,4 +1,4 @@
-"""A film of a few episodes, with what was said and what came of it written on the frame."""
+"""Videos of episodes, with the instruction and the outcome written below each frame."""
 
 from __future__ import annotations
 
@@ -13,67 +13,75 @@ from tensordict.nn import TensorDictModuleBase
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-LINE, MARGIN, PAUSE = 20, 5, 10  # pixels of a line of the caption, its inset; frames the outcome stays on screen
-SAID = 2  # lines for the sentence, above that for the outcome
+LINE_HEIGHT, MARGIN = 20, 5  # of the caption, in pixels
+SENTENCE_LINES = 2  # lines for the instruction, above the line of the outcome
+OUTCOME_FRAMES = 10  # for which the outcome is shown
 
 
 @torch.no_grad()
-def record(env: EnvBase, policy: TensorDictModuleBase, path: Path, episodes: int, fps: int = 20) -> list[str]:
-    """Write `episodes` episodes of world 0 under the deterministic policy to the mp4 `path`; their outcomes.
+def record_video(env: EnvBase, policy: TensorDictModuleBase, path: Path, episodes: int, fps: int = 20) -> list[str]:
+    """Record episodes of world 0 under the deterministic policy.
 
-    env: built for rendering. fps: control steps a second, for a film in real time.
+    Args:
+        env: built for rendering.
+        policy: writes "action"; it does not receive the privileged keys.
+        path: of the mp4 file.
+        episodes: their number.
+        fps: frames a second; the control rate gives a video in real time.
+
+    Returns:
+        The outcome of each episode.
     """
     outcomes: list[str] = []
     state = env.reset()
-    with (
-        writer(path, fps) as film,
-        set_exploration_type(ExplorationType.DETERMINISTIC),
-    ):
+    with open_video(path, fps) as video, set_exploration_type(ExplorationType.DETERMINISTIC):
         while len(outcomes) < episodes:
-            sentence = said(state)
-            film.append_data(caption(env.render(), sentence))
+            sentence = sentence_of(state)
+            video.append_data(add_caption(env.render(), sentence))
             state["action"] = policy(state.exclude("privileged"))["action"]
             step = env.step(state)
             if step["next", "done"][0]:
-                outcomes.append(outcome(step["next"]))
-                last = caption(env.render(), sentence, outcomes[-1])  # before the reset takes the scene away
-                for _ in range(PAUSE):
-                    film.append_data(last)
+                outcomes.append(outcome_of(step["next"]))
+                last = add_caption(env.render(), sentence, outcomes[-1])  # rendered before the reset
+                for _ in range(OUTCOME_FRAMES):
+                    video.append_data(last)
             state = env.maybe_reset(env.step_mdp(step))
     return outcomes
 
 
-def said(state: TensorDictBase) -> str:
-    """The sentence of world 0."""
+def sentence_of(state: TensorDictBase) -> str:
+    """The instruction of world 0 as text; "" if there is none."""
     text = bytes(state["privileged", "sentence"][0].tolist()).rstrip(b"\0")
     return text.decode("utf-8", errors="replace")
 
 
-def outcome(after: TensorDictBase) -> str:
-    """How the episode of world 0 that ended in this step went."""
+def outcome_of(state: TensorDictBase) -> str:
+    """How the episode of world 0 ended. state: after its last step."""
     for name in ("success", "wrong_object", "wrong_target"):
-        if name in after.keys() and after[name][0]:
+        if name in state.keys() and state[name][0]:
             return name.replace("_", " ")
-    return "out of time" if after["truncated"][0] else "failed"
+    return "out of time" if state["truncated"][0] else "failed"
 
 
-def caption(frame: np.ndarray, sentence: str, ending: str = "") -> np.ndarray:
-    """The frame (H, W, 3) uint8 with lines of text below it, even in height and width as H.264 wants."""
+def add_caption(frame: np.ndarray, sentence: str, outcome: str = "") -> np.ndarray:
+    """The frame (H, W, 3) uint8 with lines of text below it. H.264 requires the even height and width."""
     height, width = frame.shape[0], frame.shape[1]
-    image = Image.new("RGB", (width + width % 2, height + height % 2 + (SAID + 1) * LINE), "black")
+    size = (width + width % 2, height + height % 2 + (SENTENCE_LINES + 1) * LINE_HEIGHT)
+    image = Image.new("RGB", size, "black")
     image.paste(Image.fromarray(frame), (0, 0))
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=14)
-    for row, text in enumerate(wrapped(sentence or "(no words)", width - 2 * MARGIN, font)[:SAID]):
-        draw.text((MARGIN, height + row * LINE), text, fill="white", font=font)
-    colour = "lightgreen" if ending == "success" else "orange"
-    draw.text((MARGIN, height + SAID * LINE), ending, fill=colour, font=font)
+    lines = wrap_text(sentence or "(no words)", width - 2 * MARGIN, font)[:SENTENCE_LINES]
+    for row, text in enumerate(lines):
+        draw.text((MARGIN, height + row * LINE_HEIGHT), text, fill="white", font=font)
+    colour = "lightgreen" if outcome == "success" else "orange"
+    draw.text((MARGIN, height + SENTENCE_LINES * LINE_HEIGHT), outcome, fill=colour, font=font)
     return np.asarray(image)
 
 
-def wrapped(sentence: str, width: float, font: Any) -> list[str]:
-    """The sentence in lines of at most so many pixels, a longer word on a line of its own."""
+def wrap_text(text: str, width: float, font: Any) -> list[str]:
+    """The text in lines of at most `width` pixels; a longer word gets a line of its own."""
     lines = [""]
-    for word in sentence.split():
+    for word in text.split():
         longer = f"{lines[-1]} {word}".strip()
         if lines[-1] and font.getlength(longer) > width:
             lines.append(word)
@@ -82,8 +90,8 @@ def wrapped(sentence: str, width: float, font: Any) -> list[str]:
     return lines
 
 
-def writer(path: Path, fps: int, *options: str) -> Any:
-    """An open mp4 to append frames to. options: for ffmpeg's output."""
+def open_video(path: Path, fps: int, *options: str) -> Any:
+    """An mp4 file to append frames to, as a context manager. options: ffmpeg's output options."""
     from imageio.v2 import get_writer
 
     return get_writer(path, fps=fps, macro_block_size=2, output_params=list(options))

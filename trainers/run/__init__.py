@@ -1,1 +1,1 @@
-"""One training run: the loop, its metrics and checkpoints."""
+"""One training run: the training loop, its metrics and its checkpoints."""

@@ -1,4 +1,4 @@
-"""Files that survive a kill: written beside, synced, renamed; checked and opened without running anything in them."""
+"""Checkpoint files: written atomically, checked for damage, and loaded without executing anything in them."""
 
 from __future__ import annotations
 
@@ -15,65 +15,82 @@ from trainers.export import policy_file, pretrained
 from trainers.utils.atomic_io import atomic_file
 
 FORMAT = 1
-POLICY = ("config", "vocabulary", "widths", "algorithm")  # what it takes to act
-KEYS = (*POLICY, "counters", "rng")  # ... and to go on training
-SPARE = 64 * 2**20  # bytes left free on the disk beside a checkpoint
+POLICY_KEYS = ("config", "vocabulary", "widths", "algorithm")  # of a published policy
+KEYS = (*POLICY_KEYS, "counters", "rng")  # of a checkpoint that training can resume
+MIN_FREE_BYTES = 64 * 2**20  # left free on the disk after writing a checkpoint
 
 
 class CheckpointError(ConfigError):
-    """A checkpoint that is missing, damaged, not ours or made for something else."""
+    """A checkpoint that is missing, damaged, of another program, or trained for another environment."""
 
 
 def save(path: Path, payload: dict[str, Any]) -> None:
-    """Write `payload` (plain values and tensors, the keys of `KEYS`) so that `path` is either the old file or the new.
+    """Write a checkpoint atomically: after a crash `path` is either the old file or the new one.
 
-    Raises CheckpointError where the disk has no room, before anything is written.
+    Args:
+        path: of the file; its directory is created if missing.
+        payload: plain values and tensors under the keys of `KEYS`.
+
+    Raises:
+        CheckpointError: the disk has too little free space; nothing is written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    needed, free = 2 * _bytes(payload) + SPARE, shutil.disk_usage(path.parent).free
-    if free < needed:
+    required, free = 2 * _size_in_bytes(payload) + MIN_FREE_BYTES, shutil.disk_usage(path.parent).free
+    if free < required:
         raise CheckpointError(
-            f"{path}: {needed / 2**20:.0f} MiB are needed for a checkpoint, {free / 2**20:.0f} are free"
+            f"{path}: a checkpoint needs {required / 2**20:.0f} MiB of free disk space, {free / 2**20:.0f} are free"
         )
     with atomic_file(path) as file:
         torch.save({"format": FORMAT, **payload}, file)
 
 
 def load(path: Path, to_train: bool = False) -> dict[str, Any]:
-    """The payload of `save`, on the CPU. Nothing in the file is executed. Raises CheckpointError.
+    """Load a checkpoint or a published policy to the CPU. Nothing in the file is executed.
 
-    Of a policy alone (`trainers.export.publish`) it has the keys of `POLICY`, and no algorithm but the policy.
-    to_train: refuse what training cannot go on from.
+    Args:
+        path: of a file that `save` or `trainers.export.publish` wrote.
+        to_train: refuse a published policy, which training cannot resume.
+
+    Returns:
+        The payload of `save`. That of a published policy has the keys of `POLICY_KEYS`, and of the algorithm only the
+        policy.
+
+    Raises:
+        CheckpointError: the file is missing, damaged, not a checkpoint, or refused.
     """
     if not path.is_file():
         raise CheckpointError(f"checkpoint {path} does not exist")
-    alone = path.suffix == ".safetensors"
-    if alone and to_train:
+    is_policy = path.suffix == ".safetensors"
+    if is_policy and to_train:
         raise CheckpointError(
-            f"{path} is a policy alone, without optimiser and critic: training cannot go on from it; "
-            "resume=<run dir> wants the run itself"
+            f"{path} is a published policy without optimiser and critic, so training cannot resume from it; "
+            "give the run's directory: resume=<run dir>"
         )
     try:
-        if alone:
-            return _known(path, policy_file.unpack(path), POLICY)
+        if is_policy:
+            return _validated(path, policy_file.unpack(path), POLICY_KEYS)
         with zipfile.ZipFile(path) as archive:
-            broken = archive.testzip()  # torch does not look at checksums: a flipped bit would load as a weight
-        if broken is not None:
-            raise CheckpointError(f"checkpoint {path} is damaged (in {broken})")
+            damaged = archive.testzip()  # torch ignores the checksums: a flipped bit would load as a weight
+        if damaged is not None:
+            raise CheckpointError(f"checkpoint {path} is damaged (in {damaged})")
         payload = torch.load(path, map_location="cpu", weights_only=True)
     except CheckpointError:
         raise
-    except Exception as error:  # torch and zipfile name a bad file in a dozen ways
-        raise CheckpointError(f"checkpoint {path} is damaged, or is no checkpoint of ours: {_first(error)}") from None
-    return _known(path, payload)
+    except Exception as error:  # torch, zipfile and safetensors raise many types for a bad file
+        raise CheckpointError(f"{path} is damaged or not a checkpoint of this project: {_first_line(error)}") from None
+    return _validated(path, payload)
 
 
 def find(path: Path, name: str = "last") -> Path:
-    """The checkpoint file that a run directory, its checkpoints/, a published policy or the file itself stands for.
+    """The checkpoint file that a path stands for.
 
-    The name of a pretrained policy stands for that policy, unless a file or directory has this name.
+    Args:
+        path: a file, a run directory, its checkpoints/, the directory of a published policy, or the name of a
+            pretrained policy. A file or directory takes precedence over a name.
+        name: "last" or "best"; if only the other one exists, that is returned.
 
-    name: "last" or "best", where there is a choice; the other one where only that exists. Raises CheckpointError.
+    Raises:
+        CheckpointError: there is no checkpoint.
     """
     if path.is_file():
         return path
@@ -91,20 +108,26 @@ def find(path: Path, name: str = "last") -> Path:
             f"checkpoint={path} does not exist; give a run directory, a file or a pretrained policy"
             + pretrained.suggestion(path)
         )
-    raise CheckpointError(f"checkpoint={path} holds no checkpoints/last.pt or best.pt, and no {policy_file.NAME}")
+    raise CheckpointError(f"checkpoint={path} has no checkpoints/last.pt or best.pt, and no {policy_file.NAME}")
 
 
 def widths(observation_spec: Any, action_spec: Any) -> dict[str, list[int]]:
-    """The shapes of one world that a network is built for."""
-    names, there = ("robot", "objects", "instruction", "gesture"), set(observation_spec.keys())
-    shapes = {name: list(observation_spec[name].shape[1:]) if name in there else [] for name in names}
+    """The shapes of one world's observations and actions, for which the networks are built."""
+    names, present = ("robot", "objects", "instruction", "gesture"), set(observation_spec.keys())
+    shapes = {name: list(observation_spec[name].shape[1:]) if name in present else [] for name in names}
     return shapes | {"action": list(action_spec.shape[1:])}
 
 
 def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str, list[int]]) -> None:
-    """Raise CheckpointError, in one sentence, unless the checkpoint was trained for these words and shapes.
+    """Check that a checkpoint fits an environment. A policy with attention over slots takes any number of objects.
 
-    shapes: as `widths` gives them. A policy that attends to slots takes any number of them.
+    Args:
+        payload: of `load`.
+        vocabulary: of the environment's tokenizer.
+        shapes: of the environment, from `widths`.
+
+    Raises:
+        CheckpointError: the checkpoint was trained with other words or shapes.
     """
     any_slots = payload["config"].get("policy", {}).get("name") == "grounded"
     theirs = payload["vocabulary"]
@@ -116,32 +139,33 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
         raise CheckpointError(f"the checkpoint was trained with another vocabulary: {what}")
     for name, shape in shapes.items():
         theirs = payload["widths"].get(name, [])
-        free = any_slots and name == "objects"
-        if theirs[free:] != shape[free:]:
+        skipped = any_slots and name == "objects"  # dimensions that may differ
+        if theirs[skipped:] != shape[skipped:]:
             raise CheckpointError(
                 f"the checkpoint was trained for another environment: {name} is {theirs} there "
                 f"and {shape} here; use the robot, control, task and gesture it was trained with"
             )
 
 
-def _known(path: Path, payload: Any, keys: Sequence[str] = KEYS) -> dict[str, Any]:
+def _validated(path: Path, payload: Any, keys: Sequence[str] = KEYS) -> dict[str, Any]:
+    """The payload, if it has a known format and all keys. Raises CheckpointError."""
     if not isinstance(payload, dict) or not isinstance(payload.get("format"), int):
-        raise CheckpointError(f"{path} is no checkpoint of ours")
+        raise CheckpointError(f"{path} is not a checkpoint of this project")
     if payload["format"] > FORMAT:
         raise CheckpointError(f"{path} has format {payload['format']}; this version reads up to {FORMAT}")
     missing = [key for key in keys if key not in payload]
     if missing:
-        raise CheckpointError(f"{path} is no checkpoint of ours: it lacks {', '.join(missing)}")
+        raise CheckpointError(f"{path} is not a checkpoint of this project: it lacks {', '.join(missing)}")
     return payload
 
 
-def _bytes(value: Any) -> int:
+def _size_in_bytes(value: Any) -> int:
     if isinstance(value, torch.Tensor):
         return value.numel() * value.element_size()
     if isinstance(value, dict):
-        return sum(map(_bytes, value.values()))
-    return sum(map(_bytes, value)) if isinstance(value, list | tuple) else 64
+        return sum(map(_size_in_bytes, value.values()))
+    return sum(map(_size_in_bytes, value)) if isinstance(value, list | tuple) else 64
 
 
-def _first(error: Exception) -> str:
+def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0][:200]

@@ -1,4 +1,4 @@
-"""How far a run is: a bar on a terminal, a line at each evaluation anywhere else."""
+"""Progress of a run: a bar on a terminal; otherwise a line at each evaluation."""
 
 from __future__ import annotations
 
@@ -10,24 +10,30 @@ from typing import Any
 
 from tqdm import tqdm
 
-SHOWN = {  # name in a row of metrics.csv -> word
+LABELS = {  # column of metrics.csv -> label
     "eval/success_at_end": "success",
     "eval/wrong_object": "wrong object",
     "train/success": "in training",
     "grounding/accuracy": "grounding",
 }
-RECENT = 100  # training episodes whose mean success is shown: in a row there may be one or two, and the quickest
+WINDOW = 100  # training episodes over which success is averaged: a single row may hold one or two, and the shortest
 
 
 class Progress:
-    """A context manager. total, done: frames of the run, and those that it goes on from. shown: False for silence."""
+    """Shows the rows of metrics.csv as they are measured. A context manager.
+
+    Args:
+        total: frames of the run.
+        done: frames of the run that it resumes.
+        shown: False to show nothing.
+    """
 
     def __init__(self, total: int, done: int, shown: bool) -> None:
         self.total = total
-        self.known: dict[str, str] = {}
-        self.recent: deque[tuple[float, float]] = deque()  # how many episodes, and their success, of the last rows
-        self.lines = shown and not sys.stderr.isatty()
-        self.bar = tqdm(total=total, initial=done, unit="frames", disable=not shown or self.lines)
+        self.values: dict[str, str] = {}
+        self.recent: deque[tuple[float, float]] = deque()  # number of episodes and their success, of the last rows
+        self.prints_lines = shown and not sys.stderr.isatty()
+        self.bar = tqdm(total=total, initial=done, unit="frames", disable=not shown or self.prints_lines)
 
     def __enter__(self) -> Progress:
         return self
@@ -36,23 +42,23 @@ class Progress:
         self.bar.close()
 
     def show(self, row: Mapping[str, float]) -> None:
-        """row: one of metrics.csv."""
-        shown = {word: row.get(name, math.nan) for name, word in SHOWN.items()}
-        shown[SHOWN["train/success"]] = self._trained(row)
-        known = {word: f"{value:.2f}" for word, value in shown.items() if math.isfinite(value)}
-        self.known |= known  # evaluations are rarer than rows
-        if self.lines and "success" in known:
-            measured = ", ".join(f"{word} {self.known[word]}" for word in shown if word in self.known)
-            print(f"{row['frames']:.0f} of {self.total} frames, {row['time/total']:.0f} s: {measured}", flush=True)
-        self.bar.set_postfix(self.known, refresh=False)
+        """Show a row of metrics.csv. Values that it lacks keep their last value: evaluations are rarer than rows."""
+        shown = {label: row.get(name, math.nan) for name, label in LABELS.items()}
+        shown[LABELS["train/success"]] = self._training_success(row)
+        measured = {label: f"{value:.2f}" for label, value in shown.items() if math.isfinite(value)}
+        self.values |= measured
+        if self.prints_lines and "success" in measured:
+            text = ", ".join(f"{label} {self.values[label]}" for label in shown if label in self.values)
+            print(f"{row['frames']:.0f} of {self.total} frames, {row['time/total']:.0f} s: {text}", flush=True)
+        self.bar.set_postfix(self.values, refresh=False)
         self.bar.update(int(row["frames"]) - self.bar.n)
 
-    def _trained(self, row: Mapping[str, float]) -> float:
-        """The mean success of the last `RECENT` training episodes, or a few more; NaN before there are any."""
+    def _training_success(self, row: Mapping[str, float]) -> float:
+        """Mean success of the last `WINDOW` training episodes, rounded up to whole rows; NaN before the first one."""
         count = row.get("train/episodes", 0.0)
         if count:
             self.recent.append((count, row["train/success"]))
         total = sum(count for count, _ in self.recent)
-        while self.recent and total - self.recent[0][0] >= RECENT:
+        while self.recent and total - self.recent[0][0] >= WINDOW:
             total -= self.recent.popleft()[0]
         return sum(count * success for count, success in self.recent) / total if total else math.nan

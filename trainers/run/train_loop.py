@@ -1,12 +1,11 @@
-"""collect ─► update ─► evaluate ─► report, until the frames are spent or somebody asks to stop."""
+"""The training loop: collect, update, evaluate and report, until all frames are used or a signal asks to stop."""
 
 from __future__ import annotations
 
 import copy
-import signal
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,42 +18,24 @@ from trainers.algorithms.build import build_algorithm
 from trainers.config import Plan, cores, frames_per_batch
 from trainers.models.policy import Policy
 from trainers.reports.plots import learning_curve
-from trainers.rollout.collection import Episodes, MakeEnv, Rollouts, derive_seed
+from trainers.rollout.collection import MakeEnv, Rollouts, derive_seed
+from trainers.rollout.episode_statistics import EpisodeStatistics
 from trainers.rollout.evaluation import EvalResult, Interrupted, evaluate
-from trainers.rollout.video import record
+from trainers.rollout.video import record_video
 from trainers.run import checkpoint
 from trainers.run.metrics import EVALUATION_NAMES, MetricsWriter
 from trainers.run.progress import Progress
+from trainers.run.signals import StopSignal
 from trainers.utils.atomic_io import write_json
 
 TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/total", "time/frames_per_s")
+SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn scenes
 
 
-class Stop:
-    """Turns SIGINT and SIGTERM into a question that the loop asks where it can answer. A context manager."""
+class TrainingRun:
+    """One training run: the state that the steps of `fit` share.
 
-    def __init__(self) -> None:
-        self.signal = 0
-
-    def __enter__(self) -> Stop:
-        self.former = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        for number, handler in self.former.items():
-            signal.signal(number, handler)
-
-    def __call__(self) -> bool:
-        return bool(self.signal)
-
-    def _note(self, number: int, _frame: object) -> None:
-        self.signal = number
-
-
-class Run:
-    """One training run. `fit` is the way in; this holds what its steps share.
-
-    counters: plain numbers that a resumed run goes on from.
+    counters: plain numbers that a resumed run continues from.
     """
 
     def __init__(
@@ -64,7 +45,7 @@ class Run:
         folder: Path,
         config: dict[str, Any],
         vocabulary: list[str],
-        make_judge: MakeEnv | None = None,
+        make_eval_env: MakeEnv | None = None,
     ) -> None:
         self.plan, self.make_env, self.folder = plan, make_env, folder
         self.config, self.vocabulary = config, vocabulary
@@ -75,17 +56,28 @@ class Run:
             "best": -1.0,
             "seconds": 0.0,
         }
-        self.began, self.before = time.perf_counter(), 0.0
+        self.start_time, self.earlier_seconds = time.perf_counter(), 0.0
         torch.manual_seed(plan.run.seed)
-        self.judge = (make_judge or make_env)(plan.eval.worlds, derive_seed(plan.run.seed, 0, evaluation=True))
+        eval_seed = derive_seed(plan.run.seed, 0, evaluation=True)
+        self.eval_env = (make_eval_env or make_env)(plan.eval.worlds, eval_seed)
         self.policy, self.algorithm = build_algorithm(
-            plan, self.judge.observation_spec, self.judge.action_unit, vocabulary, self.judge.hindsight
+            plan, self.eval_env.observation_spec, self.eval_env.action_unit, vocabulary, self.eval_env.hindsight
         )
-        self.widths = checkpoint.widths(self.judge.observation_spec, self.judge.action_spec)
-        self.episodes = Episodes(self.judge.reward_names)
+        self.widths = checkpoint.widths(self.eval_env.observation_spec, self.eval_env.action_spec)
+        self.statistics = EpisodeStatistics(self.eval_env.reward_names)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of metrics.csv."""
+        evaluation = (f"eval/{name}" for name in EVALUATION_NAMES)
+        return ("frames", *self.statistics.metrics, *self.algorithm.metrics, *evaluation, *TIMINGS)
 
     def resume(self, path: Path) -> None:
-        """Go on from the checkpoint. The worlds begin new episodes. Raises CheckpointError."""
+        """Continue from a checkpoint. The worlds start new episodes.
+
+        Raises:
+            CheckpointError: the checkpoint is damaged, or was trained with another config.
+        """
         state = checkpoint.load(path, to_train=True)
         checkpoint.check_fits(state, self.vocabulary, self.widths)
         try:
@@ -94,15 +86,15 @@ class Run:
             text = str(error).splitlines()[-1].strip()
             raise checkpoint.CheckpointError(f"{path} was trained with another algo or policy: {text}") from None
         self.counters |= state["counters"]
-        self.before = self.counters["seconds"]
+        self.earlier_seconds = self.counters["seconds"]
         torch.set_rng_state(state["rng"])
 
     def seconds(self) -> float:
-        """How long the run has taken, start-up and what came before a resume included."""
-        return self.before + time.perf_counter() - self.began
+        """Seconds of the run, including start-up and the time before a resume."""
+        return self.earlier_seconds + time.perf_counter() - self.start_time
 
     def save(self, name: str) -> Path:
-        """Write checkpoints/<name>.pt."""
+        """Write checkpoints/<name>.pt and return its path."""
         path = self.folder / "checkpoints" / f"{name}.pt"
         payload = {
             "config": self.config,
@@ -115,76 +107,88 @@ class Run:
         checkpoint.save(path, payload)
         return path
 
-    def train(self, metrics: MetricsWriter, stop: Stop, progress: Progress) -> None:
-        """As many whole batches as total_frames holds, but one at least.
+    def train(self, metrics: MetricsWriter, stop: StopSignal, progress: Progress) -> None:
+        """Collect and update as many whole batches as total_frames holds, but at least one.
 
-        Raises Interrupted between two updates, DivergedError, CollectionError.
+        Raises:
+            Interrupted: a signal asked to stop; raised between two updates.
+            DivergedError: a value is not finite.
+            CollectionError: a worker process is lost.
         """
         seed = derive_seed(self.plan.run.seed, self.counters["iteration"])
         rollouts = Rollouts(self.make_env, self.policy, self.plan.collector, self.plan.algo.horizon, seed)
-        try:
-            while not self.spent():
+        with closing(rollouts):
+            while not self.frames_exhausted():
                 row = self.iterate(rollouts, stop)
                 metrics.write(row)
                 progress.show(row)
                 if stop():
                     raise Interrupted
-        finally:
-            rollouts.close()
 
-    def iterate(self, rollouts: Rollouts, stop: Stop) -> dict[str, float]:
-        """One batch, one update, and an evaluation where one is due. What was measured."""
-        began = time.perf_counter()
+    def iterate(self, rollouts: Rollouts, stop: StopSignal) -> dict[str, float]:
+        """One batch, one update, and an evaluation if one is due. Returns the row of metrics.csv."""
+        start = time.perf_counter()
         rollouts.sync(self.policy)
         batch = rollouts.next()
         collected = time.perf_counter()
-        torch.set_num_threads(self.plan.run.update_threads or cores())  # the workers are idle now
+        torch.set_num_threads(self.plan.run.update_threads or cores())  # the workers are idle during the update
         progress = self.counters["frames"] / self.plan.run.total_frames
-        self.imagine()
-        learned = self.algorithm.update(batch, min(progress, 1.0))
+        self.add_drawn_scenes()
+        update_metrics = self.algorithm.update(batch, min(progress, 1.0))
         updated = time.perf_counter()
         torch.set_num_threads(1)
         self.counters["frames"] += batch.numel()
         self.counters["iteration"] += 1
-        row = {"frames": self.counters["frames"], **self.episodes.measure(batch), **learned}
-        with suppress(Interrupted):  # the update is done, and has its row; who asked to stop still does
+        row = {"frames": self.counters["frames"], **self.statistics.measure(batch), **update_metrics}
+        with suppress(Interrupted):  # write the row of the finished update first; `train` stops after that
             row |= self.evaluate_if_due(stop)
-        ended = time.perf_counter()
+        evaluated = time.perf_counter()
         self.counters["seconds"] = self.seconds()
-        times = (collected - began, updated - collected, ended - updated, self.counters["seconds"])
-        return row | dict(zip(TIMINGS, (*times, batch.numel() / (updated - began)), strict=True))
+        times = (collected - start, updated - collected, evaluated - updated, self.counters["seconds"])
+        return row | dict(zip(TIMINGS, (*times, batch.numel() / (updated - start)), strict=True))
 
-    def imagine(self) -> None:
-        """Give the algorithm what it wants to read beside what the workers met: none of it costs a frame."""
+    def add_drawn_scenes(self) -> None:
+        """Give the algorithm generated, unsimulated scenes to learn grounding from; they use no frames."""
         if self.algorithm.wants_scenes:
-            seed = derive_seed(self.plan.run.seed, 2**30 + self.counters["iteration"])
-            self.algorithm.study(self.judge.draw_scenes(self.algorithm.wants_scenes, seed))
+            seed = derive_seed(self.plan.run.seed, SCENE_SEEDS + self.counters["iteration"])
+            self.algorithm.study(self.eval_env.draw_scenes(self.algorithm.wants_scenes, seed))
 
-    def spent(self) -> bool:
-        """Whether no batch is left that would stay within total_frames."""
+    def frames_exhausted(self) -> bool:
+        """Whether another batch would exceed total_frames."""
         frames = self.counters["frames"]
         return frames > 0 and frames + frames_per_batch(self.plan) > self.plan.run.total_frames
 
-    def evaluate_if_due(self, stop: Stop) -> dict[str, float]:
-        """Judge the deterministic policy once an interval, and keep it as "best" if it is; save "last" either way."""
+    def evaluate_if_due(self, stop: StopSignal) -> dict[str, float]:
+        """Evaluate once every eval.interval frames and after the last batch.
+
+        Saves the checkpoint "last", and "best" if no earlier evaluation had a higher success.
+
+        Returns:
+            The evaluation's columns of metrics.csv; {} if no evaluation is due.
+        """
         frames, interval = self.counters["frames"], self.plan.eval.interval
-        if frames // interval == (frames - frames_per_batch(self.plan)) // interval and not self.spent():
+        same_interval = frames // interval == (frames - frames_per_batch(self.plan)) // interval
+        if same_interval and not self.frames_exhausted():
             return {}
         self.counters["evaluations"] += 1
         result = self.evaluate(self.plan.eval.interval_episodes, self.counters["evaluations"], stop)
-        if result.success_at_end >= self.counters["best"]:  # of equals the later one
+        if result.success_at_end >= self.counters["best"]:  # of equal results the later one
             self.counters["best"] = result.success_at_end
             self.save("best")
         self.save("last")
         return {f"eval/{name}": getattr(result, name) for name in EVALUATION_NAMES}
 
-    def evaluate(self, episodes: int, index: int, stop: Stop) -> EvalResult:
-        """Episodes of evaluation `index`: none of them is ever trained on, or seen by another evaluation."""
+    def evaluate(self, episodes: int, index: int, stop: StopSignal) -> EvalResult:
+        """Evaluate the deterministic policy on episodes that neither training nor another `index` uses."""
         seed = derive_seed(self.plan.run.seed, index, evaluation=True)
-        return evaluate(self.judge, _on_cpu(self.policy), episodes, seed, stop)
+        return evaluate(self.eval_env, _on_cpu(self.policy), episodes, seed, stop)
 
-    def finish(self, stop: Stop, make_video_env: Callable[[], EnvBase] | None) -> dict[str, Any]:
-        """Judge the last policy over eval.episodes fresh episodes and leave eval.json, the curve and the film."""
+    def finish(self, stop: StopSignal, make_video_env: Callable[[], EnvBase] | None) -> dict[str, Any]:
+        """Evaluate the last policy on eval.episodes episodes; write eval.json, the learning curve and the video.
+
+        Returns:
+            The values of eval.json.
+        """
         result = self.evaluate(self.plan.eval.episodes, 0, stop).as_dict()
         frames, seconds = self.counters["frames"], self.seconds()
         result |= {"frames": frames, "wall_s": seconds, "frames_per_s": frames / max(seconds, 1e-9)}
@@ -192,12 +196,9 @@ class Run:
         write_json(self.folder / "eval.json", result)
         learning_curve(self.folder / "metrics.csv", self.folder / "learning_curve.png")
         if make_video_env is not None and self.plan.eval.video_episodes:
-            film(
-                make_video_env,
-                _on_cpu(self.policy),
-                self.folder / "evaluation.mp4",
-                self.plan.eval.video_episodes,
-            )
+            with closing(make_video_env()) as env:
+                video = self.folder / "evaluation.mp4"
+                record_video(env, _on_cpu(self.policy), video, self.plan.eval.video_episodes)
         return result
 
 
@@ -210,62 +211,57 @@ def fit(
     resume: Path | None = None,
     make_video_env: Callable[[], EnvBase] | None = None,
     progress: bool = True,
-    make_judge: MakeEnv | None = None,
+    make_eval_env: MakeEnv | None = None,
 ) -> dict[str, Any]:
-    """Train by `plan`, leave the report in `folder`, return what eval.json holds.
+    """Train a policy and write its report.
 
-    make_env(worlds, seed): picklable, called in worker processes too. config: the composed config as plain values,
-    kept in checkpoints. vocabulary: the tokenizer's words. resume: a checkpoint file to go on from. make_video_env:
-    builds an environment that renders. make_judge: what evaluations are done in, where not in the same worlds.
+    Args:
+        plan: the validated parameters.
+        make_env: `make_env(worlds, seed)` builds the environment; picklable, also called in worker processes.
+        folder: of the run; created if missing.
+        config: the composed config as plain values, saved in checkpoints.
+        vocabulary: the tokenizer's words.
+        resume: a checkpoint file to continue from.
+        make_video_env: builds an environment of one world that renders. None for no video.
+        progress: whether to show progress on the terminal.
+        make_eval_env: like `make_env`, for evaluations; by default `make_env`.
 
-    Raises SystemExit (128 + signal) after SIGINT and SIGTERM, once `last` is saved and the workers are gone;
-    DivergedError once the offending batch is saved; CollectionError for a worker lost; CheckpointError.
+    Returns:
+        The values of eval.json.
+
+    Raises:
+        SystemExit: after SIGINT or SIGTERM, with status 128 + signal; "last" is saved and the workers have ended.
+        DivergedError: a loss, reward or observation is not finite; the batch is saved.
+        CollectionError: a worker process is lost.
+        CheckpointError: the checkpoint cannot be resumed or written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    run = Run(plan, make_env, folder, config, vocabulary, make_judge)
-    try:
+    run = TrainingRun(plan, make_env, folder, config, vocabulary, make_eval_env)
+    with closing(run.eval_env):
         if resume is not None:
             run.resume(resume)
-        columns = (
-            "frames",
-            *run.episodes.metrics,
-            *run.algorithm.metrics,
-            *(f"eval/{n}" for n in EVALUATION_NAMES),
-            *TIMINGS,
-        )
-        metrics = MetricsWriter(folder, columns, plan.run.logger, run.counters["frames"] if resume else None)
-        with Stop() as stop, Progress(plan.run.total_frames, run.counters["frames"], progress) as shown:
+        done = run.counters["frames"]
+        metrics = MetricsWriter(folder, run.columns, plan.run.logger, done if resume else None)
+        with closing(metrics), StopSignal() as stop, Progress(plan.run.total_frames, done, progress) as shown:
             try:
                 run.train(metrics, stop, shown)
                 return run.finish(stop, make_video_env)
             except Exception as error:
-                _leave(run, error, stop)
+                _save_after_error(run, error, stop)
                 raise
-            finally:
-                metrics.close()
-    finally:
-        run.judge.close()
 
 
-def _leave(run: Run, error: Exception, stop: Stop) -> None:
-    """Save what can be saved of a run that ends early, and name where it is."""
+def _save_after_error(run: TrainingRun, error: Exception, stop: StopSignal) -> None:
+    """Save the batch of a diverged run, or "last" of a stopped run, and raise an error that says so."""
     if isinstance(error, DivergedError):
         path = run.folder / "diverged.pt"
         torch.save(error.batch.detach().clone().to_dict(), path)
         raise DivergedError(f"{error}; the batch is saved in {path}", error.batch) from error
-    if stop():  # a worker killed by the same signal ends here too
+    if stop():  # a worker killed by the same signal raises CollectionError
         run.save("last")
         raise SystemExit(128 + stop.signal) from None
 
 
-def film(make_video_env: Callable[[], EnvBase], policy: Any, path: Path, episodes: int) -> None:
-    """Record episodes in an environment of their own."""
-    env = make_video_env()
-    try:
-        record(env, policy, path, episodes)
-    finally:
-        env.close()
-
-
 def _on_cpu(policy: Policy) -> TensorDictModuleBase:
+    """The policy as it acts in the worlds, which are on the CPU; a copy if it learns on another device."""
     return policy.act if next(policy.parameters()).device.type == "cpu" else copy.deepcopy(policy).cpu().act

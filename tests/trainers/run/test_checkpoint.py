@@ -1,3 +1,5 @@
+"""Checkpoint files: atomic writes, damage, hostile content, and checks against the environment."""
+
 import os
 import pickle
 import subprocess
@@ -26,16 +28,16 @@ def path(tmp_path):
     return target
 
 
-def test_round_trip_leaves_no_other_file(path):
+def test_save_and_load_round_trip_and_leave_no_other_file(path):
     loaded = checkpoint.load(path)
     assert loaded["counters"] == {"frames": 7}
     assert torch.equal(loaded["algorithm"]["policy"]["w"], torch.arange(5000.0))
     assert [p.name for p in path.parent.iterdir()] == ["last.pt"]
 
 
-def test_one_killed_in_mid_write_leaves_the_former_whole(path):
+def test_a_kill_during_a_write_keeps_the_previous_file(path):
     code = (
-        "import os, sys, torch; from pathlib import Path; from trainers import checkpoint\n"
+        "import os, sys, torch; from pathlib import Path; from trainers.run import checkpoint\n"
         "class Half:\n"
         "    def __reduce__(self): os.kill(os.getpid(), 9)\n"
         "checkpoint.save(Path(sys.argv[1]), {'algorithm': torch.zeros(10**6), 'bomb': Half()})"
@@ -44,16 +46,16 @@ def test_one_killed_in_mid_write_leaves_the_former_whole(path):
     assert checkpoint.load(path)["counters"] == {"frames": 7}
 
 
-def test_an_error_in_mid_write_leaves_the_former_whole_and_no_rubbish(path):
+def test_an_error_during_a_write_keeps_the_previous_file_and_no_temporary_one(path):
     with pytest.raises((pickle.PicklingError, AttributeError, TypeError)):
         checkpoint.save(path, {"a": torch.zeros(10), "b": lambda: 0})
     assert checkpoint.load(path)["counters"] == {"frames": 7}
     assert [p.name for p in path.parent.iterdir()] == ["last.pt"]
 
 
-def test_a_full_disk_is_seen_beforehand(path, monkeypatch):
-    monkeypatch.setattr(checkpoint, "SPARE", 2**60)
-    with pytest.raises(CheckpointError, match="MiB are needed"):
+def test_a_full_disk_is_refused_before_anything_is_written(path, monkeypatch):
+    monkeypatch.setattr(checkpoint, "MIN_FREE_BYTES", 2**60)
+    with pytest.raises(CheckpointError, match=r"a checkpoint needs .* MiB of free disk space"):
         checkpoint.save(path, PAYLOAD)
     assert checkpoint.load(path)["counters"] == {"frames": 7}
 
@@ -75,7 +77,7 @@ class Hostile:
 
 
 @pytest.mark.parametrize("zipped", [True, False])
-def test_nothing_in_a_file_is_run(tmp_path, monkeypatch, zipped):
+def test_loading_executes_nothing_in_the_file(tmp_path, monkeypatch, zipped):
     monkeypatch.chdir(tmp_path)
     if zipped:
         torch.save({**PAYLOAD, "format": 1, "extra": Hostile()}, "bad.pt")
@@ -88,25 +90,25 @@ def test_nothing_in_a_file_is_run(tmp_path, monkeypatch, zipped):
 
 @pytest.mark.parametrize(
     ("value", "message"),
-    [([1], "no checkpoint of ours"), ({"format": 99}, "format 99"), ({"format": 1}, "lacks config")],
+    [([1], "not a checkpoint of this project"), ({"format": 99}, "format 99"), ({"format": 1}, "lacks config")],
 )
-def test_files_of_others_are_refused(tmp_path, value, message):
+def test_a_file_that_is_not_a_checkpoint_is_refused(tmp_path, value, message):
     torch.save(value, tmp_path / "x.pt")
     with pytest.raises(CheckpointError, match=message):
         checkpoint.load(tmp_path / "x.pt")
 
 
-def test_finding(path, tmp_path):
+def test_find_takes_a_run_its_checkpoints_folder_or_a_file(path, tmp_path):
     assert checkpoint.find(tmp_path) == checkpoint.find(tmp_path / "checkpoints") == checkpoint.find(path) == path
     assert checkpoint.find(tmp_path, "best") == path
     with pytest.raises(CheckpointError, match="does not exist"):
         checkpoint.find(tmp_path / "nothing")
     (tmp_path / "bare").mkdir()
-    with pytest.raises(CheckpointError, match=r"holds no checkpoints/last\.pt"):
+    with pytest.raises(CheckpointError, match=r"has no checkpoints/last\.pt"):
         checkpoint.find(tmp_path / "bare")
 
 
-def test_another_robot_or_vocabulary_is_named():
+def test_check_fits_names_the_other_vocabulary_or_width():
     checkpoint.check_fits(PAYLOAD, ["<pad>", "red"], PAYLOAD["widths"])
     with pytest.raises(CheckpointError, match=r"vocabulary.*lacks \['blue'\]"):
         checkpoint.check_fits(PAYLOAD, ["<pad>", "red", "blue"], PAYLOAD["widths"])

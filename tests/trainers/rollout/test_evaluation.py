@@ -1,25 +1,14 @@
-import numpy as np
+"""Evaluation: confidence intervals, and which episodes are counted."""
+
+from __future__ import annotations
+
 import pytest
 import torch
-from PIL import ImageFont
 from tensordict.nn import TensorDictModule
 
 from tests.helpers.fake_env import FakeEnv, make_env
+from tests.helpers.fake_expert import EXPERT
 from trainers.rollout.evaluation import Interrupted, evaluate, quotas, wilson
-from trainers.rollout.video import caption, record
-
-
-class Expert(torch.nn.Module):
-    """Goes where the colour that was named is. Reads nothing privileged."""
-
-    def forward(self, robot, objects, instruction):
-        wanted = instruction[:, 2] - 3
-        slot = objects[:, :, 3:6].argmax(-1).eq(wanted.unsqueeze(-1)).float().argmax(-1)
-        places = objects[torch.arange(len(slot)), slot, :3]
-        return ((places - robot[:, :3]) / 0.2).clamp(-1, 1)
-
-
-EXPERT = TensorDictModule(Expert(), in_keys=["robot", "objects", "instruction"], out_keys=["action"])
 
 
 @pytest.mark.parametrize(
@@ -30,23 +19,23 @@ def test_wilson_against_known_values(k, n, low, high):
     assert wilson(k, n) == pytest.approx((low, high), abs=2e-4)
 
 
-def test_wilson_of_nothing_says_nothing():
+def test_wilson_of_no_trials_is_the_unit_interval():
     assert wilson(0, 0) == (0.0, 1.0)
 
 
-def test_quotas_are_fixed_beforehand():
+def test_quotas_share_the_episodes_among_the_worlds():
     assert quotas(10, 4) == [3, 3, 2, 2]
     assert quotas(2, 4) == [1, 1, 0, 0]
 
 
 @pytest.mark.parametrize("episodes", [3, 8, 21])
-def test_exactly_so_many_episodes(episodes):
+def test_exactly_the_requested_number_of_episodes_is_counted(episodes):
     result = evaluate(make_env(8, 0), EXPERT, episodes, seed=3)
     assert result.episodes == episodes == sum(kind.episodes for kind in result.by_kind.values())
     assert set(result.by_kind) <= {"odd", "even"}
 
 
-def test_an_expert_succeeds_and_the_same_seed_says_the_same():
+def test_an_expert_succeeds_and_the_same_seed_gives_the_same_result():
     first, second = (evaluate(make_env(8, i), EXPERT, 40, seed=3) for i in range(2))
     assert first == second
     assert first.success_at_end > 0.9
@@ -64,11 +53,11 @@ class Uneven(FakeEnv):
         return out.update({"done": ended, "terminated": ended, "truncated": first & ~ended, "success": fifth & ~first})
 
 
-def test_short_episodes_count_no_more_than_long_ones():
+def test_short_episodes_have_no_more_weight_than_long_ones():
     assert evaluate(Uneven(4, 0), EXPERT, 20).success_at_end == 0.75
 
 
-def test_the_policy_is_shown_nothing_privileged():
+def test_the_policy_receives_no_privileged_keys():
     seen = []
     spy = TensorDictModule(lambda robot: robot[:, :3] * 0, in_keys=["robot"], out_keys=["action"])
     spy.register_forward_pre_hook(lambda module, args: seen.append("privileged" in args[0].keys()))
@@ -77,25 +66,6 @@ def test_the_policy_is_shown_nothing_privileged():
     assert not any(seen)
 
 
-def test_it_can_be_interrupted():
+def test_an_evaluation_can_be_interrupted():
     with pytest.raises(Interrupted):
         evaluate(make_env(4, 0), EXPERT, 4, stop=lambda: True)
-
-
-def test_a_film_with_words_on_it(tmp_path):
-    outcomes = record(make_env(1, 0), EXPERT, tmp_path / "film.mp4", episodes=2)
-    assert len(outcomes) == 2
-    assert (tmp_path / "film.mp4").stat().st_size > 1000
-    frame = make_env(1, 0).render()
-    written, blank = caption(frame, "touch the red"), caption(frame, " ")
-    assert (written != blank).any()
-    assert not any(side % 2 for side in written.shape[:2])
-
-
-def test_a_long_sentence_is_written_in_two_lines(tmp_path):
-    frame = make_env(1, 0).render()
-    words = "put it there " * (frame.shape[1] // 60)
-    assert ImageFont.load_default(size=14).getlength(words) > frame.shape[1]
-    height = frame.shape[0]
-    lines = np.split(caption(frame, words)[height : height + 60], 3)
-    assert [bool(line.any()) for line in lines] == [True, True, False]

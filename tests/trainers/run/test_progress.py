@@ -1,4 +1,4 @@
-from trainers.run.progress import RECENT, Progress
+from trainers.run.progress import WINDOW, Progress
 
 
 def row(frames, episodes, success, **more):
@@ -19,7 +19,7 @@ def test_success_in_training_is_the_mean_of_many_episodes_not_the_last_rows(caps
 
 
 def test_what_was_long_ago_does_not_count(capsys):
-    rows = [row(10, RECENT, 0.0), row(20, RECENT, 0.75, **{"eval/success_at_end": 0.5})]
+    rows = [row(10, WINDOW, 0.0), row(20, WINDOW, 0.75, **{"eval/success_at_end": 0.5})]
     assert said(capsys, rows) == ["20 of 1000 frames, 1 s: success 0.50, in training 0.75"]
 
 

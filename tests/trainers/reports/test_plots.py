@@ -1,0 +1,33 @@
+"""Figures of one run."""
+
+from __future__ import annotations
+
+from evaluate import describe
+from tests.helpers.fake_env import make_env
+from tests.helpers.fake_expert import EXPERT
+from trainers.reports.plots import bin_name, learning_curve, pointing_plot
+from trainers.rollout.evaluation import BINS, EpisodeOutcome, by_pointing, evaluate
+
+
+def episode(success, **pointing):
+    return EpisodeOutcome(0, success, success, False, 0.0, 1, pointing)
+
+
+def test_the_figure_and_the_text_show_every_bin(tmp_path):
+    ended = [episode(k % 3 > 0, angle=k, objects=2.0 + k % 7, distance=40.0 + k, stray=k / 30) for k in range(40)]
+    report = evaluate(make_env(4, 0), EXPERT, 8, seed=0).as_dict()
+    report["by_pointing"] = {name: [b.as_dict() for b in bins] for name, bins in by_pointing(ended).items()}
+    assert set(report["by_pointing"]) == set(BINS)
+    pointing_plot(report["by_pointing"], tmp_path / "all.png", "everything")
+    pointing_plot({"objects": report["by_pointing"]["objects"]}, tmp_path / "one.png", "a single panel")
+    assert all((tmp_path / name).stat().st_size > 5000 for name in ("all.png", "one.png"))
+    text = describe(report, tmp_path / "x.json")
+    assert "angle 30+ " in text
+    assert "objects 8 " in text
+    assert bin_name("stray", [0.1, 0.2]) == "0.1-0.2"
+
+
+def test_a_learning_curve_is_drawn_from_the_metrics(tmp_path):
+    (tmp_path / "metrics.csv").write_text("frames,train/success,eval/success_at_end\n100,0.2,\n200,0.5,0.7\n")
+    learning_curve(tmp_path / "metrics.csv", tmp_path / "curve.png")
+    assert (tmp_path / "curve.png").stat().st_size > 5000
