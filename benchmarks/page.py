@@ -27,11 +27,11 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.hostile import WRITERS
-from benchmarks.language import random_scene
 from demo.real_time_loop import RealTimeLoop
 from demo.session import Session
 from demo.session_config import make_config
 from tools.browser import CHROMIUM, TIMEOUT, WIDE, PageTab, PlayServer, headless_browser
+from tools.random_scenes import random_scene
 from trainers.rollout.evaluation import wilson
 from trainers.utils.system_info import system_info
 
@@ -156,7 +156,7 @@ def hostile(args: argparse.Namespace) -> dict[str, Any]:
 def _does(deed: str, page: PageTab, browser: Any, address: str, rng: np.random.Generator) -> PageTab:
     """One deed. Returns who comes next: a second tab takes over from the first."""
     if deed in ("type", "enter"):
-        text = WRITERS[rng.integers(len(WRITERS))](rng, random_scene(rng, (3, 3)))
+        text = WRITERS[rng.integers(len(WRITERS))](rng, random_scene(3, rng))
         text = text.encode("utf-8", "replace").decode()  # a browser types no half characters
         (page.type_sentence if deed == "type" else page.say)(text)
     elif deed == "button":

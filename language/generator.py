@@ -17,8 +17,9 @@ import numpy as np
 
 from language.colors import COLORS
 from language.errors import LanguageError
+from language.heads import head_matches, size_words
 from language.instruction import ObjectPhrase
-from language.objects import NOUNS, ROLES, SIZES, Scene
+from language.objects import NOUNS, ROLES, Scene
 from language.relations import ABSENT, CLEAR, RELATIONS, SUPERLATIVES
 from language.splits import Split
 
@@ -53,7 +54,7 @@ class ReferringExpressions:
         self._superlatives = list(SUPERLATIVES.values())
         self._named: dict[str, np.ndarray] = {}
         self._by_depth: dict[int, np.ndarray] = {}
-        heads = _heads(scene)
+        heads = head_matches(scene)
         count = len(heads)
         self._noun, self._color, self._size, self._role = _NOUN[:count], _COLOR[:count], _SIZE[:count], _ROLE[:count]
         self.heads = heads
@@ -123,7 +124,7 @@ class ReferringExpressions:
         return ObjectPhrase(
             noun=list(NOUNS)[thing.nouns[index]] if self._noun[number] else None,
             color=list(COLORS)[thing.colors[index]] if self._color[number] else None,
-            size=_size_words(thing)[index] if self._size[number] else None,
+            size=size_words(thing)[index] if self._size[number] else None,
             role=ROLES[int(thing.targets[index])] if self._role[number] else None,
             **more,
         )
@@ -270,31 +271,6 @@ def _singled_out(heads: np.ndarray, margins: np.ndarray) -> np.ndarray:
     possible = (margins >= ABSENT).astype(np.float32)
     fitting = np.moveaxis(heads[:, None] @ possible, 1, 2)  # number of objects, including i
     return (fitting == 1) & (np.moveaxis(margins, 0, 1) > CLEAR)
-
-
-def _heads(scene: Scene) -> np.ndarray:
-    """Returns (H, K, K) float32: whether the head made for one object fits another; 0 if the head does not exist."""
-    count = len(scene)
-    same = np.ones((4, count, count), dtype=np.float32)
-    same[1] = scene.colors[:, None] == scene.colors
-    same[2] = scene.nouns[:, None] == scene.nouns
-    np.multiply(same[1], same[2], out=same[3])
-    words = _size_words(scene)
-    if any(words):
-        sized = np.array([[word == other and word is not None for other in words] for word in words])
-        same = np.concatenate((same, same * sized))
-    if scene.targets.any():
-        if not any(words):
-            same = np.concatenate((same, np.zeros_like(same)))
-        same = np.concatenate((same, same * (scene.targets[:, None] == scene.targets)))
-    return same
-
-
-def _size_words(scene: Scene) -> list[str | None]:
-    """Returns each object's size as a word, None if no word fits."""
-    return [
-        next((word for word, size in SIZES.items() if size.low < x < size.high), None) for x in scene.sizes.tolist()
-    ]
 
 
 def _excludable() -> list[ObjectPhrase]:
