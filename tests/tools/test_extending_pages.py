@@ -46,14 +46,14 @@ def run(folder, code):
 @pytest.mark.slow
 def test_the_added_files_run_and_train(copy):
     examples = [block for kind, block in BLOCKS if kind == "python" and not FILE_HEADER.match(block)]
-    assert len(examples) == 6  # three of the tutorial; a robot, a task, a relation
+    assert len(examples) == 7  # three of the tutorial; a robot, a task, an observation, a relation
     run(copy, "\n".join([*examples, TRAIN]))
 
 
 def test_the_pages_add_a_robot_a_task_a_relation_and_an_algorithm():
     added = {FILE_HEADER.match(block)[1] for kind, block in BLOCKS if FILE_HEADER.match(block)}
     assert {path.split("/")[0] for path in added} == {"conf", "envs", "language", "trainers"}
-    for kind in ("robot", "task", "relation", "algorithm"):
+    for kind in ("robot", "task", "observation", "relation", "algorithm"):
         assert re.search(rf"^## An? {kind}$", EXTENDING, re.MULTILINE)
 
 
