@@ -203,7 +203,7 @@ def _scene(config: EvaluateConfig, setup: Setup, camera: PersonCamera, rng: Gene
             camera.body.pose(camera.body.solve(target))
         except Unreachable as error:
             raise ConfigError(
-                f"workspace.object_area={setup.objects.object_area} holds places out of reach: {error}"
+                f"workspace.object_area={setup.objects.object_area} contains places out of reach: {error}"
             ) from None
         if config.aim == "area":
             referent = _pointed_or_none(camera.body.ray(), positions)

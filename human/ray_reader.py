@@ -121,8 +121,8 @@ def _check_camera(path: Path, intrinsics: Array, pose: Array, human: HumanConfig
     shift, cosine = pose[:3] - _camera_pose(human)[:3], pose[3:] @ _camera_pose(human)[3:]
     if np.linalg.norm(shift) > MAX_SHIFT or cosine < np.cos(np.deg2rad(MAX_TURN)):
         raise ConfigError(
-            f"{KEY}={path} was trained for a camera that stands elsewhere to the person, by more than {MAX_SHIFT:g} m "
-            f"or {MAX_TURN:g} degrees, than workspace.human.camera does; {TRAIN_HINT}"
+            f"{KEY}={path} was trained for a camera whose pose relative to the person differs by more than "
+            f"{MAX_SHIFT:g} m or {MAX_TURN:g} degrees from that of workspace.human.camera; {TRAIN_HINT}"
         )
 
 

@@ -169,7 +169,7 @@ def describe_command(options: argparse.Namespace) -> int:
         return 0
     width = max(map(len, named.ids))
     for thing in found:
-        print(f"{thing['id']:{width}}  {thing['name'] or '(no words tell it from its like)'}")
+        print(f"{thing['id']:{width}}  {thing['name'] or '(no phrase distinguishes it from the others)'}")
         for phrase in thing.get("phrases", ()):
             print(f"{'':{width}}    {phrase}")
     return 0

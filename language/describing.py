@@ -97,7 +97,7 @@ def plain_name(index: int, expressions: ReferringExpressions) -> ObjectPhrase:
         for phrase in expressions.all(kind, index):
             return phrase
     thing = expressions.scene[index]
-    raise LanguageError(f"no words tell the {thing.color} {thing.noun}, object {index}, from its like")
+    raise LanguageError(f"no phrase distinguishes the {thing.color} {thing.noun}, object {index}, from the others")
 
 
 def question(scene: Scene, candidates: Sequence[int]) -> str:

@@ -97,7 +97,7 @@ class PhraseResolver:
         """Returns the object that "it" or a gesture refers to."""
         if phrase.determiner == "it":
             if self.it is None:
-                raise NothingFits("nothing was named before that 'it' could mean", "it", phrase.position)
+                raise NothingFits("'it' refers to nothing: no object was named before", "it", phrase.position)
             return self.it
         if not self._gestures:
             message = f"'{phrase}' needs a gesture that shows which one; point at it, or name it"
@@ -129,7 +129,7 @@ class PhraseResolver:
         present = listed([f"a {thing_words(thing)}" for thing in things]) or "nothing at all"
         said = shorten(str(phrase))
         if self._contradicted is not None:
-            shown = f"what is meant there is the {thing_words(things[self._contradicted])}"
+            shown = f"the gesture shows the {thing_words(things[self._contradicted])}"
             unmovable = among is not None and not among[self._contradicted]
             why = ", which only marks a place and cannot be moved" if unmovable else ""
             return NothingFits(f"nothing fits '{said}': {shown}{why}", part, phrase.position)

@@ -63,7 +63,7 @@ class ObjectPhrase:
         if self.excluded is not None:
             self._check_excluded(self.excluded)
         if self.determiner in (*HERE, IT) and replace(self, determiner="the") != ObjectPhrase():
-            raise LanguageError(f"{self.determiner!r} stands alone: give no other word beside it")
+            raise LanguageError(f"{self.determiner!r} stands alone: give no other field with it")
 
     def _check_relation(self) -> None:
         if self.relation is None:
@@ -71,14 +71,14 @@ class ObjectPhrase:
         check_known("relation", self.relation, RELATIONS)
         if len(self.anchors) != RELATIONS[self.relation].anchors:
             wanted = RELATIONS[self.relation].anchors
-            raise LanguageError(f"{self.relation!r} is seen from {wanted} anchors: {len(self.anchors)} are given")
+            raise LanguageError(f"{self.relation!r} needs {wanted} anchors: {len(self.anchors)} are given")
         for anchor in self.anchors:
             _check_not_here(anchor, "an anchor")
 
     def _check_excluded(self, excluded: ObjectPhrase) -> None:
         plain = ObjectPhrase(excluded.noun, excluded.color, size=excluded.size, role=excluded.role)
         if excluded != plain or plain == ObjectPhrase():
-            raise LanguageError(f"excluded={excluded}: what is not meant has a noun, color, size or role, and no more")
+            raise LanguageError(f"excluded={excluded}: it has a noun, color, size or role, and no more")
 
     @property
     def depth(self) -> int:
@@ -237,7 +237,7 @@ class Correction:
 
     def __post_init__(self) -> None:
         if (self.phrase is None) == (self.goal is None) or (self.goal is not None and self.rejected is not None):
-            raise LanguageError("a correction has either a phrase, with or without what is rejected, or a goal")
+            raise LanguageError("a correction has either a phrase, with or without a rejected phrase, or a goal")
         _check_not_here(self.phrase, "the phrase of a correction")
         _check_not_here(self.rejected, "rejected")
 

@@ -110,7 +110,7 @@ def _check_free(phrases: tuple[str, ...]) -> None:
     taken = {words for known in registered for words in (known.phrase, *known.synonyms)}
     for words in phrases:
         if words in taken:
-            raise LanguageError(f"{words!r} is a relation already")
+            raise LanguageError(f"{words!r} is already registered")
 
 
 def _sideways(offset: np.ndarray) -> np.ndarray:

@@ -84,7 +84,7 @@ def sample(
                 break
         else:
             wanted = f"{steps} step{'s'[: steps > 1]}" + ("" if depth is None else f" with {depth} nested relations")
-            raise LanguageError(f"no instruction of {wanted} can be said {'here' if scene else 'in any drawn scene'}")
+            raise LanguageError(f"no instruction of {wanted} can be said {'here' if scene else 'in any random scene'}")
 
 
 def draw_scene(rng: Generator) -> Scene:

@@ -76,7 +76,7 @@ def parse(
         return meaning
     if isinstance(meaning, Correction):
         if previous is None:
-            raise NothingFits("there is no instruction before that this could correct; say what to do", sentence, 0)
+            raise NothingFits("there is no previous instruction to correct; say what to do", sentence, 0)
         return revise(previous, meaning, scene, pointed)
     return understand(meaning, scene, pointed)
 
@@ -103,7 +103,7 @@ def _step(instruction: Instruction, resolver: PhraseResolver) -> GroundedStep:
     real = ~resolver.scene.targets if task.effect == "on" else None  # nothing can stand on a target
     goal = None if instruction.goal is None else resolver.resolve(instruction.goal, real)
     if goal == named:
-        message = f"'{instruction.goal}' is the object itself that is to be moved; say another place"
+        message = f"'{instruction.goal}' is the object that is to be moved; say another place"
         raise NothingFits(message, str(instruction.goal), instruction.goal.position if instruction.goal else 0)
     if task.moves:
         return GroundedStep(instruction.task, named, goal, task.reward, task.networks)

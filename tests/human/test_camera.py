@@ -63,7 +63,7 @@ def test_an_area_out_of_reach_is_reported_in_one_line(camera_setup, monkeypatch)
         raise Unreachable("target: the person can't point there")
 
     monkeypatch.setattr("human.body.Body.solve", refuse)
-    with pytest.raises(ConfigError, match=r"^workspace\.object_area=\[.*holds places out of reach: target"):
+    with pytest.raises(ConfigError, match=r"^workspace\.object_area=\[.*contains places out of reach: target"):
         main(["evaluate", "scenes=1"])
     with pytest.raises(ConfigError, match=r"^workspace\.object_area=\[.*can't point at any of 1000 places$"):
         generate_frames(camera_setup, 1, np.random.default_rng(0), bodies=1)

@@ -178,7 +178,7 @@ def test_describe_all_lists_phrases_that_name_the_object(capsys, scene):
 def test_describe_marks_objects_that_no_words_distinguish(capsys, tmp_path):
     (tmp_path / "twins.yaml").write_text(TWINS)
     words = printed(capsys, "describe", "--scene", str(tmp_path / "twins.yaml"), "--all")
-    assert words.splitlines() == [f"o{i}  (no words tell it from its like)" for i in (0, 1)]
+    assert words.splitlines() == [f"o{i}  (no phrase distinguishes it from the others)" for i in (0, 1)]
 
 
 def test_count_prints_exact_numbers_and_powers_of_ten(capsys):

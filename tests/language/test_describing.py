@@ -124,7 +124,7 @@ def test_indistinguishable_objects_are_not_nameable():
     assert Describer().nameable(table).tolist() == [False, False, True]
     with pytest.raises(LanguageError, match="red cube, object 0"):
         Describer().describe(table, 0, np.random.default_rng(0))
-    with pytest.raises(LanguageError, match="no words tell the red cube, object 0"):
+    with pytest.raises(LanguageError, match="no phrase distinguishes the red cube, object 0"):
         describe(0, table)
 
 

@@ -72,13 +72,13 @@ def test_nothing_fits_in_an_empty_scene():
 @pytest.mark.parametrize(
     ("sentence", "message", "position"),
     [
-        ("reach it", "nothing was named before", 6),
+        ("reach it", "no object was named before", 6),
         ("reach this", "needs a gesture", 6),
         ("lift the green cube and push it there", "'there' needs a gesture", 32),
-        ("push the green cube to the green cube", "the object itself", 23),
+        ("push the green cube to the green cube", "is the object that is to be moved", 23),
         ("push the transparent red cube to the ball", "no transparent red cube that can be moved", 5),
         ("reach the transparent red cube and lift it", "the transparent red cube, which only marks a place", 40),
-        ("no, the blue one", "no instruction before", 0),
+        ("no, the blue one", "no previous instruction to correct", 0),
     ],
 )
 def test_missing_context_is_reported_with_its_reason(sentence, message, position):
@@ -88,7 +88,7 @@ def test_missing_context_is_reported_with_its_reason(sentence, message, position
 
 
 def test_a_contradicting_gesture_is_reported_with_its_object():
-    with pytest.raises(NothingFits, match="nothing fits 'this cube': what is meant there is the blue sphere"):
+    with pytest.raises(NothingFits, match="nothing fits 'this cube': the gesture shows the blue sphere"):
         parse("reach this cube", TABLE, pointed=[2])
 
 
