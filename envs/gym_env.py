@@ -1,4 +1,4 @@
-"""The Gymnasium face: one world of a WorkspaceEnv, for those who bring another library.
+"""The Gymnasium interface: one world of a WorkspaceEnv.
 
 import envs, gymnasium
 env = gymnasium.make("Deixis/NLReach-v0", robot="panda")
@@ -6,6 +6,7 @@ env = gymnasium.make("Deixis/NLReach-v0", robot="panda")
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,20 +16,31 @@ import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
-from torchrl.data import Bounded
+from torchrl.data import Binary, Bounded, TensorSpec
 
-OBSERVED = ("robot", "objects", "objects_mask", "instruction", "gesture")  # the last where a person points
+from conf.schema import ConfigError
+from envs.mdp.observations import OBSERVATIONS
+from envs.registration import make_env
+
+RENDER_MODES = ("rgb_array", "human")
 
 
 class GymEnv(gym.Env):
-    """One world. The observation is a Dict of WorkspaceEnv's public keys, the action a Box in [-1, 1].
+    """One world. Observations are a Dict of `OBSERVATIONS` with `gymnasium`; the action is a Box in [-1, 1].
 
-    info holds `is_success`, `wrong_object`, `at_goal`, `sentence`, and the weighted `reward_terms` by name.
-    robot, control, task: options of those config groups. overrides: more Hydra overrides ("task.num_objects=6").
-    Raises ConfigError.
+    `info` holds `is_success`, `wrong_object`, `at_goal`, `sentence`, and the weighted `reward_terms` by name.
+
+    Args:
+        task, robot, control: options of those config groups.
+        overrides: more Hydra overrides, such as "task.num_objects=6".
+        render_mode: None, "rgb_array" (`render` returns an image) or "human" (a window shows the world
+            in real time).
+
+    Raises:
+        ConfigError: for an unknown or invalid override, or a window that cannot be opened.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012
 
     def __init__(
         self,
@@ -38,25 +50,25 @@ class GymEnv(gym.Env):
         overrides: Sequence[str] = (),
         render_mode: str | None = None,
     ) -> None:
-        from envs.registration import make_env
-
-        self.render_mode = render_mode
+        if render_mode not in (None, *RENDER_MODES):
+            raise ConfigError(f"render_mode={render_mode} must be None, {' or '.join(RENDER_MODES)}")
+        self.render_mode, self._due = render_mode, 0.0
         groups = [f"task={task}", f"robot={robot}", f"control={control}", *overrides]
-        self._env = make_env(groups, num_worlds=1, render=render_mode is not None)
+        asked = "render_mode=human" if render_mode == "human" else None
+        self._env = make_env(groups, num_worlds=1, render=render_mode is not None, window=asked)
         spec = self._env.observation_spec
-        words, length = spec["instruction"].space.n, spec["instruction"].shape[-1]
-        bounded = [name for name in ("robot", "objects", "gesture") if name in spec.keys()]
-        boxes: dict[str, spaces.Space] = {name: _box(spec[name]) for name in bounded}
-        self.observation_space = spaces.Dict(
-            boxes,
-            objects_mask=spaces.MultiBinary(spec["objects_mask"].shape[-1]),
-            instruction=spaces.MultiDiscrete([words] * length),
-        )
+        self._keys = [term.key for term in OBSERVATIONS if term.gymnasium and term.key in spec.keys()]
+        boxes: dict[str, spaces.Space] = {
+            key: _space(spec[key]) for key in self._keys if spec[key].dtype == torch.float32
+        }
+        others: dict[str, Any] = {key: _space(spec[key]) for key in self._keys if key not in boxes}
+        self.observation_space = spaces.Dict(boxes, **others)
         self.action_space = spaces.Box(-1.0, 1.0, (self._env.action_spec.shape[-1],), np.float32)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray], dict[str, Any]]:
+        """Begin an episode. seed: of this one and those after it; None: go on with the generator."""
         super().reset(seed=seed)
         if seed is not None:
             self._env.set_seed(seed)
@@ -64,7 +76,10 @@ class GymEnv(gym.Env):
         return self._observation(values), self._info(values)
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, NDArray], float, bool, bool, dict[str, Any]]:
+        """One control step."""
         values = self._env.step(_as_tensordict(action))["next"]
+        if self.render_mode == "human":
+            self._wait()
         return (
             self._observation(values),
             values["reward"].item(),
@@ -74,16 +89,23 @@ class GymEnv(gym.Env):
         )
 
     def render(self) -> NDArray[np.uint8] | None:
+        """(height, width, 3) from the workspace's camera if render_mode="rgb_array", else None."""
         return self._env.render() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
+        """Free the world. Idempotent."""
         if not self._env.is_closed:
             self._env.close()
 
+    def _wait(self) -> None:
+        """Sleep until a control step's time has passed since the last one, so that the window shows real time."""
+        physics = self._env.config.physics
+        self._due = max(self._due + physics.time_step * physics.substeps, time.monotonic())
+        time.sleep(max(0.0, self._due - time.monotonic()))
+
     def _observation(self, values: TensorDictBase) -> dict[str, NDArray]:
-        observation = {name: values[name][0].numpy() for name in OBSERVED if name in values.keys()}
-        observation["objects_mask"] = observation["objects_mask"].astype(np.int8)
-        return observation
+        arrays = {key: values[key][0].numpy() for key in self._keys}
+        return {key: array.astype(np.int8) if array.dtype == bool else array for key, array in arrays.items()}
 
     def _info(self, values: TensorDictBase) -> dict[str, Any]:
         return {
@@ -99,5 +121,11 @@ def _as_tensordict(action: NDArray[np.float32]) -> TensorDict:
     return TensorDict({"action": torch.as_tensor(action, dtype=torch.float32)[None]}, [1])
 
 
-def _box(spec: Bounded) -> spaces.Box:
-    return spaces.Box(spec.space.low[0].numpy(), spec.space.high[0].numpy(), dtype=np.float32)
+def _space(spec: TensorSpec) -> spaces.Space:
+    """The space of one world's values. spec: of N worlds."""
+    if isinstance(spec, Bounded):
+        return spaces.Box(spec.space.low[0].numpy(), spec.space.high[0].numpy(), dtype=np.float32)
+    if isinstance(spec, Binary):
+        return spaces.MultiBinary(spec.shape[-1])
+    count = int(spec.space.n)
+    return spaces.MultiDiscrete([count] * spec.shape[-1]) if len(spec.shape) > 1 else spaces.Discrete(count)

@@ -9,6 +9,7 @@ import gymnasium
 
 from conf.overrides import check, compose, groups
 from envs.config import read_env
+from envs.sim.window import Window
 
 if TYPE_CHECKING:
     from envs.workspace_env import WorkspaceEnv
@@ -16,7 +17,13 @@ if TYPE_CHECKING:
 ENTRY_POINT = "envs.gym_env:GymEnv"
 
 
-def make_env(overrides: Sequence[str] = (), num_worlds: int = 1, seed: int = 0, render: bool = False) -> WorkspaceEnv:
+def make_env(
+    overrides: Sequence[str] = (),
+    num_worlds: int = 1,
+    seed: int = 0,
+    render: bool = False,
+    window: str | None = None,
+) -> WorkspaceEnv:
     """Build the TorchRL environment that Hydra overrides describe: `make_env(["robot=panda"], num_worlds=16)`.
 
     Args:
@@ -24,14 +31,22 @@ def make_env(overrides: Sequence[str] = (), num_worlds: int = 1, seed: int = 0, 
         num_worlds: the number N of PyBullet worlds, which is the batch size.
         seed: seed of the worlds' random generators.
         render: load visual shapes, for `WorkspaceEnv.render`.
+        window: show the only world in a window. The words, such as "render_mode=human", are named in its errors.
 
     Raises:
-        ConfigError: for an unknown or invalid override.
+        ConfigError: for an unknown or invalid override, or a window that cannot be opened.
     """
     from envs.workspace_env import WorkspaceEnv  # torch is imported only where an environment is built
 
     check(overrides)
-    return WorkspaceEnv(read_env(compose(overrides)), num_worlds, seed, render)
+    config = read_env(compose(overrides))
+    shown = None if window is None else Window(config.workspace.camera, window)
+    try:
+        return WorkspaceEnv(config, num_worlds, seed, render, shown)
+    except BaseException:
+        if shown is not None:
+            shown.close()
+        raise
 
 
 def gym_id(task: str) -> str:

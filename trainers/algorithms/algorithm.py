@@ -9,6 +9,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from conf.schema import RunError
+from trainers.utils.observation_keys import public_keys
 
 METRICS = ("loss/grounding", "grounding/accuracy")
 
@@ -64,8 +65,10 @@ def anneal(optimizer: torch.optim.Optimizer, config: Annealed, progress: float) 
 
 def check_batch(batch: TensorDictBase) -> None:
     """Raise DivergedError, with its name, for an observation, reward or action that is not finite."""
-    pointed = ["gesture"] if "gesture" in batch.keys() else []
-    for key in ("robot", "objects", *pointed, "action", ("next", "robot"), ("next", "objects"), ("next", "reward")):
+    after = batch["next"]
+    floats = [key for key in public_keys(after) if after[key].is_floating_point()]
+    before = [key for key in (*floats, "action") if key in batch.keys()]
+    for key in (*before, *(("next", key) for key in floats), ("next", "reward")):
         if not torch.isfinite(batch[key].sum()) and not batch[key].isfinite().all():
             name = key if isinstance(key, str) else "/".join(key)
             raise DivergedError(f"{name} is not finite in a collected batch", batch)

@@ -14,8 +14,8 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from trainers.rollout.collection import derive_seed
 from trainers.rollout.video import sentence_of
+from trainers.utils.observation_keys import public_keys
 
-SEEN = ("robot", "objects", "objects_mask", "objects_near", "instruction", "gesture", "stage", "hold")
 LABELS = ("referent", "target")  # privileged keys that are recorded: slots of the objects
 OUTCOMES = ("reward", "success", "terminated", "truncated")
 SEED_INDEX = 2**29  # first index of the seeds: no evaluation of a run or of evaluate.py uses one of them
@@ -98,7 +98,7 @@ def _run_episode(
     return Demonstration(
         seed=seed,
         sentence=sentence,
-        observations={key: _stack(states, key) for key in SEEN if key in env.observation_spec.keys()},
+        observations={key: _stack(states, key) for key in public_keys(env.observation_spec)},
         labels={key: _stack(states, ("privileged", key)) for key in LABELS if key in state["privileged"].keys()},
         actions=_stack(steps, "action"),
         outcomes={key: _stack(steps, key)[:, 0] for key in OUTCOMES},

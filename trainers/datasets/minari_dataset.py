@@ -17,7 +17,8 @@ from gymnasium import spaces
 from torchrl.data import Binary, Bounded
 from torchrl.envs import EnvBase
 
-from trainers.datasets.demonstrations import SEEN, Demonstration
+from trainers.datasets.demonstrations import Demonstration
+from trainers.utils.observation_keys import public_keys
 from trainers.utils.optional_imports import import_optional
 
 CAMERA = "camera"
@@ -107,7 +108,7 @@ def read_minari(folder: Path) -> Iterator[Demonstration]:
 def _observation_space(env: EnvBase, shape: tuple[int, ...] | None) -> spaces.Dict:
     """The Gymnasium space of one world's observations. shape: of the images, if any."""
     members: dict[str, spaces.Space] = {
-        key: _space(env.observation_spec[key]) for key in SEEN if key in env.observation_spec.keys()
+        key: _space(env.observation_spec[key]) for key in public_keys(env.observation_spec)
     }
     if shape is not None:
         members[CAMERA] = spaces.Box(0, 255, shape, np.uint8)

@@ -13,6 +13,7 @@ import torch
 from conf.schema import ConfigError
 from trainers.export import policy_file, pretrained
 from trainers.utils.atomic_io import atomic_file
+from trainers.utils.observation_keys import public_keys
 
 FORMAT = 1
 POLICY_KEYS = ("config", "vocabulary", "widths", "algorithm")  # of a published policy
@@ -113,9 +114,8 @@ def find(path: Path, name: str = "last") -> Path:
 
 def widths(observation_spec: Any, action_spec: Any) -> dict[str, list[int]]:
     """The shapes of one world's observations and actions, for which the networks are built."""
-    names, present = ("robot", "objects", "instruction", "gesture"), set(observation_spec.keys())
-    shapes = {name: list(observation_spec[name].shape[1:]) if name in present else [] for name in names}
-    return shapes | {"action": list(action_spec.shape[1:])}
+    shapes = {key: list(observation_spec[key].shape[1:]) for key in public_keys(observation_spec)}
+    return {"gesture": []} | shapes | {"action": list(action_spec.shape[1:])}
 
 
 def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str, list[int]]) -> None:
@@ -137,9 +137,9 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
             f"it has {extra or 'no others'} and lacks {missing or 'none'}" if extra or missing else "in another order"
         )
         raise CheckpointError(f"the checkpoint was trained with another vocabulary: {what}")
-    for name, shape in shapes.items():
-        theirs = payload["widths"].get(name, [])
-        skipped = any_slots and name == "objects"  # dimensions that may differ
+    for name, theirs in payload["widths"].items():
+        shape = shapes.get(name, [])
+        skipped = any_slots and name.startswith("objects")  # dimensions that may differ
         if theirs[skipped:] != shape[skipped:]:
             raise CheckpointError(
                 f"the checkpoint was trained for another environment: {name} is {theirs} there "

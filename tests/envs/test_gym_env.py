@@ -1,4 +1,4 @@
-"""The Gymnasium face: the registered ids, their spaces, images and infos."""
+"""The Gymnasium environments: registered ids, spaces, images and infos."""
 
 import gymnasium
 import numpy as np
@@ -7,6 +7,7 @@ from gymnasium.utils.env_checker import check_env
 
 import envs  # noqa: F401  registers the ids
 from conf.schema import ConfigError
+from envs.gym_env import GymEnv
 from envs.registration import gym_id
 from tests.helpers.env_cases import CONTROLS, ROBOTS, TASKS
 
@@ -22,7 +23,8 @@ def test_every_task_has_an_id():
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", IDS)
-def test_gymnasium_finds_no_fault(name):
+def test_the_environment_checker_passes(name, monkeypatch):
+    monkeypatch.setitem(GymEnv.metadata, "render_modes", ["rgb_array"])  # "human" needs a display
     env = gymnasium.make(name, render_mode="rgb_array")
     check_env(env.unwrapped)
     env.close()
@@ -30,14 +32,14 @@ def test_gymnasium_finds_no_fault(name):
 
 @pytest.mark.parametrize("control", CONTROLS)
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_gymnasium_finds_no_fault_with_any_robot_and_control(robot, control):
+def test_the_environment_checker_passes_for_every_robot_and_control(robot, control):
     env = gymnasium.make("Deixis/NLReach-v0", robot=robot, control=control)
     check_env(env.unwrapped, skip_render_check=True)
     env.close()
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_a_loop_of_another_library_runs(name):
+def test_steps_keep_to_the_gymnasium_api(name):
     env = gymnasium.make(name, overrides=[] if name in REACHING else ["task.max_steps=70"])
     env.action_space.seed(0)
     observation, info = env.reset(seed=0)
@@ -58,7 +60,7 @@ def test_a_loop_of_another_library_runs(name):
     env.close()
 
 
-def test_info_says_what_a_person_asks():
+def test_info_has_the_sentence_the_outcome_and_the_reward_terms():
     env = gymnasium.make("Deixis/NLReach-v0")
     _, info = env.reset(seed=0)
     assert set(info) == {"is_success", "wrong_object", "at_goal", "sentence", "reward_terms"}
@@ -70,7 +72,7 @@ def test_info_says_what_a_person_asks():
     env.close()
 
 
-def test_the_same_seed_begins_the_same_and_none_goes_on():
+def test_the_same_seed_gives_the_same_episode_and_no_seed_the_next_one():
     env = gymnasium.make("Deixis/NLReach-v0")
     first, other, again = (env.reset(seed=seed)[0]["objects"] for seed in (3, 4, 3))
     assert (first == again).all()
@@ -80,7 +82,7 @@ def test_the_same_seed_begins_the_same_and_none_goes_on():
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_the_image_has_the_cameras_size_and_changes_when_the_arm_moves(robot):
+def test_the_image_has_the_size_of_the_camera_and_changes_when_the_arm_moves(robot):
     overrides = ["workspace.camera.width=96", "workspace.camera.height=72"]
     env = gymnasium.make("Deixis/NLReach-v0", robot=robot, overrides=overrides, render_mode="rgb_array")
     env.reset(seed=0)
@@ -125,13 +127,25 @@ def test_overrides_reach_the_environment():
     env.close()
 
 
+def test_a_task_that_moves_objects_has_the_same_observations():
+    env = gymnasium.make("Deixis/NLPickAndPlace-v0")
+    assert list(env.observation_space) == ["objects", "robot", "objects_mask", "instruction"]
+    env.close()
+
+
+def test_a_window_without_a_display_is_an_error_that_names_the_render_mode(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(ConfigError, match="render_mode=human needs a display"):
+        gymnasium.make("Deixis/Reach-v0", render_mode="human", disable_env_checker=True)
+
+
 @pytest.mark.parametrize("bad", [{"robot": "pandas"}, {"control": "steps"}, {"overrides": ["task.num_object=4"]}])
-def test_what_is_unknown_is_refused_by_name(bad):
+def test_an_unknown_name_is_an_error_with_a_suggestion(bad):
     with pytest.raises(ConfigError, match="did you mean"):
         gymnasium.make("Deixis/NLReach-v0", **bad)
 
 
-def test_close_twice_is_once():
+def test_close_is_idempotent():
     env = gymnasium.make("Deixis/Reach-v0").unwrapped
     env.close()
     env.close()
