@@ -1,1 +1,1 @@
-"""Speed beside the peers, in one run: `python benchmarks/throughput.py`."""
+"""Benchmarks: throughput beside peers (`python benchmarks/throughput.py`), language, gestures, experts, the page."""

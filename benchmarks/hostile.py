@@ -1,4 +1,4 @@
-"""What people, programs and cats may type: strings for `benchmarks/language.py fuzz`, all drawn from a seed."""
+"""Generators of random and hostile strings, for `benchmarks/language.py fuzz` and `benchmarks/page.py hostile`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Writer = Callable[[Generator, Scene], str]
 
 
 def good(rng: Generator, scene: Scene) -> str:
-    """A sentence that is understood, in drawn words."""
+    """A sentence that is understood, with random wording."""
     describer = Describer(KINDS)
     named = describer.nameable(scene).nonzero()[0]
     phrase = describer.phrase(scene, int(rng.choice(named)), rng)
@@ -37,20 +37,20 @@ def good(rng: Generator, scene: Scene) -> str:
 
 
 def truncated(rng: Generator, scene: Scene) -> str:
-    """A good sentence that ends, or begins, too early."""
+    """The start or the end of a good sentence."""
     sentence = good(rng, scene)
     at = int(rng.integers(len(sentence) + 1))
     return sentence[:at] if rng.random() < 0.7 else sentence[at:]
 
 
 def shuffled(rng: Generator, scene: Scene) -> str:
-    """A good sentence in another order."""
+    """The words of a good sentence in random order."""
     words = good(rng, scene).split()
     return " ".join(words[index] for index in rng.permutation(len(words)))
 
 
 def misspelt(rng: Generator, scene: Scene) -> str:
-    """A good sentence with letters lost, doubled, or struck beside the key."""
+    """A good sentence with letters removed or replaced."""
     letters = list(good(rng, scene))
     for _ in range(int(rng.integers(1, 4))):
         letters[rng.integers(len(letters))] = ("", "e", "  ", "\u0301", "xx", "'")[rng.integers(6)]
@@ -58,32 +58,32 @@ def misspelt(rng: Generator, scene: Scene) -> str:
 
 
 def two_in_one(rng: Generator, scene: Scene) -> str:
-    """Two good sentences that are joined, or cut into one another."""
+    """A part of a good sentence, joined to another one."""
     one, other = good(rng, scene), good(rng, scene)
     joint = (" ", ", then ", " and ", ". ", "", " not ", ", no, ", " between ", " that is not ")[rng.integers(9)]
     return one[: int(rng.integers(len(one) + 1))] + joint + other
 
 
 def salad(rng: Generator, scene: Scene) -> str:
-    """Words of the vocabulary and marks, in no order."""
+    """Random words of the vocabulary and punctuation marks."""
     choices = (*_WORDS, *_MARKS) if rng.random() < 0.3 else _WORDS
     return " ".join(choices[index] for index in rng.integers(len(choices), size=int(rng.integers(80))))
 
 
 def characters(rng: Generator, scene: Scene) -> str:
-    """Characters of any kind, control characters and lone surrogates among them."""
+    """Random characters, with control characters and lone surrogates."""
     highest = (0x20, 0x80, 0x300, 0x3000, 0x110000)[rng.integers(5)]
     return "".join(map(chr, rng.integers(highest, size=int(rng.integers(200))).tolist()))
 
 
 def foreign(rng: Generator, scene: Scene) -> str:
-    """Other scripts, and what looks like ours and is not."""
+    """Other scripts, and characters that look Latin but are not."""
     words = [_SCRIPTS[index] for index in rng.integers(len(_SCRIPTS), size=int(rng.integers(1, 4)))]
     return " ".join((*words, good(rng, scene)) if rng.random() < 0.5 else words)
 
 
 def nested(rng: Generator, scene: Scene) -> str:
-    """Phrases within phrases, within the length that is read and far beyond it."""
+    """Nested phrases, within the parser's limit of characters and far beyond it."""
     name = say(Describer(KINDS).phrase(scene, int(Describer(KINDS).nameable(scene).argmax()), rng))
     depth = int(rng.choice([10, 40, 80, 90, 400]))
     shapes = (
@@ -101,7 +101,7 @@ def nested(rng: Generator, scene: Scene) -> str:
 
 
 def long(rng: Generator, scene: Scene) -> str:
-    """One word, one letter or one sentence over and over: just within the limit, beyond it, and 1 MB of it."""
+    """A repeated word, letter or sentence: just within the limit, beyond it, and 1 MB long."""
     length = 1_000_000 if rng.random() < 0.01 else int(rng.choice([999, 1000, 1001, 5000]))
     piece = ("a", "reach ", "the ", " ", "\u0301", "'", "a'", ",", "and ", "\U0001f600", good(rng, scene) + " ")
     begin = "reach the " if rng.random() < 0.5 else ""
@@ -110,7 +110,7 @@ def long(rng: Generator, scene: Scene) -> str:
 
 
 def code(rng: Generator, scene: Scene) -> str:
-    """What programs write."""
+    """Strings that programs write: JSON, templates, SQL, HTML, escapes and token names."""
     sentence = good(rng, scene)
     shapes = (
         json.dumps({"instruction": sentence, "n": [1, 2]}),

@@ -1,4 +1,4 @@
-"""One workload of ours per call: `python -m benchmarks.ours env_kuka --steps 20000` prints one JSON line."""
+"""One workload of Deixis per call: `python -m benchmarks.ours env_kuka --steps 20000` prints one JSON line."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ FEW = ("eval.episodes=4", "eval.interval_episodes=4", "eval.worlds=4", "eval.vid
 
 
 def rate(count: int, unit: str, work: Callable[[], Any]) -> dict[str, Any]:
-    """How many a second."""
+    """Times the work. Returns `count` per second, with its unit and the seconds."""
     start = time.perf_counter()
     work()
     seconds = time.perf_counter() - start
@@ -42,12 +42,12 @@ def rate(count: int, unit: str, work: Callable[[], Any]) -> dict[str, Any]:
 
 
 def actions(env: Any, rows: int) -> torch.Tensor:
-    """Random actions (rows, N, A), the same in every run."""
+    """Random actions (rows, N, A), in [-1, 1], the same in every run."""
     return 2 * torch.rand(rows, *env.action_spec.shape, generator=torch.Generator().manual_seed(0)) - 1
 
 
-def play(env: Any, rows: torch.Tensor, state: Any) -> Any:
-    """Step through actions with partial resets; the state after."""
+def run_actions(env: Any, rows: torch.Tensor, state: Any) -> Any:
+    """Takes a control step for each row, with partial resets. Returns the last state."""
     for row in rows:
         state["action"] = row
         _, state = env.step_and_maybe_reset(state)
@@ -55,15 +55,15 @@ def play(env: Any, rows: torch.Tensor, state: Any) -> Any:
 
 
 def env_bare(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
-    """Env steps a second over all worlds, random actions, episodes ended and begun as they come."""
+    """Env steps a second over all worlds, with random actions, resets included."""
     env = make_env(overrides, WORLDS)
     rows = actions(env, steps // WORLDS)
-    state = play(env, rows[:WARM_UP], env.reset())
-    return rate(len(rows) * WORLDS, "env steps/s", lambda: play(env, rows, state))
+    state = run_actions(env, rows[:WARM_UP], env.reset())
+    return rate(len(rows) * WORLDS, "env steps/s", lambda: run_actions(env, rows, state))
 
 
 def raw_loop(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
-    """The same arms in the same worlds under the very motor targets that `env_bare` sends; PyBullet alone."""
+    """Control steps a second of PyBullet only: the same worlds, with the motor targets that `env_bare` sends."""
     import pybullet as bullet
 
     env = make_env(overrides, WORLDS)
@@ -71,8 +71,8 @@ def raw_loop(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
     targets: list[Any] = []
     for world in worlds:
         world.robot.drive = _recording(world.robot.drive, targets)
-    state = play(env, actions(env, WARM_UP), env.reset())
-    play(env, actions(env, steps // WORLDS), state)
+    state = run_actions(env, actions(env, WARM_UP), env.reset())
+    run_actions(env, actions(env, steps // WORLDS), state)
     motors = [
         partial(
             bullet.setJointMotorControlArray,
@@ -80,7 +80,7 @@ def raw_loop(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
             world.robot.arm,
             bullet.POSITION_CONTROL,
             positionGains=[0.3] * len(world.robot.arm),
-            physicsClientId=world._client,
+            physicsClientId=world.client,
         )
         for world in worlds
     ]
@@ -90,7 +90,7 @@ def raw_loop(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
     def loop() -> None:
         for i, row in enumerate(sent):
             motors[i % WORLDS](targetPositions=row)
-            client = worlds[i % WORLDS]._client
+            client = worlds[i % WORLDS].client
             for _ in range(12):
                 bullet.stepSimulation(client)
 
@@ -98,15 +98,15 @@ def raw_loop(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
 
 
 def _recording(drive: Callable[[Any], None], targets: list[Any]) -> Callable[[Any], None]:
-    def both(row: Any) -> None:
+    def record_and_drive(row: Any) -> None:
         targets.append(row)
         drive(row)
 
-    return both
+    return record_and_drive
 
 
 def collector(steps: int, overrides: Sequence[str], workers: int) -> dict[str, Any]:
-    """Frames a second through TorchRL's collector with the default policy, weights synced at each batch."""
+    """Frames a second of TorchRL's collector with the default policy and a weight update for each batch."""
     config = compose(overrides)
     plan = read_plan(config)
     make = partial(build_env, read_env(config))
@@ -129,9 +129,9 @@ def collector(steps: int, overrides: Sequence[str], workers: int) -> dict[str, A
 
 
 def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
-    """Frames a second of training: collecting and updating, without start-up and evaluation, as the peers' is taken.
+    """Frames a second of collection and updates, without start-up and evaluation, as for the peers.
 
-    The networks are those of stable-baselines3's defaults, the other hyperparameters ours.
+    The networks are those of stable-baselines3's defaults; the other hyperparameters are ours.
     """
     config = compose([*overrides, *FEW, f"total_frames={steps}", "eval.interval=100_000_000"])
     plan = read_plan(config)
@@ -140,12 +140,12 @@ def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
         rows = [line.split(",") for line in (Path(folder) / "metrics.csv").read_text().splitlines()]
     columns = [rows[0].index(name) for name in ("time/collect", "time/update")]
     seconds = sum(float(row[column]) for row in rows[2:] for column in columns)
-    frames = float(rows[-1][0]) - float(rows[1][0])  # the first batch waits for the workers to start
+    frames = float(rows[-1][0]) - float(rows[1][0])  # the first batch includes the start of the workers
     return {"rate": frames / seconds, "unit": "frames/s", "seconds": seconds}
 
 
 def sac_gradient_steps(steps: int) -> dict[str, Any]:
-    """SAC updates a second on a filled buffer: batch 256, networks of 256 x 256."""
+    """SAC updates a second on a filled buffer, with batch 256 and networks of 256 x 256."""
     config = compose(["task=reach", "robot=panda", "algo=sac", *SB3_SAC, "algo.batch=256"])
     plan = read_plan(config)
     env = build_env(read_env(config), WORLDS, 0)
@@ -166,13 +166,13 @@ def sac_gradient_steps(steps: int) -> dict[str, Any]:
 
 
 def memory_per_world(worlds: int) -> dict[str, Any]:
-    """MiB that a world adds to a training run: all processes, workers' interpreters left out."""
+    """MiB that each world adds to a training run, over all processes, without the workers' interpreters."""
     small, large = _peak_memory(1), _peak_memory(1 + worlds)
     return {"rate": (large - small) / (2 * worlds), "unit": "MiB", "seconds": 0.0}
 
 
 def _peak_memory(worlds: int) -> float:
-    """MiB of a training run with `worlds` in each of two workers, at the end of its third batch."""
+    """MiB of a training run with `worlds` in each of two workers, after its third batch."""
     config = compose([f"collector.worlds={2 * worlds}", "collector.workers=2", "algo.minibatch=16"])
     plan = read_plan(config)
     make = partial(build_env, read_env(config))
@@ -189,13 +189,13 @@ def _peak_memory(worlds: int) -> float:
 
 
 def _resident(pid: int) -> float:
-    """MiB of private memory in use: what processes share is not counted twice."""
+    """MiB of private memory: shared pages are not counted twice."""
     rows = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     return sum(int(row.split()[1]) for row in rows if row.startswith("Private_")) / 1024
 
 
 def reset_memory(resets: int) -> dict[str, Any]:
-    """Memory after so many resets, over memory after the first tenth of them."""
+    """Memory after this number of resets, over memory after the first tenth of them."""
     env = make_env((), WORLDS)
     after = []
     for part in (0.1, 0.9):
@@ -227,13 +227,13 @@ WORKLOADS: dict[str, Callable[[int], dict[str, Any]]] = {
 
 
 def main() -> None:
-    """Run one of our workloads and print its rate as one JSON line."""
+    """Runs a workload and prints its rate as one JSON line."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("workload", choices=WORKLOADS)
     parser.add_argument("--steps", type=int, default=20_000)
     args = parser.parse_args()
     if args.steps < 1:
-        sys.exit("--steps is at least 1")
+        sys.exit("--steps must be at least 1")
     torch.set_num_threads(1)
     print(json.dumps({"name": args.workload, **WORKLOADS[args.workload](args.steps)}), flush=True)
 

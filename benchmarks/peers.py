@@ -1,10 +1,10 @@
-"""One peer workload per call, as the peers are published: `python -m benchmarks.peers panda_gym_reach`.
+"""One workload of a peer per call, as published: `python -m benchmarks.peers panda_gym_reach`.
 
-Each workload prints one JSON line with its rate and the settings it ran under. The peers come from
-`pip install -e ".[bench]"`, but for lanro-gym. Its release 0.2.1 asks for gymnasium below 1.0, though
-nothing in it needs that but one logging call; its only other release, 0.1.0, stops on a class that gym
-has removed. So 0.2.1 is installed without its dependencies into `build/`, and that one call is given
-something to land on. Its rate was the same in an environment of its own with gymnasium 0.29.
+Each workload prints one JSON line with its rate and its physics settings. `pip install -e ".[bench]"` installs the
+peers except lanro-gym. lanro-gym 0.2.1 requires gymnasium below 1.0, but only for one logging call; its only other
+release, 0.1.0, fails on a class that gym has removed. So 0.2.1 is installed without its dependencies into `build/`, and
+the missing function is replaced by one that does nothing. Its rate was the same in an environment of its own with
+gymnasium 0.29.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from typing import Any
 
 LANRO = "lanro-gym==0.2.1"
 LANRO_HOME = Path(__file__).resolve().parents[1] / "build" / LANRO.replace("==", "-")
-WARM_UP = 100  # env steps or gradient steps before the clock starts
+WARM_UP = 100  # env steps or gradient steps before the timing
 BATCH_SIZE = 256
 HIDDEN = (256, 256)
-LEAN_SOLVER_ITERATIONS = 10  # what our worlds run with
-SAC_BUFFER_FILL = 2_000  # random transitions in the buffer before gradient steps are timed
+LEAN_SOLVER_ITERATIONS = 10  # as in our worlds
+SAC_BUFFER_FILL = 2_000  # transitions in the buffer before gradient steps are timed
 
 
 @dataclass(frozen=True)
 class Physics:
-    """As panda-gym 3.0.7 and lanro-gym 0.2.1 ship: 20 steps of 1/500 s, Bullet's 50 solver iterations."""
+    """Physics settings; the defaults are those of panda-gym 3.0.7 and lanro-gym 0.2.1, and Bullet's 50 iterations."""
 
     substeps: int = 20
     time_step: float = 1 / 500  # seconds
     solver_iterations: int = 50
 
     def apply(self, env: Any) -> None:
-        """Set the physics of a peer's env; both peers keep their client under `sim`."""
+        """Sets the physics of a peer's environment, whose client is at `sim`."""
         sim = env.unwrapped.sim
         client = sim.bclient if hasattr(sim, "bclient") else sim.physics_client
         sim.n_substeps = self.substeps
@@ -48,7 +48,7 @@ class Physics:
 
 @dataclass(frozen=True)
 class Rate:
-    """A measured rate, its unit, and how long the clock ran (seconds)."""
+    """A measured rate, its unit, and the seconds of the measurement."""
 
     rate: float
     unit: str
@@ -95,7 +95,7 @@ def _make_lanro() -> Any:
     sys.path.insert(0, str(LANRO_HOME))
     import gymnasium
 
-    if not hasattr(gymnasium.logger, "set_level"):  # gone since gymnasium 1.0, called by lanro-gym on import
+    if not hasattr(gymnasium.logger, "set_level"):  # removed in gymnasium 1.0, but called by lanro-gym on import
         setattr(gymnasium.logger, "set_level", lambda level: None)  # noqa: B010  no stub knows the name
     import lanro_gym  # noqa: F401  registers its envs
 
@@ -108,7 +108,7 @@ def panda_gym_reach(steps: int, physics: Physics) -> Rate:
 
 
 def panda_gym_reach_lean(steps: int, physics: Physics) -> Rate:
-    """The same with as few solver iterations as our worlds take, so that the code around physics shows."""
+    """`panda_gym_reach` with our number of solver iterations, which shows the cost of the code around the physics."""
     return panda_gym_reach(steps, replace(physics, solver_iterations=LEAN_SOLVER_ITERATIONS))
 
 
@@ -177,7 +177,7 @@ WORKLOADS = {
 
 
 def main() -> None:
-    """Run the named workload and print its JSON line."""
+    """Runs a workload and prints its JSON line."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("workload", choices=WORKLOADS)
     parser.add_argument("--steps", type=int, default=2_000)
@@ -186,12 +186,12 @@ def main() -> None:
     parser.add_argument("--solver-iterations", type=int, default=Physics.solver_iterations)
     args = parser.parse_args()
     if min(args.steps, args.substeps, args.time_step, args.solver_iterations) <= 0:
-        parser.error("--steps, --substeps, --time-step and --solver-iterations are greater than 0")
+        parser.error("--steps, --substeps, --time-step and --solver-iterations must be greater than 0")
     physics = Physics(args.substeps, args.time_step, args.solver_iterations)
     try:
         rate = WORKLOADS[args.workload](args.steps, physics)
     except ModuleNotFoundError as error:
-        sys.exit(f'{args.workload} needs {error.name}, which is not here: pip install -e ".[bench]"')
+        sys.exit(f'{args.workload} needs {error.name}, which is not installed: pip install -e ".[bench]"')
     print(json.dumps({"name": args.workload, **asdict(rate), "physics": asdict(physics)}), flush=True)
 
 

@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-QUICK_SHARE = 10  # `--quick` runs one part in so many of each workload's steps
-TIME_LIMIT = 900  # seconds a workload may take
+QUICK_DIVISOR = 10  # `--quick` divides the steps of each workload by this
+TIME_LIMIT = 900  # seconds for a workload
 OURS, PEERS = "benchmarks.ours", "benchmarks.peers"
 PACKAGES = ("torch", "torchrl", "pybullet", "gymnasium", "numpy", "panda-gym", "stable-baselines3")
 
@@ -49,7 +49,7 @@ class Workload:
     cores: int = 1
 
     def command(self, quick: bool) -> list[str]:
-        steps = max(self.steps // QUICK_SHARE, 1) if quick else self.steps
+        steps = max(self.steps // QUICK_DIVISOR, 1) if quick else self.steps
         return [sys.executable, "-m", self.module, self.name, "--steps", str(steps)]
 
 
@@ -58,30 +58,30 @@ class Comparison:
     """`over` / `under` in each round, or `over` alone, and the bound for the median."""
 
     label: str
-    over: str
-    under: str
+    numerator: str
+    denominator: str
     bound: float
     at_most: bool = False
 
     def values(self, rounds: Sequence[Round]) -> list[float]:
-        """One value for each round that measured both sides."""
-        names = [name for name in (self.over, self.under) if name]
-        whole = [entry for entry in rounds if all("rate" in entry.get(name, {}) for name in names)]
-        divisors = [entry[self.under]["rate"] if self.under else 1.0 for entry in whole]
-        return [entry[self.over]["rate"] / divisor for entry, divisor in zip(whole, divisors, strict=True)]
+        """One value for each round that measured both workloads."""
+        names = [name for name in (self.numerator, self.denominator) if name]
+        complete = [entry for entry in rounds if all("rate" in entry.get(name, {}) for name in names)]
+        divisors = [entry[self.denominator]["rate"] if self.denominator else 1.0 for entry in complete]
+        return [entry[self.numerator]["rate"] / divisor for entry, divisor in zip(complete, divisors, strict=True)]
 
     def row(self, rounds: Sequence[Round]) -> list[str]:
         """Label, median, spread, bound, and whether the median meets it."""
         values = self.values(rounds)
         bound = f"{'<=' if self.at_most else '>='} {self.bound:g}"
         if not values:
-            return [self.label, *spread(values), bound, "not measured"]
+            return [self.label, *median_and_range(values), bound, "not measured"]
         median = statistics.median(values)
         met = median <= self.bound if self.at_most else median >= self.bound
-        return [self.label, *spread(values), bound, "yes" if met else "no"]
+        return [self.label, *median_and_range(values), bound, "yes" if met else "no"]
 
 
-# Neighbours in this list are measured one after the other, so the two sides of a ratio stand together.
+# Workloads are measured in this order, so those of a ratio are next to each other.
 WORKLOADS = (
     Workload("raw_kuka", OURS, 20_000),
     Workload("env_kuka", OURS, 20_000),
@@ -152,12 +152,12 @@ def measure(workload: Workload, quick: bool) -> dict[str, Any]:
     result = _last_result(done.stdout)
     if done.returncode == 0 and result is not None:
         return result
-    last_words = done.stderr.strip().splitlines() or ["printed no rate"]
-    return {"error": last_words[-1], "exit_code": done.returncode}
+    last_lines = done.stderr.strip().splitlines() or ["printed no rate"]
+    return {"error": last_lines[-1], "exit_code": done.returncode}
 
 
 def run_rounds(workloads: Sequence[Workload], repeats: int, quick: bool) -> list[Round]:
-    """Measure every workload once a round, every second round in reverse order."""
+    """Measures every workload once a round, every second round in reverse order."""
     rounds: list[Round] = []
     for index in range(repeats):
         rounds.append({})
@@ -169,7 +169,7 @@ def run_rounds(workloads: Sequence[Workload], repeats: int, quick: bool) -> list
     return rounds
 
 
-def spread(values: Sequence[float]) -> tuple[str, str]:
+def median_and_range(values: Sequence[float]) -> tuple[str, str]:
     """Median, and least to greatest, as text; dashes if there are no values."""
     if not values:
         return "-", "-"
@@ -182,19 +182,19 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 
 def rate_table(rounds: Sequence[Round]) -> list[str]:
-    """One row a workload: median, least to greatest, unit, number of rounds."""
+    """The lines of a Markdown table with a row for each workload."""
     rows = []
     for name in [w.name for w in WORKLOADS if any(w.name in entry for entry in rounds)]:
         found = [entry[name] for entry in rounds if "rate" in entry.get(name, {})]
         unit = found[0]["unit"] if found else "failed"
-        rows.append([name, *spread([one["rate"] for one in found]), unit, str(len(found))])
+        rows.append([name, *median_and_range([one["rate"] for one in found]), unit, str(len(found))])
     return _table(["workload", "median", "least - greatest", "unit", "rounds"], rows)
 
 
 def comparison_table(rounds: Sequence[Round]) -> list[str]:
     """One row for each comparison that this run measured: median, spread, bound, whether it is met."""
     ran = set().union(*rounds)
-    rows = [comparison.row(rounds) for comparison in COMPARISONS if ran & {comparison.over, comparison.under}]
+    rows = [comparison.row(rounds) for comparison in COMPARISONS if ran & {comparison.numerator, comparison.denominator}]
     return _table(["what", "median", "least - greatest", "bar", "met"], rows)
 
 
@@ -217,7 +217,7 @@ def machine() -> dict[str, Any]:
 
 
 def write(path: Path, about: dict[str, Any], rounds: Sequence[Round], tables: Sequence[str]) -> None:
-    """Write the tables to `path` (markdown) and everything measured to the JSON file beside it."""
+    """Writes the tables to `path` (Markdown), and all measurements to the JSON file beside it."""
     command = " ".join(["python benchmarks/throughput.py", *sys.argv[1:]])
     versions = ", ".join(f"{package} {version}" for package, version in about["packages"].items())
     head = f"{about['cores']} cores, {about['processor']}, Python {about['python']}; {versions}."
@@ -233,20 +233,20 @@ def _chosen(names: str | None) -> list[Workload]:
     known = {workload.name: workload for workload in WORKLOADS}
     wanted = names.split(",")
     if unknown := [name for name in wanted if name not in known]:
-        sys.exit(f"no workload {', '.join(unknown)}; there are {', '.join(known)}")
+        sys.exit(f"no workload {', '.join(unknown)}; choose from {', '.join(known)}")
     return [known[name] for name in known if name in wanted]
 
 
 def main() -> None:
-    """Measure, print both tables, and exit with 1 if a workload failed."""
+    """Measures, prints both tables, and exits with 1 if a workload failed."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--repeats", type=int, default=5, help="rounds, 5 by default")
-    parser.add_argument("--only", metavar="NAME,NAME", help="these workloads alone")
-    parser.add_argument("--quick", action="store_true", help="a tenth of the steps, to see it run")
-    parser.add_argument("--write", type=Path, metavar="FILE.md", help="write markdown here, JSON beside it")
+    parser.add_argument("--only", metavar="NAME,NAME", help="only these workloads")
+    parser.add_argument("--quick", action="store_true", help="a tenth of the steps, as a check")
+    parser.add_argument("--write", type=Path, metavar="FILE.md", help="write Markdown here, and JSON beside it")
     args = parser.parse_args()
     if args.repeats < 1:
-        parser.error(f"--repeats={args.repeats}: at least one round is needed")
+        parser.error(f"--repeats={args.repeats}: it must be at least 1")
     about = machine()
     rounds = run_rounds(_chosen(args.only), args.repeats, args.quick)
     tables = [*comparison_table(rounds), "", *rate_table(rounds)]
