@@ -1,11 +1,11 @@
-"""What the language holds, measured: round trip, speed, and whatever people may type.
+"""The language: round trip of generated sentences, speed, and robustness against hostile strings.
 
     python -m benchmarks.language round_trip --scenes 1000 --sampled 1000000 --workers 2 --out docs/language.json
     taskset -c 0 python -m benchmarks.language speed --out docs/language.json
     taskset -c 0 python -m benchmarks.language fuzz --strings 100000 --out docs/language.json
 
-Each prints a table and, with `--out`, puts its own section into the JSON file and leaves the others. The same seed
-gives the same scenes, sentences and strings, however many workers share them.
+Each command prints a table and, with `--out`, replaces its own section of the JSON file. The same seed gives the same
+scenes, sentences and strings, for any number of workers.
 """
 
 from __future__ import annotations
@@ -47,20 +47,20 @@ from language.generator import ReferringExpressions
 from language.splits import Split
 from tools.random_scenes import random_scene
 
-PER_SCENE = 250  # deeper sentences that are drawn of one scene
-SHOWN = 5  # failures that are told in full
-LONGEST_MESSAGE = 1000  # characters that a person may be asked to read
-SLOW = 0.005  # seconds
-REPEATS = 5  # of each timing; the median counts
+SENTENCES_PER_SCENE = 250  # of `nested_sentences`
+MAX_SHOWN = 5  # failures that are reported in full
+MAX_MESSAGE = 1000  # characters of an error message
+SLOW = 0.005  # seconds: slower strings are timed again
+REPEATS = 5  # of each timing, of which the median is reported
 ERRORS = (NotUnderstood, NothingFits, SeveralFit)
-STILL = [name for name, task in VERBS.items() if not task.moves]  # what leaves the scene as it is described
-GOING = [name for name, task in VERBS.items() if task.moves and task.takes_goal]
+STATIC_VERBS = [name for name, verb in VERBS.items() if not verb.moves]  # these leave the scene as it is
+MOVING_VERBS = [name for name, verb in VERBS.items() if verb.moves and verb.takes_goal]
 
 Pair = tuple[int | None, int | None]  # init and goal
 
 
-class Said(NamedTuple):
-    """A sentence, what it was made from, and the objects it was made for."""
+class Generated(NamedTuple):
+    """A generated sentence, the command that it says, and the objects of each step."""
 
     sentence: str
     meaning: Command
@@ -68,7 +68,7 @@ class Said(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """How many sentences were tried, and each that failed, told."""
+    """The number of sentences tried, and a line for each failure."""
 
     tried: int
     wrong: list[str]
@@ -80,56 +80,57 @@ def _small_scene(rng: Generator, counts: tuple[int, int] = (2, 8)) -> Scene:
 
 
 def every_sentence(seed: int) -> Tally:
-    """Each sentence of at most one relation about one scene, said and understood."""
+    """Says and parses every sentence with at most one relation about one scene."""
     scene = _small_scene(np.random.default_rng([seed, 1]))
     expressions = ReferringExpressions(scene, Split(), redundant=True)
     kinds = [kind for kind in KINDS if kind != "nested"]
-    said = (
-        Said(say(instruction), instruction, [(None, index)])
+    generated = (
+        Generated(say(instruction), instruction, [(None, index)])
         for kind in kinds
         for index in range(len(scene))
         for instruction in (Instruction("reach", phrase) for phrase in expressions.all(kind, index))
     )
-    return check(scene, said)
+    return check(scene, generated)
 
 
-def deeper_sentences(job: tuple[int, int]) -> Tally:
-    """So many drawn sentences of two and three relations about one scene: goals, chains, other words."""
+def nested_sentences(job: tuple[int, int]) -> Tally:
+    """Says and parses random sentences about one scene: two or three relations, goals, chains and synonyms."""
     seed, number = job
     rng = np.random.default_rng([seed, 2])
     while True:
         scene = _small_scene(rng)
         expressions = ReferringExpressions(scene, Split(), redundant=True)
         if expressions.nameable_nested(2).sum() > 1:
-            return check(scene, (_deeper(expressions, rng) for _ in range(number)))
+            return check(scene, (_nested_sentence(expressions, rng) for _ in range(number)))
 
 
-def _deeper(expressions: ReferringExpressions, rng: Generator) -> Said:
-    steps = [_deep_step(expressions, rng, still=True) for _ in range(int(rng.integers(2)))]
-    steps.append(_deep_step(expressions, rng, still=False))
+def _nested_sentence(expressions: ReferringExpressions, rng: Generator) -> Generated:
+    steps = [_nested_step(expressions, rng, still=True) for _ in range(int(rng.integers(2)))]
+    steps.append(_nested_step(expressions, rng, still=False))
     command = steps[0][0] if len(steps) == 1 else Chain(tuple(step for step, _ in steps))
     sentence = say(command) if rng.random() < 0.5 else Wording().say(command, rng)
-    return Said(sentence, command, [objects for _, objects in steps])
+    return Generated(sentence, command, [objects for _, objects in steps])
 
 
-def _deep_step(expressions: ReferringExpressions, rng: Generator, still: bool) -> tuple[Instruction, Pair]:
-    """An instruction with its objects; a still one leaves the scene as it is, so that more may follow."""
+def _nested_step(expressions: ReferringExpressions, rng: Generator, still: bool) -> tuple[Instruction, Pair]:
+    """An instruction and its objects. still: with a verb that leaves the scene as it is, so that a step may follow."""
     depth = 3 if rng.random() < 0.5 and expressions.nameable_nested(3).sum() > 1 else 2
     named = expressions.nameable_nested(depth)
     real = np.flatnonzero(named & ~expressions.scene.targets)
     init = int(rng.choice(real if len(real) else np.flatnonzero(named)))
     phrase = expressions.draw_nested(depth, init, rng)
     if still or not len(real) or rng.random() < 0.5:
-        return Instruction(STILL[rng.integers(len(STILL))], phrase), (None, init)
+        return Instruction(STATIC_VERBS[rng.integers(len(STATIC_VERBS))], phrase), (None, init)
     goal = int(rng.choice(np.setdiff1d(np.flatnonzero(named), init)))
-    task = GOING[rng.integers(len(GOING))]
-    return Instruction(task, phrase, expressions.draw_nested(depth, goal, rng)), (init, goal)
+    on_target = expressions.scene.targets[goal]  # nothing can be stacked on a target
+    verbs = [name for name in MOVING_VERBS if not (on_target and VERBS[name].effect == "on")]
+    return Instruction(verbs[rng.integers(len(verbs))], phrase, expressions.draw_nested(depth, goal, rng)), (init, goal)
 
 
-def check(scene: Scene, said: Iterable[Said]) -> Tally:
-    """Whether each sentence is understood as what it was made from, and as the objects it was made for."""
+def check(scene: Scene, generated: Iterable[Generated]) -> Tally:
+    """Parses each sentence and compares the command and the objects with those it was generated from."""
     tried, wrong = 0, []
-    for each in said:
+    for each in generated:
         tried += 1
         try:
             understood = parse(each.sentence, scene)
@@ -139,20 +140,20 @@ def check(scene: Scene, said: Iterable[Said]) -> Tally:
         if understood.meaning != each.meaning:
             wrong.append(f"{each.sentence!r} is understood as '{understood.meaning}'")
         elif [(step.init, step.goal) for step in understood.steps] != each.steps:
-            wrong.append(f"{each.sentence!r} is found as {understood.steps}, made for {each.steps}")
+            wrong.append(f"{each.sentence!r} is found as {understood.steps}, generated for {each.steps}")
     return Tally(tried, wrong)
 
 
 def round_trip(args: argparse.Namespace) -> dict[str, Any]:
-    """parse(say(x)) == x, and x is found to be about the objects that it was generated for."""
+    """Checks that parse(say(x)) == x, and that parsing finds the objects for which x was generated."""
     result: dict[str, Any] = {"scenes": args.scenes, "workers": args.workers, "seed": args.seed}
-    first = args.seed * 10**9  # so that no two seeds share a scene
-    batches = [PER_SCENE] * (args.sampled // PER_SCENE) + [args.sampled % PER_SCENE] * bool(args.sampled % PER_SCENE)
-    jobs = [(first + index, number) for index, number in enumerate(batches)]
+    first = args.seed * 10**9  # different seeds have different scenes
+    starts = range(0, args.sampled, SENTENCES_PER_SCENE)
+    jobs = [(first + i, min(SENTENCES_PER_SCENE, args.sampled - start)) for i, start in enumerate(starts)]
     with get_context("spawn").Pool(args.workers) as pool:
         for name, tallies in (
             ("up_to_depth_1", pool.imap_unordered(every_sentence, range(first, first + args.scenes), chunksize=4)),
-            ("deeper", pool.imap_unordered(deeper_sentences, jobs, chunksize=4)),
+            ("deeper", pool.imap_unordered(nested_sentences, jobs, chunksize=4)),
         ):
             start = time.perf_counter()
             tried, wrong = 0, []
@@ -160,12 +161,12 @@ def round_trip(args: argparse.Namespace) -> dict[str, Any]:
                 tried += tally.tried
                 wrong += tally.wrong
             seconds = round(time.perf_counter() - start, 1)
-            result[name] = {"tried": tried, "wrong": len(wrong), "seconds": seconds, "first_wrong": wrong[:SHOWN]}
+            result[name] = {"tried": tried, "wrong": len(wrong), "seconds": seconds, "first_wrong": wrong[:MAX_SHOWN]}
     return result
 
 
 def speed(args: argparse.Namespace) -> dict[str, Any]:
-    """Sentences a second with 6 objects, on one core, once everything is imported and the grammar is built."""
+    """Sentences a second with 6 objects, on one core, after imports and with the grammar built."""
     rng = np.random.default_rng(args.seed)
     scenes = [_small_scene(rng, (6, 6)) for _ in range(args.speed_scenes)]
     describer = Describer(KINDS)
@@ -189,13 +190,13 @@ def speed(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _reset(describer: Describer, scene: Scene, rng: Generator) -> Instruction | None:
-    """What an environment does at each reset: who can be named, and a sentence for one of them."""
+    """The language part of a reset: finds the nameable objects and describes one of them."""
     named = np.flatnonzero(describer.nameable(scene))
     return describer.describe(scene, int(rng.choice(named)), rng) if len(named) else None
 
 
 def _rate(work: Callable[[], list[Any]]) -> float:
-    """Things a second, the median of several goes."""
+    """Items a second, the median of REPEATS timings."""
     rates = []
     for _ in range(REPEATS):
         start = time.perf_counter()
@@ -205,7 +206,7 @@ def _rate(work: Callable[[], list[Any]]) -> float:
 
 
 def fuzz(args: argparse.Namespace) -> dict[str, Any]:
-    """Random, truncated, shuffled and hostile strings, each parsed against a scene, some as corrections."""
+    """Parses random, truncated, shuffled and hostile strings against a scene, every second one as a correction."""
     rng = np.random.default_rng(args.seed)
     scenes = [_small_scene(rng, (6, 6)) for _ in range(100)]
     previous = Instruction("reach", ObjectPhrase("cube", "red"))
@@ -228,12 +229,12 @@ def fuzz(args: argparse.Namespace) -> dict[str, Any]:
         "slowest_ms": round(slowest[0], 2),
         "slowest": slowest[1],
         "share": {name: round(number / max(args.strings, 1), 4) for name, number in outcomes.items()},
-        "other_exceptions": others[:SHOWN],
+        "other_exceptions": others[:MAX_SHOWN],
     }
 
 
 def _timed(text: str, scene: Scene, previous: Command | None) -> tuple[str, float]:
-    """What became of the string, and in how many seconds; what seems slow is timed twice more, for the neighbours."""
+    """The outcome of a string, and seconds. A slow string is timed up to three times, against other load."""
     best = float("inf")
     for _ in range(3):
         start = time.perf_counter()
@@ -245,35 +246,35 @@ def _timed(text: str, scene: Scene, previous: Command | None) -> tuple[str, floa
 
 
 def _outcome(text: str, scene: Scene, previous: Command | None) -> str:
-    """What became of the string: "understood", or the exception's name, with its words where it is none of ours."""
+    """The outcome of a string: "understood", or the exception's name, with its message if it is not one of ERRORS."""
     try:
         parse(text, scene, previous=previous)
     except ERRORS as error:
-        too_long = len(str(error)) > LONGEST_MESSAGE
+        too_long = len(str(error)) > MAX_MESSAGE
         return f"a message of {len(str(error))} characters" if too_long else type(error).__name__
-    except Exception as error:  # whatever it is, it must not come: that is what is measured
+    except Exception as error:  # any other exception is a defect, and is counted
         return repr(error)[:300]
     return "understood"
 
 
 def failed(section: str, result: dict[str, Any]) -> bool:
-    """Whether anything happened that never may. How fast it went is for the reader to judge."""
+    """Whether a check failed. Speed is reported only."""
     if section == "round_trip":
         return bool(result["up_to_depth_1"]["wrong"] or result["deeper"]["wrong"])
     return section == "fuzz" and bool(result["other_exceptions"])
 
 
 def main() -> None:
-    """Measure one thing, print its table, and exit with 1 where a sentence was lost or a string broke something."""
+    """Measures one thing and prints its table. Exits with 1 if a check failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("round_trip", "speed", "fuzz"))
-    parser.add_argument("--scenes", type=int, default=1000, help="round_trip: scenes of which every sentence is said")
-    parser.add_argument("--sampled", type=int, default=1_000_000, help="round_trip: deeper sentences drawn")
-    parser.add_argument("--workers", type=int, default=1, help="round_trip: processes that share the work")
-    parser.add_argument("--speed-scenes", type=int, default=500, help="speed: scenes of 6 objects, all of them named")
-    parser.add_argument("--strings", type=int, default=100_000, help="fuzz: strings tried")
+    parser.add_argument("--scenes", type=int, default=1000, help="round_trip: scenes with every sentence")
+    parser.add_argument("--sampled", type=int, default=1_000_000, help="round_trip: nested sentences")
+    parser.add_argument("--workers", type=int, default=1, help="round_trip: processes")
+    parser.add_argument("--speed-scenes", type=int, default=500, help="speed: scenes of 6 objects")
+    parser.add_argument("--strings", type=int, default=100_000, help="fuzz: strings")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, metavar="FILE.json", help="put the result into this file")
+    parser.add_argument("--out", type=Path, metavar="FILE.json", help="file that receives the result")
     args = parser.parse_args()
     result = {"round_trip": round_trip, "speed": speed, "fuzz": fuzz}[args.what](args)
     for name, value in rows(result):

@@ -1,14 +1,14 @@
-"""The page of play.py as people meet it in a browser: how soon it is there and moves, what it does, what it bears.
+"""The page of play.py in a browser: time to load and to move, success of typed sentences, robustness.
 
     pip install -e ".[test]"                               # and Chromium of the system
-    python -m benchmarks.page start                        # seconds to the page and to the first motion, and its clock
-    python -m benchmarks.page motion                       # the same without a browser: what the robot's side takes
-    python -m benchmarks.page said --count 100             # sentences typed into it, and how many came true
+    python -m benchmarks.page start                        # time to the page and to the first motion, and the clock
+    python -m benchmarks.page motion                       # time to motion without a browser
+    python -m benchmarks.page said --count 100             # success of sentences that are typed into the page
     python -m benchmarks.page hostile --minutes 30         # random and hostile text, clicks, choices, reloads; memory
     python -m benchmarks.page film --out docs/demo.gif     # a sentence and its correction, for README
 
-Words after `--` go to play.py. `start` counts from the start of the process, and a motion from the press of Enter to
-the status that the page writes after the step: the arm has moved by then.
+Arguments after `--` go to play.py. `start` counts from the start of the process. A motion counts from the press of
+Enter to the status that the page shows after the step, by which time the arm has moved.
 """
 
 from __future__ import annotations
@@ -35,12 +35,21 @@ from tools.random_scenes import random_scene
 from trainers.rollout.evaluation import wilson
 from trainers.utils.system_info import system_info
 
-MOVED = 0.001  # metres
-SETTLED = 1.0  # seconds that a browser without a graphics card may take to draw a step
-DEEDS = {"type": 40, "enter": 40, "button": 10, "click": 20, "key": 20, "reload": 1, "second tab": 1, "change": 1}
+MIN_MOTION = 0.001  # metres of the gripper
+DRAWING_TIME = 1.0  # seconds for a browser without a graphics card to draw a step
+ACTION_WEIGHTS = {
+    "type": 40,
+    "enter": 40,
+    "button": 10,
+    "click": 20,
+    "key": 20,
+    "reload": 1,
+    "second tab": 1,
+    "change": 1,
+}
 KEYS = ("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "PageUp", "PageDown", "Escape", "Tab")
 CHANGES = {"Robot": ("kuka", "panda", "jaco"), "Driven by": ("policy", "expert", "hand")}
-WATCH = """() => {
+OBSERVE_MOTION = """() => {
     document.addEventListener("keydown", e => { if (e.key === "Enter") window.pressed = performance.now() }, true);
     window.moved = null;
     new MutationObserver((_, watcher) => {
@@ -52,17 +61,17 @@ WATCH = """() => {
 
 
 def start(args: argparse.Namespace) -> dict[str, Any]:
-    """Seconds to the page, milliseconds to first motions, and the clock while it moves."""
+    """Seconds to the page, milliseconds to first motions, and the speed of the clock meanwhile."""
     with headless_browser() as browser:
-        began = time.perf_counter()
+        start_time = time.perf_counter()
         server = PlayServer(*args.words)
-        answers = time.perf_counter() - began
+        seconds_to_answer = time.perf_counter() - start_time
         page = PageTab(browser, server.address)
-        there = time.perf_counter() - began
+        seconds_to_page = time.perf_counter() - start_time
         motions, clocks = [], []
         for _ in range(args.count):
             name = page.object_names()[0]
-            page.tab.evaluate(WATCH)
+            page.tab.evaluate(OBSERVE_MOTION)
             page.say(f"reach {name}")
             page.tab.wait_for_function("window.moved !== null")
             motions.append(page.tab.evaluate("window.moved"))
@@ -72,20 +81,20 @@ def start(args: argparse.Namespace) -> dict[str, Any]:
             page.wait_for_text("Say what to do")
         server.close()
     quantiles, clock = [float(np.median(motions)), max(motions)], [min(clocks), max(clocks)]
-    times = {"seconds_to_answer": answers, "seconds_to_page": there}
+    times = {"seconds_to_answer": seconds_to_answer, "seconds_to_page": seconds_to_page}
     return {**times, "first_motion_ms_median_worst": quantiles, "clock_least_most": clock}
 
 
 def motion(args: argparse.Namespace) -> dict[str, Any]:
-    """Milliseconds from a sentence to a gripper that has moved, in the page's own loop, without a browser."""
+    """Milliseconds from a sentence to a gripper that has moved, in the page's loop, without a browser."""
     rng, session = np.random.default_rng(args.seed), Session(make_config(), args.seed)
     moved, rest = threading.Event(), session.env.gripper[0].copy()
 
-    def seen(session: Session) -> None:
-        if np.linalg.norm(session.env.gripper[0] - rest) > MOVED:
+    def on_step(session: Session) -> None:
+        if np.linalg.norm(session.env.gripper[0] - rest) > MIN_MOTION:
             moved.set()
 
-    loop, motions = RealTimeLoop(session, seen, print), []
+    loop, motions = RealTimeLoop(session, on_step, print), []
     thread = threading.Thread(target=loop.run)
     thread.start()
     for _ in range(args.count):
@@ -93,10 +102,10 @@ def motion(args: argparse.Namespace) -> dict[str, Any]:
         time.sleep(1 + rng.random() * session.period)
         rest[:] = session.env.gripper[0]
         moved.clear()
-        began = time.perf_counter()
+        start_time = time.perf_counter()
         loop.ask(lambda session: session.say(session.example()))
         moved.wait(TIMEOUT)
-        motions.append(1000 * (time.perf_counter() - began))
+        motions.append(1000 * (time.perf_counter() - start_time))
     loop.stop()
     thread.join()
     session.close()
@@ -104,7 +113,7 @@ def motion(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def said(args: argparse.Namespace) -> dict[str, Any]:
-    """Sentences typed into the page, each in a scene of its own, and how they ended."""
+    """Outcomes of sentences that are typed into the page, each in another scene."""
     rng, ends = np.random.default_rng(args.seed), []
     server = PlayServer("--seed", str(args.seed), *args.words)
     with headless_browser() as browser:
@@ -121,30 +130,31 @@ def said(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def hostile(args: argparse.Namespace) -> dict[str, Any]:
-    """Whatever people, programs and cats may do, for minutes; memory each minute, and what went wrong."""
+    """Random actions for some minutes: number of exceptions, and memory each minute."""
     rng = np.random.default_rng(args.seed)
     server = PlayServer("--seed", str(args.seed), *args.words)
-    done = dict.fromkeys(DEEDS, 0)
+    counts, weights = dict.fromkeys(ACTION_WEIGHTS, 0), np.array(list(ACTION_WEIGHTS.values()))
+    shares = weights / weights.sum()
     with headless_browser() as browser:
         page = PageTab(browser, server.address)
-        for robot in CHANGES["Robot"]:  # each is loaded once, and kept
+        for robot in CHANGES["Robot"]:  # the meshes of each are loaded once
             page.choose("Robot", robot)
             page.press("Change")
             page.say_and_wait(f"reach {page.object_names()[0]}")
-        memory, began = [server.megabytes()], time.monotonic()
-        while time.monotonic() - began < 60 * args.minutes:
-            deed = str(rng.choice(list(DEEDS), p=np.array(list(DEEDS.values())) / sum(DEEDS.values())))
-            page = _does(deed, page, browser, server.address, rng)
-            done[deed] += 1
-            if time.monotonic() - began > 60 * len(memory):
+        memory, start_time = [server.megabytes()], time.monotonic()
+        while time.monotonic() - start_time < 60 * args.minutes:
+            action = str(rng.choice(list(ACTION_WEIGHTS), p=shares))
+            page = _act(action, page, browser, server.address, rng)
+            counts[action] += 1
+            if time.monotonic() - start_time > 60 * len(memory):
                 memory.append(server.megabytes())
                 print(f"{len(memory) - 1} min: {memory[-1]:.0f} MB", file=sys.stderr)
         page.tab.reload()
-        page.clock()  # it still goes
+        page.clock()  # waits until the page works
     errors = server.close()
     return {
         "minutes": args.minutes,
-        "deeds": done,
+        "actions": counts,
         "exit_code": server.process.returncode,
         "exceptions": errors.count("Traceback"),
         "first": errors[errors.find("Traceback") :][:2000] if "Traceback" in errors else "",
@@ -153,22 +163,22 @@ def hostile(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _does(deed: str, page: PageTab, browser: Any, address: str, rng: np.random.Generator) -> PageTab:
-    """One deed. Returns who comes next: a second tab takes over from the first."""
-    if deed in ("type", "enter"):
+def _act(action: str, page: PageTab, browser: Any, address: str, rng: np.random.Generator) -> PageTab:
+    """One action. Returns the page for the next one: a second tab replaces the first."""
+    if action in ("type", "enter"):
         text = WRITERS[rng.integers(len(WRITERS))](rng, random_scene(3, rng))
-        text = text.encode("utf-8", "replace").decode()  # a browser types no half characters
-        (page.type_sentence if deed == "type" else page.say)(text)
-    elif deed == "button":
+        text = text.encode("utf-8", "replace").decode()  # a browser cannot type lone surrogates
+        (page.type_sentence if action == "type" else page.say)(text)
+    elif action == "button":
         page.press(str(rng.choice(["Stop", "Shuffle", "Go where I point"])))
-    elif deed == "click":
+    elif action == "click":
         page.tab.mouse.click(*rng.integers(20, 480, 2).tolist())  # left of the panel
-    elif deed == "key":
+    elif action == "key":
         page.tab.keyboard.press(str(rng.choice(KEYS)))
-    elif deed == "reload":
+    elif action == "reload":
         page.tab.reload()
         page.field("Say").wait_for()
-    elif deed == "second tab":
+    elif action == "second tab":
         other = PageTab(browser, address)
         page.tab.close()
         return other
@@ -180,7 +190,7 @@ def _does(deed: str, page: PageTab, browser: Any, address: str, rng: np.random.G
 
 
 def film(args: argparse.Namespace) -> dict[str, Any]:
-    """A sentence and, in mid-motion, its correction, a picture every second control step."""
+    """A GIF of a sentence and its correction during motion, with a picture every second control step."""
     server = PlayServer("--seed", str(args.seed), *args.words)
     pictures: list[Image.Image] = []
     with headless_browser() as browser:
@@ -190,11 +200,11 @@ def film(args: argparse.Namespace) -> dict[str, Any]:
             for _ in range(times):
                 for _ in range(2):
                     page.press("One step")
-                time.sleep(SETTLED)
+                time.sleep(DRAWING_TIME)
                 pictures.append(Image.open(io.BytesIO(page.tab.screenshot())))
 
         names = page.object_names()
-        page.tab.locator(".mantine-Notification-closeButton").first.click()  # that there is no graphics card
+        page.tab.locator(".mantine-Notification-closeButton").first.click()  # the notice that there is no graphics card
         page.press("Time")
         page.tab.get_by_label("Pause").click()
         page.type_sentence(f"reach {names[0]}")
@@ -206,32 +216,32 @@ def film(args: argparse.Namespace) -> dict[str, Any]:
         step(11)
     server.close()
     small = [picture.convert("RGB").resize((WIDE[0] * 3 // 4, WIDE[1] * 3 // 4)) for picture in pictures]
-    palette = small[-1].quantize(256, Image.Quantize.MAXCOVERAGE)  # small things keep their colours
+    palette = small[-1].quantize(256, Image.Quantize.MAXCOVERAGE)  # so that small objects keep their colours
     colors = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in small]
     colors[0].save(args.out, save_all=True, append_images=colors[1:], duration=150, loop=0)
     return {"pictures": len(colors), "bytes": args.out.stat().st_size}
 
 
 def main() -> None:
-    """Run what was asked for and print what came of it."""
+    """Measures one thing and prints the result as JSON."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("what", choices=list(WHAT))
-    options.add_argument("words", nargs="*", help="for play.py, after --")
+    options.add_argument("what", choices=list(COMMANDS))
+    options.add_argument("words", nargs="*", help="arguments for play.py, after --")
     options.add_argument("--count", type=int, default=20, help="sentences")
     options.add_argument("--minutes", type=float, default=30.0)
     options.add_argument("--seed", type=int, default=0)
-    options.add_argument("--out", type=Path, help="the gif of film")
+    options.add_argument("--out", type=Path, help="the GIF of film")
     args = options.parse_args()
     if CHROMIUM is None or find_spec("playwright") is None:
-        sys.exit('error: this needs Chromium, and pip install -e ".[test]"')
+        sys.exit('error: this requires Chromium, and pip install -e ".[test]"')
     if args.count < 1 or args.minutes <= 0 or args.seed < 0:
-        options.error("--count is at least 1, --minutes greater than 0, --seed at least 0")
+        options.error("--count must be at least 1, --minutes greater than 0, --seed at least 0")
     if args.what == "film" and args.out is None:
-        options.error("film needs --out, a gif")
-    print(json.dumps({"machine": system_info(), args.what: WHAT[args.what](args)}, indent=1))
+        options.error("film requires --out, a GIF")
+    print(json.dumps({"machine": system_info(), args.what: COMMANDS[args.what](args)}, indent=1))
 
 
-WHAT = {"start": start, "motion": motion, "said": said, "hostile": hostile, "film": film}
+COMMANDS = {"start": start, "motion": motion, "said": said, "hostile": hostile, "film": film}
 
 if __name__ == "__main__":
     main()

@@ -55,7 +55,7 @@ class Workload:
 
 @dataclass(frozen=True)
 class Comparison:
-    """`over` / `under` in each round, or `over` alone, and the bound for the median."""
+    """`numerator` / `denominator` in each round, or `numerator` alone for "", and the bound for the median."""
 
     label: str
     numerator: str
@@ -194,7 +194,9 @@ def rate_table(rounds: Sequence[Round]) -> list[str]:
 def comparison_table(rounds: Sequence[Round]) -> list[str]:
     """One row for each comparison that this run measured: median, spread, bound, whether it is met."""
     ran = set().union(*rounds)
-    rows = [comparison.row(rounds) for comparison in COMPARISONS if ran & {comparison.numerator, comparison.denominator}]
+    rows = [
+        comparison.row(rounds) for comparison in COMPARISONS if ran & {comparison.numerator, comparison.denominator}
+    ]
     return _table(["what", "median", "least - greatest", "bar", "met"], rows)
 
 

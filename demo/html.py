@@ -43,6 +43,11 @@ def message(text: str) -> str:
     return _box(f'<b style="color:{ORANGE}">{escape(text)}</b>') if text else _box("&nbsp;")
 
 
+def hint(text: str) -> str:
+    """A hint to the person."""
+    return _box(f"<small>{escape(text)}</small>")
+
+
 def object_shares(view: ViewState, names: Sequence[str]) -> str:
     """A bar for each object: the policy's attention, and the probability that the finger points at it."""
     rows = []

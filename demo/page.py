@@ -106,7 +106,7 @@ class Page:
     def _build_by_hand(self, box: Sequence[float]) -> None:
         gui = self._gui
         with gui.add_folder("By hand", expand_by_default=False):
-            gui.add_html(html.message(HELP_BY_HAND))
+            gui.add_html(html.hint(HELP_BY_HAND))
             limits = zip("xyz", box[::2], box[1::2], strict=True)
             self._hand_sliders = [gui.add_slider(axis, low, high, 0.01, low) for axis, low, high in limits]
             self._gripper_closed = gui.add_checkbox("Gripper closed", False)
