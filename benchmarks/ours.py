@@ -152,13 +152,13 @@ def sac_gradient_steps(steps: int) -> dict[str, Any]:
     policy, sac = build_algorithm(plan, env.observation_spec, env.action_unit)
     assert isinstance(sac, SAC)
     rollouts = Rollouts(partial(build_env, read_env(config)), policy, CollectorConfig(workers=1, worlds=WORLDS), 128, 0)
-    sac.remember(rollouts.next())
+    sac.replay.extend(rollouts.next())
     rollouts.close()
     torch.set_num_threads(len(os.sched_getaffinity(0)))
     batch = sac.config.batch
 
     def work(count: int = steps) -> None:
-        for frames in sac.memory.sample(count * batch).split(batch):
+        for frames in sac.replay.sample(count * batch).split(batch):
             sac.step(frames)
 
     work(100)

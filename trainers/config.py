@@ -8,6 +8,8 @@ from importlib.util import find_spec
 from typing import Any
 
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
+from trainers.algorithms.base_config import AlgorithmConfig
+from trainers.algorithms.registry import read_algorithm
 
 
 @dataclass(frozen=True)
@@ -39,55 +41,6 @@ class MLPConfig(NetworkConfig):
 
     name: str = one_of("mlp")
     embedding: int = within(1, 1024)
-
-
-@dataclass(frozen=True)
-class PPOConfig(Checked):
-    """Proximal policy optimisation, Schulman et al. 2017 (arXiv:1707.06347)."""
-
-    anneal_lr: bool  # linearly to zero over the run
-    name: str = one_of("ppo")
-    horizon: int = within(2, 4096)  # steps of each world between updates
-    epochs: int = within(1, 100)
-    minibatch: int = within(2)
-    lr: float = within(1e-7, 1.0)
-    gamma: float = within(0.0, 1.0)
-    lmbda: float = within(0.0, 1.0)
-    clip: float = within(1e-3, 1.0)
-    entropy: float = within(0.0, 1.0)  # weight of the entropy bonus
-    critic_weight: float = within(0.0, 100.0)
-    max_grad_norm: float = within(1e-3)
-    final_std: float = within(0.01, 2.0)  # the exploration noise at most at the end, after a linear decline
-    target_kl: float = within(0.0)  # an update ends early beyond 1.5 times this; 0 = never
-    grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
-    grounding_batch: int = within(1)  # scenes to learn grounding from, at each step
-    grounding_memory: int = within(1)  # scenes that grounding is learned from, the latest ones
-    grounding_scenes: int = within(0)  # scenes added at each update that are drawn and described but never simulated
-
-
-@dataclass(frozen=True)
-class SACConfig(Checked):
-    """Soft actor-critic with automatic temperature, Haarnoja et al. 2018 (arXiv:1812.05905)."""
-
-    anneal_lr: bool  # linearly to zero over the run
-    name: str = one_of("sac")
-    horizon: int = within(1, 4096)
-    batch: int = within(2)
-    lr: float = within(1e-7, 1.0)
-    gamma: float = within(0.0, 1.0)
-    tau: float = within(1e-5, 1.0)  # how far the target critics move towards the critics a step
-    updates_per_frame: float = within(0.0, 100.0)  # gradient steps a collected frame
-    buffer: int = within(100)  # frames remembered
-    learning_starts: int = within(0)  # frames collected before the first gradient step
-    initial_alpha: float = within(1e-4, 10.0)  # temperature
-    target_entropy: float = within(-10.0, 10.0)  # nats for each dimension of the action
-    max_grad_norm: float = within(1e-3)
-    grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
-    grounding_batch: int = within(1)  # scenes to learn grounding from
-    grounding_every: int = within(1)  # steps of an update, of which the first learns grounding
-    grounding_memory: int = within(1)  # scenes that grounding is learned from, the latest ones
-    grounding_scenes: int = within(0)  # scenes added at each update that are drawn and described but never simulated
-    hindsight: float = within(0.0, 100.0)  # relabelled copies of each episode; 0 = none, a fraction is a probability
 
 
 @dataclass(frozen=True)
@@ -126,7 +79,6 @@ class RunConfig(Checked):
 
 
 PolicyConfig = GroundedConfig | MLPConfig
-AlgoConfig = PPOConfig | SACConfig
 
 
 @dataclass(frozen=True)
@@ -137,7 +89,7 @@ class Plan:
     collector: CollectorConfig
     eval: EvalConfig
     policy: PolicyConfig
-    algo: AlgoConfig
+    algo: AlgorithmConfig
 
 
 def read_plan(config: Any) -> Plan:
@@ -147,7 +99,7 @@ def read_plan(config: Any) -> Plan:
         collector=read(CollectorConfig, config["collector"], "collector"),
         eval=read(EvalConfig, config["eval"], "eval"),
         policy=_by_name(config["policy"], "policy", {"grounded": GroundedConfig, "mlp": MLPConfig}),
-        algo=_by_name(config["algo"], "algo", {"ppo": PPOConfig, "sac": SACConfig}),
+        algo=read_algorithm(config["algo"]),
     )
     _check_together(plan)
     return plan
@@ -184,11 +136,9 @@ def _check_together(plan: Plan) -> None:
         )
     if "wandb" in plan.run.logger and find_spec("wandb") is None:
         raise ConfigError('logger=[wandb] needs wandb, which is not installed: pip install -e ".[wandb]"')
-    batch = frames_per_batch(plan)
-    if isinstance(plan.algo, PPOConfig) and plan.algo.minibatch > batch:
+    if plan.algo.clips and plan.policy.state_dependent_std:
         raise ConfigError(
-            f"algo.minibatch={plan.algo.minibatch} is more than the {batch} frames of a batch: "
-            "lower it, or raise algo.horizon or collector.worlds"
+            f"policy.state_dependent_std=true needs an algorithm that learns the noise; algo.name={plan.algo.name} "
+            "adds noise of policy.initial_std to a deterministic move"
         )
-    if isinstance(plan.algo, SACConfig) and plan.algo.buffer < max(batch, plan.algo.batch):
-        raise ConfigError(f"algo.buffer={plan.algo.buffer} must hold a batch of {max(batch, plan.algo.batch)} frames")
+    plan.algo.check_batch(frames_per_batch(plan))

@@ -14,7 +14,7 @@ CONF = Path(__file__).parents[2] / "conf"
 
 def config(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ...] = ()) -> dict[str, Any]:
     """The composed config of a short run on the fake environment, as plain values."""
-    base = {
+    base: dict[str, Any] = {
         "total_frames": 512,
         "seed": 0,
         "device": "cpu",
@@ -25,8 +25,9 @@ def config(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ..
         "algo": OmegaConf.load(CONF / "algo" / f"{algo}.yaml"),
         "policy": OmegaConf.load(CONF / "policy" / f"{policy}.yaml"),
     }
-    small = {"ppo": ["algo.horizon=16", "algo.minibatch=64"], "sac": ["algo.learning_starts=64", "algo.batch=32"]}
-    merged = OmegaConf.merge(OmegaConf.create(base), OmegaConf.from_dotlist([*small[algo], *overrides]))
+    on_policy = "epochs" in base["algo"]
+    small = ["algo.horizon=16", "algo.minibatch=64"] if on_policy else ["algo.learning_starts=64", "algo.batch=32"]
+    merged = OmegaConf.merge(OmegaConf.create(base), OmegaConf.from_dotlist([*small, *overrides]))
     return OmegaConf.to_container(merged)  # type: ignore[return-value]
 
 

@@ -14,7 +14,7 @@ import torch
 from tests.helpers.fake_env import WORDS, FakeEnv, make_env
 from tests.helpers.plans import config, plan
 from trainers.algorithms.algorithm import DivergedError
-from trainers.models.policy import build
+from trainers.models.policy import build_policy
 from trainers.rollout.collection import CollectionError, Rollouts, derive_seed
 from trainers.rollout.episode_statistics import EpisodeStatistics
 from trainers.rollout.evaluation import evaluate
@@ -131,15 +131,15 @@ def test_metrics_keep_one_header_and_forget_what_comes_again(tmp_path):
 
 def test_two_workers_get_the_weights_and_one_killed_ends_the_run():
     env = make_env(4, 0)
-    policy = build(plan().policy, env.observation_spec, env.action_unit)
+    policy = build_policy(plan().policy, env.observation_spec, env.action_unit)
     rollouts = Rollouts(make_env, policy, plan(overrides=("collector.workers=2",)).collector, 4, 0)
     try:
         batch = rollouts.next().clone()
         assert batch.shape == (8, 4)
         assert not torch.equal(batch["robot"][:4], batch["robot"][4:])
         with torch.no_grad():
-            policy.gaussian.log_std.fill_(-4.0)
-            policy.gaussian.net[-1].bias.fill_(0.5)
+            policy.actor.log_std.fill_(-4.0)
+            policy.actor.net[-1].bias.fill_(0.5)
         rollouts.sync(policy)
         rollouts.next()
         assert rollouts.next()["action"].mean() == pytest.approx(0.5, abs=0.05)
@@ -158,7 +158,7 @@ def test_two_workers_get_the_weights_and_one_killed_ends_the_run():
 def test_workers_killed_before_they_take_new_weights_end_the_run_too(monkeypatch, count):
     monkeypatch.setattr("trainers.rollout.worker_monitor.GRACE_SECONDS", 1.0)
     env = make_env(4, 0)
-    policy = build(plan().policy, env.observation_spec, env.action_unit)
+    policy = build_policy(plan().policy, env.observation_spec, env.action_unit)
     rollouts = Rollouts(make_env, policy, plan(overrides=("collector.workers=2",)).collector, 4, 0)
     try:
         rollouts.next()

@@ -8,7 +8,10 @@ WORDS = ["<pad>", "<unk>", "reach", "cube"]
 
 
 def payload():
-    weights = {"words.ask.embed.weight": torch.arange(8.0).reshape(4, 2), "gaussian.weight": torch.ones(4, 3)}
+    weights = {
+        "encoder.query_encoder.word_embedding.weight": torch.arange(8.0).reshape(4, 2),
+        "actor.weight": torch.ones(4, 3),
+    }
     return {"vocabulary": WORDS, "algorithm": {"policy": weights}}
 
 
@@ -16,11 +19,11 @@ def test_added_words_are_read_as_unknown_and_the_others_as_before():
     before = payload()
     after = extend_vocabulary(before, (*WORDS, "stack", "upon"))
     assert after["vocabulary"] == [*WORDS, "stack", "upon"]
-    rows = after["algorithm"]["policy"]["words.ask.embed.weight"]
-    old = before["algorithm"]["policy"]["words.ask.embed.weight"]
+    rows = after["algorithm"]["policy"]["encoder.query_encoder.word_embedding.weight"]
+    old = before["algorithm"]["policy"]["encoder.query_encoder.word_embedding.weight"]
     assert torch.equal(rows[:4], old)
     assert torch.equal(rows[4:], old[[1, 1]])
-    assert torch.equal(after["algorithm"]["policy"]["gaussian.weight"], torch.ones(4, 3))
+    assert torch.equal(after["algorithm"]["policy"]["actor.weight"], torch.ones(4, 3))
     assert before["vocabulary"] == WORDS
     assert len(old) == 4
 

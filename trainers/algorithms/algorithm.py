@@ -1,17 +1,21 @@
-"""What the algorithms share: refusing numbers that are not numbers, and averages of what they measured."""
+"""What every algorithm has: a policy, an optimizer, supervision of the grounding, checks and annealing."""
 
 from __future__ import annotations
 
-from typing import Protocol
+import math
+from abc import ABC, abstractmethod
+from typing import Any
 
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
 from conf.schema import RunError
+from trainers.algorithms.base_config import AlgorithmConfig
+from trainers.algorithms.grounding_supervision import GroundingSupervision
+from trainers.algorithms.specs import Specs
+from trainers.models.policy import Policy
 from trainers.utils.observation_keys import public_keys
-
-METRICS = ("loss/grounding", "grounding/accuracy")
 
 
 class DivergedError(RunError):
@@ -22,49 +26,95 @@ class DivergedError(RunError):
         self.batch = batch
 
 
-class Annealed(Protocol):
-    """The values of a config that its learning rate follows from."""
+class Algorithm(ABC):
+    """A learner: `update` is given each batch that the workers collect.
+
+    Attributes:
+        metrics: names that `update` may return.
+        saved: names of the attributes that a checkpoint keeps, each with a `state_dict`.
+    """
+
+    metrics: tuple[str, ...]
+    saved: tuple[str, ...] = ("policy", "optimizer")
+    optimizer: torch.optim.Optimizer
+
+    def __init__(self, config: AlgorithmConfig, policy: Policy) -> None:
+        self.policy = policy
+        self.device = next(policy.parameters()).device
+        self.grounding = GroundingSupervision(config, policy, self.device)
+
+    @classmethod
+    @abstractmethod
+    def build(cls, config: Any, policy: Policy, specs: Specs) -> Algorithm:
+        """The algorithm that trains this policy, with critics of its own.
+
+        Args:
+            config: of the class that was registered for this algorithm.
+            policy: on the device of the updates.
+            specs: builds the critics.
+        """
 
     @property
-    def lr(self) -> float: ...
+    def scenes_per_update(self) -> int:
+        """How many unsimulated scenes `add_scenes` takes before each update."""
+        return self.grounding.scenes_per_update
 
-    @property
-    def anneal_lr(self) -> bool: ...
+    def add_scenes(self, scenes: TensorDictBase) -> None:
+        """Take unsimulated scenes (count,) of the environment's `draw_scenes` for the grounding loss."""
+        self.grounding.add(scenes)
 
-
-class Algorithm(Protocol):
-    """A learner: fed each batch that the workers collect."""
-
-    @property
-    def metrics(self) -> tuple[str, ...]:
-        """The names that `update` may return."""
-
-    @property
-    def wants_scenes(self) -> int:
-        """How many scenes to give to `study` before each update."""
-
-    def study(self, scenes: TensorDictBase) -> None:
-        """Take scenes (count,) of `draw_scenes`, that nobody acted in, to learn what words mean."""
-
+    @abstractmethod
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
-        """Learn from a batch (worlds, steps). progress: the part of the run that is over, in [0, 1]."""
+        """Learn from a batch (worlds, steps).
 
-    def state_dict(self) -> dict:
-        """Networks and optimizers."""
+        Args:
+            batch: frames, each with its "next"; the worlds are the same at every call, and the steps follow on.
+            progress: share of the run that is over, in [0, 1].
 
-    def load_state_dict(self, state: dict) -> None:
-        """Go on from `state_dict`."""
+        Returns:
+            What was measured, by names of `metrics`.
+
+        Raises:
+            DivergedError: a number is not finite.
+        """
+
+    def state_dict(self) -> dict[str, Any]:
+        """Networks and optimizers, without replayed frames."""
+        return {name: getattr(self, name).state_dict() for name in self.saved}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Continue from `state_dict`. Raises KeyError, RuntimeError or ValueError where the networks differ."""
+        for name in self.saved:
+            getattr(self, name).load_state_dict(state[name])
 
 
-def anneal(optimizer: torch.optim.Optimizer, config: Annealed, progress: float) -> float:
-    """Set the optimizer's learning rate to what it is at this progress in [0, 1] of a run, and return it."""
-    rate = config.lr * (1 - progress if config.anneal_lr else 1.0)
+def anneal_learning_rate(optimizer: torch.optim.Optimizer, lr: float, anneal: bool, progress: float) -> float:
+    """Set the optimizer's learning rate for this progress in [0, 1] of a run, and return it."""
+    rate = lr * (1 - progress if anneal else 1.0)
     optimizer.param_groups[0]["lr"] = rate
     return rate
 
 
+class ExplorationSchedule:
+    """Lowers the upper bound of a policy's exploration noise linearly to `final_std`.
+
+    A behaviour that only noise produces, such as opening the gripper, has to become part of the mean.
+    """
+
+    def __init__(self, policy: Policy, final_std: float) -> None:
+        self.policy, self.final_std = policy, final_std
+        self.first_std = math.exp(max(log_std.max().item() for log_std in policy.log_stds))
+
+    @torch.no_grad()
+    def step(self, progress: float) -> None:
+        """Apply the bound for this progress in [0, 1] of a run."""
+        bound = self.first_std * (1 - progress) + self.final_std * progress
+        for log_std in self.policy.log_stds:
+            log_std.clamp_(max=math.log(bound))
+
+
 def check_batch(batch: TensorDictBase) -> None:
-    """Raise DivergedError, with its name, for an observation, reward or action that is not finite."""
+    """Raise DivergedError that names an observation, reward or action that is not finite."""
     after = batch["next"]
     floats = [key for key in public_keys(after) if after[key].is_floating_point()]
     before = [key for key in (*floats, "action") if key in batch.keys()]
@@ -80,7 +130,12 @@ def check_loss(loss: Tensor, batch: TensorDictBase) -> None:
         raise DivergedError(f"the loss became {loss.item()}", batch)
 
 
+def total_loss(measured: dict[str, Tensor]) -> Tensor:
+    """The sum of the scalars that are named loss/..."""
+    return torch.stack([value for name, value in measured.items() if name.startswith("loss/")]).sum()
+
+
 def averages(rows: list[dict[str, Tensor]]) -> dict[str, float]:
-    """The mean of each measured name over those steps of an update that measured it."""
+    """The mean of each measured name over those gradient steps of an update that measured it."""
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: torch.stack([row[name] for row in rows if name in row]).mean().item() for name in names}

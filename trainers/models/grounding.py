@@ -1,4 +1,4 @@
-"""Which object do the words mean? Tokens ask, object slots answer.
+"""Grounding: which object do the words mean? Queries from the words attend to object slots.
 
 Attention over object slots with queries from language follows the neural module networks of Andreas et al. 2016
 and the two hops ("left of *that*") of end-to-end memory networks, Sukhbaatar et al. 2015.
@@ -12,189 +12,171 @@ import torch
 import torch.nn.functional as F
 from tensordict import TensorDictBase
 from torch import Tensor, nn
-from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from trainers.models.networks import Normalise, mlp
+from trainers.models.query_encoder import QUERIES, QueryEncoder
 
-SEEN = ("objects", "objects_mask")
+SCENE_KEYS = ("objects", "objects_mask")
 GESTURE = "gesture"
 NEAR, OBSTACLE = "objects_near", "obstacle"
-AIMED = 5  # numbers that tell how an object lies to a ray
+RAY_FEATURES = 5  # numbers that tell how an object lies to a ray
 REFERENT, TARGET = ("privileged", "referent"), ("privileged", "target")
-CHOICES = {"attention_logits": REFERENT, "target_logits": TARGET}  # what attention chooses, and what it should
-MAPS = 4  # ways to look at a position, of three numbers each; with 8 of them, fresh scenes were read worse
-FAR = -1e9  # the logit of what is not there: finite, so that an empty sentence or scene gives no NaN
+LABELS = {"attention_logits": REFERENT, "target_logits": TARGET}  # the attention, and the slot that it should choose
+MAPS = 4  # linear maps of a position to three numbers; with 8 of them, accuracy on fresh scenes was lower
+MASKED = -1e9  # the logit of an absent slot: finite, so that an empty sentence or scene gives no NaN
 
 
-class Asker(nn.Module):
-    """An instruction (N, L) int64, 0 = pad, to queries (N, 4 * things, E): a thing, its two anchors, the relation.
+class GroundingEncoder(nn.Module):
+    """Instruction (N, L) and scene to attention logits (N, K) and the referent's row (N, D).
 
-    things: how many the words name: the referent and, if that is to be brought somewhere, its target.
-    """
+    The scene is objects (N, K, D), mask (N, K) and, where a person points, gesture (N, 7); `scene_keys` has their keys.
+    With two choices (referent and target) there are two logits, and the two rows are concatenated, (N, 2 * D).
 
-    hash: Tensor
+    A slot's logit has four parts:
 
-    def __init__(self, embed: nn.Module, length: int, width: int, things: int = 1) -> None:
-        super().__init__()
-        self.embed = embed  # (N, L) to (N, L, E)
-        self.place = nn.Parameter(0.1 * torch.randn(length, width))
-        self.near = nn.ModuleList(nn.Linear(3 * width, width) for _ in range(2))
-        self.roles = nn.Linear(width, 4 * things)
-        # Two things differ even where nothing is said of them: one can be moved, the other marks a place.
-        self.unsaid = nn.Parameter(0.1 * torch.randn(4 * things, width)) if things > 1 else None
-        self.register_buffer("hash", torch.randint(2**62, (length,), generator=torch.Generator().manual_seed(1)))
+    * how well its row matches the words for the referent;
+    * its position relative to the two anchors that the words attend to ("left of *that*", "between *that* and *that*");
+    * its position relative to the ray of the finger;
+    * its comparison with every other slot that fits so far ("leftmost", "nearest to *that*").
 
-    def forward(self, tokens: Tensor) -> Tensor:
-        # One episode says the same words at every step, so a training batch holds few sentences many times over.
-        if len(tokens) <= 64:
-            return self.encode(tokens)
-        _, copy = torch.unique((tokens * self.hash).sum(-1), return_inverse=True)
-        first = copy.new_empty(int(copy.max()) + 1).scatter_(0, copy, torch.arange(len(copy), device=copy.device))
-        return self.encode(tokens[first])[copy]
+    The referent is the attention-weighted sum of the normalised rows, so the actor has the same input whatever the
+    number of objects, and never sees a word.
 
-    def encode(self, tokens: Tensor) -> Tensor:
-        """Which words belong to which query is read from the whole sentence; what they say, from each word alone.
-
-        So a known word says the same beside an unknown one, and pairs of words that were never heard together mean
-        what their parts do: 98 instead of 97 % of them in fresh scenes, where queries were sums of mixed words.
-        """
-        said = (tokens != 0).unsqueeze(-1)
-        words = self.embed(tokens) * said
-        x = words + self.place * said
-        for near in self.near:
-            # A convolution of width 3, written as one product: PyTorch's own takes 3 times as long at these sizes.
-            before, after = F.pad(x, (0, 0, 1, 0))[:, :-1], F.pad(x, (0, 0, 0, 1))[:, 1:]
-            x = x + F.relu(near(torch.cat([before, x, after], -1))) * said
-        heed = self.roles(x).sigmoid() * said
-        asked = heed.transpose(1, 2) @ words
-        return asked if self.unsaid is None else asked + self.unsaid
-
-
-class Grounder(nn.Module):
-    """Instruction (N, L) and what is seen to attention logits (N, K) and the referent's row (N, D).
-
-    things: 2 where the words name a target as well: then two logits, and both rows, (N, 2 * D).
-
-    Seen are objects (N, K, D), mask (N, K) and, where a person points, gesture (N, 7): `sees` has their keys.
-
-    A slot's logit has four parts: how well its row matches the words for the referent; how it lies to the two things
-    that the words for the anchors attend to ("left of *that*", "between *that* and *that*"); how it lies to the ray of
-    the finger; and how it compares with every other slot that fits so far ("leftmost", "nearest to *that*").
-
-    The referent is the attention-weighted sum of the normalised rows, so the arm's part of the network has the same
-    input whatever the number of objects, and never sees a word.
-
-    watches: whether to tell what is in the way as well, from objects_near (N, K).
+    Args:
+        objects: normalises object rows.
+        word_embedding: tokens (N, L) to (N, L, E).
+        length: L.
+        embedding: E.
+        width: features of a slot.
+        reads_gesture: whether the scene has a gesture.
+        choices: 1, or 2 where the words name a target as well.
+        observes_obstacles: whether to write the nearest obstacle as well, from objects_near (N, K).
     """
 
     def __init__(
         self,
         objects: Normalise,
-        embed: nn.Module,
+        word_embedding: nn.Module,
         length: int,
         embedding: int,
         width: int,
-        points: bool = False,
-        things: int = 1,
-        watches: bool = False,
+        reads_gesture: bool = False,
+        choices: int = 1,
+        observes_obstacles: bool = False,
     ) -> None:
         super().__init__()
-        self.sees, self.watches = (*SEEN, GESTURE) if points else SEEN, watches
-        self.chooses = tuple(CHOICES)[:things]
-        self.writes = (*self.chooses, "referent")
+        self.scene_keys = (*SCENE_KEYS, GESTURE) if reads_gesture else SCENE_KEYS
+        self.observes_obstacles = observes_obstacles
+        self.logit_keys = tuple(LABELS)[:choices]
+        self.out_keys = (*self.logit_keys, "referent")
         row = objects.shape[-1]
-        self.objects, self.outputs = objects, row * things
-        self.ask = Asker(embed, length, embedding, things)
-        self.slot = mlp(row, [width], width)
-        self.linear = nn.Linear(row, width)
-        self.match = nn.Linear(embedding, width)
+        self.normalise, self.outputs = objects, row * choices
+        self.query_encoder = QueryEncoder(word_embedding, length, embedding, choices)
+        self.slot_mlp = mlp(row, [width], width)
+        self.slot_linear = nn.Linear(row, width)
+        self.query_projection = nn.Linear(embedding, width)
         self.scale = width**-0.5
-        # A row begins with its position (m). Shown the whole row, the network has to find out first that colours are
-        # no places: fresh scenes were then read right in 85 instead of 97 % after 1000 steps.
-        self.places = nn.Linear(3, 3 * MAPS, bias=False)
-        self.origin = nn.Parameter(torch.zeros(3 * MAPS))  # "nearest" has no anchor: it is seen from here
-        self.relate = mlp(9 * MAPS + 4 * MAPS + embedding, [width], 1)
-        self.compare = mlp(6 * MAPS + embedding, [width // 2], 1)
-        # Straight from the ray to the logit: the likeliest object is a linear function of these numbers.
-        self.heed = nn.Linear(embedding, AIMED) if points else None
+        # A row begins with its position (m). Given the whole row, the network first has to find out that colours are
+        # not positions: accuracy on fresh scenes was then 85 instead of 97 % after 1000 steps.
+        self.position_maps = nn.Linear(3, 3 * MAPS, bias=False)
+        self.origin = nn.Parameter(torch.zeros(3 * MAPS))  # "nearest" has no anchor: distances are taken from here
+        self.relation_scorer = mlp(9 * MAPS + 4 * MAPS + embedding, [width], 1)
+        self.comparison_scorer = mlp(6 * MAPS + embedding, [width // 2], 1)
+        # Linear from the ray to the logit: the likeliest object is a linear function of these numbers.
+        self.ray_weights = nn.Linear(embedding, RAY_FEATURES) if reads_gesture else None
 
-    def forward(self, instruction: Tensor, *seen: Tensor) -> tuple[Tensor, ...]:
-        return self.point(self.ask(instruction), *seen)
+    def forward(self, instruction: Tensor, *scene: Tensor) -> tuple[Tensor, ...]:
+        return self.attend(self.encode_words(instruction), *scene)
 
-    def point(self, asked: Tensor, objects: Tensor, mask: Tensor, gesture: Tensor | None = None) -> tuple[Tensor, ...]:
-        """The same, of queries (N, 4 * things, E) that `ask` has made of the words."""
-        rows = self.objects(objects)
-        slots = self.slot(rows) + self.linear(rows)
-        logits = [self.choose(each, rows, slots, objects, mask, gesture) for each in asked.split(4, dim=1)]
+    def encode_words(self, instruction: Tensor) -> Tensor:
+        """Tokens (N, L) to queries (N, 4 * choices, E)."""
+        return self.query_encoder(instruction)
+
+    def attend(
+        self, queries: Tensor, objects: Tensor, mask: Tensor, gesture: Tensor | None = None
+    ) -> tuple[Tensor, ...]:
+        """`forward`, given the queries (N, 4 * choices, E) of `encode_words`."""
+        rows = self.normalise(objects)
+        slots = self.slot_mlp(rows) + self.slot_linear(rows)
+        logits = [
+            self._attention_logits(each, rows, slots, objects, mask, gesture) for each in queries.split(QUERIES, dim=1)
+        ]
         return *logits, torch.cat([(each.softmax(-1).unsqueeze(1) @ rows).squeeze(1) for each in logits], -1)
 
-    def choose(
-        self, asked: Tensor, rows: Tensor, slots: Tensor, objects: Tensor, mask: Tensor, gesture: Tensor | None
+    def _attention_logits(
+        self, queries: Tensor, rows: Tensor, slots: Tensor, objects: Tensor, mask: Tensor, gesture: Tensor | None
     ) -> Tensor:
-        """Attention logits (N, K) of one thing's queries (N, 4, E), with what has been made of the rows."""
-        scores = (slots @ self.match(asked[:, :3]).transpose(1, 2) * self.scale).masked_fill(~mask.unsqueeze(-1), FAR)
-        places = self.places(rows[..., :3])
-        anchors = scores[..., 1:].softmax(1).transpose(1, 2) @ places  # (N, 2, 3 * MAPS)
-        how = asked[:, 3].unsqueeze(1).expand(-1, rows.shape[1], -1)
-        one, other = places - anchors[:, :1], places - anchors[:, 1:]
-        far_from_one, far_from_other, far = _lengths(one), _lengths(other), _lengths(places + self.origin)
-        apart = _lengths(one - other)
-        lies = torch.cat([places, one, other, far_from_one, far_from_other, apart, far, how], -1)
-        fits = scores[..., 0] + self.relate(lies).squeeze(-1)
-        if self.heed is not None and gesture is not None:
-            fits = fits + (aimed(objects[..., :3], gesture) * self.heed(asked[:, 3]).unsqueeze(1)).sum(-1)
-        fits = fits.masked_fill(~mask, FAR)
-        beats = self.beats(torch.cat([places, far_from_one, far_from_other, far], -1), how)
-        logits = fits + (beats * fits.sigmoid().unsqueeze(1)).sum(-1)
-        return logits.masked_fill(~mask, FAR)
+        """Attention logits (N, K) of one choice's queries (N, 4, E), given the features of the slots."""
+        scores = slots @ self.query_projection(queries[:, :3]).transpose(1, 2) * self.scale
+        scores = scores.masked_fill(~mask.unsqueeze(-1), MASKED)
+        positions = self.position_maps(rows[..., :3])
+        anchors = scores[..., 1:].softmax(1).transpose(1, 2) @ positions  # (N, 2, 3 * MAPS)
+        relation = queries[:, 3].unsqueeze(1).expand(-1, rows.shape[1], -1)
+        first, second = positions - anchors[:, :1], positions - anchors[:, 1:]
+        distances = _lengths(first), _lengths(second), _lengths(positions + self.origin)
+        between = _lengths(first - second)
+        relative = torch.cat([positions, first, second, *distances[:2], between, distances[2], relation], -1)
+        fits = scores[..., 0] + self.relation_scorer(relative).squeeze(-1)
+        if self.ray_weights is not None and gesture is not None:
+            weights = self.ray_weights(queries[:, 3]).unsqueeze(1)
+            fits = fits + (ray_features(objects[..., :3], gesture) * weights).sum(-1)
+        fits = fits.masked_fill(~mask, MASKED)
+        lead = self._pairwise_lead(torch.cat([positions, *distances], -1), relation)
+        logits = fits + (lead * fits.sigmoid().unsqueeze(1)).sum(-1)
+        return logits.masked_fill(~mask, MASKED)
 
-    def decide(self, frames: TensorDictBase, mixed: bool = False) -> None:
-        """Take the likeliest slot for each thing, not the mean of all: an arm between two objects is at neither.
+    def _pairwise_lead(self, features: Tensor, relation: Tensor) -> Tensor:
+        """(N, K, K): how far each slot (N, K, F) exceeds each other one in what the relation (N, K, E) compares."""
+        difference = features.unsqueeze(2) - features.unsqueeze(1)
+        relation = relation.unsqueeze(2).expand(-1, -1, features.shape[1], -1)
+        return self.comparison_scorer(torch.cat([difference, relation], -1)).squeeze(-1)
 
-        mixed: leave the means, and only tell what is in the way.
+    def keep_mean(self, frames: TensorDictBase) -> None:
+        """Keep the attention-weighted rows of encoded frames, and write the obstacle."""
+        self.write_obstacle(frames, frames[self.logit_keys[0]].argmax(-1))
+
+    def select_likeliest(self, frames: TensorDictBase) -> None:
+        """Replace the attention-weighted rows by the likeliest slot's, and write the obstacle.
+
+        A mean of two objects is a position at neither.
         """
-        slots = [frames[key].argmax(-1) for key in self.chooses]
-        if mixed:
-            self.beware(frames, slots[0])
-        else:
-            self._take(frames, slots)
+        self._select(frames, [frames[key].argmax(-1) for key in self.logit_keys])
 
-    def tell(self, frames: TensorDictBase) -> None:
-        """Take the slots that are truly meant, without a look at the words."""
-        self._take(frames, [frames[CHOICES[key]] for key in self.chooses])
+    def select_labelled(self, frames: TensorDictBase) -> None:
+        """Write the rows of the labelled slots, and the obstacle; the words are not read."""
+        self._select(frames, [frames[LABELS[key]] for key in self.logit_keys])
 
-    def _take(self, frames: TensorDictBase, slots: Sequence[Tensor]) -> None:
-        rows = self.objects(frames["objects"])
+    def _select(self, frames: TensorDictBase, slots: Sequence[Tensor]) -> None:
+        rows = self.normalise(frames["objects"])
         each = torch.arange(len(rows), device=rows.device)
         frames.set("referent", torch.cat([rows[each, slot] for slot in slots], -1))
-        self.beware(frames, slots[0])
+        self.write_obstacle(frames, slots[0])
 
-    def beware(self, frames: TensorDictBase, referent: Tensor) -> None:
-        """Write "obstacle", the row of the nearest object that could be knocked against: any but referent, slots (N,).
+    def write_obstacle(self, frames: TensorDictBase, referent: Tensor) -> None:
+        """Write "obstacle", the row of the nearest object that the arm could hit, other than the referent.
 
         The row and a 1 after it fade with the distance, so that they do not jump where another one becomes the nearest.
+        Does nothing without `observes_obstacles`.
+
+        Args:
+            frames: (N,), with objects_near (N, K).
+            referent: slots (N,).
         """
-        if not self.watches:
+        if not self.observes_obstacles:
             return
         near, slot = frames[NEAR].scatter(1, referent.unsqueeze(1), 0.0).max(1, keepdim=True)
-        rows = self.objects(frames["objects"])
+        rows = self.normalise(frames["objects"])
         row = rows.gather(1, slot.unsqueeze(-1).expand(-1, 1, rows.shape[-1])).squeeze(1)
         frames.set(OBSTACLE, near * torch.cat([row, torch.ones_like(near)], -1))
 
-    def beats(self, slots: Tensor, how: Tensor) -> Tensor:
-        """How far each slot (N, K, F) is ahead of each other one in what `how` (N, K, E) asks for: (N, K, K)."""
-        lead = slots.unsqueeze(2) - slots.unsqueeze(1)
-        asked = how.unsqueeze(2).expand(-1, -1, slots.shape[1], -1)
-        return self.compare(torch.cat([lead, asked], -1)).squeeze(-1)
 
+def ray_features(positions: Tensor, gesture: Tensor) -> Tensor:
+    """How positions (N, K, 3), metres, lie to the finger's ray (N, 7), as (N, K, RAY_FEATURES); 0 without a ray.
 
-def aimed(places: Tensor, gesture: Tensor) -> Tensor:
-    """How places (N, K, 3), metres, lie to the finger's ray (N, 7), as (N, K, AIMED); all 0 where none is shown.
-
-    The angle beside the ray and the metres beside it, each with its square, and whether it lies behind the fingertip.
+    The angle to the ray and the distance from it, each with its square, and whether it lies behind the fingertip.
     """
     origin, direction, shown = gesture[:, None, :3], gesture[:, None, 3:6], gesture[:, None, 6:]
-    offset = places - origin
+    offset = positions - origin
     along = (offset * direction).sum(-1, keepdim=True)
     distance = (offset - along * direction).square().sum(-1, keepdim=True).sqrt()
     # In units of 6 degrees and 1 cm, or near ties of two objects are told apart too late; squares that stay small.
@@ -203,82 +185,17 @@ def aimed(places: Tensor, gesture: Tensor) -> Tensor:
     return torch.cat([angle, 100 * distance, *squares, (along < 0).to(along)], -1) * shown
 
 
-def _lengths(places: Tensor) -> Tensor:
-    """(..., 3 * MAPS) to the length of each three, (..., MAPS)."""
-    return (places.unflatten(-1, (MAPS, 3)).square().sum(-1) + 1e-6).sqrt()  # a gradient even where it is 0
+def grounding_loss(frames: TensorDictBase) -> tuple[Tensor, Tensor]:
+    """Cross-entropy of the attention against the labelled slots, and the share of frames where all are right, scalars.
 
-
-class Flattener(nn.Module):
-    """The same inputs to one flat row (N, F): normalised objects, mask, mean embedding of the words, and the ray.
-
-    gesture: how many numbers that ray is; 0 where nobody points.
+    frames: 1-D, with the logits (N, K) of a policy that attends, and the labels (N,).
     """
-
-    writes = ("scene",)
-    chooses = ()
-    watches = False
-
-    def __init__(self, objects: Normalise, slots: int, vocabulary: int, embedding: int, gesture: int = 0) -> None:
-        super().__init__()
-        self.sees = (*SEEN, GESTURE) if gesture else SEEN
-        self.objects = objects
-        self.ask = nn.EmbeddingBag(vocabulary, embedding, mode="mean", padding_idx=0)
-        self.outputs = slots * (objects.shape[-1] + 1) + embedding + gesture
-
-    def forward(self, instruction: Tensor, *seen: Tensor) -> tuple[Tensor, ...]:
-        return self.point(self.ask(instruction), *seen)
-
-    def decide(self, frames: TensorDictBase, mixed: bool = False) -> None:
-        """Nothing: there is no choice to be made."""
-
-    tell = decide
-
-    def beware(self, frames: TensorDictBase, referent: Tensor) -> None:
-        """Nothing: all rows are seen."""
-
-    def point(self, asked: Tensor, objects: Tensor, mask: Tensor, *gesture: Tensor) -> tuple[Tensor, ...]:
-        """The same, of the embedding (N, E) that `ask` has made of the words."""
-        there = mask.to(objects.dtype)
-        rows = self.objects(objects) * there.unsqueeze(-1)
-        return (torch.cat([rows.flatten(1), there, asked, *gesture], -1),)
-
-
-class Scenes:
-    """What was said in which scene, one row an episode begun, kept for the whole run.
-
-    A batch of PPO holds a hundred or two scenes, each at many steps, and is forgotten: relations learned from that
-    alone reached 92 % of fresh sentences. Drawn from all scenes met so far they reach more than 99 %.
-
-    keys: what the policy reads of a scene, and what it should choose.
-    """
-
-    def __init__(self, capacity: int, device: torch.device, keys: Sequence[str | tuple[str, str]]) -> None:
-        self.keys = list(keys)
-        self.memory = TensorDictReplayBuffer(storage=LazyTensorStorage(capacity, device=device))
-
-    def remember(self, batch: TensorDictBase) -> TensorDictBase:
-        """Keep the scenes that begin in a batch (worlds, steps), or that it begins with, and return them."""
-        begins = torch.ones(batch.shape, dtype=torch.bool)
-        begins[:, 1:] = batch["next", "done"][:, :-1, 0].cpu()
-        scenes = batch.select(*self.keys)[begins]
-        self.extend(scenes)
-        return scenes
-
-    def extend(self, scenes: TensorDictBase) -> None:
-        """Keep scenes (count,)."""
-        self.memory.extend(scenes)
-
-    def sample(self, count: int) -> TensorDictBase:
-        """Scenes (count,) drawn evenly, with replacement."""
-        return self.memory.sample(count)
-
-
-def grounding(batch: TensorDictBase) -> tuple[Tensor, Tensor]:
-    """Cross-entropy of the attention against what is truly meant, and how often all of that is right, scalars.
-
-    batch: 1-D, with the logits (N, K) of a policy that `attends`, and the slots (N,) that it should choose.
-    """
-    keys = [key for key in CHOICES if key in batch.keys()]
-    loss = torch.stack([F.cross_entropy(batch[key], batch[CHOICES[key]]) for key in keys]).sum()
-    right = torch.stack([batch[key].argmax(-1) == batch[CHOICES[key]] for key in keys])
+    keys = [key for key in LABELS if key in frames.keys()]
+    loss = torch.stack([F.cross_entropy(frames[key], frames[LABELS[key]]) for key in keys]).sum()
+    right = torch.stack([frames[key].argmax(-1) == frames[LABELS[key]] for key in keys])
     return loss, right.all(0).float().mean()
+
+
+def _lengths(positions: Tensor) -> Tensor:
+    """(..., 3 * MAPS) to the length of each three, (..., MAPS)."""
+    return (positions.unflatten(-1, (MAPS, 3)).square().sum(-1) + 1e-6).sqrt()  # a finite gradient at 0

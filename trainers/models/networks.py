@@ -1,4 +1,4 @@
-"""Small parts that policies and critics are built of."""
+"""Networks that policies and critics are built of."""
 
 from __future__ import annotations
 
@@ -10,21 +10,31 @@ import torch
 from torch import Tensor, nn
 from torchrl.data import TensorSpec
 
+from trainers.models.batch_renorm import BatchRenorm
+
 ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU, "elu": nn.ELU}
-LOG_STD = (-4.0, 1.0)  # exploration never dies quite, and never drowns the action
+NORMALISATIONS: dict[str, type[nn.Module]] = {"layer": nn.LayerNorm, "batch_renorm": BatchRenorm}
+LOG_STD = (-4.0, 1.0)  # bounds of the logarithm of the exploration noise
 
 
-def mlp(inputs: int, hidden: Sequence[int], outputs: int, activation: str = "relu") -> nn.Sequential:
-    """Linear layers with the activation between them; the last one is bare."""
-    widths = [inputs, *hidden]
-    layers: list[nn.Module] = []
-    for a, b in pairwise(widths):
-        layers += [nn.Linear(a, b), ACTIVATIONS[activation]()]
-    return nn.Sequential(*layers, nn.Linear(widths[-1], outputs))
+def mlp(
+    inputs: int, hidden: Sequence[int], outputs: int, activation: str = "relu", normalisation: str = "none"
+) -> nn.Sequential:
+    """Linear layers with the activation between them, and none after the last.
+
+    normalisation: layer: before each activation. batch_renorm: of the inputs and after each activation.
+    """
+    layers: list[nn.Module] = [BatchRenorm(inputs)] if normalisation == "batch_renorm" else []
+    for a, b in pairwise([inputs, *hidden]):
+        block = [nn.Linear(a, b), ACTIVATIONS[activation]()]
+        if normalisation != "none":
+            block.insert(1 if normalisation == "layer" else 2, NORMALISATIONS[normalisation](b))
+        layers += block
+    return nn.Sequential(*layers, nn.Linear([inputs, *hidden][-1], outputs))
 
 
 class Normalise(nn.Module):
-    """Bounds of a spec to [-1, 1]; an element that cannot vary becomes 0.
+    """Maps the bounds of a spec to [-1, 1]; an element that cannot vary becomes 0.
 
     spec: a bounded leaf of shape (N, ..., D), the same bounds for every world and slot.
     """
@@ -52,11 +62,19 @@ def normal_log_prob(noise: Tensor, scale: Tensor) -> Tensor:
     return -0.5 * noise.square() - scale.log() - 0.5 * math.log(2 * math.pi)
 
 
-class Gaussian(nn.Module):
-    """Robot state, what the words mean and what is in the way to the action's location and scale, (N, A) each.
+class GaussianActor(nn.Module):
+    """Robot state, context and obstacle to loc and scale (N, A) of a move.
 
-    context: how many numbers the latter two are.
-    The scale is a parameter (PPO's habit) or a second output of the network (SAC's).
+    The scale is a parameter (usual for PPO) or a second output of the network (usual for SAC).
+
+    Args:
+        robot: normalises the robot's state.
+        context: width of context and obstacle together.
+        hidden: widths of the hidden layers.
+        actions: A.
+        activation: a key of ACTIVATIONS.
+        std: initial scale.
+        state_dependent_std: whether the network outputs the scale.
     """
 
     def __init__(
@@ -67,34 +85,31 @@ class Gaussian(nn.Module):
         actions: int,
         activation: str,
         std: float,
-        by_state: bool,
+        state_dependent_std: bool,
     ) -> None:
         super().__init__()
-        self.robot, self.by_state = robot, by_state
-        self.net = mlp(robot.shape.numel() + context, hidden, actions * (1 + by_state), activation)
+        self.robot, self.state_dependent_std = robot, state_dependent_std
+        self.net = mlp(robot.shape.numel() + context, hidden, actions * (1 + state_dependent_std), activation)
         self.log_std = nn.Parameter(torch.full((actions,), float(torch.tensor(std).log())))
         last = self.net[-1]
         assert isinstance(last, nn.Linear)
-        nn.init.orthogonal_(last.weight, 0.01)  # begin by standing still: only the noise moves the arm
+        nn.init.orthogonal_(last.weight, 0.01)  # a mean near 0: at first only the noise moves the arm
         nn.init.zeros_(last.bias)
 
     def forward(self, robot: Tensor, *context: Tensor) -> tuple[Tensor, Tensor]:
         out = self.net(torch.cat([self.robot(robot), *context], -1))
-        if not self.by_state:
-            # No mean beyond what one step can do, or noise would lose its say: a gripper's command, once it was far
-            # above 0, was never tried below.
+        if not self.state_dependent_std:
+            # tanh bounds the mean: noise could not reverse a saturated command. A gripper's command far above 0 was
+            # never explored below 0.
             return out.tanh(), self.log_std.clamp(*LOG_STD).exp().expand_as(out)
         loc, offset = out.chunk(2, -1)
         return loc, (self.log_std + offset).clamp(*LOG_STD).exp()
 
 
-class Staged(nn.Module):
-    """Several networks, one at a time: which one acts is told by the stage (N,) that the task is in.
+class StagedActor(nn.Module):
+    """Several actors, selected by the stage (N,) that the task is in. The last one acts in all later stages too."""
 
-    The last one also acts in all later stages.
-    """
-
-    def __init__(self, stages: Sequence[Gaussian]) -> None:
+    def __init__(self, stages: Sequence[GaussianActor]) -> None:
         super().__init__()
         self.stages = nn.ModuleList(stages)
 
@@ -103,8 +118,8 @@ class Staged(nn.Module):
         """(stages, A) of the exploration noise."""
         return torch.stack([each.log_std for each in self.stages])  # type: ignore[misc]
 
-    def forward(self, robot: Tensor, *seen: Tensor) -> tuple[Tensor, Tensor]:
-        *context, stage = seen
+    def forward(self, robot: Tensor, *inputs: Tensor) -> tuple[Tensor, Tensor]:
+        *context, stage = inputs
         each = [network(robot, *context) for network in self.stages]
         rows = torch.arange(len(robot), device=robot.device)
         stage = stage.clamp(max=len(each) - 1)
@@ -113,36 +128,46 @@ class Staged(nn.Module):
 
 
 class Critic(nn.Module):
-    """`heads` independent networks on robot, aim and, for Q, the action; their values stacked, (heads, N, 1).
+    """`heads` independent networks on robot, goal and, for action values, the move: values (heads, N, outputs).
 
-    aim: the goal in metres and its bounds (a privileged critic), or features that are taken as they are.
+    Args:
+        robot: normalises the robot's state.
+        goal: normalises the goal in metres (a privileged critic), or the width of features that are taken as they are.
+        actions: width of the move; 0 for state values.
+        hidden: widths of the hidden layers.
+        activation: a key of ACTIVATIONS.
+        heads: number of networks.
+        outputs: of each network: 1, or the number of quantiles.
+        normalisation: none, or a key of NORMALISATIONS.
     """
 
     def __init__(
         self,
         robot: Normalise,
-        aim: Normalise | int,
+        goal: Normalise | int,
         actions: int,
         hidden: Sequence[int],
         activation: str,
         heads: int,
+        outputs: int = 1,
+        normalisation: str = "none",
     ) -> None:
         super().__init__()
         self.robot = robot
-        self.aim = aim if isinstance(aim, Normalise) else nn.Identity()
-        width = aim.shape.numel() if isinstance(aim, Normalise) else aim
+        self.goal = goal if isinstance(goal, Normalise) else nn.Identity()
+        width = goal.shape.numel() if isinstance(goal, Normalise) else goal
         inputs = robot.shape.numel() + width + actions
         # Two small products of matrices are faster on a CPU than one batched one: 7.3 against 9.7 ms for a SAC step.
-        self.heads = nn.ModuleList(mlp(inputs, hidden, 1, activation) for _ in range(heads))
+        self.heads = nn.ModuleList(mlp(inputs, hidden, outputs, activation, normalisation) for _ in range(heads))
 
-    def forward(self, robot: Tensor, aim: Tensor, *action: Tensor) -> Tensor:
-        # The critic judges, it does not teach: what the words mean is learned through the actor and the grounding.
-        x = torch.cat([self.robot(robot), self.aim(aim.detach()), *action], -1)
+    def forward(self, robot: Tensor, goal: Tensor, *move: Tensor) -> Tensor:
+        # Detached: the words are learned through the actor and the grounding loss, not through the critic.
+        x = torch.cat([self.robot(robot), self.goal(goal.detach()), *move], -1)
         return torch.stack([head(x) for head in self.heads])
 
 
-class Value(Critic):
-    """A critic of one head without the action: values (N, 1)."""
+class SingleCritic(Critic):
+    """A critic of one head: values (N, outputs)."""
 
-    def forward(self, robot: Tensor, aim: Tensor, *action: Tensor) -> Tensor:
-        return super().forward(robot, aim, *action)[0]
+    def forward(self, robot: Tensor, goal: Tensor, *move: Tensor) -> Tensor:
+        return super().forward(robot, goal, *move)[0]

@@ -1,110 +1,138 @@
-"""Policies and critics, built from specs.
+"""The policy: an encoder of the words, and an actor that never sees a word.
 
-    objects, mask, instruction, gesture ─► words ─► attention_logits, context, obstacle ┐
-                                                                               robot ───┴─► gaussian ─► action
-                                           robot, privileged/goal ─────► critic (losses only)
+    objects, mask, instruction, gesture ─► encoder ─► attention_logits, context, obstacle ┐
+                                                                                robot ───┴─► actor ─► move ─► action
 
-The critic may be shown what the policy must find out (asymmetric actor-critic, Pinto et al. 2018, arXiv:1710.06542):
-it is thrown away after training.
+Critics are built in `trainers.models.critics`; only losses use them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import torch
 from tensordict import TensorDictBase
-from tensordict.nn import TensorDictModule, TensorDictModuleBase
+from tensordict.nn import TensorDictModuleBase
 from torch import Tensor, nn
 from torchrl.data import Composite
 from torchrl.envs.utils import ExplorationType, exploration_type
 
 from conf.schema import ConfigError
 from trainers.config import GroundedConfig, PolicyConfig
-from trainers.models.grounding import CHOICES, GESTURE, NEAR, OBSTACLE, TARGET, Flattener, Grounder
-from trainers.models.networks import Critic, Gaussian, Normalise, Staged, Value, normal_log_prob
+from trainers.models.flat_encoder import FlatEncoder
+from trainers.models.grounding import GESTURE, LABELS, NEAR, OBSTACLE, TARGET, GroundingEncoder
+from trainers.models.networks import GaussianActor, Normalise, StagedActor, normal_log_prob
 from trainers.models.sentence_encoder import SentenceWords
 
-GOAL = ("privileged", "goal")
 STAGE = "stage"
+MEANS = (ExplorationType.DETERMINISTIC, ExplorationType.MODE, ExplorationType.MEAN)
+
+
+class MoveBounds(NamedTuple):
+    """How the actor's normal distribution is kept within [-1, 1].
+
+    squash: a move is the tanh of a normal sample (SAC). clip: a move is a normal sample clipped to [-1, 1] (TD3).
+    Neither: a move is a normal sample, and only the action is clipped (PPO).
+    """
+
+    squash: bool = False
+    clip: bool = False
+
+
+UNBOUNDED = MoveBounds()
 
 
 class Policy(nn.Module):
-    """Words choose what the arm is told; the arm's network never sees a word.
+    """An encoder of the words and an actor.
 
-    words: reads the words and what is seen; its last output is the context. gaussian: robot, context, where there is
-    something to be knocked against the nearest of that, and, if it is of several networks, the stage, to a move's loc
-    and scale.
-    unit: (A,), from the environment. A "move" of 1 is as far as the arm gets in one control step: the action is
-    hold + unit * move, so that one network and one exploration noise fit every control mode.
-    squash: a move is the tanh of a normal (SAC) instead of a normal (PPO).
+    A move of 1 is as far as the arm gets in one control step: the action is hold + action_unit * move, so one network
+    and one exploration noise fit every control mode.
+
+    Args:
+        encoder: reads the words and the scene; the last of its outputs is the context.
+        actor: reads robot, context, the nearest obstacle where the task has obstacles, and the stage where it is made
+            of several networks; returns loc and scale of a move.
+        action_unit: (A,), of the environment.
+        bounds: how moves are bounded.
     """
 
-    unit: Tensor
+    action_unit: Tensor
 
     def __init__(
-        self, words: Grounder | Flattener, gaussian: Gaussian | Staged, unit: Sequence[float], squash: bool
+        self,
+        encoder: GroundingEncoder | FlatEncoder,
+        actor: GaussianActor | StagedActor,
+        action_unit: Sequence[float],
+        bounds: MoveBounds = UNBOUNDED,
     ) -> None:
         super().__init__()
-        self.register_buffer("unit", torch.as_tensor(unit, dtype=torch.float32))
-        self.words, self.gaussian, self.squash = words, gaussian, squash
-        self.context: str = words.writes[-1]
-        beware, staged = (OBSTACLE,) * words.watches, (STAGE,) * isinstance(gaussian, Staged)
-        self.feels: tuple[str, ...] = ("robot", *beware, *staged)
+        self.register_buffer("action_unit", torch.as_tensor(action_unit, dtype=torch.float32))
+        self.encoder, self.actor, self.bounds = encoder, actor, bounds
+        self.context_key: str = encoder.out_keys[-1]
+        obstacle, stage = (OBSTACLE,) * encoder.observes_obstacles, (STAGE,) * isinstance(actor, StagedActor)
+        self.actor_keys: tuple[str, ...] = ("robot", *obstacle, *stage)
 
     @property
     def attends(self) -> bool:
-        """Whether the words choose among object slots, so that the choice can be taught."""
-        return bool(self.words.chooses)
+        """Whether the encoder chooses among object slots, so that the choice can be supervised."""
+        return bool(self.encoder.logit_keys)
 
     @property
-    def meant(self) -> tuple[tuple[str, str], ...]:
+    def label_keys(self) -> tuple[tuple[str, str], ...]:
         """The keys of the slots that it should choose."""
-        return tuple(CHOICES[key] for key in self.words.chooses)
+        return tuple(LABELS[key] for key in self.encoder.logit_keys)
 
     @property
-    def reads(self) -> tuple[str, ...]:
-        """The keys of an observation that tell what is meant: the words first."""
-        return ("instruction", *self.words.sees)
+    def encoder_keys(self) -> tuple[str, ...]:
+        """The keys of an observation that the encoder reads: the instruction first."""
+        return ("instruction", *self.encoder.scene_keys)
 
     @property
     def act(self) -> Act:
-        """The whole way from an observation to "action"; shares the parameters. Reads nothing privileged."""
+        """The module from an observation to "action". It shares the parameters and reads nothing privileged."""
         return Act(self)
 
     @property
-    def noise(self) -> list[nn.Parameter]:
-        """The logarithms of the exploration noise, (A,) for each network."""
-        stages = self.gaussian.stages if isinstance(self.gaussian, Staged) else [self.gaussian]
+    def log_stds(self) -> list[nn.Parameter]:
+        """The logarithms of the exploration noise, (A,) for each network of the actor."""
+        stages = self.actor.stages if isinstance(self.actor, StagedActor) else [self.actor]
         return [stage.log_std for stage in stages]  # type: ignore[union-attr,misc]
 
-    def steer(self, frames: TensorDictBase) -> tuple[Tensor, Tensor]:
-        """The loc and scale (N, A) of a move, once the words are encoded."""
-        robot, *more = (frames[key] for key in self.feels)
-        return self.gaussian(robot, frames[self.context], *more)
+    def move_parameters(self, frames: TensorDictBase) -> tuple[Tensor, Tensor]:
+        """The loc and scale (N, A) of a move, given encoded frames (N,)."""
+        robot, *more = (frames[key] for key in self.actor_keys)
+        return self.actor(robot, frames[self.context_key], *more)
+
+    def sample_move(self, loc: Tensor, scale: Tensor, noise: Tensor) -> Tensor:
+        """The move (N, A) of standard normal noise (N, A)."""
+        move = loc + scale * noise
+        if self.bounds.squash:
+            return move.tanh()
+        return move.clamp(-1.0, 1.0) if self.bounds.clip else move
 
     def encode(self, frames: TensorDictBase) -> TensorDictBase:
-        """Write what the words mean (N, ...) to frames (N,), and return them."""
-        return self._write(frames, self.words(*(frames[key] for key in self.reads)))
+        """Write the encoder's outputs (N, ...) to frames (N,), and return them."""
+        return self._write(frames, self.encoder(*(frames[key] for key in self.encoder_keys)))
 
-    def encode_step(self, before: TensorDictBase, after: TensorDictBase) -> None:
-        """`encode` a step's two ends, the later one without gradients.
+    def encode_transition(self, before: TensorDictBase, after: TensorDictBase) -> None:
+        """`encode` both ends of a step, the later one without gradients.
 
-        The words are the same at both, so they are read once: half the cost of two calls.
+        The words are the same at both, so they are encoded once: half the cost of two calls.
         """
-        asked = self.words.ask(before["instruction"])
-        self._write(before, self.words.point(asked, *(before[key] for key in self.words.sees)))
+        words = self.encoder.encode_words(before["instruction"])
+        self._write(before, self.encoder.attend(words, *(before[key] for key in self.encoder.scene_keys)))
         with torch.no_grad():
-            self._write(after, self.words.point(asked, *(after[key] for key in self.words.sees)))
+            self._write(after, self.encoder.attend(words, *(after[key] for key in self.encoder.scene_keys)))
 
     def _write(self, frames: TensorDictBase, values: tuple[Tensor, ...]) -> TensorDictBase:
-        for key, value in zip(self.words.writes, values, strict=True):
+        for key, value in zip(self.encoder.out_keys, values, strict=True):
             frames.set(key, value)
         return frames
 
 
 class Act(TensorDictModuleBase):
-    """Observations (N,) to "action" (N, A) in [-1, 1], as a collector wants it; the mean one when exploration is off.
+    """Observations (N,) to "action" (N, A) in [-1, 1], for a collector; the mean action when exploration is off.
 
     A sequence of TensorDictModules with a ProbabilisticActor computes the same in twice the time, at every step of
     the worlds.
@@ -113,89 +141,84 @@ class Act(TensorDictModuleBase):
     def __init__(self, policy: Policy) -> None:
         super().__init__()
         self.policy = policy
-        self.in_keys = [*policy.reads, *(NEAR if key == OBSTACLE else key for key in policy.feels), "hold"]
-        made = [*policy.words.writes, *([OBSTACLE] if policy.words.watches else [])]
-        self.out_keys = [*made, "move", *([] if policy.squash else ["move_log_prob"]), "action"]
+        self.in_keys = [*policy.encoder_keys, *(NEAR if key == OBSTACLE else key for key in policy.actor_keys), "hold"]
+        self.writes_log_prob = not any(policy.bounds)
+        obstacle = [OBSTACLE] if policy.encoder.observes_obstacles else []
+        log_prob = ["move_log_prob"] if self.writes_log_prob else []
+        self.out_keys = [*policy.encoder.out_keys, *obstacle, "move", *log_prob, "action"]
 
     def forward(self, frames: TensorDictBase) -> TensorDictBase:
-        explores = exploration_type() not in (ExplorationType.DETERMINISTIC, ExplorationType.MODE, ExplorationType.MEAN)
+        explores = exploration_type() not in MEANS
         self.policy.encode(frames)
-        self.policy.words.decide(frames, mixed=explores)
-        loc, scale = self.policy.steer(frames)
-        noise = torch.randn_like(loc) if explores else torch.zeros_like(loc)
-        move = loc + scale * noise
-        if self.policy.squash:
-            move = move.tanh()
+        if explores:
+            self.policy.encoder.keep_mean(frames)
         else:
+            self.policy.encoder.select_likeliest(frames)
+        loc, scale = self.policy.move_parameters(frames)
+        noise = torch.randn_like(loc) if explores else torch.zeros_like(loc)
+        move = self.policy.sample_move(loc, scale, noise)
+        if self.writes_log_prob:
             frames.set("move_log_prob", normal_log_prob(noise, scale).sum(-1))
         frames.set("move", move)
-        return frames.set("action", (frames["hold"] + self.policy.unit * move).clamp(-1.0, 1.0))
+        return frames.set("action", (frames["hold"] + self.policy.action_unit * move).clamp(-1.0, 1.0))
 
 
-def build(
+def build_policy(
     config: PolicyConfig,
     observation_spec: Composite,
-    unit: Sequence[float],
-    squash: bool = False,
+    action_unit: Sequence[float],
+    bounds: MoveBounds = UNBOUNDED,
     vocabulary: Sequence[str] = (),
 ) -> Policy:
-    """A policy for these observations and actions of these units, squashed for SAC. Raises ConfigError.
+    """A policy for these observations and actions.
 
-    vocabulary: the tokenizer's words, which only `encoder=sentence` reads.
+    Args:
+        config: the key `policy` of a run.
+        observation_spec: of the environment.
+        action_unit: (A,), of the environment.
+        bounds: how moves are bounded; it depends on the algorithm.
+        vocabulary: the tokenizer's words, which only `encoder=sentence` reads.
+
+    Raises:
+        ConfigError: several networks for a task without stages.
     """
-    words = _words(config, observation_spec, vocabulary)
+    encoder = _build_encoder(config, observation_spec, vocabulary)
     if config.networks > 1 and STAGE not in observation_spec.keys():
         raise ConfigError(f"policy.networks={config.networks} needs a task that has stages, like nl_pick_and_place")
+    obstacle = 1 + observation_spec["objects"].shape[-1]
     stages = [
-        Gaussian(
+        GaussianActor(
             robot=Normalise(observation_spec["robot"]),
-            context=words.outputs + words.watches * (1 + observation_spec["objects"].shape[-1]),
+            context=encoder.outputs + encoder.observes_obstacles * obstacle,
             hidden=config.hidden,
-            actions=len(unit),
+            actions=len(action_unit),
             activation=config.activation,
             std=config.initial_std,
-            by_state=config.state_dependent_std,
+            state_dependent_std=config.state_dependent_std,
         )
         for _ in range(config.networks)
     ]
-    return Policy(words, Staged(stages) if len(stages) > 1 else stages[0], unit, squash)
+    return Policy(encoder, StagedActor(stages) if len(stages) > 1 else stages[0], action_unit, bounds)
 
 
-def build_value(config: PolicyConfig, policy: Policy, observation_spec: Composite) -> TensorDictModule:
-    """A state value: writes state_value (N, 1)."""
-    robot, aim = _judged(config, policy, observation_spec)
-    value = Value(robot, aim, 0, config.critic_hidden, config.activation, heads=1)
-    return TensorDictModule(value, in_keys=["robot", aim_key(config, policy)], out_keys=["state_value"])
+def _build_encoder(config: PolicyConfig, spec: Composite, vocabulary: Sequence[str]) -> GroundingEncoder | FlatEncoder:
+    objects, instruction = Normalise(spec["objects"]), spec["instruction"]
+    gesture = spec[GESTURE].shape[-1] if GESTURE in spec.keys() else 0
+    if not isinstance(config, GroundedConfig):
+        return FlatEncoder(objects, spec["objects"].shape[-2], instruction.space.n, config.embedding, gesture)
+    return GroundingEncoder(
+        objects,
+        _build_word_embedding(config, instruction.space.n, vocabulary),
+        length=instruction.shape[-1],
+        embedding=config.embedding,
+        width=config.width,
+        reads_gesture=gesture > 0,
+        choices=1 + (TARGET in spec.keys(include_nested=True)),
+        observes_obstacles=NEAR in spec.keys(),
+    )
 
 
-def build_q(config: PolicyConfig, policy: Policy, observation_spec: Composite) -> Critic:
-    """Two action values on (robot, aim, move): (2, N, 1)."""
-    robot, aim = _judged(config, policy, observation_spec)
-    return Critic(robot, aim, len(policy.unit), config.critic_hidden, config.activation, heads=2)
-
-
-def aim_key(config: PolicyConfig, policy: Policy) -> str | tuple[str, str]:
-    """What a critic judges the robot by: the goal itself, or what the policy makes of the words."""
-    return GOAL if config.privileged_critic else policy.context
-
-
-def _judged(config: PolicyConfig, policy: Policy, spec: Composite) -> tuple[Normalise, Normalise | int]:
-    aim = Normalise(spec[GOAL]) if config.privileged_critic else policy.words.outputs
-    return Normalise(spec["robot"]), aim
-
-
-def _words(config: PolicyConfig, spec: Composite, vocabulary: Sequence[str]) -> Grounder | Flattener:
-    objects, said = Normalise(spec["objects"]), spec["instruction"]
-    ray = spec[GESTURE].shape[-1] if GESTURE in spec.keys() else 0
-    if isinstance(config, GroundedConfig):
-        embed = _embed(config, said.space.n, vocabulary)
-        things = 1 + (TARGET in spec.keys(include_nested=True))
-        watches = NEAR in spec.keys()
-        return Grounder(objects, embed, said.shape[-1], config.embedding, config.width, ray > 0, things, watches)
-    return Flattener(objects, spec["objects"].shape[-2], said.space.n, config.embedding, ray)
-
-
-def _embed(config: GroundedConfig, count: int, vocabulary: Sequence[str]) -> nn.Module:
+def _build_word_embedding(config: GroundedConfig, count: int, vocabulary: Sequence[str]) -> nn.Module:
     if config.encoder == "tokens":
         return nn.Embedding(count, config.embedding, padding_idx=0)
     if len(vocabulary) != count:

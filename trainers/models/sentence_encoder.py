@@ -1,4 +1,4 @@
-"""Words as a frozen, pretrained sentence encoder reads them: each in the light of its sentence.
+"""Words as a frozen, pretrained sentence encoder encodes them: each in the context of its sentence.
 
 The encoder is MiniLM (Wang et al. 2020, arXiv:2002.10957) trained on pairs of sentences (Reimers & Gurevych 2019,
 arXiv:1908.10084). Its weights come with a package; nothing is downloaded.
@@ -16,36 +16,37 @@ from torch.nn.utils.rnn import pad_sequence
 
 STATE = 384  # features of a word
 CHUNK = 64  # sentences encoded at a time
-KEPT = 2**19  # words whose states are remembered, 384 MiB: some 60 000 sentences
+CACHED = 2**19  # words whose states are cached, 384 MiB: some 60 000 sentences
 
 
 class SentenceWords(nn.Module):
-    """Tokens (N, L) int64, 0 = pad, to (N, L, E), zero where padded: frozen states, and a projection that learns.
+    """Tokens (N, L) int64, 0 = pad, to (N, L, E), zero where padded: frozen states and a trained projection.
 
-    words: the vocabulary; token i stands for words[i]. Checkpoints and worker processes get the projection alone:
-    the rest is the same for all, and loaded at the first sentence.
+    Checkpoints and worker processes hold the projection alone; the frozen encoder is loaded at the first sentence.
+
+    words: the vocabulary; token i stands for words[i].
     """
 
     def __init__(self, words: Sequence[str], width: int) -> None:
         super().__init__()
         self.words = tuple(words)
-        self.project = nn.Sequential(nn.LayerNorm(STATE), nn.Linear(STATE, width))
+        self.projection = nn.Sequential(nn.LayerNorm(STATE), nn.Linear(STATE, width))
 
     def forward(self, tokens: Tensor) -> Tensor:
-        projected = self.project(remembered(self.words, tokens.device)(tokens))
+        projected = self.projection(cached_states(self.words, tokens.device)(tokens))
         rows = projected.new_zeros(*tokens.shape, projected.shape[-1])
         rows[tokens != 0] = projected
         return rows
 
 
 @lru_cache(maxsize=8)
-def remembered(words: tuple[str, ...], device: torch.device) -> States:
-    """The states of this vocabulary's sentences, one memory for all networks of a process."""
+def cached_states(words: tuple[str, ...], device: torch.device) -> States:
+    """The states of this vocabulary's sentences: one cache for all networks of a process."""
     return States(words, device)
 
 
 class States:
-    """Encodes a sentence once and remembers it, as float16, until `KEPT` words are; then it begins afresh."""
+    """Encodes each sentence once and caches its states as float16; the cache is emptied above `CACHED` words."""
 
     def __init__(self, words: tuple[str, ...], device: torch.device) -> None:
         self.words, self.encoder = words, Encoder(device)
@@ -58,17 +59,17 @@ class States:
         """Tokens (N, L) to the states (W, 384) of their W words, row after row."""
         rows = tokens.cpu().numpy()
         keys = [row.tobytes() for row in rows]
-        self._learn(dict(zip(keys, rows, strict=True)))
+        self._encode(dict(zip(keys, rows, strict=True)))
         starts = torch.tensor([self.starts[key] for key in keys], dtype=torch.int64, device=tokens.device)
-        said = tokens != 0
-        return self.table[(starts.unsqueeze(1) + said.cumsum(1) - 1)[said]].float()
+        present = tokens != 0
+        return self.table[(starts.unsqueeze(1) + present.cumsum(1) - 1)[present]].float()
 
-    def _learn(self, rows: dict[bytes, Any]) -> None:
-        new = {key: self._spell(row) for key, row in rows.items() if key not in self.starts}
-        if self.used + sum(map(len, new.values())) > KEPT:
+    def _encode(self, rows: dict[bytes, Any]) -> None:
+        new = {key: self._words_of(row) for key, row in rows.items() if key not in self.starts}
+        if self.used + sum(map(len, new.values())) > CACHED:
             self.starts.clear()
-            self.used, new = 0, {key: self._spell(row) for key, row in rows.items()}
-        keys = sorted(new, key=lambda key: len(new[key]))  # those of a length together: little padding
+            self.used, new = 0, {key: self._words_of(row) for key, row in rows.items()}
+        keys = sorted(new, key=lambda key: len(new[key]))  # equal lengths together: little padding
         for begin in range(0, len(keys), CHUNK):
             chunk = keys[begin : begin + CHUNK]
             ends = self._append(self.encoder([new[key] for key in chunk]))
@@ -77,7 +78,7 @@ class States:
                 self.starts[key] = ends
 
     def _append(self, states: Tensor) -> int:
-        """Put states (W, 384) at the end of the table, and tell where the end is now."""
+        """Append states (W, 384) to the table, and return its new end."""
         end = self.used + len(states)
         if end > len(self.table):
             table = self.table.new_empty(max(end, 2 * len(self.table)), STATE)
@@ -87,8 +88,8 @@ class States:
         self.used = end
         return end
 
-    def _spell(self, row: Any) -> list[str]:
-        """The words of a row of tokens; "[UNK]" is what the encoder was trained to read for an unknown one."""
+    def _words_of(self, row: Any) -> list[str]:
+        """The words of a row of tokens; the encoder was trained with "[UNK]" for unknown ones."""
         return [self.words[token].replace("<unk>", "[UNK]") for token in row.tolist() if token]
 
 
@@ -105,13 +106,13 @@ class Encoder:
         logging.disable_progress_bar()
         self.pieces = Tokenizer.from_file(str(get_model_path() / "tokenizer.json"))
         self.pieces.no_padding()
-        with torch.random.fork_rng(devices=[]):  # a run must not depend on when this is loaded
+        with torch.random.fork_rng(devices=[]):  # the run's random numbers must not depend on when this is loaded
             model = BertModel.from_pretrained(get_model_path(), local_files_only=True, add_pooling_layer=False)
         self.model = model.eval().requires_grad_(False).to(device)
 
     def __call__(self, sentences: list[list[str]]) -> Tensor:
-        """Sentences of W words in all to states (W, 384): the mean over a word's pieces."""
-        # One by one: in batches the tokenizer starts threads, which forbid a fork.
+        """Sentences with W words in total to states (W, 384): the mean over each word's pieces."""
+        # One at a time: for batches the tokenizer starts threads, and a process with threads must not fork.
         read = [self.pieces.encode(words, is_pretokenized=True) for words in sentences]
         states, owners, before = [], [], 0
         for sentence, words, row in zip(read, sentences, self._run([r.ids for r in read]), strict=True):

@@ -15,7 +15,8 @@ from trainers.export import policy_file, pretrained
 from trainers.utils.atomic_io import atomic_file
 from trainers.utils.observation_keys import public_keys
 
-FORMAT = 1
+FORMAT = 2
+OLDEST_FORMAT = 2  # format 1 has other names for the parameters
 POLICY_KEYS = ("config", "vocabulary", "widths", "algorithm")  # of a published policy
 KEYS = (*POLICY_KEYS, "counters", "rng")  # of a checkpoint that training can resume
 MIN_FREE_BYTES = 64 * 2**20  # left free on the disk after writing a checkpoint
@@ -153,6 +154,10 @@ def _validated(path: Path, payload: Any, keys: Sequence[str] = KEYS) -> dict[str
         raise CheckpointError(f"{path} is not a checkpoint of this project")
     if payload["format"] > FORMAT:
         raise CheckpointError(f"{path} has format {payload['format']}; this version reads up to {FORMAT}")
+    if payload["format"] < OLDEST_FORMAT:
+        raise CheckpointError(
+            f"{path} has format {payload['format']}, an older one; this version reads from {OLDEST_FORMAT}: train again"
+        )
     missing = [key for key in keys if key not in payload]
     if missing:
         raise CheckpointError(f"{path} is not a checkpoint of this project: it lacks {', '.join(missing)}")

@@ -149,9 +149,9 @@ class TrainingRun:
 
     def add_drawn_scenes(self) -> None:
         """Give the algorithm generated, unsimulated scenes to learn grounding from; they use no frames."""
-        if self.algorithm.wants_scenes:
+        if self.algorithm.scenes_per_update:
             seed = derive_seed(self.plan.run.seed, SCENE_SEEDS + self.counters["iteration"])
-            self.algorithm.study(self.eval_env.draw_scenes(self.algorithm.wants_scenes, seed))
+            self.algorithm.add_scenes(self.eval_env.draw_scenes(self.algorithm.scenes_per_update, seed))
 
     def frames_exhausted(self) -> bool:
         """Whether another batch would exceed total_frames."""

@@ -27,7 +27,7 @@ def extend_vocabulary(payload: dict[str, Any], vocabulary: Sequence[str]) -> dic
 
 
 def _is_word_embedding(name: str, weight: torch.Tensor, words: int) -> bool:
-    return name in ("words.ask.embed.weight", "words.ask.weight") and len(weight) == words
+    return name.endswith("word_embedding.weight") and len(weight) == words
 
 
 def _extended(weight: torch.Tensor, words: int) -> torch.Tensor:

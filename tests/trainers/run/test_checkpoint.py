@@ -90,7 +90,12 @@ def test_loading_executes_nothing_in_the_file(tmp_path, monkeypatch, zipped):
 
 @pytest.mark.parametrize(
     ("value", "message"),
-    [([1], "not a checkpoint of this project"), ({"format": 99}, "format 99"), ({"format": 1}, "lacks config")],
+    [
+        ([1], "not a checkpoint of this project"),
+        ({"format": 99}, "format 99"),
+        ({"format": 1}, "older version"),
+        ({"format": 2}, "lacks config"),
+    ],
 )
 def test_a_file_that_is_not_a_checkpoint_is_refused(tmp_path, value, message):
     torch.save(value, tmp_path / "x.pt")

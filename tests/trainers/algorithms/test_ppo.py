@@ -6,7 +6,7 @@ from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.algorithm import DivergedError
 from trainers.algorithms.build import build_algorithm
-from trainers.algorithms.ppo import advantages
+from trainers.algorithms.on_policy import advantages
 from trainers.rollout.collection import Rollouts
 
 GAMMA, LMBDA = 0.9, 0.8
@@ -57,9 +57,9 @@ def test_grounding_is_taught_only_when_asked(weight):
 
 def test_without_the_grounding_loss_reward_still_reaches_the_words():
     policy, ppo = learner("algo.grounding_weight=0.0")
-    before = policy.words.ask.embed.weight.clone()
+    before = policy.encoder.query_encoder.word_embedding.weight.clone()
     ppo.update(batch_of(policy), 0.0)
-    assert not torch.equal(before, policy.words.ask.embed.weight)
+    assert not torch.equal(before, policy.encoder.query_encoder.word_embedding.weight)
 
 
 def test_the_rate_is_annealed():

@@ -9,7 +9,7 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 from envs import make_env
 from envs.mdp.object_rows import NEAR, OFFSET
 from tests.helpers.plans import plan
-from trainers.models.policy import build
+from trainers.models.policy import build_policy
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def scene():
     overrides = ["task=nl_pick_and_place", "task.num_objects=3", "task.curriculum={near: 1.0, held: 0.0, placed: 0.0}"]
     with closing(make_env(overrides, num_worlds=8, seed=4)) as env:
         torch.manual_seed(0)
-        yield env.reset(), build(plan(policy="grounded").policy, env.observation_spec, env.action_unit)
+        yield env.reset(), build_policy(plan(policy="grounded").policy, env.observation_spec, env.action_unit)
 
 
 def test_only_what_can_be_knocked_against_is_near_and_only_within_reach(scene):
@@ -35,11 +35,11 @@ def test_only_what_can_be_knocked_against_is_near_and_only_within_reach(scene):
 def test_the_obstacle_is_the_nearest_of_the_others(scene):
     td, policy = scene
     told = td.clone()
-    policy.words.tell(told)
+    policy.encoder.select_labelled(told)
     others = td["objects_near"].clone()
     others[torch.arange(8), td["privileged", "referent"]] = 0
     nearest, slot = others.max(1)
-    row = policy.words.objects(td["objects"])[torch.arange(8), slot]
+    row = policy.encoder.normalise(td["objects"])[torch.arange(8), slot]
     assert (nearest > 0).any()
     torch.testing.assert_close(told["obstacle"][:, -1], nearest)
     torch.testing.assert_close(told["obstacle"][:, :-1], row * nearest.unsqueeze(1))
@@ -49,7 +49,7 @@ def test_nothing_in_the_way_is_all_zeros(scene):
     td, policy = scene
     td = td.clone()
     td["objects_near"].zero_()
-    policy.words.tell(td)
+    policy.encoder.select_labelled(td)
     assert not td["obstacle"].any()
 
 

@@ -15,7 +15,7 @@ from tests.helpers.plans import config, plan
 from trainers.algorithms.build import build_algorithm, restore_policy
 from trainers.config import read_plan
 from trainers.models import sentence_encoder as sentence
-from trainers.models.policy import build
+from trainers.models.policy import build_policy
 from trainers.models.sentence_encoder import STATE, SentenceWords
 from trainers.rollout.collection import Rollouts
 from trainers.run import checkpoint
@@ -48,7 +48,7 @@ def tokens(*sentences, length=8):
 
 @pytest.fixture
 def words():
-    sentence.remembered.cache_clear()
+    sentence.cached_states.cache_clear()
     torch.manual_seed(0)
     return SentenceWords(VOCABULARY, 32)
 
@@ -69,7 +69,7 @@ def encoded(monkeypatch):
 
 def states(said):
     """What the frozen encoder makes of one sentence's words (W, 384)."""
-    return sentence.remembered(tuple(VOCABULARY), torch.device("cpu"))(tokens(said))
+    return sentence.cached_states(tuple(VOCABULARY), torch.device("cpu"))(tokens(said))
 
 
 def test_without_the_weights_it_is_refused_before_a_run_begins(monkeypatch):
@@ -95,7 +95,7 @@ def test_the_states_are_those_of_the_reference_implementation(words):
         pieces = bert(**tokenizer(said, return_tensors="pt")).last_hidden_state[0]
     left_hand = pieces[3:6].mean(0)  # left, -, hand
     states("the ball")  # a batch of unequal lengths must not matter either
-    both = sentence.remembered(tuple(VOCABULARY), torch.device("cpu"))(tokens(said, "touch the small red ball"))
+    both = sentence.cached_states(tuple(VOCABULARY), torch.device("cpu"))(tokens(said, "touch the small red ball"))
     expected = torch.stack([pieces[1], pieces[2], left_hand, pieces[6]])
     torch.testing.assert_close(both[:4], expected, atol=3e-3, rtol=1e-3)  # float16
 
@@ -115,7 +115,7 @@ def test_a_sentence_is_encoded_once(words, encoded):
 
 @needs_weights
 def test_a_full_memory_begins_afresh_and_says_the_same(words, encoded, monkeypatch):
-    monkeypatch.setattr(sentence, "KEPT", 8)
+    monkeypatch.setattr(sentence, "CACHED", 8)
     said = [tokens(text) for text in ("touch the red ball", "touch the blue ball", "touch the red orb")]
     first = [words(one) for one in said]
     assert len(encoded) == 3
@@ -155,8 +155,8 @@ def test_only_the_projection_is_learned_saved_and_sent(words):
     said = tokens("touch the red ball", "touch the blue ball")
     out = words(said)
     out.sum().backward()
-    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in words.project[1].parameters())
-    assert {name.partition(".")[0] for name in words.state_dict()} == {"project"}
+    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in words.projection[1].parameters())
+    assert {name.partition(".")[0] for name in words.state_dict()} == {"projection"}
     assert sum(p.numel() for p in words.parameters()) == STATE * (32 + 2) + 32
     sent = pickle.dumps(words)
     assert len(sent) < 100_000
@@ -179,14 +179,14 @@ def test_a_policy_that_reads_sentences_acts_and_learns(algo):
     state = policy.act(env.reset())
     assert state["action"].shape == (4, 3)
     state["action"].sum().backward()
-    assert policy.words.ask.embed.project[1].weight.grad.abs().sum() > 0
+    assert policy.encoder.query_encoder.word_embedding.projection[1].weight.grad.abs().sum() > 0
 
 
 def test_it_must_be_told_the_words():
     env = make_env(2, 0)
     chosen = replace(plan().policy, encoder="sentence")
     with pytest.raises(ValueError, match="6 words"):
-        build(chosen, env.observation_spec, env.action_unit)
+        build_policy(chosen, env.observation_spec, env.action_unit)
 
 
 @needs_weights
@@ -208,7 +208,7 @@ def test_a_run_leaves_a_small_checkpoint_that_acts_alike(tmp_path):
 def test_worker_processes_read_the_same_sentences():
     env = make_env(4, 0)
     small = plan(overrides=(*SENTENCE, "collector.workers=2"))
-    policy = build(small.policy, env.observation_spec, env.action_unit, vocabulary=WORDS)
+    policy = build_policy(small.policy, env.observation_spec, env.action_unit, vocabulary=WORDS)
     rollouts = Rollouts(make_env, policy, small.collector, 4, 0)
     try:
         rollouts.sync(policy)

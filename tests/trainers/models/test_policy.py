@@ -5,9 +5,9 @@ from torchrl.envs.utils import ExplorationType, check_env_specs, set_exploration
 from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
-from trainers.algorithms.ppo import surrogate_actor
-from trainers.models.grounding import grounding
-from trainers.models.policy import build
+from trainers.models.actors import stochastic_actor
+from trainers.models.grounding import grounding_loss
+from trainers.models.policy import MoveBounds, build_policy
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +17,7 @@ def env():
 
 def make(env, policy="grounded", squash=False):
     torch.manual_seed(0)
-    return build(plan(policy=policy).policy, env.observation_spec, env.action_unit, squash)
+    return build_policy(plan(policy=policy).policy, env.observation_spec, env.action_unit, MoveBounds(squash=squash))
 
 
 def test_the_fake_environment_keeps_the_contract(env):
@@ -53,7 +53,7 @@ def test_what_is_masked_does_not_matter(env, policy):
     state["objects_mask"][:, 1] = False
     other = state.clone()
     other["objects"][:, 1] = 0.3
-    torch.testing.assert_close(made.encode(state)[made.context], made.encode(other)[made.context])
+    torch.testing.assert_close(made.encode(state)[made.context_key], made.encode(other)[made.context_key])
 
 
 def test_the_order_of_slots_does_not_matter(env):
@@ -65,13 +65,13 @@ def test_the_order_of_slots_does_not_matter(env):
 
 
 def test_the_order_of_words_does_matter(env):
-    ask = make(env).words.ask
+    ask = make(env).encoder.query_encoder
     one, other = torch.tensor([[1, 2, 3, 4, 0, 0]]), torch.tensor([[1, 2, 4, 3, 0, 0]])
     assert (ask(one) - ask(other)).abs().max() > 1e-3
 
 
 def test_repeated_sentences_are_encoded_once_and_alike(env):
-    ask = make(env).words.ask
+    ask = make(env).encoder.query_encoder
     tokens = torch.randint(0, 6, (20, 6)).repeat(5, 1)
     torch.testing.assert_close(ask(tokens), ask.encode(tokens))
 
@@ -84,7 +84,7 @@ def test_only_a_policy_that_attends_can_be_taught_what_words_mean(env, policy, a
 def test_attention_on_the_referent_is_right_and_costs_nothing(env):
     state = make(env).encode(env.reset())
     state["attention_logits"] = 50.0 * torch.nn.functional.one_hot(state["privileged", "referent"], 3)
-    loss, accuracy = grounding(state)
+    loss, accuracy = grounding_loss(state)
     assert loss < 1e-6
     assert accuracy == 1
 
@@ -95,29 +95,29 @@ def test_a_critic_without_privileges_reads_none_and_teaches_no_words(env, algo, 
     small = plan(algo, policy, ("policy.privileged_critic=false",))
     made, learner = build_algorithm(small, env.observation_spec, env.action_unit)
     state = made.encode(env.reset().exclude("privileged"))
-    aim = state[made.context]
+    aim = state[made.context_key]
     action = [torch.zeros(8, 3)] if algo == "sac" else []
     critic = learner.critic if algo == "sac" else learner.critic.module
     critic(state["robot"], aim, *action).sum().backward()
-    assert all(p.grad is None for p in made.words.parameters())
+    assert all(p.grad is None for p in made.encoder.parameters())
 
 
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 def test_both_ends_of_a_step_are_encoded_as_each_alone(env, policy):
     made, before, after = make(env, policy), env.reset(), env.reset()
     after["instruction"] = before["instruction"]
-    alone = made.encode(before.clone())[made.context], made.encode(after.clone())[made.context]
-    made.encode_step(before, after)
-    torch.testing.assert_close((before[made.context], after[made.context]), alone)
-    assert before[made.context].requires_grad
-    assert not after[made.context].requires_grad
+    alone = made.encode(before.clone())[made.context_key], made.encode(after.clone())[made.context_key]
+    made.encode_transition(before, after)
+    torch.testing.assert_close((before[made.context_key], after[made.context_key]), alone)
+    assert before[made.context_key].requires_grad
+    assert not after[made.context_key].requires_grad
 
 
 def test_the_likelihood_of_what_was_drawn_is_that_of_the_surrogate(env):
     made = make(env)
     with torch.no_grad():
         state = made.act(env.reset())
-        again = surrogate_actor(made).log_prob(state.clone())
+        again = stochastic_actor(made).log_prob(state.clone())
     torch.testing.assert_close(state["move_log_prob"], again)
     assert ((state["hold"] + state["move"]).clamp(-1, 1) == state["action"]).all()
 
@@ -125,7 +125,7 @@ def test_the_likelihood_of_what_was_drawn_is_that_of_the_surrogate(env):
 def test_a_mean_move_is_never_more_than_a_step_can_do(env):
     made, state = make(env), env.reset()
     with torch.no_grad():
-        made.gaussian.net[-1].weight.mul_(1e4)
-        loc, _ = made.steer(made.encode(state))
+        made.actor.net[-1].weight.mul_(1e4)
+        loc, _ = made.move_parameters(made.encode(state))
     assert loc.abs().max() <= 1
     assert loc.abs().max() > 0.9

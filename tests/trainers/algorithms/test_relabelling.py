@@ -7,7 +7,7 @@ from tests.helpers.fake_env import NEAR, make_env
 from tests.helpers.plans import plan
 from tests.trainers.test_fit import run
 from trainers.algorithms.build import build_algorithm
-from trainers.algorithms.relabelling import Hindsight
+from trainers.algorithms.relabelling import Relabelling
 from trainers.rollout.collection import Rollouts
 from trainers.run.metrics import read_metrics
 
@@ -26,7 +26,7 @@ def batches():
 
 def test_episodes_are_whole_and_never_mixed(batches):
     whole = torch.cat(batches, 1)
-    kept = Hindsight(None, 1.0)
+    kept = Relabelling(None, 1.0)
     episodes = [episode for batch in batches for episode in kept.episodes(batch)]
     assert len(episodes) == int(whole["next", "done"].sum()) > 20
     for episode in episodes:
@@ -36,12 +36,12 @@ def test_episodes_are_whole_and_never_mixed(batches):
         assert torch.equal(episode["robot"][1:], episode["next", "robot"][:-1])
     trajectories = torch.cat([episode["collector", "traj_ids"][:1] for episode in episodes])
     assert len(trajectories.unique()) == len(episodes)
-    assert sum(map(len, episodes)) + kept.running.numel() >= whole.numel()  # no frame is lost
-    assert kept.running.shape[1] <= 20
+    assert sum(map(len, episodes)) + kept.unfinished.numel() >= whole.numel()  # no frame is lost
+    assert kept.unfinished.shape[1] <= 20
 
 
 def test_what_is_kept_is_not_the_batch_itself(batches):
-    one, two, spoilt = Hindsight(None, 1.0), Hindsight(None, 1.0), [batch.clone() for batch in batches]
+    one, two, spoilt = Relabelling(None, 1.0), Relabelling(None, 1.0), [batch.clone() for batch in batches]
     expected = [episode.clone() for batch in batches for episode in one.episodes(batch)]
     found = []
     for batch in spoilt:
@@ -53,7 +53,7 @@ def test_what_is_kept_is_not_the_batch_itself(batches):
 @pytest.mark.parametrize(("copies", "least", "most"), [(0.0, 0, 0), (0.5, 0.3, 0.7), (1.0, 1, 1), (2.0, 2, 2)])
 def test_so_many_copies_are_told(batches, copies, least, most):
     asked = []
-    kept = Hindsight(lambda episodes, seed: asked.extend(episodes) or [], copies)
+    kept = Relabelling(lambda episodes, seed: asked.extend(episodes) or [], copies)
     ended = sum(int(batch["next", "done"].sum()) for batch in batches)
     assert all(kept(batch) == [] for batch in batches)
     assert least * ended <= len(asked) <= most * ended
@@ -62,16 +62,16 @@ def test_so_many_copies_are_told(batches, copies, least, most):
 def test_sac_remembers_what_was_told(batches):
     env, small = make_env(8, 0), plan("sac")
     _, sac = build_algorithm(small, env.observation_spec, env.action_unit, relabel=env.hindsight)
-    expected = [tale for batch in batches for tale in Hindsight(env.hindsight, 1.0)(batch)]
+    expected = [tale for batch in batches for tale in Relabelling(env.hindsight, 1.0)(batch)]
     for batch in batches:
         sac.update(batch, 0.0)
-    frames = sac.memory[:]
+    frames = sac.replay.frames[:]
     assert len(frames) > sum(batch.numel() for batch in batches)
     there = (frames["next", "robot"][:, :3] - frames["next", "privileged", "goal"]).norm(dim=-1) < NEAR
     assert torch.equal(there, (frames["next", "reward"] > 0.5).squeeze(-1))
     assert (frames["next", "terminated"].squeeze(-1) >= there).all()
     torch.testing.assert_close(frames["referent"][:, :3], frames["privileged", "goal"])
-    scenes = sac.scenes.memory[:]
+    scenes = sac.grounding.scenes[:]
     begun = int(torch.cat(batches, 1)["next", "done"][:, :-1].sum()) + 8
     assert len(scenes) == begun + len(expected) > begun
     meant = scenes["objects"][torch.arange(len(scenes)), scenes["privileged", "referent"]]

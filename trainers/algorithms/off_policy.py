@@ -1,0 +1,126 @@
+"""Off-policy learning: replay, hindsight relabelling, grounding supervision and gradient steps."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor, nn
+
+from trainers.algorithms.algorithm import (
+    Algorithm,
+    anneal_learning_rate,
+    averages,
+    check_batch,
+    check_loss,
+    total_loss,
+)
+from trainers.algorithms.base_config import OffPolicyConfig
+from trainers.algorithms.grounding_supervision import METRICS, first_steps
+from trainers.algorithms.relabelling import Relabel, Relabelling
+from trainers.algorithms.replay import Replay
+from trainers.models.policy import Policy, parameters
+
+
+class OffPolicyAlgorithm(Algorithm):
+    """Takes `updates_per_frame` gradient steps on replayed frames for each collected one.
+
+    A subclass sets `optimizer` and defines `compute_losses` and, if it needs to, `after_step`.
+
+    Args:
+        critic_key: what the critic is given beside robot and move.
+        relabel: the environment's `hindsight`; None: no relabelling.
+        priority: exponents (alpha, beta) of prioritised replay; alpha 0 draws evenly.
+    """
+
+    metrics: tuple[str, ...] = ("updates", "relabelled", *METRICS)
+
+    def __init__(
+        self,
+        config: OffPolicyConfig,
+        policy: Policy,
+        critic_key: str | tuple[str, str],
+        relabel: Relabel | None = None,
+        priority: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        super().__init__(config, policy)
+        self.config, self.critic_key = config, critic_key
+        self.actor_parameters = parameters(policy)
+        self.replay = Replay(policy, critic_key, config.buffer, self.device, self.grounding.active, *priority)
+        self.relabelling = Relabelling(relabel, config.hindsight)
+        self.starts: Tensor | None = None  # (worlds, 1) whether the next frame begins an episode
+        self.pending_steps = 0.0  # gradient steps that the frames so far call for and that are not taken yet
+        self.steps_taken = 0
+
+    def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
+        """Add a batch (worlds, steps) to the replay buffer, then take the gradient steps that it calls for.
+
+        progress anneals the learning rate.
+        """
+        check_batch(batch)
+        anneal_learning_rate(self.optimizer, self.config.lr, self.config.anneal_lr, progress)
+        relabelled = self.relabelling(batch)
+        for frames in (batch, *relabelled):
+            self.replay.extend(frames)
+        self.add_batch_scenes(batch, relabelled)
+        if len(self.replay) < max(self.config.learning_starts, self.config.batch):
+            return {"updates": 0.0}
+        self.pending_steps += batch.numel() * self.config.updates_per_frame
+        steps, self.pending_steps = int(self.pending_steps), self.pending_steps % 1.0
+        if not steps:
+            return {"updates": 0.0}
+        counts = {"updates": steps, "relabelled": sum(len(episode) for episode in relabelled)}
+        return averages(self.learn(steps)) | {name: float(count) for name, count in counts.items()}
+
+    def add_batch_scenes(self, batch: TensorDictBase, relabelled: Sequence[TensorDictBase]) -> None:
+        """Keep the scenes of episodes that begin in a batch (worlds, steps), and those of relabelled episodes."""
+        done = batch["next", "done"][..., 0]
+        starts = torch.ones_like(done[:, :1]) if self.starts is None else self.starts
+        begins, self.starts = first_steps(batch, starts), done[:, -1:].clone()
+        for scenes in (batch[begins], *(episode[:1] for episode in relabelled)):
+            if self.grounding.active and len(scenes):
+                self.grounding.add(scenes.select(*self.grounding.keys))
+
+    def learn(self, steps: int) -> list[dict[str, Tensor]]:
+        """Take so many gradient steps. Frames and scenes are drawn once for all steps, which saves overhead."""
+        if self.replay.prioritised:  # priorities change with every step
+            frames = [self.replay.sample(self.config.batch) for _ in range(steps)]
+        else:
+            frames = self.replay.sample(steps * self.config.batch).split(self.config.batch)
+        if not self.grounding.active:
+            return [self.step(part) for part in frames]
+        # A pass over scenes costs more than one over frames, and fewer of them suffice.
+        every = self.config.grounding_every
+        scenes = self.grounding.sample(-(-steps // every))
+        return [self.step(part, None if i % every else scenes[i // every]) for i, part in enumerate(frames)]
+
+    def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
+        """One gradient step on frames (B,) for actor and critics, and on scenes (G,) for the grounding."""
+        measured = self.losses(frames)
+        loss = total_loss(measured)
+        if scenes is not None:
+            measured |= self.grounding.measure(scenes)
+            loss = loss + self.config.grounding_weight * measured["loss/grounding"]
+        check_loss(loss, frames)
+        self.optimizer.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(self.actor_parameters, self.config.max_grad_norm)
+        self.optimizer.step()
+        self.steps_taken += 1
+        self.after_step(frames)
+        return {name: value.detach() for name, value in measured.items()}
+
+    def losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
+        """`compute_losses`, once the words are encoded where they are not supervised."""
+        if not self.grounding.active:
+            self.policy.encode_transition(frames, frames["next"])
+        return self.compute_losses(frames)
+
+    @abstractmethod
+    def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
+        """What a gradient step on frames (B,) measures, scalars; the sum of those named loss/... is minimised."""
+
+    def after_step(self, frames: TensorDictBase) -> None:
+        """Called after each gradient step on frames (B,): moves target networks, updates priorities."""

@@ -1,0 +1,113 @@
+"""Trains with any off-policy loss module of TorchRL that takes an actor and critics of action values."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+from torchrl.data import Bounded
+from torchrl.objectives import HardUpdate, LossModule, SoftUpdate
+from torchrl.objectives.utils import TargetNetUpdater
+
+from trainers.algorithms.algorithm import ExplorationSchedule
+from trainers.algorithms.grounding_supervision import METRICS
+from trainers.algorithms.off_policy import OffPolicyAlgorithm
+from trainers.algorithms.specs import Specs
+from trainers.algorithms.torchrl_config import TorchRLOffPolicyConfig
+from trainers.algorithms.torchrl_losses import build_loss, find_loss, takes
+from trainers.models.actors import deterministic_actor, stochastic_actor
+from trainers.models.policy import Policy, parameters
+
+# Outputs of TorchRL's losses, and the names that they are reported under.
+OUTPUTS = {
+    "loss_actor": "loss/actor",
+    "loss_qvalue": "loss/critic",
+    "loss_value": "loss/value",
+    "loss_alpha": "loss/alpha",
+    "loss_cql": "loss/cql",
+    "entropy": "entropy",
+    "alpha": "alpha",
+    "pred_value": "q",
+}
+ACTOR_LOSSES = ("loss/actor", "loss/alpha")
+
+
+class TorchRLOffPolicy(OffPolicyAlgorithm):
+    """The loss module holds the critics, their targets and the temperature; the actor's parameters are the policy's."""
+
+    saved = ("policy", "loss", "optimizer")
+
+    def __init__(self, config: TorchRLOffPolicyConfig, policy: Policy, specs: Specs) -> None:
+        priority = (config.priority_alpha, config.priority_beta)
+        super().__init__(config, policy, specs.critic_key(policy), specs.relabel, priority)
+        self.config: TorchRLOffPolicyConfig = config
+        self.loss = build_off_policy_loss(config, policy, specs)
+        self.outputs = {key: name for key, name in OUTPUTS.items() if key in self.loss.out_keys}
+        self.metrics = (*self.outputs.values(), "std", "updates", "relabelled", *METRICS)
+        self.updater = build_target_updater(config, self.loss)
+        self.exploration = ExplorationSchedule(policy, config.final_std) if config.final_std else None
+        learned = parameters(policy, self.loss)
+        self.optimizer = torch.optim.Adam(learned, lr=config.lr, betas=(config.adam_beta1, 0.999), fused=True)
+
+    @classmethod
+    def build(cls, config: TorchRLOffPolicyConfig, policy: Policy, specs: Specs) -> TorchRLOffPolicy:
+        return cls(config, policy, specs)
+
+    def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
+        if self.exploration is not None:
+            self.exploration.step(progress)
+        return super().update(batch, progress)
+
+    def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
+        """What the loss module outputs. The actor's losses are left out of all but one of `actor_every` steps."""
+        frames["next", "done"] = frames["next", "terminated"]  # a truncated frame bootstraps
+        out = self.loss(frames)
+        measured = {name: out[key].mean() for key, name in self.outputs.items()}
+        measured["std"] = self.policy.actor.log_std.exp().mean()
+        if self.steps_taken % self.config.actor_every:
+            measured = {name: value for name, value in measured.items() if name not in ACTOR_LOSSES}
+        return measured
+
+    def after_step(self, frames: TensorDictBase) -> None:
+        if self.updater is not None:
+            self.updater.step()
+        self.replay.update_priorities(frames)
+
+    def state_dict(self) -> dict[str, Any]:
+        return super().state_dict() | {"steps_taken": self.steps_taken}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        super().load_state_dict(state)
+        self.steps_taken = state["steps_taken"]
+
+
+def build_off_policy_loss(config: TorchRLOffPolicyConfig, policy: Policy, specs: Specs) -> LossModule:
+    """The loss module of a config, with critics of its own. Raises ConfigError."""
+    cls = find_loss(config.loss)
+    make_actor = deterministic_actor if config.deterministic else stochastic_actor
+    critics = specs.build_q_modules(policy, config.critics, config.quantiles, config.critic_normalisation)
+    given = {
+        "actor_network": make_actor(policy, [specs.critic_key(policy)]),
+        "qvalue_network": critics,
+        "num_qvalue_nets": config.critics,
+        "value_network": critics[0],
+        "action_spec": Bounded(-1.0, 1.0, (len(policy.action_unit),), device=specs.device),
+        "deactivate_vmap": True,  # a loop over few small critics is faster on a CPU
+    }
+    if takes(cls, "qvalue_network"):
+        del given["value_network"]
+    loss = build_loss(cls, config.options, given)
+    loss.set_keys(action="move")
+    loss.make_value_estimator(loss.default_value_estimator, gamma=config.gamma)
+    return loss.to(specs.device)
+
+
+def build_target_updater(config: TorchRLOffPolicyConfig, loss: LossModule) -> TargetNetUpdater | None:
+    """What moves the target networks after each gradient step; None: the loss has none."""
+    if config.target == "soft":
+        return SoftUpdate(loss, tau=config.tau)
+    if config.target == "hard":
+        return HardUpdate(loss, value_network_update_interval=config.target_interval)
+    return None

@@ -1,0 +1,66 @@
+"""What training expects of an environment, beside TorchRL's `EnvBase`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from tensordict import TensorDictBase
+from torchrl.data import Composite, TensorSpec
+
+# Episodes (T,) and a seed, to those of them that achieved another goal, relabelled and cut where they then end.
+Relabel = Callable[[Sequence[TensorDictBase], int], Sequence[TensorDictBase]]
+
+
+class Tokenizer(Protocol):
+    """The vocabulary of instructions."""
+
+    @property
+    def vocabulary(self) -> Sequence[str]: ...
+
+
+@runtime_checkable
+class TrainingEnv(Protocol):
+    """N worlds in one batched TorchRL environment, batch_size (N,), on the CPU.
+
+    Observations have the keys "robot", "objects", "objects_mask", "instruction" and "hold", "success", "wrong_object",
+    "at_goal" and "reward_terms", and under "privileged" at least "referent", "goal" and "kind". Where a person points
+    there is "gesture" too. Policies never read a privileged key.
+
+    Attributes:
+        action_unit: (A,), the action that moves the arm as far as it gets in one control step.
+        reward_names: what the columns of "reward_terms" are.
+        kind_names: what the values of privileged/kind are.
+        tokenizer: has the words that "instruction" is made of.
+    """
+
+    batch_size: torch.Size
+    reward_names: Sequence[str]
+    kind_names: Sequence[str]
+    tokenizer: Tokenizer
+
+    @property
+    def action_unit(self) -> Sequence[float]: ...
+
+    @property
+    def observation_spec(self) -> Composite: ...
+
+    @property
+    def action_spec(self) -> TensorSpec: ...
+
+    def reset(self) -> TensorDictBase: ...
+
+    def step(self, tensordict: TensorDictBase) -> TensorDictBase: ...
+
+    def step_and_maybe_reset(self, tensordict: TensorDictBase) -> tuple[TensorDictBase, TensorDictBase]: ...
+
+    def set_seed(self, seed: int) -> Any: ...
+
+    def close(self) -> Any: ...
+
+    def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
+        """Scenes (count,) with their sentences and labels, drawn but not simulated."""
+
+    def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> Sequence[TensorDictBase]:
+        """Those of the episodes (T,) that achieved another goal, relabelled with it (HER)."""
