@@ -1,1 +1,1 @@
-"""Programs that write pictures and reference tables of what conf/ offers."""
+"""Programs that write pictures and reference tables of the options in conf/."""

@@ -1,11 +1,11 @@
-"""What everything looks like: `python -m envs.tools.gallery` renders contact sheets, one picture a cell.
+"""Contact sheets of all workspaces and tasks: `python -m envs.tools.gallery` renders them.
 
-    out=docs/gallery   the folder where workspaces.png (every workspace with every robot, and the person where there is
-                       one) and tasks.png (every task, with its sentence, as the scripted expert is at it) go
+    out=docs/gallery   the folder of workspaces.png (every workspace with every robot, and its person if any) and
+                       tasks.png (every task while the scripted expert acts, with its sentence)
     seed=3             of the episodes
-    robot=panda ...    any override of the config, as of train.py
+    robot=panda ...    any override of the config, as in train.py
 
-All is seen by the workspace's own camera.
+The camera is the workspace's own.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from envs.config import EnvConfig, read_env
 from envs.experts import expert
 from envs.workspace_env import WorkspaceEnv
 
-COLUMNS, WIDTH, HEIGHT = 3, 400, 300  # cells a row, pixels of a picture
-FINER = 2  # times as many pixels are rendered each way: the renderer does not smooth edges
-LETTERS, LINE, MARGIN = 60, 17, 6  # characters in a line of a caption, pixels of a line, its inset
-COLOURS = 256  # of a sheet: a fraction of the bytes, and no difference to see
-BUSY = 0.6  # share of the expert's episode after which tasks are shown
+COLUMNS, WIDTH, HEIGHT = 3, 400, 300  # cells in a row, pixels of a picture
+SUPERSAMPLING = 2  # pixels rendered per pixel, in each direction: the renderer does not smooth edges
+CAPTION_CHARACTERS, LINE, MARGIN = 60, 17, 6  # characters in a line of a caption, pixels of a line, pixels of a margin
+COLOURS = 256  # of a sheet: a small file without a visible difference
+EPISODE_SHARE = 0.6  # of the expert's episode, after which a task is shown
 DEFAULTS = {"out": "docs/gallery", "seed": 3}
 
 Picture = NDArray[np.uint8]
@@ -44,47 +44,47 @@ class GalleryConfig(Checked):
 
 @dataclass(frozen=True)
 class Cell:
-    """A picture (H, W, 3) with a title and, below it, what is said there."""
+    """A picture (H, W, 3) with a title and, below it, the sentence."""
 
     picture: Picture
     title: str
-    said: str = ""
+    sentence: str = ""
 
 
 def workspaces(names: Iterable[str], robots: Sequence[str], overrides: Sequence[str] = (), seed: int = 3) -> list[Cell]:
-    """Each workspace with each robot, as an episode begins. Raises ConfigError."""
+    """Each workspace with each robot at the start of an episode. Raises ConfigError."""
     cells = []
     for name in names:
         for robot in robots:
             choice = [f"workspace={name}", f"robot={robot}"]
-            somebody = read_env(compose(choice)).workspace.human is not None
-            with closing(stage([*choice, *["gesture=ray"] * somebody, *overrides], seed)) as env:
+            has_person = read_env(compose(choice)).workspace.human is not None
+            with closing(make_env([*choice, *["gesture=ray"] * has_person, *overrides], seed)) as env:
                 env.reset()
-                cells.append(Cell(seen(env), f"{name}, {robot}"))
+                cells.append(Cell(picture_of(env), f"{name}, {robot}"))
     return cells
 
 
 def tasks(names: Iterable[str], overrides: Sequence[str] = (), seed: int = 3) -> list[Cell]:
-    """Each task, as the scripted expert is at it. Raises ConfigError."""
+    """Each task while the scripted expert acts. Raises ConfigError."""
     cells = []
     for name in names:
-        with closing(stage([f"task={name}", *overrides], seed)) as env:
-            steps = act(env, env.config.task.max_steps)
+        with closing(make_env([f"task={name}", *overrides], seed)) as env:
+            steps = run_expert(env, env.config.task.max_steps)
             env.set_seed(seed)
-            act(env, round(BUSY * steps))
-            cells.append(Cell(seen(env), name, env.sentence() or "(no words)"))
+            run_expert(env, round(EPISODE_SHARE * steps))
+            cells.append(Cell(picture_of(env), name, env.sentence() or "(no words)"))
     return cells
 
 
-def stage(overrides: Sequence[str], seed: int) -> WorkspaceEnv:
-    """One world with a finer camera, whose episodes begin where judged ones do."""
+def make_env(overrides: Sequence[str], seed: int) -> WorkspaceEnv:
+    """One world with the evaluations' initial states and a camera of higher resolution."""
     config: EnvConfig = read_env(compose(overrides)).judged()
-    camera = replace(config.workspace.camera, width=FINER * WIDTH, height=FINER * HEIGHT)
+    camera = replace(config.workspace.camera, width=SUPERSAMPLING * WIDTH, height=SUPERSAMPLING * HEIGHT)
     return WorkspaceEnv(replace(config, workspace=replace(config.workspace, camera=camera)), seed=seed, render=True)
 
 
-def act(env: WorkspaceEnv, steps: int) -> int:
-    """Let the expert do an episode's first steps; how many it took, if the episode was over before."""
+def run_expert(env: WorkspaceEnv, steps: int) -> int:
+    """Runs the expert for up to `steps` control steps of an episode. Returns the number of steps taken."""
     actor, now = expert(env), env.reset()
     for step in range(steps):
         now = env.step(actor(now))["next"]
@@ -93,15 +93,15 @@ def act(env: WorkspaceEnv, steps: int) -> int:
     return steps
 
 
-def seen(env: WorkspaceEnv) -> Picture:
-    """What the camera sees, (HEIGHT, WIDTH, 3)."""
+def picture_of(env: WorkspaceEnv) -> Picture:
+    """The camera's picture, (HEIGHT, WIDTH, 3)."""
     return np.asarray(Image.fromarray(env.render()).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS))
 
 
 def sheet(cells: Sequence[Cell]) -> Image.Image:
-    """The cells in rows, each picture above its caption."""
+    """The cells in rows, with a caption below each picture."""
     font, bold = ImageFont.load_default(size=13), ImageFont.load_default(size=15)
-    captions = [textwrap.wrap(cell.said, LETTERS) for cell in cells]
+    captions = [textwrap.wrap(cell.sentence, CAPTION_CHARACTERS) for cell in cells]
     wide, high = WIDTH + MARGIN, HEIGHT + (1 + max(map(len, captions))) * LINE + 2 * MARGIN
     rows = -(-len(cells) // COLUMNS)
     image = Image.new("RGB", (min(COLUMNS, len(cells)) * wide + MARGIN, rows * high + MARGIN), "white")
@@ -116,7 +116,7 @@ def sheet(cells: Sequence[Cell]) -> Image.Image:
 
 
 def main(arguments: list[str]) -> None:
-    """Render both sheets. Raises ConfigError."""
+    """Renders both sheets. Raises ConfigError."""
     own, overrides = split(arguments, [field.name for field in fields(GalleryConfig)], "out=docs/gallery")
     config = read(GalleryConfig, DEFAULTS | own, "")
     check(overrides)

@@ -1,9 +1,9 @@
-"""What every task observes and every robot does, as tables: `python -m envs.tools.tables` writes docs/reference/*.md.
+"""Reference tables of observations and actions: `python -m envs.tools.tables` writes docs/reference/*.md.
 
-    out=docs/reference   the folder that they go to
-    check=false          true: write nothing, and fail where the pages there are not what would be written
+    out=docs/reference   the folder of the pages
+    check=false          true: write nothing, and fail if a page in the folder is out of date
 
-Shapes, types and bounds come from the environments' own specs. `envs.mdp.observations` describes the keys.
+Shapes, types and bounds come from the environments' specs, descriptions of the keys from `envs.mdp.observations`.
 """
 
 from __future__ import annotations
@@ -30,26 +30,27 @@ from envs.workspace_env import WorkspaceEnv
 from language import DEVICES, SHAPES
 
 DEFAULTS = {"out": "docs/reference", "check": False}
-NOTE = "<!-- Written by `python -m envs.tools.tables` from the specs: not to be edited. -->"
+NOTE = "<!-- Written by `python -m envs.tools.tables` from the specs; do not edit. -->"
 COLUMNS = ["x", "y", "z (m)", "quaternion x", "y", "z", "w", "red", "green", "blue", "opacity"]
 OFFSETS = [f"offset {axis} within {near} m" for near in (NEAR, CLOSE) for axis in "xyz"]
-PLACE, TURNED = ["gripper x", "y", "z (m)"], [f"rotation, {i}. column, {axis}" for i in (1, 2) for axis in "xyz"]
-ARM = {
+GRIPPER_POSITION = ["gripper x", "y", "z (m)"]
+GRIPPER_ROTATION = [f"rotation, column {i}, {axis}" for i in (1, 2) for axis in "xyz"]
+ARM_ACTIONS = {  # of controls whose actions are not joint angles
     "step": ["move x", "move y", "move z"],
-    "absolute": ["place x", "place y", "place z"],
+    "absolute": ["position x", "position y", "position z"],
 }
-EXAMPLES = ("nl_reach", "nl_pick_and_place", "pick_and_rotate")  # of tasks that grip and turn nothing; grip; and turn
-TASKS_PAGE = (
-    "Of every option of `task=`, as they stand in `conf/task/`: what an episode is, what rewards it, and every key",
-    "of the observation with its shape and type, for the default robot and control (kuka, `step`). N is the number",
-    "of worlds. How other robots and controls differ is in [one table](#numbers-of-robot-and-action), and column by",
-    "column under [robots](robots.md). Losses and tests alone may read what is under `privileged`.",
+EXAMPLES = ("nl_reach", "nl_pick_and_place", "pick_and_rotate")  # a task without a gripper; with; one that turns it
+TASKS_INTRODUCTION = (
+    "Every option of `task=` (`conf/task/`): the episode, the reward weights, and every key of the observation with",
+    "its shape and type, for the default robot and control (kuka, `step`). N is the number of worlds. For other robots",
+    "and controls, see [the widths of `robot` and `action`](#numbers-of-robot-and-action), and [robots](robots.md) for",
+    "each column. Only losses and tests may read the keys under `privileged`.",
 )
-ROBOTS_PAGE = (
-    "Of every option of `robot=`, as they stand in `conf/robot/`: each number of the observation `robot`, and of the",
-    "action by control (`control=`). Actions are in [-1, 1]; *unit* is how far one may be from `hold`, the action that",
-    "keeps the arm where it is, to be carried out within one control step. Rows in *italics* are there where the task",
-    "grips; the action's yaw, where it turns things.",
+ROBOTS_INTRODUCTION = (
+    "Every option of `robot=` (`conf/robot/`): each number of the observation `robot`, and of the action for every",
+    "`control=`. Actions are in [-1, 1]. `hold` is the action that keeps the arm where it is; *unit* is the largest",
+    "difference from `hold` that one control step can carry out. Rows in *italics* exist only in tasks that grip, the",
+    "yaw of the action only in tasks that turn objects.",
 )
 
 Rows = Sequence[Sequence[Any]]
@@ -63,7 +64,7 @@ class TablesConfig(Checked):
 
 @dataclass(frozen=True)
 class Specs:
-    """What one environment says of itself."""
+    """The specs and properties of one environment."""
 
     config: EnvConfig
     observed: Composite
@@ -76,7 +77,7 @@ class Specs:
 
 
 def specs(config: EnvConfig) -> Specs:
-    """Those of one world built for this."""
+    """The specs of an environment with this config."""
     with closing(WorkspaceEnv(config)) as env:
         task = env.task
         flags = task.moves, task.operates, task.grips, task.turns
@@ -84,12 +85,12 @@ def specs(config: EnvConfig) -> Specs:
 
 
 def option(group: str, name: str) -> EnvConfig:
-    """The default config with another option of a group."""
+    """The default config with this option of a group."""
     return read_env(compose([f"{group}={name}"]))
 
 
 def pages() -> dict[str, str]:
-    """The text of each page by its file's name."""
+    """File name of each page -> its text."""
     tasks = {name: specs(option("task", name)) for name in groups()["task"]}
     robots = {name: option("robot", name).robot for name in groups()["robot"]}
     controls = {name: option("control", name).control for name in groups()["control"]}
@@ -103,23 +104,23 @@ def pages() -> dict[str, str]:
 def _tasks_page(tasks: dict[str, Specs], made: dict[tuple[str, str, str], Specs]) -> str:
     lines = [
         NOTE,
-        "# Tasks: what is observed",
+        "# Tasks: observations",
         "",
-        *TASKS_PAGE,
+        *TASKS_INTRODUCTION,
         "",
-        "## What the keys hold",
+        "## Keys",
         "",
-        *_table(["key", "what it holds"], [[f"`{key}`", text] for key, text in descriptions().items()]),
+        *_table(["key", "content"], [[f"`{key}`", text] for key, text in descriptions().items()]),
         "",
         "## Rows of `objects`",
         "",
-        "One row a slot, with as many numbers as the task needs:",
+        "One row for each slot. The number of columns depends on the task:",
         "",
-        *_table(["columns", "of", "in tasks that"], _object_rows(tasks)),
+        *_table(["columns", "content", "in tasks that"], _object_rows(tasks)),
         "",
         "## Numbers of `robot` and `action`",
         "",
-        "How many `robot` and `action` (and `hold`) hold, by robot and control:",
+        "The widths of `robot` and `action` (and `hold`), by robot and control:",
         "",
         *_table(
             ["tasks", "robot", "`robot`", *(f"`action`, `{control}`" for control in CONTROLS)], _widths(tasks, made)
@@ -131,10 +132,10 @@ def _tasks_page(tasks: dict[str, Specs], made: dict[tuple[str, str, str], Specs]
 
 
 def _object_rows(tasks: dict[str, Specs]) -> Rows:
-    """Which columns there are; raises where the names are not as many as the spec's columns."""
+    """The columns of `objects` for each kind of task. The assertion keeps their number equal to the spec's."""
     rows: list[list[Any]] = []
     for some, kinds, title in (
-        ("nl_reach", SHAPES, "go to objects"),
+        ("nl_reach", SHAPES, "reach objects"),
         ("nl_pick_and_place", SHAPES, "move objects"),
         ("nl_push", SHAPES, "push objects"),
         ("press", DEVICES, "operate devices"),
@@ -168,11 +169,8 @@ def _task_section(name: str, each: Specs) -> list[str]:
         ["see-through targets", task.num_targets],
         ["sentences", ", ".join(task.kinds) or "none"],
         ["workspace", each.config.workspace.name],
-        ["control steps at most", task.max_steps],
-        [
-            "the action",
-            "grips, and turns the gripper" if each.turns else "grips" if each.grips else "moves the arm alone",
-        ],
+        ["maximum control steps", task.max_steps],
+        ["the action", _action_words(each)],
         ["reward", ", ".join(f"{term} {task.reward[term]:g}" for term in each.terms)],
     ]
     return [
@@ -184,6 +182,12 @@ def _task_section(name: str, each: Specs) -> list[str]:
         "",
         *_table(["key", "shape", "type"], _keys(each.observed)),
     ]
+
+
+def _action_words(each: Specs) -> str:
+    if each.turns:
+        return "moves, turns and closes the gripper"
+    return "moves and closes the gripper" if each.grips else "moves the arm"
 
 
 def _keys(observed: Composite) -> Rows:
@@ -198,9 +202,9 @@ def _keys(observed: Composite) -> Rows:
 def _robots_page(made: dict[tuple[str, str, str], Specs]) -> str:
     lines = [
         NOTE,
-        "# Robots: what they observe and do",
+        "# Robots: observations and actions",
         "",
-        *ROBOTS_PAGE,
+        *ROBOTS_INTRODUCTION,
     ]
     for robot in dict.fromkeys(key[0] for key in made):
         lines += ["", f"## {robot}", "", overrides.comment("robot", robot), "", *_robot_tables(robot, made)]
@@ -211,18 +215,24 @@ def _robot_tables(robot: str, made: dict[tuple[str, str, str], Specs]) -> list[s
     some = made[robot, "step", "pick_and_rotate"]
     joints = some.config.robot.joints
     named = [f"angle of `{joint}` (rad)" for joint in joints] + [f"speed of `{joint}` (rad/s)" for joint in joints]
-    named += [*PLACE, *TURNED, "how far the fingers are open", "*how far it is told to be shut*", "*whether it holds*"]
+    named += [
+        *GRIPPER_POSITION,
+        *GRIPPER_ROTATION,
+        "opening of the fingers",
+        "*commanded closing*",
+        "*whether it holds*",
+    ]
     spec = some.observed["robot"]
     low, high = spec.space.low[0].tolist(), spec.space.high[0].tolist()
     rows = [[i, *row] for i, row in enumerate(zip(named, map(_number, low), map(_number, high), strict=True))]
-    lines = ["### `robot`", "", *_table(["column", "what", "least", "greatest"], rows)]
+    lines = ["### `robot`", "", *_table(["column", "content", "least", "greatest"], rows)]
     for control in CONTROLS:
         unit = made[robot, control, "pick_and_rotate"].unit
-        arm = ARM.get(control, [f"angle of `{joint}`" for joint in joints])
-        yaw = [] if control == "joints" else ["yaw of the gripper, where the task turns things"]
-        parts = [*arm, *yaw, "*shut the gripper: above 0*"]
+        arm = ARM_ACTIONS.get(control, [f"angle of `{joint}`" for joint in joints])
+        yaw = [] if control == "joints" else ["yaw of the gripper, in tasks that turn objects"]
+        parts = [*arm, *yaw, "*gripper: closed above 0*"]
         rows = [[i, *row] for i, row in enumerate(zip(parts, map(_number, unit), strict=True))]
-        lines += ["", f"### `action`, `control={control}`", "", *_table(["number", "what", "unit"], rows)]
+        lines += ["", f"### `action`, `control={control}`", "", *_table(["number", "content", "unit"], rows)]
     return lines
 
 
@@ -239,7 +249,7 @@ def _table(head: list[str], rows: Rows) -> list[str]:
 
 
 def main(arguments: list[str]) -> None:
-    """Write the pages, or compare them. Raises ConfigError."""
+    """Writes the pages, or checks them. Raises ConfigError."""
     own, rest = split(arguments, [field.name for field in fields(TablesConfig)], "out=docs/reference")
     config = read(TablesConfig, DEFAULTS | own | dict(word.split("=", 1) for word in rest), "")
     folder = Path(config.out) if config.check else out_folder(config.out)
@@ -249,7 +259,7 @@ def main(arguments: list[str]) -> None:
             path.write_text(text, encoding="utf-8")
             print(path)
         elif not path.is_file() or path.read_text(encoding="utf-8") != text:
-            raise ConfigError(f"{path} is not what the specs say; python -m envs.tools.tables writes it anew")
+            raise ConfigError(f"{path} is out of date; run python -m envs.tools.tables")
 
 
 if __name__ == "__main__":

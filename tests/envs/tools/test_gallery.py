@@ -1,4 +1,4 @@
-"""The contact sheets show what they say they do."""
+"""The contact sheets show robots, persons and sentences."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from conf.schema import ConfigError
 from envs.tools import gallery
 from envs.tools.gallery import COLUMNS, HEIGHT, MARGIN, WIDTH, main, sheet, tasks, workspaces
 
-SHIRT = (42, 71, 105)  # what the person wears, lit, in RGB
+SHIRT = (42, 71, 105)  # RGB of the person's shirt, lit
 
 
 @pytest.fixture(scope="module")
@@ -20,26 +20,26 @@ def cells():
 
 
 def near(picture, color, apart=40):
-    """How many pixels are of about this colour."""
+    """The number of pixels with about this colour."""
     return int((np.abs(np.asarray(picture, int) - color).max(-1) < apart).sum())
 
 
-def test_a_cell_shows_robot_person_and_words(cells):
+def test_a_cell_shows_robot_person_and_sentence(cells):
     assert [cell.title for cell in cells] == ["collabtable, kuka", "drawer, kuka", "nl_lift"]
     assert [near(cell.picture, (240, 100, 10)) > 200 for cell in cells] == [True] * 3  # the kuka's orange
     assert [near(cell.picture, SHIRT, apart=14) > 200 for cell in cells] == [True, False, False]
-    assert cells[2].said.startswith("lift the ")
+    assert cells[2].sentence.startswith("lift the ")
 
 
-def test_nothing_is_cut_at_the_edges(cells):
-    """The robot and the person keep clear of all four edges, which show table, floor or background alone."""
+def test_robot_and_person_are_not_cut_at_the_edges(cells):
+    """The edges show only table, floor or background."""
     for cell in cells:
         top, left, right = cell.picture[0], cell.picture[:, 0], cell.picture[:, -1]
         assert (top > 250).all(), cell.title
         assert near(left, (240, 100, 10)) + near(right, (240, 100, 10)) == 0, cell.title
 
 
-def test_a_sheet_holds_each_picture_in_its_place(cells):
+def test_a_sheet_has_each_picture_in_its_place(cells):
     whole = np.asarray(sheet(cells).convert("RGB"), int)
     assert whole.shape[1] == 3 * (WIDTH + MARGIN) + MARGIN
     for i, cell in enumerate(cells):
@@ -49,7 +49,7 @@ def test_a_sheet_holds_each_picture_in_its_place(cells):
         assert (whole[MARGIN + HEIGHT :, x : x + WIDTH] < 100).any()  # its caption
 
 
-def test_every_workspace_robot_and_task_is_asked_for(tmp_path, monkeypatch, cells):
+def test_every_workspace_robot_and_task_is_rendered(tmp_path, monkeypatch, cells):
     asked = {}
 
     def note(name):
@@ -74,7 +74,7 @@ def test_every_workspace_robot_and_task_is_asked_for(tmp_path, monkeypatch, cell
         ("out={file}/x", "out=.*/x cannot be a folder: Not a directory"),
     ],
 )
-def test_bad_arguments_are_refused_in_one_line(word, message, tmp_path):
+def test_bad_gallery_arguments_raise_an_error_of_one_line(word, message, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(ConfigError, match=message) as caught:
         main([word.format(file=tmp_path / "file")])

@@ -1,4 +1,4 @@
-"""The reference pages say what the specs say."""
+"""The reference pages agree with the specs."""
 
 from pathlib import Path
 
@@ -21,21 +21,21 @@ def pages():
 
 def test_the_committed_pages_are_up_to_date(pages):
     for name, text in pages.items():
-        assert (REFERENCE / name).read_text("utf-8") == text, "python -m envs.tools.tables writes them anew"
+        assert (REFERENCE / name).read_text("utf-8") == text, "run python -m envs.tools.tables"
     assert sorted(path.name for path in REFERENCE.iterdir()) == sorted(pages)
 
 
-def test_every_task_and_robot_has_its_tables(pages):
+def test_every_task_and_robot_has_a_section(pages):
     assert [line[3:] for line in pages["tasks.md"].splitlines() if line[:3] == "## "][3:] == groups()["task"]
     assert [line[3:] for line in pages["robots.md"].splitlines() if line[:3] == "## "] == groups()["robot"]
 
 
 @pytest.mark.parametrize("choice", [("throw", "panda", "joints"), ("turn", "jaco", "absolute")])
-def test_widths_are_those_of_the_environment_itself(choice, pages):
-    """These very combinations are not among those that the pages were made from."""
+def test_widths_equal_those_of_an_environment(choice, pages):
+    """These combinations are not among those from which the pages are made."""
     task, robot, control = choice
     env = make_env([f"task={task}", f"robot={robot}", f"control={control}"])
-    felt, does = env.observation_spec["robot"].shape[-1], env.action_spec.shape[-1]
+    robot_width, action_width = env.observation_spec["robot"].shape[-1], env.action_spec.shape[-1]
     shapes = {key: tuple(env.observation_spec[key].shape[1:]) for key in ("objects", "reward_terms")}
     env.close()
     table = pages["tasks.md"].partition("## Numbers of")[2].partition("\n## ")[0]
@@ -44,24 +44,24 @@ def test_widths_are_those_of_the_environment_itself(choice, pages):
     ]
     first = next(i for i, row in enumerate(rows) if f"`{task}`" in row[0])
     row = next(row for row in rows[first:] if row[1] == robot)
-    assert (int(row[2]), int(row[head.index(f"`action`, `{control}`")])) == (felt, does)
+    assert (int(row[2]), int(row[head.index(f"`action`, `{control}`")])) == (robot_width, action_width)
     section = pages["tasks.md"].partition(f"\n## {task}\n")[2].partition("\n## ")[0]
     for key, shape in shapes.items():
         assert f"| `{key}` | (N, {', '.join(map(str, shape))}) |" in section
 
 
-def test_every_key_is_explained(pages):
+def test_every_key_has_a_description(pages):
     named = {line.split("`")[1] for line in pages["tasks.md"].splitlines() if line.count("| (N")}
     assert named == set(descriptions())
 
 
-def test_check_tells_of_a_page_that_is_out_of_date(tmp_path, monkeypatch, pages, capsys):
+def test_check_refuses_a_page_that_is_out_of_date(tmp_path, monkeypatch, pages, capsys):
     monkeypatch.setattr(tables, "pages", lambda: pages)
     main([f"out={tmp_path / 'new'}"])
     main([f"out={tmp_path / 'new'}", "check=true"])
     assert capsys.readouterr().out.split() == [str(tmp_path / "new" / name) for name in pages]
     (tmp_path / "new" / "robots.md").write_text("old")
-    with pytest.raises(ConfigError, match=r"robots\.md is not what the specs say; python -m envs\.tables") as caught:
+    with pytest.raises(ConfigError, match=r"robots\.md is out of date; run python -m envs\.tools\.tables") as caught:
         main([f"out={tmp_path / 'new'}", "check=true"])
     assert "\n" not in str(caught.value)
 
@@ -74,7 +74,7 @@ def test_check_tells_of_a_page_that_is_out_of_date(tmp_path, monkeypatch, pages,
         ("out={file}/x", "out=.*/x cannot be a folder: Not a directory"),
     ],
 )
-def test_bad_arguments_are_refused_in_one_line(word, message, tmp_path, monkeypatch, pages):
+def test_bad_arguments_raise_an_error_of_one_line(word, message, tmp_path, monkeypatch, pages):
     monkeypatch.setattr(tables, "pages", lambda: pages)
     (tmp_path / "file").touch()
     with pytest.raises(ConfigError, match=message) as caught:
