@@ -13,6 +13,8 @@ from envs.tools.gallery import COLUMNS, HEIGHT, MARGIN, WIDTH, main, sheet, task
 
 SHIRT = (42, 71, 105)  # RGB of the person's shirt, lit
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def cells():
