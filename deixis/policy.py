@@ -30,7 +30,16 @@ class LoadedPolicy(TensorDictModuleBase):
     """
 
     def __init__(self, path: Path, payload: dict[str, Any], deterministic: bool = True) -> None:
-        """payload: as `checkpoint.load` returns it. Raises CheckpointError where it does not fit this version."""
+        """Builds the networks of a checkpoint for its own environment.
+
+        Args:
+            path: the file of the checkpoint.
+            payload: its content, from `trainers.run.checkpoint.load`.
+            deterministic: whether the policy takes its mean action.
+
+        Raises:
+            CheckpointError: where it was trained with other words, observations or actions than this version has.
+        """
         super().__init__()
         self.path, self.config, self.deterministic = path, payload["config"], deterministic
         env = self.make_env()
