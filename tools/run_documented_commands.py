@@ -79,7 +79,7 @@ def shorten(line: str) -> str:
 
 def _shorten_training(line: str) -> str:
     values = SHORT | ({"total_frames": LONGER} if "total_frames=" in line else {})
-    if " algo=sac" in line:
+    if " algo=sac" in line or " algo=ddpg" in line:
         values |= {"algo.learning_starts": "128"}
     line = with_values(re.sub(r"seed=(\d+)(?:,\d+)+", r"seed=\1", line), values, "=")
     return re.sub(r"sweep\.jobs=\d+", "sweep.jobs=2", line)

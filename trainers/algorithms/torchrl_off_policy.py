@@ -99,7 +99,8 @@ def build_off_policy_loss(config: TorchRLOffPolicyConfig, policy: Policy, specs:
     if takes(cls, "qvalue_network"):
         del given["value_network"]
     loss = build_loss(cls, config.options, given)
-    loss.set_keys(action="move")
+    if hasattr(loss.tensor_keys, "action"):  # DDPGLoss takes the key from its networks
+        loss.set_keys(action="move")
     loss.make_value_estimator(loss.default_value_estimator, gamma=config.gamma)
     return loss.to(specs.device)
 
