@@ -16,7 +16,7 @@ from language.placement import Layout, ObjectSpec, Placed, from_all, from_lists,
 from language.relations import HOLDS, RELATIONS, SUPERLATIVES, Relation, Superlative, relation, superlative, unregister
 from language.splits import SPLITS, HeldOut, Split
 from language.task_generation import GeneratedTask, generate_tasks, scene_after
-from language.tokenizer import Tokenizer
+from language.tokenizer import MAX_WORDS, Tokenizer
 from language.understanding import GroundedStep, Understood, parse, revise, understand
 from language.verbs import LIFTED, VERBS, Verb
 from language.viewpoint import VIEWPOINTS, Viewpoint
@@ -29,6 +29,7 @@ __all__ = [
     "HOLDS",
     "KINDS",
     "LIFTED",
+    "MAX_WORDS",
     "NOUNS",
     "RELATIONS",
     "RGBA",

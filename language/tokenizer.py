@@ -12,6 +12,7 @@ from language.errors import LanguageError, quote
 from language.lexicon import lexicon, split
 from language.word_order import WORD_ORDER
 
+MAX_WORDS = 32  # of a sentence, where nothing else is given
 PAD, UNKNOWN = "<pad>", "<unk>"  # always ids 0 and 1
 
 
@@ -27,7 +28,7 @@ class Tokenizer:
     """
 
     vocabulary: tuple[str, ...]
-    length: int = 32
+    length: int = MAX_WORDS
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vocabulary", tuple(self.vocabulary))
@@ -37,7 +38,7 @@ class Tokenizer:
             raise LanguageError(f"length={self.length} must be at least 1")
 
     @classmethod
-    def default(cls, length: int = 32) -> Tokenizer:
+    def default(cls, length: int = MAX_WORDS) -> Tokenizer:
         """Returns the tokenizer of all words of the grammar: `WORD_ORDER`, then newer words in the registries' order.
 
         Adding a word leaves the ids of the others unchanged.
@@ -84,6 +85,11 @@ def _encode(tokenizer: Tokenizer, sentence: str) -> np.ndarray:
     tokens[: len(words)] = [tokenizer._ids.get(word, 1) for word in words]
     tokens.flags.writeable = False
     return tokens
+
+
+def count_words(sentence: str) -> int:
+    """Returns how many numbers `Tokenizer.encode` needs for the sentence."""
+    return len(_words(sentence))
 
 
 def _words(sentence: str) -> list[str]:

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.tasks import Episode
-from language import Tokenizer
-
-SENTENCE_BYTES = 160
+from language import LanguageError, Tokenizer
 
 
 @dataclass(frozen=True)
@@ -45,6 +43,14 @@ def tokens(episode: Episode, tokenizer: Tokenizer) -> NDArray[np.int64]:
     return tokenizer.encode(policy_sentence(episode))
 
 
-def in_bytes(sentence: str) -> NDArray[np.uint8]:
-    """(SENTENCE_BYTES,) the sentence in UTF-8, cut or filled with zeros."""
-    return np.frombuffer(sentence.encode()[:SENTENCE_BYTES].ljust(SENTENCE_BYTES, b"\0"), np.uint8)
+def sentence_bytes(tokenizer: Tokenizer) -> int:
+    """Room for every sentence of known words that the tokenizer takes, with a space and a mark after each word."""
+    return tokenizer.length * (max(len(word.encode()) for word in tokenizer.vocabulary) + 2)
+
+
+def in_bytes(sentence: str, size: int) -> NDArray[np.uint8]:
+    """(size,) the sentence in UTF-8, filled up with zeros. Raises LanguageError for a longer one."""
+    encoded = sentence.encode()
+    if len(encoded) > size:
+        raise LanguageError(f"a sentence has {len(encoded)} bytes; at most {size} fit")
+    return np.frombuffer(encoded.ljust(size, b"\0"), np.uint8)

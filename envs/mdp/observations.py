@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 
-from envs.mdp.goals import SENTENCE_BYTES
+from envs.mdp.goals import sentence_bytes
 from envs.mdp.object_rows import CLOSE, NEAR, offsets, row_bounds
 from envs.mdp.observation_terms import GoalSource, ObservationTerm, Observer, Setup, Source, bounded
 from envs.sim.kinematics import Array
@@ -238,7 +238,7 @@ OBSERVATIONS = (
     ObservationTerm(
         "privileged/sentence",
         "(B,) uint8: the sentence in UTF-8, filled up with zeros",
-        spec=lambda setup: Bounded(0, 255, shape=(SENTENCE_BYTES,), dtype=torch.uint8),
+        spec=lambda setup: Bounded(0, 255, shape=(sentence_bytes(setup.tokenizer),), dtype=torch.uint8),
         compute=lambda source: source.worlds.sentence,
     ),
     ObservationTerm(

@@ -160,7 +160,7 @@ class Relabeller:
         """(count,) all observations that may differ from what was recorded."""
         episode, observed = relabelled.episode, observed[:count].clone()
         words = torch.from_numpy(tokens(episode, self._tokenizer).copy())
-        sentence = torch.from_numpy(in_bytes(episode.sentence).copy())
+        sentence = torch.from_numpy(in_bytes(episode.sentence, self._observer.shape("privileged/sentence")[0]).copy())
         privileged = {"kind": torch.tensor(episode.kind).expand(count), "sentence": sentence.expand(count, -1)}
         rows = relabelled.rows[:count].astype(np.float64)
         rows[..., COLUMNS] = observed.pop("columns").numpy()

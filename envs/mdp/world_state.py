@@ -8,7 +8,7 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.mdp.goals import SENTENCE_BYTES, Goal, in_bytes
+from envs.mdp.goals import Goal, in_bytes, sentence_bytes
 from envs.mdp.object_rows import ATTRIBUTES, OBJECT_WIDTH, attributes
 from envs.sim.kinematics import Array, Kinematics, Pose
 from envs.sim.object_pool import PARKED, Mobility
@@ -27,7 +27,7 @@ class WorldState:
     the observation `objects`, but for slots that are not shown. joints: (N, J + F, 2) angle and speed, fingers last.
     commanded, angles: (N, J) joint angles last commanded and measured. pose: of the grippers. slots: for each world,
     the slots of its objects in their order. goals: what each world is asked for; `set_goal` writes it, and also
-    instruction (N, L), kind (N,) and sentence (N, SENTENCE_BYTES). steps: (N,) control steps since an episode began.
+    instruction (N, L), kind (N,) and sentence (N, B). steps: (N,) control steps since an episode began.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class WorldState:
         self.goals = [Goal(0, 0, "", "", 0)] * count
         self.instruction = np.zeros((count, tokenizer.length), np.int64)
         self.kind = np.zeros(count, np.int64)
-        self.sentence = np.zeros((count, SENTENCE_BYTES), np.uint8)
+        self.sentence = np.zeros((count, sentence_bytes(tokenizer)), np.uint8)
         self.steps = np.zeros(count, np.int64)
 
     def begin(self, i: int, episode: Episode, slots: NDArray[np.int64], joints: Array, opening: float) -> None:
@@ -87,7 +87,7 @@ class WorldState:
         self.goals[i] = goal
         self.state.referent[i], self.state.target[i] = goal.referent, goal.target
         self.instruction[i] = self._tokenizer.encode(goal.policy_sentence)
-        self.sentence[i], self.kind[i] = in_bytes(goal.sentence), goal.kind
+        self.sentence[i], self.kind[i] = in_bytes(goal.sentence, self.sentence.shape[1]), goal.kind
 
     def read(self, worlds: NDArray[np.int64]) -> None:
         """Read the measured state of these worlds from PyBullet."""

@@ -15,7 +15,7 @@ from conf.schema import ConfigError, did_you_mean
 from envs.tasks.object_layout import scatter
 from envs.tasks.types import Column, Episode, GestureSwitch, Outcome, State, TaskConfig
 from human import Gesture, Person, Unreachable
-from language import COLORS, NOUNS, SHAPES, Instruction, LanguageError, Placed, Scene, Wording, parse, say
+from language import COLORS, MAX_WORDS, NOUNS, SHAPES, Instruction, LanguageError, Placed, Scene, Wording, parse, say
 
 T = TypeVar("T")
 TRIES = 200
@@ -67,7 +67,9 @@ class Task(ABC):
             raise ConfigError(f"task.nouns={config.nouns} must be of {list(self.nouns)} in task.name={config.name}")
         self.config, self._area, self._person = config, object_area, person
         self._split = config.says()
-        self._wording = Wording(self._split) if config.varied or self._split.name == "test_paraphrase" else None
+        self._wording = (
+            Wording(self._split, MAX_WORDS) if config.varied or self._split.name == "test_paraphrase" else None
+        )
         self._layout = config.objects.layout(config.object_size)
         self._nouns = np.array([list(NOUNS).index(noun) for noun in config.nouns])
         self._rows = np.arange(num_worlds)

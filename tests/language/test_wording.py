@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from language import HeldOut, Instruction, LanguageError, ObjectPhrase, Split, Wording, parse, say
+from language.tokenizer import count_words
 from tests.helpers.language_cases import PLACES, steps
 
 TOUCH = parse("reach the gray sphere left of the cube")
@@ -83,3 +84,16 @@ def test_holding_out_the_standard_template_is_refused():
 def test_phrases_have_no_polite_words():
     phrases = said(Wording(), ObjectPhrase("sphere", "gray"))
     assert set(phrases) == {f"the {color} {noun}" for color in ("gray", "grey") for noun in ("sphere", "ball")}
+
+
+def test_a_limit_of_words_is_kept_and_changes_no_shorter_sentence():
+    meaning = parse("pick the red cube left of the blue sphere and place it to the same position as the green cube")
+    free, limited = (Wording(max_words=limit) for limit in (None, 18))
+    sentences = [
+        [wording.say(meaning, np.random.default_rng(seed)) for seed in range(60)] for wording in (free, limited)
+    ]
+    assert max(map(count_words, sentences[0])) > 18 >= max(map(count_words, sentences[1]))
+    for one, other in zip(*sentences, strict=True):
+        assert one == other or count_words(one) > 18
+    with pytest.raises(LanguageError, match="in at most 3 words"):
+        Wording(max_words=3).say(meaning, np.random.default_rng(0))
