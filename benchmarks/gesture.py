@@ -63,7 +63,7 @@ def pointing(args: argparse.Namespace) -> dict[str, Any]:
     """Degrees between the finger and a grid over the whole table, the share refused, and milliseconds of CPU time.
 
     Each style points at the whole table top. "objects" is the area where objects are placed, and so the cost in a
-    reset; "anywhere" is the space around the person, much of which nobody can point at.
+    reset; "anywhere" is the space around the person, much of which the person cannot point at.
     """
     result: dict[str, Any] = {"points": args.side**2, "height_m": HEIGHT}
     env = make_env(["task=reach_gesture"], 1, render=True)  # with a body in Bullet

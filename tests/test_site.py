@@ -33,7 +33,7 @@ def test_every_page_is_in_the_navigation_once():
     assert sorted(listed) == sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
 
 
-def test_links_between_pages_and_into_the_tree_lead_somewhere():
+def test_links_between_pages_and_to_files_are_valid():
     for page in DOCS.rglob("*.md"):
         for link in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", re.sub(r"`[^`\n]*`", "", page.read_text("utf-8"))):
             assert link.startswith("http") or (page.parent / link).exists(), f"{page.name}: {link}"
@@ -59,7 +59,7 @@ def test_an_example_of_the_quick_start_runs(code):
 
 
 @pytest.mark.skipif(importlib.util.find_spec("mkdocs") is None, reason='mkdocs is missing: pip install -e ".[docs]"')
-def test_the_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path):
+def test_the_site_builds_strictly_and_loads_nothing_from_other_hosts(tmp_path):
     build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
     offline = {
         "PATH": "/usr/bin:/bin",
@@ -70,7 +70,7 @@ def test_the_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path):
     done = subprocess.run(build, cwd=ROOT, env=offline, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     made = sorted(tmp_path.rglob("*.html"))
-    assert len(made) > len(list(DOCS.rglob("*.md")))  # and the page for what is not found
+    assert len(made) > len(list(DOCS.rglob("*.md")))  # one more: the page for errors 404
     for page in made:
         assert not LOADED.search(page.read_text("utf-8")), page
     styles = "".join(path.read_text("utf-8") for path in tmp_path.rglob("*.css"))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from envs.experts import Oracle
+from envs.mdp.gestures import make_person
 from tests.helpers.env_cases import make
 from tools.referent_beliefs import accuracy_by_cue
 from trainers.rollout.evaluation import evaluate
@@ -11,6 +12,11 @@ from trainers.rollout.evaluation import evaluate
 SCENES, NOISE = 200, 2.0
 
 pytestmark = pytest.mark.slow
+
+
+def person_of(env):
+    """A person equal to the one in the environment's task."""
+    return make_person(env.config.workspace.human, env.config.gesture)
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +30,7 @@ def env():
 def known(env):
     rng = np.random.default_rng(7)
     episodes = [env.task.draw(rng) for _ in range(SCENES)]
-    return accuracy_by_cue(episodes, env.task._person, NOISE, env.config.task.object_size)
+    return accuracy_by_cue(episodes, person_of(env), NOISE, env.config.task.object_size)
 
 
 def test_words_and_finger_are_weak_alone_and_strong_together(known):
@@ -51,7 +57,7 @@ def test_the_oracle_beats_either_cue_and_stays_below_the_ceiling(env, known):
 
 def test_the_fingertip_does_not_reveal_the_distance_of_the_target(env):
     """Targets at any distance along one ray must give the same fingertip: else the posture would tell the referent."""
-    person, rng = env.task._person, np.random.default_rng(3)
+    person, rng = person_of(env), np.random.default_rng(3)
     near, far = np.array([0.36, 0.0, 0.015]), np.array([0.52, 0.0, 0.015])
     levels = []
     for place in (near, far):
@@ -67,7 +73,7 @@ def test_with_10_degrees_of_noise_the_oracle_reaches_the_lower_ceiling():
     env = make("kuka", "step", "nl_reach_gesture", "gesture.noise_deg=10", worlds=20, seed=7)
     rng = np.random.default_rng(8)
     episodes = [env.task.draw(rng) for _ in range(4 * SCENES)]
-    best = accuracy_by_cue(episodes, env.task._person, 10.0, env.config.task.object_size)["insider"]
+    best = accuracy_by_cue(episodes, person_of(env), 10.0, env.config.task.object_size)["insider"]
     assert best["expected"] < 0.985
     result = evaluate(env, Oracle(env), 200, seed=11)
     assert result.ci95[0] <= best["expected"] <= result.ci95[1]
