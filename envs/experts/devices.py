@@ -34,7 +34,7 @@ class DeviceExpert(Expert):
         state, task = self._env.state, self._env.task
         assert isinstance(task, Operate)
         way = task.ways(state)[self._rows, referent]
-        place, turn = self._place(referent), state.turns[self._rows, referent]
+        place, turn = self._place(referent), state.quaternions[self._rows, referent]
         done = np.abs(way) >= ENOUGH
         return self._env.towards(either(done, self._env.gripper, self._operate(place, turn, way)))
 

@@ -179,6 +179,6 @@ def _select_slots(states: State, slots: NDArray[np.int64]) -> State:
     selected["referent"] = np.searchsorted(slots, states.referent)
     if len(states.held):
         selected["target"] = np.searchsorted(slots, states.target)
-        selected |= {name: getattr(states, name)[:, slots] for name in ("movable", "targets", "turns")}
+        selected |= {name: getattr(states, name)[:, slots] for name in ("movable", "targets", "quaternions")}
         selected["held"] = np.where(states.held == NOTHING, NOTHING, np.searchsorted(slots, states.held))
     return replace(states, **selected)

@@ -43,8 +43,8 @@ class WorldState:
         self.rows[..., :3] = PARKED
         shown, movable, targets = np.zeros((3, count, slots), bool)
         referent, target, held = np.zeros((3, count), np.int64)
-        places, turns = self.rows[..., :3], self.rows[..., 3:7]
-        self.state = State(np.zeros((count, 3)), places, shown, referent, target, movable, targets, turns, held)
+        places, quaternions = self.rows[..., :3], self.rows[..., 3:7]
+        self.state = State(np.zeros((count, 3)), places, shown, referent, target, movable, targets, quaternions, held)
         self.slots = [np.arange(slots) for _ in range(count)]
         self.goals = [Goal(0, 0, "", "", 0)] * count
         self.instruction = np.zeros((count, tokenizer.length), np.int64)

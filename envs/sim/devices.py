@@ -63,12 +63,12 @@ class Device:
         return width * (np.array(self.pivot) + arm)
 
 
-def facing(turns: Array) -> Array:
+def facing(quaternions: Array) -> Array:
     """(..., 2) where devices face over the table, unit vectors: their handles are turned by quaternions (..., 4).
 
     It follows from their y axes, which a lever's own motion leaves as they are.
     """
-    x, y, z, w = np.moveaxis(turns, -1, 0)
+    x, y, z, w = np.moveaxis(quaternions, -1, 0)
     return np.stack((1 - 2 * (x * x + z * z), 2 * (z * w - x * y)), axis=-1)
 
 

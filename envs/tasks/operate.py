@@ -73,7 +73,7 @@ class Operate(Manipulation):
         self._zero[worlds] = self._measure(state)[worlds]
 
     def seen(self, state: State) -> Array:
-        return np.concatenate((facing(state.turns), self.ways(state)[..., None]), axis=2)
+        return np.concatenate((facing(state.quaternions), self.ways(state)[..., None]), axis=2)
 
     def ways(self, state: State) -> Array:
         """(N, K) in [-1, 1]: the share of its way that each device has gone."""

@@ -51,7 +51,7 @@ class PickAndRotate(Manipulation):
 
     def _turns(self, state: State) -> Array:
         """(N, 4) the referents' quaternions."""
-        return state.turns[self._rows, state.referent]
+        return state.quaternions[self._rows, state.referent]
 
     def _at_goal(self, state: State) -> NDArray[np.bool_]:
         self._note(state)

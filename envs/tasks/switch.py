@@ -20,9 +20,9 @@ class SwitchLever(Operate):
 
     def _measure(self, state: State) -> Array:
         """How far they lean to where they face."""
-        x, y, z, w = np.moveaxis(state.turns, -1, 0)
+        x, y, z, w = np.moveaxis(state.quaternions, -1, 0)
         return np.arctan2(2 * (y * w - x * z), 1 - 2 * (x * x + y * y))
 
     def _from(self, state: State, place: Array) -> Array:
-        ahead = facing(state.turns[self._rows, state.referent])
+        ahead = facing(state.quaternions[self._rows, state.referent])
         return place - BEHIND * np.column_stack((ahead, np.zeros(len(ahead))))

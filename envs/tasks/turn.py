@@ -20,7 +20,7 @@ class TurnWheel(Operate):
     noun = "wheel"
 
     def _measure(self, state: State) -> Array:
-        ahead = facing(state.turns)
+        ahead = facing(state.quaternions)
         return np.arctan2(ahead[..., 1], ahead[..., 0])
 
     def ways(self, state: State) -> Array:
@@ -30,7 +30,7 @@ class TurnWheel(Operate):
 
     def _from(self, state: State, place: Array) -> Array:
         """The nearer side of the peg."""
-        out = facing(state.turns[self._rows, state.referent])
+        out = facing(state.quaternions[self._rows, state.referent])
         along = BESIDE * np.stack((-out[:, 1], out[:, 0], np.zeros(len(out))), axis=1)
         nearer = length(place + along - state.gripper) < length(place - along - state.gripper)
         return np.where(nearer[:, None], place + along, place - along)

@@ -256,7 +256,7 @@ class State:
 
     gripper: (N, 3) metres. objects: (N, K, 3) metres. shown: (N, K). referent: (N,) slots.
     What follows is empty where a task moves nothing. target: (N,) slots. movable, targets: (N, K), what can be moved,
-    and what marks a place. turns: (N, K, 4) quaternions. held: (N,) slots, or -1.
+    and what marks a place. quaternions: (N, K, 4), x, y, z, w. held: (N,) slots, or -1.
     """
 
     gripper: Array
@@ -266,7 +266,7 @@ class State:
     target: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     movable: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))
     targets: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))
-    turns: Array = field(default_factory=lambda: np.zeros((0, 0, 4)))
+    quaternions: Array = field(default_factory=lambda: np.zeros((0, 0, 4)))
     held: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
 

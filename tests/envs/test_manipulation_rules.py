@@ -22,9 +22,9 @@ MOVING = sorted(
 def moment(thing=THING, held=NOTHING, gripper=None, other=OTHER, yaw=0.0):
     """The referent (slot 0), another object (1), its target (2) and another target (3)."""
     gripper = (thing if held == 0 else AWAY) if gripper is None else gripper
-    turns = np.zeros((1, 4, 4))
-    turns[..., 3] = 1.0
-    turns[:, 0, 2:] = np.sin(yaw / 2), np.cos(yaw / 2)
+    quaternions = np.zeros((1, 4, 4))
+    quaternions[..., 3] = 1.0
+    quaternions[:, 0, 2:] = np.sin(yaw / 2), np.cos(yaw / 2)
     return State(
         gripper=np.array([gripper]),
         objects=np.array([[thing, other, GOAL, ELSEWHERE]]),
@@ -33,7 +33,7 @@ def moment(thing=THING, held=NOTHING, gripper=None, other=OTHER, yaw=0.0):
         target=np.array([2]),
         movable=np.array([[True, True, False, False]]),
         targets=np.array([[False, False, True, True]]),
-        turns=turns,
+        quaternions=quaternions,
         held=np.array([held]),
     )
 
@@ -50,7 +50,7 @@ def four(name):
 def fitting(task, state):
     """The state without the targets, where the task has none."""
     slots = task.config.slots
-    per_object = ("objects", "shown", "movable", "targets", "turns")
+    per_object = ("objects", "shown", "movable", "targets", "quaternions")
     return replace(state, **{name: getattr(state, name)[:, :slots] for name in per_object})
 
 
