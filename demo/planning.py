@@ -53,11 +53,13 @@ class Planner:
         return subtasks
 
     def _check_target(self, subtask: Subtask) -> None:
-        scene = self._env.scene()
-        if self._env.task.places and subtask.target is None:
+        scene, task = self._env.scene(), self._env.task
+        if task.places and subtask.target is None:
             raise LanguageError(f"say where {object_name(subtask.referent, scene)} should go")
-        if subtask.target is not None and not scene.targets[subtask.target]:
+        if subtask.target is not None and scene.targets[subtask.target] == task.real_goals:
             name = object_name(subtask.target, scene)
+            if task.real_goals:
+                raise LanguageError(f"{name} is see-through; name a real object")
             raise LanguageError(f"{name} is not a target; name one of the see-through objects")
 
     def policy_sentence(self, instruction: Instruction, referent: int, target: int | None) -> str:
@@ -92,10 +94,10 @@ class Planner:
         targets = [index for index in range(len(scene)) if scene.targets[index]]
         names = object_names(scene)
         verb = VERBS[self.verb]
-        takes_goal = bool(targets) and verb.takes_goal
+        takes_goal = self._env.task.places and verb.takes_goal
         template = next(template for template in verb.templates if has_goal(template) == takes_goal)
         sentence = template.replace(OBJECT, names[movable[0]]).replace(BASE, names[movable[-1]])
-        return sentence.replace(GOAL, f"to the same position as {names[targets[0]]}") if takes_goal else sentence
+        return sentence.replace(GOAL, f"to the same position as {names[targets[0]]}") if targets else sentence
 
 
 def verb_words(verb: str) -> str:

@@ -33,13 +33,17 @@ class PlaceExpert(Fetch):
     """Picks the referent up, and lets go of it at its target."""
 
     def act(self, referent: Slots, target: Slots) -> Tensor:
-        thing, goal = self._place(referent), self._place(target)
+        thing, goal = self._place(referent), self._goal(target)
         held = self._env.state.held == referent
         there = ~held & (np.linalg.norm(thing - goal, axis=1) < THERE)
         fetch, close = self._fetch(thing)
         carry, keep = self._carry(thing, goal)
         place = either(there, self._env.gripper + HOVER * UP, either(held, carry, fetch))
         return self._env.towards(place, np.where(held, keep, close) & ~there)
+
+    def _goal(self, target: Slots) -> Array:
+        """(N, 3) where the referent goes, metres."""
+        return self._place(target)
 
     def _carry(self, thing: Array, goal: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Where the gripper goes (N, 3) with the object that it holds, and whether it keeps it (N,)."""

@@ -103,8 +103,8 @@ class Relabeller:
             return State(gripper, places, shown, referent)
         movable, held = (self._history(frames, "privileged", name) for name in ("movable", "held"))
         target = self._history(frames, "privileged", "target") if self._task.places else referent
-        targets = shown & (rows[..., OBJECT_WIDTH - 1] > 0.5)
-        return State(gripper, places, shown, referent, target, movable, targets, rows[..., 3:7].astype(float), held)
+        goals = shown & ((rows[..., OBJECT_WIDTH - 1] > 0.5) != self._task.real_goals)
+        return State(gripper, places, shown, referent, target, movable, goals, rows[..., 3:7].astype(float), held)
 
     @staticmethod
     def _history(frames: TensorDictBase, *key: str) -> Any:
@@ -179,6 +179,6 @@ def _select_slots(states: State, slots: NDArray[np.int64]) -> State:
     selected["referent"] = np.searchsorted(slots, states.referent)
     if len(states.held):
         selected["target"] = np.searchsorted(slots, states.target)
-        selected |= {name: getattr(states, name)[:, slots] for name in ("movable", "targets", "quaternions")}
+        selected |= {name: getattr(states, name)[:, slots] for name in ("movable", "goals", "quaternions")}
         selected["held"] = np.where(states.held == NOTHING, NOTHING, np.searchsorted(slots, states.held))
     return replace(states, **selected)

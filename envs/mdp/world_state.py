@@ -41,10 +41,10 @@ class WorldState:
         self.pose: Pose = chain.forward(self.angles)
         self.rows = np.zeros((count, slots, OBJECT_WIDTH))
         self.rows[..., :3] = PARKED
-        shown, movable, targets = np.zeros((3, count, slots), bool)
+        shown, movable, goals = np.zeros((3, count, slots), bool)
         referent, target, held = np.zeros((3, count), np.int64)
         places, quaternions = self.rows[..., :3], self.rows[..., 3:7]
-        self.state = State(np.zeros((count, 3)), places, shown, referent, target, movable, targets, quaternions, held)
+        self.state = State(np.zeros((count, 3)), places, shown, referent, target, movable, goals, quaternions, held)
         self.slots = [np.arange(slots) for _ in range(count)]
         self.goals = [Goal(0, 0, "", "", 0)] * count
         self.instruction = np.zeros((count, tokenizer.length), np.int64)
@@ -77,8 +77,9 @@ class WorldState:
         self.rows[i] = 0.0
         self.rows[i, :, :3] = PARKED
         self.rows[i, slots, ATTRIBUTES] = attributes(scene)
+        goals = scene.targets if episode.goals is None else episode.goals
         free = Mobility.of(scene.targets, episode.fixed) == Mobility.FREE
-        for mask, values in ((state.shown, True), (state.movable, free), (state.targets, scene.targets)):
+        for mask, values in ((state.shown, True), (state.movable, free), (state.goals, goals)):
             mask[i] = False
             mask[i, slots] = values
 

@@ -28,16 +28,15 @@ def meant_by(moments: State, moved: float, still: float, radius: float, rng: Gen
     A target that stands there already is named as it is; else one is put there, at its own height: in the air it would
     ask for what no episode asks.
     """
-    gone = _lengths(moments.objects - moments.objects[0]) > moved
-    movable = np.flatnonzero(moments.movable[0] & gone.any(0))
-    if not len(movable):
+    referent = first_moved(moments, moved)
+    if referent is None:
         return None
-    referent, places = int(movable[gone[:, movable].argmax(0).argmin()]), moments.objects[0].copy()
+    gone, places = _gone(moments, moved)[:, referent], moments.objects[0].copy()
     other = referent != moments.referent[0]
-    targets = np.flatnonzero(moments.targets[0])
+    targets = np.flatnonzero(moments.goals[0])
     if not len(targets):
         return Meant(referent, None, places) if other else None
-    place = moments.objects[_when(moments, referent, gone[:, referent], still, rng), referent]
+    place = moments.objects[_when(moments, referent, gone, still, rng), referent]
     near = _lengths(places[targets] - place)
     if near.min() <= radius:
         target = int(targets[near.argmin()])
@@ -45,6 +44,18 @@ def meant_by(moments: State, moved: float, still: float, radius: float, rng: Gen
     target = int(rng.choice(targets))
     places[target, :2] = place[:2]
     return Meant(referent, target, places)
+
+
+def first_moved(moments: State, moved: float) -> int | None:
+    """The movable object that was first more than `moved` metres from where it began; None where none was."""
+    gone = _gone(moments, moved)
+    movable = np.flatnonzero(moments.movable[0] & gone.any(0))
+    return int(movable[gone[:, movable].argmax(0).argmin()]) if len(movable) else None
+
+
+def _gone(moments: State, moved: float) -> NDArray[np.bool_]:
+    """(T + 1, K) whether objects are more than `moved` metres from where they began."""
+    return _lengths(moments.objects - moments.objects[0]) > moved
 
 
 def _when(moments: State, referent: int, gone: NDArray[np.bool_], still: float, rng: Generator) -> int:

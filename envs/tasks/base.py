@@ -44,7 +44,8 @@ class Task(ABC):
     turns = False  # is turning the gripper about the vertical one as well?
     lag = 0  # physics steps after its command that a gripper lets go
     moves = False  # is it about where objects are, rather than the gripper?
-    places = False  # is there a target that the referent is to be brought to?
+    places = False  # is there a goal that the referent is to be brought to?
+    real_goals = False  # are goals real objects, rather than see-through targets?
     operates = False  # are its objects devices, whose handles they are known by?
     nouns: tuple[str, ...] = SHAPES  # what its objects can be
     stages = 1  # how many stages can be told apart, whatever is meant

@@ -57,7 +57,7 @@ def clear_ways(placed: Placed) -> bool:
 def lying(state: State, radius: float) -> Array:
     """(N, K) whether objects lie at a target: 0 or 1, or between them within `EDGE` of its radius, metres."""
     apart = length(state.objects[:, :, None] - state.objects[:, None])
-    pairs = state.movable[:, :, None] & state.targets[:, None]
+    pairs = state.movable[:, :, None] & state.goals[:, None]
     return np.clip((radius + EDGE - np.where(pairs, apart, np.inf).min(2)) / (2 * EDGE), 0.0, 1.0)
 
 

@@ -54,11 +54,14 @@ class Manipulation(Named):
         super().__init__(config, object_area, num_worlds, person)
         real = len(config.objects.init) or config.num_objects
         targets = len(config.objects.goal) or config.num_targets
-        self.places = targets > 0
+        self.places = targets > 0 or self.real_goals
         verb = VERBS[self.verb]
-        if (verb.needs_goal and not targets) or (targets and not verb.takes_goal):
-            wanted = "at least 1" if verb.needs_goal else "0"
+        marked = verb.needs_goal and not self.real_goals  # by a see-through target
+        if (marked and not targets) or (targets and (self.real_goals or not verb.takes_goal)):
+            wanted = "at least 1" if marked else "0"
             raise ConfigError(f"task.num_targets={targets} must be {wanted} in task.name={config.name}")
+        if self.real_goals and real < 2:
+            raise ConfigError(f"task.num_objects={real} must be at least 2 in task.name={config.name}")
         if not self.speaks and (real > 1 or targets > 1):
             raise ConfigError(
                 f"task.num_objects={real} and task.num_targets={targets} must be 1 at most in a task without words, "
@@ -133,22 +136,28 @@ class Manipulation(Named):
 
     def _goal(self, state: State) -> Array:
         """(N, 3) the place where it is to go."""
-        return state.objects[self._rows, state.target]
+        return self._goals(state)[self._rows, state.target]
+
+    def _goals(self, state: State) -> Array:
+        """(N, K, 3) the place where an object goes that is brought to each slot's object."""
+        return state.objects
 
     def _disturbed(self, state: State) -> NDArray[np.bool_]:
         """(N,) whether an object that was not meant has been moved."""
         others = state.movable.copy()
         others[self._rows, state.referent] = False
+        if self.real_goals:  # a task says itself how far its goals may be moved
+            others[self._rows, state.target] = False
         return np.any(others & (length(state.objects - self._begun) > DISTURBED), axis=1)
 
     def _misplaced(self, state: State) -> NDArray[np.bool_]:
         """(N,) whether the referent has been brought to another target, and left there."""
         if not self.places:
             return np.zeros(len(self._rows), bool)
-        others = state.targets.copy()
+        others = state.goals.copy()
         others[self._rows, state.target] = False
         place = self._referent(state)
-        there = others & (length(state.objects - place[:, None]) <= self.config.radius)
+        there = others & (length(self._goals(state) - place[:, None]) <= self.config.radius)
         moved = length(place - self._begun[self._rows, state.referent]) > DISTURBED
         left = (state.held != state.referent) & (self._still >= self.config.hold_steps)
         return there.any(1) & moved & left
@@ -161,23 +170,27 @@ class Manipulation(Named):
         offset = state.objects - state.gripper[:, None]
         near = length(offset) < NEAR
         has = state.held != NOTHING if self.grips else (near & state.movable).any(1)
-        beside = (state.targets & (length(offset[..., :2]) < 2 * self.config.radius)).any(1)
+        goals = state.goals & (np.arange(state.goals.shape[1]) != state.held[:, None])
+        beside = (goals & (length(offset[..., :2]) < 2 * self.config.radius)).any(1)
         return np.where(has, np.where(beside, 2, 1), 0)
 
     # ---- drawing
 
     def _draw(self, rng: Generator) -> Episode:
         placed, nameable = self._drawn(rng)
-        target = self._one_of(self._targets(placed) & nameable, rng) if self.places else None
-        referent = self._one_of(self._movable(placed) & nameable, rng)
+        target = self._one_of(self._possible_goals(placed) & nameable, rng) if self.places else None
+        movable = self._movable(placed) & nameable
+        if target is not None:
+            movable[target] = False
+        referent = self._one_of(movable, rng)
         start, scene = self._started(placed, referent, target, rng)
         return replace(self.episode(placed._replace(scene=scene), referent, target, rng), start=start)
 
     def _each_in_turn(self, rng: Generator) -> list[Episode]:
         placed, nameable = self._drawn(rng)
         movable = np.flatnonzero(self._movable(placed) & nameable).tolist()
-        targets = np.flatnonzero(self._targets(placed) & nameable).tolist() if self.places else [None]
-        pairs = [(referent, target) for referent in movable for target in targets]
+        targets = np.flatnonzero(self._possible_goals(placed) & nameable).tolist() if self.places else [None]
+        pairs = [(referent, target) for referent in movable for target in targets if referent != target]
         return [self._pointed(self.episode(placed, referent, target, rng), rng) for referent, target in pairs]
 
     def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> Episode:
@@ -188,7 +201,8 @@ class Manipulation(Named):
             goal = None if target is None else self._describer.phrase(placed.scene, target, rng)
             instruction = Instruction(self.verb, phrase, goal)
             sentence, kind = self._say(instruction, rng), self.kind_names.index(instruction.kind)
-        return replace(self._episode(placed, referent, kind, sentence), target=target)
+        goals = self._possible_goals(placed)
+        return replace(self._episode(placed, referent, kind, sentence), target=target, goals=goals)
 
     def _placed(self, rng: Generator) -> Placed:
         for _ in range(SCENES):
@@ -220,8 +234,9 @@ class Manipulation(Named):
     def _movable(self, placed: Placed) -> NDArray[np.bool_]:
         return ~placed.scene.targets & ~placed.fixed
 
-    def _targets(self, placed: Placed) -> NDArray[np.bool_]:
-        return placed.scene.targets
+    def _possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
+        """(K,) what the referent can be brought to."""
+        return placed.scene.targets != self.real_goals
 
     def _one_of(self, choices: NDArray[np.bool_], rng: Generator) -> int:
         if not choices.any():
@@ -238,11 +253,15 @@ class Manipulation(Named):
         if self.grips and held:
             scene = self._lifted(placed.scene, referent, target, rng)
         elif self.grips and target is not None and chance < curriculum.share:
-            scene = put(placed.scene, referent, placed.scene.positions[target])
+            scene = put(placed.scene, referent, self._placed_place(placed.scene, target))
         meant = [referent] if target is None else [referent, target]
         if scene is None or (self.speaks and not self._describer.nameable(scene)[meant].all()):
             return None, placed.scene
         return Start(np.zeros(3), held), scene
+
+    def _placed_place(self, scene: Scene, target: int) -> Array:
+        """(3,) where the referent lies once it has been brought to the target, metres."""
+        return scene.positions[target]
 
     def _near(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Array:
         """(3,) from where a gripper would hold its object to where it begins near it, metres."""

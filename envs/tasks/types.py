@@ -231,6 +231,7 @@ class Episode:
     turn: GestureSwitch | None = None  # the finger moves on in mid-episode; none: it stays
     target: int | None = None  # slot of the target that the referent is to be brought to; none: to none
     start: Start | None = None  # where the gripper begins; none: at rest
+    goals: NDArray[np.bool_] | None = None  # (K,) what the referent could be brought to; none: the see-through targets
 
 
 @dataclass(frozen=True)
@@ -255,8 +256,8 @@ class State:
     """All worlds after a control step.
 
     gripper: (N, 3) metres. objects: (N, K, 3) metres. shown: (N, K). referent: (N,) slots.
-    What follows is empty where a task moves nothing. target: (N,) slots. movable, targets: (N, K), what can be moved,
-    and what marks a place. quaternions: (N, K, 4), x, y, z, w. held: (N,) slots, or -1.
+    What follows is empty where a task moves nothing. target: (N,) slots. movable, goals: (N, K), what can be moved, and
+    what the referent could be brought to. quaternions: (N, K, 4), x, y, z, w. held: (N,) slots, or -1.
     """
 
     gripper: Array
@@ -265,7 +266,7 @@ class State:
     referent: NDArray[np.int64]
     target: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     movable: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))
-    targets: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))
+    goals: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))
     quaternions: Array = field(default_factory=lambda: np.zeros((0, 0, 4)))
     held: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 

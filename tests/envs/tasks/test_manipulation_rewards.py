@@ -1,8 +1,9 @@
-"""Finishing pays best: no manipulation task can be farmed, as follows from its potentials and the weights in its YAML.
+"""Success has the highest return in every manipulation task, as follows from its potentials and weights.
 
-What an episode earns by potentials is what they are worth at its end less what they were at its beginning. So beside
-one that succeeds, another one from the same beginning can gain no more than what the potentials lack at success of the
-most that they can be.
+Reward terms are differences of potentials (potential-based shaping, Ng et al. 1999, "Policy invariance under reward
+transformations", ICML). Without discounting, an episode earns the weighted potentials at its end minus those at its
+beginning. So no episode can earn more than a successful one from the same beginning by more than what the potentials
+at success are below their maxima.
 """
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from envs.tasks import TASKS
 from language import LIFTED
-from tests.envs.test_manipulation_rules import DONE, MOVING, fitting, four, judged, moment
+from tests.helpers.manipulation_cases import DONE, MOVING, fitting, four, judged, moment
 
 MOST = {"approach": 0, "grasp": 1, "lift": 1, "transport": 0, "release": 1, "rest": 1, "height": LIFTED, "turn": 1} | {
     "touch": 1,

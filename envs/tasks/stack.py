@@ -1,0 +1,92 @@
+"""Stack: pick an object up, put it on top of another one, and release it there."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from envs.tasks.achieved_goal import first_moved
+from envs.tasks.geometry import AIR, TRIES, length, put
+from envs.tasks.manipulation import DISTURBED
+from envs.tasks.pick_and_place import PickAndPlace
+from envs.tasks.registry import register_task
+from envs.tasks.types import NOTHING, Array, Episode, State
+from language import Placed, Scene
+
+BASE_MOVED = 0.05  # metres over the table that the base may be moved
+BASE_LEANS = 0.9  # cosine of the angle to the vertical that the base may lean by: 26 degrees
+CLEARANCE = 0.01  # metres between a held object and the tops of others at the start of an episode
+
+
+@register_task("nl_stack", verb="stack")
+class Stack(PickAndPlace):
+    """ "stack the red cube on the blue cube": the goal is a real object, the base.
+
+    Success: the referent has been picked up and lies on the base, its centre within `radius` of the place above the
+    base's centre, released and at rest, for `hold_steps` steps. On top of another object, it is at the wrong target.
+    The episode fails where the base is moved by more than `BASE_MOVED`, or leans by more than `BASE_LEANS` allows.
+    Potentials: those of pick and place, with the place on top of the base as the target.
+    """
+
+    fails = True
+    real_goals = True
+
+    def _goals(self, state: State) -> Array:
+        return state.objects + [0.0, 0.0, self.config.object_size]
+
+    def _failed(self, state: State) -> NDArray[np.bool_]:
+        base = state.objects[self._rows, state.target]
+        moved = length((base - self._begun[self._rows, state.target])[:, :2]) > BASE_MOVED
+        x, y = state.quaternions[self._rows, state.target, :2].T
+        return moved | (1 - 2 * (x * x + y * y) < BASE_LEANS)
+
+    def retold(self, placed: Placed, moments: State, rng: Generator) -> Episode | None:
+        """The object that was put on top of another one is named, and that one as its base.
+
+        Where nothing was stacked, an object that was moved is named in place of the referent, with any base.
+        """
+        pair = stacked_pair(moments, self._goals(moments), self.config.radius)
+        if pair is None:
+            moved = first_moved(moments, DISTURBED)
+            if moved is None or moved == moments.referent[0]:
+                return None
+            bases = np.flatnonzero(moments.goals[0] & (np.arange(len(placed.scene)) != moved))
+            pair = moved, int(rng.choice(bases))
+        if pair == (moments.referent[0], moments.target[0]):
+            return None
+        return self.episode(placed, *pair, rng)
+
+    def _lifted(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
+        """On a line from anywhere above the table to the top of the base, beside or above all objects."""
+        assert target is not None
+        x0, x1, y0, y1 = self._area
+        size = self.config.object_size
+        goal = scene.positions[target] + [0.0, 0.0, size]
+        others = scene.positions[np.arange(len(scene)) != referent]
+        places = rng.uniform([x0, y0, size / 2], [x1, y1, size / 2 + AIR], (TRIES, 3))
+        places += rng.random((TRIES, 1)) * (goal - places)
+        for place in places:
+            beside = length((others - place)[:, :2]) >= self.config.spacing
+            if (beside | (place[2] >= others[:, 2] + size + CLEARANCE)).all():
+                return put(scene, referent, place)
+        return None
+
+    def _placed_place(self, scene: Scene, target: int) -> Array:
+        """(3,) the place on top of the base."""
+        return scene.positions[target] + [0.0, 0.0, self.config.object_size]
+
+
+def stacked_pair(moments: State, tops: Array, radius: float) -> tuple[int, int] | None:
+    """The object and its base where one was put on another in an episode and released; None where none was.
+
+    moments: T + 1 states of one episode. tops: (T + 1, K, 3) the places on top of each object. radius: metres from
+    such a place that count as there. The last such pair counts.
+    """
+    there = length(moments.objects[:, :, None] - tops[:, None]) <= radius  # (T + 1, object, base)
+    there &= moments.movable[:, :, None] & moments.goals[:, None] & (moments.held == NOTHING)[:, None, None]
+    there &= ~there[0]
+    when, things, bases = np.nonzero(there)
+    if not len(when):
+        return None
+    return int(things[-1]), int(bases[-1])

@@ -1,0 +1,68 @@
+"""What the tasks that move objects judge: success, the wrong object, the wrong target, and what spoils them."""
+
+import numpy as np
+import pytest
+
+from tests.helpers.manipulation_cases import (
+    AWAY,
+    DONE,
+    MOVING,
+    OTHER,
+    THING,
+    ends,
+    fitting,
+    four,
+    judged,
+    moment,
+)
+
+
+@pytest.mark.parametrize("what", DONE)
+def test_what_is_done_ends_as_it_should(what):
+    names, moments, end = DONE[what]
+    for name in names:
+        outcomes = judged(name, moments)
+        assert ends(outcomes) == ([end] if end else []), name
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_another_object_moved_by_5_cm_is_the_wrong_object(name):
+    for moved, end in ((0.049, []), (0.051, ["wrong_object"])):
+        assert ends(judged(name, [moment(other=OTHER + [0, moved, 0])])) == end
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_doing_nothing_ends_nothing(name):
+    assert ends(judged(name, [moment()] * 10)) == []
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_a_new_episode_forgets_what_was_done(name):
+    plain = name.removeprefix("nl_")
+    moments = next(
+        moments
+        for names, moments, end in DONE.values()
+        if plain in [each.removeprefix("nl_") for each in names] and end == "success"
+    )
+    task = four(name)
+    first = fitting(task, moment())
+    task.reset(np.array([0]), first)
+    assert [task.step(fitting(task, each)) for each in moments][-1].success[0]
+    task.reset(np.array([0]), first)
+    after = task.step(first)
+    assert not after.success[0]
+    assert not after.at_goal[0]
+    assert all(float(after.terms[term][0]) == 0 for term in task.potentials)
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_going_to_and_fro_pays_nothing(name):
+    task, rng = four(name), np.random.default_rng(0)
+    loop = [
+        moment(THING + 0.01 * rng.uniform(-1, 1, 3) * [1, 1, 0], gripper=AWAY + 0.1 * rng.uniform(-1, 1, 3))
+        for _ in range(20)
+    ]
+    task.reset(np.array([0]), fitting(task, moment()))
+    terms = [task.step(fitting(task, each)).terms for each in [*loop, moment()]]
+    for term in task.potentials:
+        assert sum(float(each[term][0]) for each in terms) == pytest.approx(0, abs=1e-9)
