@@ -8,10 +8,12 @@ from torch import Tensor
 
 from envs.experts.base import HOVER, OVER, UP, Array, Expert, Slots, either
 from envs.experts.registry import register_expert
+from envs.workspace_env import WorkspaceEnv
 
 GRASP = 0.012  # metres from where it is to grip, or to let go, at which a gripper does so
 PRESS = 0.005  # metres that a magnet goes deeper than to touch
 CARRY = 0.08  # metres above its target at which an object is carried
+OPENING = 3  # control steps until fingers no longer touch what they let go of
 THERE = 0.03  # metres from its target at which an object is left alone
 
 
@@ -30,15 +32,26 @@ class Fetch(Expert):
 
 @register_expert("pick_and_place", "nl_pick_and_place")
 class PlaceExpert(Fetch):
-    """Picks the referent up, and lets go of it at its target."""
+    """Picks the referent up, and lets go of it at its target.
+
+    wait: control steps after the release until it rises.
+    """
+
+    wait = 0
+
+    def __init__(self, env: WorkspaceEnv) -> None:
+        super().__init__(env)
+        self._released = np.zeros(len(self._rows), np.int64)  # control steps that the referent has been at its goal
 
     def act(self, referent: Slots, target: Slots) -> Tensor:
         thing, goal = self._place(referent), self._goal(target)
         held = self._env.state.held == referent
         there = ~held & (np.linalg.norm(thing - goal, axis=1) < THERE)
+        self._released = np.where(there, self._released + 1, 0)
         fetch, close = self._fetch(thing)
         carry, keep = self._carry(thing, goal)
-        place = either(there, self._env.gripper + HOVER * UP, either(held, carry, fetch))
+        rise = self._env.gripper + np.where(self._released > self.wait, HOVER, 0.0)[:, None] * UP
+        place = either(there, rise, either(held, carry, fetch))
         return self._env.towards(place, np.where(held, keep, close) & ~there)
 
     def _goal(self, target: Slots) -> Array:

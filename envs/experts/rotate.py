@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from envs.experts.base import UP, Array, Slots, either
-from envs.experts.place import CARRY, GRASP, Fetch
+from envs.experts.place import CARRY, GRASP, OPENING, Fetch
 from envs.experts.registry import register_expert
 from envs.workspace_env import WorkspaceEnv
 
 ANGLE = math.radians(70)  # to which it turns the gripper
 GENTLY = 0.012  # metres that it goes up or down in a control step beside what it does not hold, or is to put down
-OPENING = 3  # control steps until fingers no longer touch what they let go of
 ENOUGH = math.radians(60)  # from which on it puts down what it holds
 
 

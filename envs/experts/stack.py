@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from envs.experts.base import UP, Array, Slots
-from envs.experts.place import PlaceExpert
+from envs.experts.place import OPENING, PlaceExpert
 from envs.experts.registry import register_expert
+
+SINK = 0.02  # metres that it goes down in a control step with the object: faster, arms under joint control go astray
 
 
 @register_expert("nl_stack")
 class StackExpert(PlaceExpert):
     """Picks the referent up, and releases it on top of the target."""
 
+    wait = OPENING  # fingers that rise at once would take the stack along
+
     def _goal(self, target: Slots) -> Array:
         return self._place(target) + self._env.config.task.object_size * UP
+
+    def _carry(self, thing: Array, goal: Array) -> tuple[Array, NDArray[np.bool_]]:
+        place, keep = super()._carry(thing, goal)
+        place[:, 2] = np.maximum(place[:, 2], self._env.gripper[:, 2] - SINK)
+        return place, keep
