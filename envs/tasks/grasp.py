@@ -26,15 +26,17 @@ class Grasp(Manipulation):
         super()._allocate(worlds)
         self._other = np.zeros(worlds, np.int64)  # control steps that another object has been held
 
-    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         self._other[worlds] = 0
+
+    def _update_memory(self, state: State) -> None:
+        other = (state.held != NOTHING) & (state.held != state.referent)
+        self._other = np.where(other, self._other + 1, 0)
 
     def _at_goal(self, state: State) -> NDArray[np.bool_]:
         return state.held == state.referent
 
     def _disturbed(self, state: State) -> NDArray[np.bool_]:
-        other = (state.held != NOTHING) & (state.held != state.referent)
-        self._other = np.where(other, self._other + 1, 0)
         return super()._disturbed(state) | (self._other >= self.config.hold_steps)
 
     def _potentials(self, state: State) -> dict[str, Array]:

@@ -25,8 +25,8 @@ class Lift(Grasp):
         super()._allocate(worlds)
         self._stood = np.zeros(worlds)  # metres above the table
 
-    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
-        super()._begin(worlds, state)
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
+        super()._reset_memory(worlds, state)
         taken = state.held == state.referent  # an episode that begins with it in the air
         stood = np.where(taken, self.config.object_size / 2, self._referent(state)[:, 2])
         self._stood[worlds] = stood[worlds]

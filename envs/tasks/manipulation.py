@@ -76,7 +76,7 @@ class Manipulation(Named):
         self._motion = np.zeros((worlds, 3))  # the referent
         self._still = np.zeros(worlds, np.int64)  # control steps that the referent has been at rest
         self._reached = np.zeros(worlds, np.int64)  # control steps that the goal has been reached
-        self._before = {name: np.zeros(worlds) for name in self.potentials}
+        self._values, self._last_values = ({name: np.zeros(worlds) for name in self.potentials} for _ in range(2))
 
     # ---- judging
 
@@ -88,8 +88,11 @@ class Manipulation(Named):
     def _at_goal(self, state: State) -> NDArray[np.bool_]:
         """(N,) whether all is as it should be; for `hold_steps` steps running, that is success."""
 
-    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
-        """Forget what these worlds' episodes have come to."""
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
+        """Resets what a subclass remembers of these worlds' episodes."""
+
+    def _update_memory(self, state: State) -> None:
+        """Updates what a subclass remembers of all episodes, once a control step, before anything is evaluated."""
 
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
         """Start these worlds' episodes anew, or go on with another referent."""
@@ -97,25 +100,32 @@ class Manipulation(Named):
         self._places[worlds] = state.objects[worlds]
         self._moved[worlds] = self._motion[worlds] = 0.0
         self._still[worlds] = self._reached[worlds] = 0
-        self._begin(worlds, state)
+        self._reset_memory(worlds, state)
         for name, values in self._potentials(state).items():
-            self._before[name][worlds] = values[worlds]
+            self._values[name][worlds] = values[worlds]
 
     def step(self, state: State) -> Outcome:
-        """Judge one control step of all worlds."""
+        """Evaluates one control step of all worlds: the memory is updated first, what follows has no side effects."""
+        self._remember(state)
+        return self._outcome(state)
+
+    def _remember(self, state: State) -> None:
+        """Updates the memory of all episodes. Nothing else writes to it between resets."""
         self._moved = state.objects - self._places
         self._motion = self._moved[self._rows, state.referent]
         self._places[:] = state.objects
         self._still = np.where(length(self._motion) < STILL, self._still + 1, 0)
-        at_goal = self._at_goal(state)
-        self._reached = np.where(at_goal, self._reached + 1, 0)
+        self._update_memory(state)
+        self._reached = np.where(self._at_goal(state), self._reached + 1, 0)
+        self._last_values, self._values = self._values, self._potentials(state)
+
+    def _outcome(self, state: State) -> Outcome:
+        """The reward terms and ends that follow from the state and the memory."""
         success = self._reached >= self.config.hold_steps
         wrong_object = self._disturbed(state) & ~success
         wrong_target = self._misplaced(state) & ~success & ~wrong_object
         failed = self._failed(state) & ~success & ~wrong_object & ~wrong_target
-        after = self._potentials(state)
-        terms = {name: after[name] - self._before[name] for name in self.potentials}
-        self._before = after
+        terms = {name: self._values[name] - self._last_values[name] for name in self.potentials}
         ends = {
             "success": success,
             "wrong_object": wrong_object,
@@ -124,7 +134,7 @@ class Manipulation(Named):
             "time": np.ones(len(self._rows)),
         }
         terms |= {name: ends[name].astype(np.float64) for name in self.ends}
-        return Outcome(terms, success, wrong_object, at_goal, wrong_target, failed)
+        return Outcome(terms, success, wrong_object, self._reached > 0, wrong_target, failed)
 
     def _failed(self, state: State) -> NDArray[np.bool_]:
         """(N,) whether success has become impossible in another way."""

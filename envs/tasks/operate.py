@@ -69,7 +69,7 @@ class Operate(Manipulation):
         super()._allocate(worlds)
         self._zero = np.zeros((worlds, self.config.slots))  # measures as the episode began
 
-    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         self._zero[worlds] = self._measure(state)[worlds]
 
     def seen(self, state: State) -> Array:

@@ -35,7 +35,7 @@ class PickAndPlace(Manipulation):
         super()._allocate(worlds)
         self._raised = np.zeros(worlds)  # the most that the referent has been held over the table, in units of CLEAR
 
-    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         # Who begins with it has no need to lift it, nor who begins where it has been put.
         near = length(self._goal(state) - self._referent(state)) <= self.config.radius
         self._raised[worlds] = ((state.held == state.referent) | near)[worlds]
@@ -46,11 +46,9 @@ class PickAndPlace(Manipulation):
         return self._raised[:, None]
 
     def _at_goal(self, state: State) -> NDArray[np.bool_]:
-        self._note(state)
         return self._placed_there(state) & (self._still >= 1)
 
-    def _note(self, state: State) -> None:
-        """Remember how far the referent has been picked up."""
+    def _update_memory(self, state: State) -> None:
         height = self._referent(state)[:, 2] - self.config.object_size / 2
         raised = np.clip(height / CLEAR, 0.0, 1.0) * (state.held == state.referent)
         self._raised = np.maximum(self._raised, raised)

@@ -38,10 +38,9 @@ class PickAndRotate(Manipulation):
         self._picked = np.zeros(worlds, bool)
         self._stood = np.zeros(worlds)  # radians about the vertical
 
-    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
-        self._picked[worlds] = False
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
+        self._picked[worlds] = self._in_the_air(state)[worlds]
         self._stood[worlds] = yaw(self._turns(state))[worlds]
-        self._note(state)
 
     @property
     def memory(self) -> NDArray[np.float64]:
@@ -54,12 +53,14 @@ class PickAndRotate(Manipulation):
         return state.quaternions[self._rows, state.referent]
 
     def _at_goal(self, state: State) -> NDArray[np.bool_]:
-        self._note(state)
         return self._done(state) & (self._still >= 1)
 
-    def _note(self, state: State) -> None:
-        """Remember what has been picked up."""
-        self._picked |= (state.held == state.referent) & (self._height(state) >= LIFT)
+    def _update_memory(self, state: State) -> None:
+        self._picked |= self._in_the_air(state)
+
+    def _in_the_air(self, state: State) -> NDArray[np.bool_]:
+        """(N,) whether the referent is held above the table."""
+        return (state.held == state.referent) & (self._height(state) >= LIFT)
 
     def _height(self, state: State) -> Array:
         return self._referent(state)[:, 2] - self.config.object_size / 2

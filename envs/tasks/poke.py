@@ -33,7 +33,7 @@ class Poke(Manipulation):
         super()._allocate(worlds)
         self._displaced = np.zeros(worlds)  # metres
 
-    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         self._displaced[worlds] = 0.0
 
     @property
@@ -41,9 +41,11 @@ class Poke(Manipulation):
         """(N, 1) the share of `PUSHED` by which the referent is displaced."""
         return np.minimum(self._displaced / PUSHED, 1.0)[:, None]
 
+    def _update_memory(self, state: State) -> None:
+        self._displaced = length(self._referent(state) - self._begun[self._rows, state.referent])
+
     def _at_goal(self, state: State) -> NDArray[np.bool_]:
         place = self._referent(state)
-        self._displaced = length(place - self._begun[self._rows, state.referent])
         moved = (self._displaced >= MOVED) & (self._displaced <= PUSHED)
         return moved & (length(place - state.gripper) >= AWAY) & (self._still >= 1)
 

@@ -37,7 +37,7 @@ class Swipe(Manipulation):
         self._gripped = np.zeros(worlds, bool)
         self._aside = np.zeros(worlds)  # metres from the line
 
-    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         self._gripped[worlds] = (state.held == state.referent)[worlds]
         self._aside[worlds] = 0.0
 
@@ -49,8 +49,12 @@ class Swipe(Manipulation):
     def _fits(self, placed: Placed) -> bool:
         return clear_ways(placed)
 
-    def _at_goal(self, state: State) -> NDArray[np.bool_]:
+    def _update_memory(self, state: State) -> None:
         self._gripped |= state.held == state.referent
+        start, place = self._begun[self._rows, state.referent], self._referent(state)
+        self._aside = beside(place[:, :2], start[:, :2], self._goal(state)[:, :2])
+
+    def _at_goal(self, state: State) -> NDArray[np.bool_]:
         return self._there(state) & (self._still >= 1)
 
     def _there(self, state: State) -> NDArray[np.bool_]:
@@ -59,7 +63,6 @@ class Swipe(Manipulation):
 
     def _failed(self, state: State) -> NDArray[np.bool_]:
         start, place = self._begun[self._rows, state.referent], self._referent(state)
-        self._aside = beside(place[:, :2], start[:, :2], self._goal(state)[:, :2])
         return (self._aside > LINE) | (place[:, 2] > start[:, 2] + LIFT)
 
     def _potentials(self, state: State) -> dict[str, Array]:

@@ -35,26 +35,27 @@ class Throw(Manipulation):
         self._thrown = np.zeros(worlds, bool)
         self._carried = np.zeros((worlds, 3))  # where the object was last held
 
-    def _begin(self, worlds: NDArray[np.int64], state: State) -> None:
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         self._thrown[worlds] = False
-        self._carried[worlds] = np.nan
-        self._note(state)
+        self._carried[worlds] = self._held_at(state)[worlds]
 
     @property
     def memory(self) -> NDArray[np.float64]:
         """(N, 1) whether the referent has been thrown."""
         return self._thrown[:, None].astype(np.float64)
 
-    def _note(self, state: State) -> None:
-        """Remember from where the referent was let go of."""
-        place, held = self._referent(state), state.held == state.referent
+    def _held_at(self, state: State) -> Array:
+        """(N, 3) where the referent is held; not a number where it is not."""
+        return np.where((state.held == state.referent)[:, None], self._referent(state), np.nan)
+
+    def _update_memory(self, state: State) -> None:
+        held = state.held == state.referent
         short = length((self._goal(state) - self._carried)[:, :2]) >= SHORT
         released = ~held & short & (self._carried[:, 2] - self.config.object_size / 2 >= HIGH)
         self._thrown = ~held & (self._thrown | released)
-        self._carried = np.where(held[:, None], place, np.nan)
+        self._carried = self._held_at(state)
 
     def _at_goal(self, state: State) -> NDArray[np.bool_]:
-        self._note(state)
         return self._thrown & (self._left(state) == 0) & (self._still >= 1) & (state.held == NOTHING)
 
     def _left(self, state: State) -> Array:

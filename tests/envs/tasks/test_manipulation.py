@@ -1,5 +1,7 @@
 """What the tasks that move objects judge: success, the wrong object, the wrong target, and what spoils them."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -29,6 +31,21 @@ def test_what_is_done_ends_as_it_should(what):
 def test_another_object_moved_by_5_cm_is_the_wrong_object(name):
     for moved, end in ((0.049, []), (0.051, ["wrong_object"])):
         assert ends(judged(name, [moment(other=OTHER + [0, moved, 0])])) == end
+
+
+@pytest.mark.parametrize("what", DONE)
+def test_evaluating_a_state_changes_no_memory(what):
+    names, moments, _ = DONE[what]
+    task = four(names[0])
+    task.reset(np.array([0]), fitting(task, moment()))
+    for each in moments:
+        state = fitting(task, each)
+        outcome, memory = task.step(state), pickle.dumps(vars(task))
+        for _ in range(2):
+            again = task._outcome(state)
+            assert again.terms == outcome.terms
+            task._at_goal(state), task._potentials(state), task.stage(state), task.seen(state), task.memory
+        assert pickle.dumps(vars(task)) == memory
 
 
 @pytest.mark.parametrize("name", MOVING)
