@@ -133,7 +133,7 @@ def _evaluate(
     from trainers.rollout.evaluation import evaluate
     from trainers.rollout.video import record_video
 
-    env_config = read_env(cfg).judged()
+    env_config = read_env(cfg).without_curriculum()
     make = partial(build_env, env_config)
     seed = derive_seed(config.seed, 2**20, evaluation=True)
     worlds = (

@@ -133,7 +133,7 @@ def _eval_config(config: Any) -> EnvConfig:
     """The environment's config for evaluation."""
     from envs.config import read_env
 
-    return read_env(config).judged()
+    return read_env(config).without_curriculum()
 
 
 def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None, whole: Any) -> Any:

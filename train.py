@@ -63,12 +63,12 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     return fit(
         plan,
         make_env=partial(build_env, env_config),
-        make_eval_env=partial(build_env, env_config.judged()),
+        make_eval_env=partial(build_env, env_config.without_curriculum()),
         folder=folder,
         config=plain,
         vocabulary=list(Tokenizer.default().vocabulary),
         resume=find(folder) if config.resume else None,
-        make_video_env=partial(build_env, env_config.judged(), 1, plan.run.seed, True),
+        make_video_env=partial(build_env, env_config.without_curriculum(), 1, plan.run.seed, True),
     )
 
 

@@ -31,7 +31,7 @@ ENOUGH = 0.95
 def measured(task: str, robot: str, control: str, episodes: int, seed: int, oracle: bool) -> dict[str, Any]:
     """What one expert came to."""
     config = read_env(compose([f"task={task}", f"robot={robot}", f"control={control}"]))
-    with closing(WorkspaceEnv(config.judged(), WORLDS, seed)) as env:
+    with closing(WorkspaceEnv(config.without_curriculum(), WORLDS, seed)) as env:
         actor = Oracle(env) if oracle and env.task.speaks else expert(env)
         result = evaluate(env, actor, episodes, seed).as_dict()  # type: ignore[arg-type]
     return {name: result[name] for name in SHOWN}

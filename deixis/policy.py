@@ -63,7 +63,7 @@ class LoadedPolicy(TensorDictModuleBase):
         Raises:
             ConfigError: for an override that is unknown, or that changes what the policy was trained with.
         """
-        return WorkspaceEnv(read_env(apply(self.config, overrides)).judged(), num_worlds, seed, render)
+        return WorkspaceEnv(read_env(apply(self.config, overrides)).without_curriculum(), num_worlds, seed, render)
 
     @torch.no_grad()
     def forward(self, observation: TensorDictBase) -> TensorDictBase:

@@ -117,7 +117,7 @@ def build(config: SessionConfig, seed: int, gui: bool = False) -> Setup:
         composed = compose([*options, *_changes(config, compose(options))])
     else:
         composed = apply(payload["config"], _changes(config, payload["config"]))
-    env_config = read_env(composed).judged()
+    env_config = read_env(composed).without_curriculum()
     env = InteractiveEnv(env_config, seed, Window(env_config.workspace.camera, "--gui") if gui else None)
     try:
         policy = None if payload is None else fitted_policy(payload, composed, env).act

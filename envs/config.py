@@ -17,7 +17,7 @@ from human import GestureConfig
 
 @dataclass(frozen=True)
 class EnvConfig:
-    """All that an environment is made from."""
+    """The checked config groups that an environment is built from."""
 
     robot: RobotConfig
     control: ControlConfig
@@ -27,16 +27,16 @@ class EnvConfig:
     gesture: GestureConfig
     gripper: GripperConfig
 
-    def judged(self) -> EnvConfig:
-        """The same without the curriculum: every episode from its start."""
+    def without_curriculum(self) -> EnvConfig:
+        """The config for evaluation: every episode begins at its beginning."""
         return replace(self, task=replace(self.task, curriculum=CurriculumConfig(near=0.0, held=0.0, placed=0.0)))
 
 
 def read_env(config: Any) -> EnvConfig:
-    """The composed config's groups, checked. Raises ConfigError before anything is loaded."""
-    for name, least in (("gesture", "none"), ("gripper", "own")):
+    """The groups of a composed config, checked. Raises ConfigError before anything is loaded."""
+    for name, default in (("gesture", "none"), ("gripper", "own")):
         if name not in config:
-            raise ConfigError(f"{name} is missing: this config is from before there were any; give {name}={least}")
+            raise ConfigError(f"{name} is missing: this config is older than the group; give {name}={default}")
     robot = read(RobotConfig, config["robot"], "robot")
     urdf_path(robot)
     task = read(TaskConfig, config["task"], "task")

@@ -1,10 +1,10 @@
-"""What an action means: three ways to turn actions in [-1, 1] into joint targets, for all worlds at once.
+"""Controls: three ways to turn actions in [-1, 1] into joint targets, for all worlds at once.
 
-A control is given the joint angles last commanded, not those measured, so that the motion is smooth and nothing
-sags; where a joint is held back (the gripper presses on something), the command stays within LEASH of it.
+A control starts from the joint angles last commanded, not from those measured, so that the motion is smooth and the arm
+does not sag. Where a joint is held back (the gripper presses on something), the command stays within `MAX_LEAD` of it.
 
-Where a task turns things, `Step` and `Absolute` have one more number, of the gripper's yaw: how far it is turned about
-the vertical from how it points at rest.
+Where a task turns objects, the actions of `StepControl` and `AbsoluteControl` have one more number for the gripper's
+yaw: its rotation about the vertical from its orientation at rest.
 """
 
 from __future__ import annotations
@@ -17,25 +17,29 @@ import numpy as np
 from conf.schema import Checked, one_of, within
 from envs.sim.kinematics import Array, Kinematics, Pose
 
-WAYPOINT = 0.08  # metres
-LEASH = 0.15  # radians that a command may run ahead of its joint
-YAW = np.pi / 2  # radians that the gripper may be turned about the vertical, each way
-TURN = 0.1  # ... in one control step
+WAYPOINT_DISTANCE = 0.08  # metres
+MAX_LEAD = 0.15  # radians that a command may be ahead of its joint
+MAX_YAW = np.pi / 2  # radians that the gripper may be turned about the vertical, each way
+MAX_YAW_STEP = 0.1  # ... in one control step
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlConfig(Checked):
-    """name: a key of CONTROLS. max_move: metres the gripper moves at most in one control step."""
+    """name: a key of CONTROLS. max_move: greatest motion of the gripper in one control step, metres."""
 
     name: str = one_of("joints", "absolute", "step")
     max_move: float = within(0.001, 0.2)
 
 
 class Control(ABC):
-    """speed: (J,) radians a control step. box: (2, 3), lowest and highest corner of the gripper box, metres.
+    """Turns actions into joint targets.
 
-    guarded: no control sends the gripper below the box, not even one that knows no places.
-    turns: the gripper can be turned about the vertical.
+    Args:
+        config, chain: the control's config, and the arm.
+        speed: (J,) greatest motion of each joint, radians a control step.
+        box: (2, 3) lowest and highest corner of the gripper box, metres.
+        guarded: never send the gripper below the box, even with joint angles as actions.
+        turns: the gripper can be turned about the vertical.
     """
 
     def __init__(
@@ -54,56 +58,56 @@ class Control(ABC):
     @property
     @abstractmethod
     def unit(self) -> Array:
-        """(size,) how far an action may be from `hold` to be carried out within one control step."""
+        """(size,) how far an action may be from `hold` to be reached within one control step."""
 
     @abstractmethod
     def hold(self, angles: Array, gripper: Array) -> Array:
         """The action (N, size) that keeps arms at angles (N, J), grippers at (N, 3), where they are."""
 
     def targets(self, action: Array, commanded: Array, measured: Array) -> Array:
-        """action (N, size), joints last commanded and measured (N, J) to the joints to command now (N, J)."""
-        start = np.clip(commanded, measured - LEASH, measured + LEASH)
-        delta = self._slowed(self._delta(action, start))
+        """(N, J) the joint angles to command. action: (N, size). commanded, measured: (N, J) joint angles."""
+        start = np.clip(commanded, measured - MAX_LEAD, measured + MAX_LEAD)
+        delta = self._limit_speed(self._delta(action, start))
         return np.clip(start + delta, self._chain.low, self._chain.high)
 
     @abstractmethod
     def towards(self, position: Array, commanded: Array, yaw: Array | None = None) -> Array:
-        """The action (N, size) that brings the gripper nearer to position (N, 3): what an expert would do.
+        """The action (N, size) that brings the gripper nearer to position (N, 3), metres, for scripted experts.
 
-        yaw: (N,) radians about the vertical that it is to be turned from how it points at rest, where it can be; none:
-        as it is.
+        yaw: (N,) radians about the vertical from the orientation at rest, where the gripper can be turned; None: as it
+        is turned now.
         """
 
     @abstractmethod
     def _delta(self, action: Array, start: Array) -> Array:
-        """How far the joints (N, J) should go from `start` in this control step, speed limits aside."""
+        """(N, J) the motion of the joints from `start` (N, J) in this control step, before speed limits."""
 
-    def _slowed(self, delta: Array) -> Array:
-        """Slower as a whole, not joint by joint, so that the gripper keeps its direction."""
+    def _limit_speed(self, delta: Array) -> Array:
+        """Scale the whole motion down to the speed limits, not each joint, so that the gripper keeps its direction."""
         return delta / np.maximum(1.0, np.abs(delta / self._speed).max(1, keepdims=True))
 
-    def _reach(
+    def _ik_step(
         self, position: Array, start: Array, seen: tuple[Pose, Array] | None = None, yaw: Array | None = None
     ) -> Array:
-        """One step towards position (N, 3), turned by yaw (N,): none, as at rest."""
+        """One step of inverse kinematics towards position (N, 3) and yaw (N,); None: the orientation at rest."""
         rotation = self._rotation if yaw is None else about_vertical(yaw) @ self._rotation
         return self._chain.step(start, position, rotation, self._max_move, seen)
 
     def yaw(self, rotation: Array) -> Array:
-        """(N,) how far grippers with these rotations (N, 3, 3) are turned about the vertical."""
+        """(N,) radians that grippers with these rotations (N, 3, 3) are turned about the vertical."""
         turned = rotation @ self._rotation.T
         return np.arctan2(turned[:, 1, 0] - turned[:, 0, 1], turned[:, 0, 0] + turned[:, 1, 1])
 
-    def _yawed(self, rotation: Array, yaw: Array) -> Array:
-        """(N,) the yaw to be at after a control step from these rotations (N, 3, 3) towards yaw (N,)."""
+    def _next_yaw(self, rotation: Array, yaw: Array) -> Array:
+        """(N,) the yaw after a control step from these rotations (N, 3, 3) towards yaw (N,)."""
         now = self.yaw(rotation)
-        return now + np.clip(np.clip(yaw, -YAW, YAW) - now, -TURN, TURN)
+        return now + np.clip(np.clip(yaw, -MAX_YAW, MAX_YAW) - now, -MAX_YAW_STEP, MAX_YAW_STEP)
 
 
-class Step(Control):
+class StepControl(Control):
     """Each action moves the gripper, pointing down, by up to max_move along each axis of the workspace frame.
 
-    The yaw is one of up to TURN.
+    The yaw changes by up to MAX_YAW_STEP.
     """
 
     @property
@@ -118,8 +122,8 @@ class Step(Control):
         goal = seen[0].position + action[:, :3] * self._max_move
         yaw = None
         if self._turns:
-            yaw = np.clip(self.yaw(seen[0].rotation) + action[:, 3] * TURN, -YAW, YAW)
-        return self._reach(np.clip(goal, *self._box), start, seen, yaw)
+            yaw = np.clip(self.yaw(seen[0].rotation) + action[:, 3] * MAX_YAW_STEP, -MAX_YAW, MAX_YAW)
+        return self._ik_step(np.clip(goal, *self._box), start, seen, yaw)
 
     def towards(self, position: Array, commanded: Array, yaw: Array | None = None) -> Array:
         pose = self._chain.forward(commanded)
@@ -128,31 +132,31 @@ class Step(Control):
         if not self._turns:
             return move
         now = self.yaw(pose.rotation)
-        turn = np.zeros(len(move)) if yaw is None else (self._yawed(pose.rotation, yaw) - now) / TURN
+        turn = np.zeros(len(move)) if yaw is None else (self._next_yaw(pose.rotation, yaw) - now) / MAX_YAW_STEP
         return np.concatenate((move, turn[:, None]), axis=1)
 
 
-class Absolute(Control):
-    """Each action is a place in the gripper box, approached by up to max_move a control step, pointing down.
+class AbsoluteControl(Control):
+    """Each action is a position in the gripper box, approached by up to max_move a control step, pointing down.
 
-    The yaw is one from -YAW to YAW, approached by up to TURN.
+    The yaw is from -MAX_YAW to MAX_YAW, approached by up to MAX_YAW_STEP a control step.
     """
 
     @property
     def unit(self) -> Array:
         low, high = self._box
-        return np.append(2 * self._max_move / (high - low), [TURN / YAW] * self._turns)
+        return np.append(2 * self._max_move / (high - low), [MAX_YAW_STEP / MAX_YAW] * self._turns)
 
     def hold(self, angles: Array, gripper: Array) -> Array:
         return self._with_yaw(self._scaled(gripper), angles)
 
     def _with_yaw(self, place: Array, angles: Array, yaw: Array | None = None) -> Array:
-        """The action (N, size) for scaled places (N, 3). yaw: (N,), none: as arms at angles (N, J) have it."""
+        """The action (N, size) for scaled positions (N, 3). yaw: (N,); None: that of arms at angles (N, J)."""
         if not self._turns:
             return place
         if yaw is None:
             yaw = self.yaw(self._chain.forward(angles).rotation)
-        return np.concatenate((place, np.clip(yaw / YAW, -1.0, 1.0)[:, None]), axis=1)
+        return np.concatenate((place, np.clip(yaw / MAX_YAW, -1.0, 1.0)[:, None]), axis=1)
 
     def _scaled(self, position: Array) -> Array:
         low, high = self._box
@@ -162,15 +166,15 @@ class Absolute(Control):
         low, high = self._box
         place = low + (action[:, :3] + 1) / 2 * (high - low)
         if not self._turns:
-            return self._reach(place, start)
+            return self._ik_step(place, start)
         seen = self._chain.jacobian(start)
-        return self._reach(place, start, seen, self._yawed(seen[0].rotation, action[:, 3] * YAW))
+        return self._ik_step(place, start, seen, self._next_yaw(seen[0].rotation, action[:, 3] * MAX_YAW))
 
     def towards(self, position: Array, commanded: Array, yaw: Array | None = None) -> Array:
         return self._with_yaw(self._scaled(position), commanded, yaw)
 
 
-class Joints(Control):
+class JointControl(Control):
     """Each action is an angle for every joint, scaled to its limits, approached at the joints' speeds."""
 
     @property
@@ -187,10 +191,10 @@ class Joints(Control):
     def _delta(self, action: Array, start: Array) -> Array:
         low, high = self._chain.low, self._chain.high
         delta = np.clip(low + (action + 1) / 2 * (high - low) - start, -self._speed, self._speed)
-        return delta * self._share_above(start, delta) if self._guarded else delta
+        return delta * self._fraction_above_floor(start, delta) if self._guarded else delta
 
-    def _share_above(self, start: Array, delta: Array) -> Array:
-        """(N, 1) how much of its way the gripper can go until it would be below the box."""
+    def _fraction_above_floor(self, start: Array, delta: Array) -> Array:
+        """(N, 1) the part of its motion, in [0, 1], that the gripper can make before it is below the box."""
         floor = self._box[0, 2]
         here, there = (self._chain.forward(joints).position[:, 2] for joints in (start, start + delta))
         down = np.maximum(here - there, 1e-9)
@@ -201,14 +205,16 @@ class Joints(Control):
         start = pose.position
         move = np.clip(position, *self._box) - start
         length = np.sqrt((move * move).sum(1, keepdims=True))
-        # A near waypoint: far ones are reached on an arc through joint space that can sweep over the table.
-        near = start + move * np.minimum(1.0, WAYPOINT / np.maximum(length, 1e-9))
+        # A near waypoint: a far one would be reached on an arc through joint space that can sweep over the table.
+        near = start + move * np.minimum(1.0, WAYPOINT_DISTANCE / np.maximum(length, 1e-9))
         rotation = self._rotation
         if self._turns:
             wish = self.yaw(pose.rotation) if yaw is None else yaw
-            rotation = about_vertical(self._yawed(pose.rotation, wish)) @ rotation
+            rotation = about_vertical(self._next_yaw(pose.rotation, wish)) @ rotation
         joints = self._chain.solve(commanded, near, rotation)
-        joints = commanded + self._slowed(joints - commanded)  # else each joint at its own speed, off the line
+        joints = commanded + self._limit_speed(
+            joints - commanded
+        )  # else each joint would move at its own speed, off the line
         return self._scaled(joints)
 
 
@@ -222,4 +228,8 @@ def about_vertical(yaw: Array) -> Array:
     return rotation
 
 
-CONTROLS: dict[str, type[Control]] = {"joints": Joints, "absolute": Absolute, "step": Step}
+CONTROLS: dict[str, type[Control]] = {
+    "joints": JointControl,
+    "absolute": AbsoluteControl,
+    "step": StepControl,
+}

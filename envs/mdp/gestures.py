@@ -1,4 +1,4 @@
-"""Who points where, in all worlds: the arms, the rays that are observed, and fingers that move on in mid-episode."""
+"""The pointing gestures of all worlds: posing the person, the observed rays, and switches within an episode."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from human.body.person_camera import FurnitureBox
 from human.ray_reader import CameraRayReader
 
 RAY_WIDTH = 7  # origin (m), unit direction, and 1 where a gesture is shown; all 0 where none is
-NEVER = -1
+NEVER = -1  # control step of a switch that does not happen
 
 
 def make_person(human: HumanConfig | None, config: GestureConfig) -> Person | None:
-    """The person who points; None where nobody is asked to. Raises ConfigError where nobody is there."""
+    """The person who points; None if gesture.source=none. Raises ConfigError for a workspace without a person."""
     if config.source == "none":
         return None
     if human is None:
@@ -29,7 +29,7 @@ def make_person(human: HumanConfig | None, config: GestureConfig) -> Person | No
 
 
 def make_ray_reader(workspace: WorkspaceConfig, config: GestureConfig) -> CameraRayReader | None:
-    """The camera whose pictures rays are read from; None where they are not. Raises ConfigError."""
+    """Reads rays from camera images; None unless gesture.source=camera. Raises ConfigError."""
     if config.source != "camera" or workspace.human is None:
         return None
     blocks = [FurnitureBox(box.size, box.position, box.color) for box in workspace.furniture.values()]
@@ -37,79 +37,84 @@ def make_ray_reader(workspace: WorkspaceConfig, config: GestureConfig) -> Camera
 
 
 def ray_of(gesture: Gesture | None) -> NDArray[np.float64]:
-    """(RAY_WIDTH,) what is observed of a gesture."""
+    """(RAY_WIDTH,) the observation of a gesture."""
     if gesture is None or not gesture.shown:
         return np.zeros(RAY_WIDTH)
     return np.concatenate((gesture.origin, gesture.direction, [1.0]))
 
 
 class Gestures:
-    """rays: (N, RAY_WIDTH) float64, as observed. points: whether anybody points; all else is for nothing where not.
+    """rays: (N, RAY_WIDTH) float64, as observed. points: whether a person points; if False, methods are no-ops.
 
-    watch: the camera whose pictures rays are read from; none: they are the fingers' own.
+    ray_reader: reads rays from camera images; None: rays are those of the fingers.
     """
 
-    def __init__(self, config: GestureConfig, worlds: Sequence[World], watch: CameraRayReader | None = None) -> None:
-        self._config, self._worlds, self._watch = config, worlds, watch
+    def __init__(
+        self, config: GestureConfig, worlds: Sequence[World], ray_reader: CameraRayReader | None = None
+    ) -> None:
+        self._config, self._worlds, self._ray_reader = config, worlds, ray_reader
         self.points = config.source != "none"
         self.rays = np.zeros((len(worlds), RAY_WIDTH))
-        self._turns: list[GestureSwitch | None] = [None] * len(worlds)
-        self._due = np.full(len(worlds), NEVER)
+        self._switches: list[GestureSwitch | None] = [None] * len(worlds)
+        self._switch_steps = np.full(len(worlds), NEVER)
         self._moving: list[int] = []
-        self._measures, self._stale = np.zeros((len(worlds), 3)), np.ones(len(worlds), bool)
-        self._meant = np.full(len(worlds), NEVER)
+        self._difficulty, self._stale = np.zeros((len(worlds), 3)), np.ones(len(worlds), bool)
+        self._measured_referents = np.full(len(worlds), NEVER)
 
     def begin(self, i: int, episode: Episode) -> None:
-        """Pose the person of world i as this episode begins; `read` then sees the finger."""
-        self.rays[i], self._turns[i], self._due[i] = 0.0, None, NEVER
+        """Pose the person of world i for the beginning of this episode. Call `read` then."""
+        self.rays[i], self._switches[i], self._switch_steps[i] = 0.0, None, NEVER
         if episode.gesture is None:
             return
         self._person(i).pose(episode.gesture.joints)
         self._worlds[i].show_finger(episode.gesture.shown)
-        self._turns[i], self._due[i] = episode.turn, NEVER if episode.turn is None else episode.turn.at
+        self._switches[i], self._switch_steps[i] = (
+            episode.gesture_switch,
+            NEVER if episode.gesture_switch is None else episode.gesture_switch.at,
+        )
         self.rays[i, 6] = episode.gesture.shown
 
     def switch(self, steps: NDArray[np.int64]) -> list[tuple[int, int]]:
-        """Send arms on to another object where it is time to: (world, object that is meant now) for each.
+        """Start the switches to another object that are due. Returns (world, new referent's number) of each.
 
         steps: (N,) control steps since each episode began.
         """
-        turned = []
-        for i in np.flatnonzero(self._due == steps).tolist():
-            turn = self._turns[i]
-            assert turn is not None
-            self.move(i, turn.gesture)
-            turned.append((i, turn.referent))
-        return turned
+        switched = []
+        for i in np.flatnonzero(self._switch_steps == steps).tolist():
+            switch = self._switches[i]
+            assert switch is not None
+            self.move(i, switch.gesture)
+            switched.append((i, switch.referent))
+        return switched
 
     def move(self, i: int, gesture: Gesture) -> None:
-        """Let the arm of world i move to this gesture, over the next `frames` physics steps."""
+        """Move the arm of world i to this gesture, over the next `frames` physics steps."""
         self._person(i).move(gesture.joints, self._config.frames)
         self._worlds[i].show_finger(gesture.shown)
         self.rays[i, 6] = gesture.shown
         self._moving.append(i)
 
     def point(self, i: int, gesture: Gesture) -> None:
-        """Let the arm of world i take this gesture before anything else happens, and keep it for this episode."""
-        self._due[i] = NEVER
+        """Move the arm of world i to this gesture now, without a control step, and keep it for this episode."""
+        self._switch_steps[i] = NEVER
         self.move(i, gesture)
         while self._person(i).moving:
             self._worlds[i].step_physics()
         self.follow()
 
     def follow(self) -> None:
-        """See again the fingers that are moving."""
+        """After a control step: read the rays of fingers that are moving."""
         if self._moving:
             self.read(self._moving)
             self._moving = [i for i in self._moving if self._person(i).moving]
 
     def read(self, worlds: Sequence[int]) -> None:
-        """See the fingers of these worlds as they are now."""
+        """Read the rays of these worlds."""
         if not self.points:
             return
         raised = [i for i in worlds if self.rays[i, 6]]
-        if raised and self._watch is not None:
-            seen = self._watch.rays([self._person(i).angles for i in raised])
+        if raised and self._ray_reader is not None:
+            seen = self._ray_reader.rays([self._person(i).angles for i in raised])
             self.rays[raised, :6] = np.concatenate(seen, axis=1)
         elif raised:
             self.rays[raised, :6] = [np.concatenate(self._person(i).ray(self._config.style)) for i in raised]
@@ -119,18 +124,18 @@ class Gestures:
     def measures(
         self, positions: NDArray[np.float64], shown: NDArray[np.bool_], referent: NDArray[np.int64]
     ) -> NDArray:
-        """(N, 3) how hard it was to tell what is meant when the finger last moved; 0 where no gesture is shown.
+        """(N, 3) how hard the gesture is to interpret, since the finger last moved; 0 where no gesture is shown.
 
-        Radians from the ray to the referent, radians between the referent and the object nearest to it, both seen from
-        the fingertip, and metres from there to the referent.
+        The columns: radians from the ray to the referent, radians between the referent and the object nearest to it,
+        both seen from the fingertip, and metres from the fingertip to the referent.
 
         positions (N, K, 3), metres; shown (N, K) bool; referent (N,) slots.
         """
-        rows = np.flatnonzero(self._stale | (referent != self._meant))
+        rows = np.flatnonzero(self._stale | (referent != self._measured_referents))
         if len(rows):
-            self._measures[rows] = self._measured(rows, positions[rows], shown[rows], referent[rows])
-            self._stale[rows], self._meant[rows] = False, referent[rows]
-        return self._measures
+            self._difficulty[rows] = self._measured(rows, positions[rows], shown[rows], referent[rows])
+            self._stale[rows], self._measured_referents[rows] = False, referent[rows]
+        return self._difficulty
 
     def _measured(
         self, rows: NDArray[np.int64], places: NDArray[np.float64], shown: NDArray[np.bool_], meant: NDArray[np.int64]
@@ -147,9 +152,9 @@ class Gestures:
         return raised * np.stack((ray, rival, np.linalg.norm(offset, axis=1)), axis=1)
 
     def close(self) -> None:
-        """Free the camera's client. Twice is once."""
-        if self._watch is not None:
-            self._watch.close()
+        """Free the camera's client. Idempotent."""
+        if self._ray_reader is not None:
+            self._ray_reader.close()
 
     def _person(self, i: int) -> PointingArm:
         person = self._worlds[i].person

@@ -1,6 +1,8 @@
-"""Lean collision shapes. Bullet keeps, for every world, all that it reads from a COLLADA mesh (30 MiB for a jaco), and
-takes a third of a second to read it, only to use the mesh's convex hull. Here the hulls are read once a process and
-written as small OBJ files, which the worlds then load."""
+"""Replaces COLLADA collision meshes by their convex hulls, as OBJ files.
+
+Bullet uses only the convex hull of a COLLADA mesh, but reads the whole mesh for every world in a third of a second, and
+keeps it (30 MiB for a jaco). Here each hull is read once in a process and written as a small OBJ file.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ Load = Callable[[int], int]  # client -> body, its links not merged
 
 @cache
 def scratch() -> Path:
-    """This process's own, gone when it ends."""
+    """A temporary folder of this process, deleted when it ends."""
     folder = Path(tempfile.mkdtemp(prefix="deixis-hulls-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder
@@ -31,13 +33,13 @@ _made: dict[Path, Path] = {}
 
 
 def lean(urdf: Path, load: Load) -> Path:
-    """A URDF like this one with OBJ hulls for its COLLADA collision meshes, and nothing to draw; the file itself where
-    it has none."""
+    """A copy of the URDF with OBJ hulls as collision meshes and without visuals; the URDF itself if it has no COLLADA
+    collision meshes. load: loads the URDF in a client."""
     if urdf not in _made:
         try:
             tree = ElementTree.parse(urdf)
         except ElementTree.ParseError:
-            return urdf  # Bullet says what is wrong with it
+            return urdf  # Bullet reports what is wrong with it
         meshes = {link.get("name"): link.findall("collision/geometry/mesh") for link in tree.iter("link")}
         if any(str(mesh.get("filename")).endswith(".dae") for found in meshes.values() for mesh in found):
             _made[urdf] = _write(tree, meshes, urdf, load)
@@ -67,7 +69,7 @@ def _write(tree: Any, meshes: dict, urdf: Path, load: Load) -> Path:
 
 
 def _vertices(body: int, link: int, shape: int, client: int) -> list[list[float]]:
-    """The hull's points in the mesh's own frame; Bullet gives them in that of the link's centre of mass."""
+    """The hull's points in the mesh's frame. Bullet gives them in the frame of the link's centre of mass."""
     points = bullet.getMeshData(body, link, shape, bullet.MESH_DATA_SIMULATION_MESH, client)[1]
     position, quaternion = bullet.getCollisionShapeData(body, link, client)[shape][5:7]
     rotation = np.reshape(bullet.getMatrixFromQuaternion(quaternion), (3, 3))

@@ -1,4 +1,4 @@
-"""The devices of one world as bodies: made once, stood on the table where each episode has them."""
+"""The devices of one world as bodies, which are made once and placed on the table in each episode."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ import pybullet as bullet
 from envs.sim.devices import DEVICES, Device, Part, Point
 from envs.sim.furniture import JOINTS, LINK, UPRIGHT
 
-STORED = -15.0  # metres: how deep devices stand that this episode does not show
-APART = 2.0  # metres between those
-MASS = 0.05  # kg of what moves
-BASE = (0.25, 0.25, 0.28, 1.0)  # RGBA
-SOFTNESS = 0.1  # share of its way back that a spring takes in a physics step, where nothing holds it
-LYING = {"x": (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)), "y": (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))}
+PARKED_HEIGHT = -15.0  # metres: where devices stand that the episode does not show
+PARKED_SPACING = 2.0  # metres between those
+MASS = 0.05  # kg, of the moving part
+BASE_COLOR = (0.25, 0.25, 0.28, 1.0)  # RGBA
+SPRING_GAIN = 0.1  # part of the way back that a free spring takes in a physics step
+CYLINDER_ROTATIONS = {"x": (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)), "y": (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))}
 Pose = tuple[tuple[float, ...], tuple[float, ...]]
 
 
 class DeviceBodies:
-    """nouns: of the devices, one body each. width: metres, as in `Device`. visuals: load what is drawn."""
+    """bodies: one for each of `nouns`. width: of a device, metres. visuals: load visual shapes."""
 
     def __init__(self, nouns: Sequence[str], width: float, client: int, visuals: bool) -> None:
         self._width, self._client, self._visuals = width, client, visuals
         self._devices = [DEVICES[noun] for noun in nouns]
-        self.bodies = [self._body(device, -APART * i) for i, device in enumerate(self._devices)]
+        self.bodies = [self._body(device, -PARKED_SPACING * i) for i, device in enumerate(self._devices)]
         self._shown = 0
 
     def _body(self, device: Device, y: float) -> int:
-        """A body whose base stays and whose one link has its centre of mass at the handle, and so is measured there:
-        upright as it begins."""
+        """A body with a fixed base and one link. The link's centre of mass, and so its measured pose, is at the handle;
+        its orientation is upright at the start."""
         upright = bullet.getQuaternionFromAxisAngle(device.axis, -device.start * (device.joint == "turn"))
         body = bullet.createMultiBody(
             0,
-            self._touched(device.base, (0, 0, 0)),
-            self._drawn(device.base, (0, 0, 0)),
-            basePosition=(0.0, y, STORED),
+            self._collision_shape(device.base, (0, 0, 0)),
+            self._visual_shape(device.base, (0, 0, 0)),
+            basePosition=(0.0, y, PARKED_HEIGHT),
             linkMasses=[MASS],
-            linkCollisionShapeIndices=[self._touched(device.moving, device.pivot)],
-            linkVisualShapeIndices=[self._drawn(device.drawn or device.moving, device.pivot)],
+            linkCollisionShapeIndices=[self._collision_shape(device.moving, device.pivot)],
+            linkVisualShapeIndices=[self._visual_shape(device.drawn or device.moving, device.pivot)],
             linkPositions=[self._metres(device.pivot)],
             linkOrientations=[UPRIGHT],
             linkInertialFramePositions=[self._metres(np.subtract(device.handle, device.pivot))],
@@ -50,13 +50,13 @@ class DeviceBodies:
             linkJointAxis=[device.axis],
             physicsClientId=self._client,
         )
-        self._guide(body, device)
+        self._set_up_joint(body, device)
         if self._visuals:
-            bullet.changeVisualShape(body, -1, rgbaColor=BASE, physicsClientId=self._client)
+            bullet.changeVisualShape(body, -1, rgbaColor=BASE_COLOR, physicsClientId=self._client)
         return body
 
-    def _guide(self, body: int, device: Device) -> None:
-        """Limits, and a motor that stays for good: dry friction, or a spring of one force all the way."""
+    def _set_up_joint(self, body: int, device: Device) -> None:
+        """Set the joint's limits, and a permanent motor: dry friction, or a spring of constant force."""
         scale = device.scale(self._width)
         limits = {"jointLowerLimit": device.low * scale, "jointUpperLimit": device.high * scale}
         bullet.changeDynamics(body, LINK, **limits, physicsClientId=self._client)
@@ -65,13 +65,13 @@ class DeviceBodies:
             motor = {
                 "controlMode": bullet.POSITION_CONTROL,
                 "targetPosition": device.start * scale,
-                "positionGain": SOFTNESS,
+                "positionGain": SPRING_GAIN,
                 "force": device.spring,
             }
         bullet.setJointMotorControl2(body, LINK, **motor, physicsClientId=self._client)
 
     def show(self, places: Sequence[Sequence[float]], yaw: Sequence[float], colors: Sequence[Sequence[float]]) -> None:
-        """Stand the first devices on the table. places: of their handles, as they begin, metres. colors: RGBA."""
+        """Place the first devices on the table. places: of their handles at the start, metres. colors: RGBA."""
         self._shown = len(places)
         for body, device, place, angle, color in zip(self.bodies, self._devices, places, yaw, colors, strict=False):
             x, y, _ = device.grip(self._width)
@@ -83,35 +83,35 @@ class DeviceBodies:
                 bullet.changeVisualShape(body, LINK, rgbaColor=color, physicsClientId=self._client)
 
     def reset(self) -> None:
-        """All joints at rest at their start, wherever the devices stand."""
+        """Put all joints to rest at their start."""
         for body, device in zip(self.bodies, self._devices, strict=True):
             start = device.start * device.scale(self._width)
             bullet.resetJointState(body, LINK, start, 0.0, self._client)
 
     def poses(self) -> list[Pose]:
-        """(position, quaternion) of the handle of each device that is shown."""
+        """(position, quaternion) of the handle of each shown device."""
         return [
             bullet.getLinkState(body, LINK, computeForwardKinematics=1, physicsClientId=self._client)[:2]
             for body in self.bodies[: self._shown]
         ]
 
-    def _touched(self, parts: Sequence[Part], origin: Point) -> int:
+    def _collision_shape(self, parts: Sequence[Part], origin: Point) -> int:
         """The parts as one collision shape about `origin`."""
         return bullet.createCollisionShapeArray(
             **self._shapes(parts),
-            lengths=[self._width * _along(part) for part in parts],
+            lengths=[self._width * _cylinder_length(part) for part in parts],
             collisionFramePositions=self._places(parts, origin),
             collisionFrameOrientations=[_orientation(part) for part in parts],
             physicsClientId=self._client,
         )
 
-    def _drawn(self, parts: Sequence[Part], origin: Point) -> int:
-        """The parts as one visual shape about `origin`; -1 where nothing is drawn."""
+    def _visual_shape(self, parts: Sequence[Part], origin: Point) -> int:
+        """The parts as one visual shape about `origin`; -1 without visuals."""
         if not self._visuals:
             return -1
         return bullet.createVisualShapeArray(
             **self._shapes(parts),
-            lengths=[self._width * _along(part) for part in parts],
+            lengths=[self._width * _cylinder_length(part) for part in parts],
             visualFramePositions=self._places(parts, origin),
             visualFrameOrientations=[_orientation(part) for part in parts],
             physicsClientId=self._client,
@@ -131,11 +131,11 @@ class DeviceBodies:
         return (self._width * np.asarray(widths, float)).tolist()
 
 
-def _along(part: Part) -> float:
-    """A cylinder's length, widths."""
+def _cylinder_length(part: Part) -> float:
+    """The length of a cylinder, widths."""
     return part.size["xyz".index(part.cylinder or "z")]
 
 
 def _orientation(part: Part) -> Sequence[float]:
     """A quaternion."""
-    return LYING.get(part.cylinder, (0.0, 0.0, math.sin(part.yaw / 2), math.cos(part.yaw / 2)))
+    return CYLINDER_ROTATIONS.get(part.cylinder, (0.0, 0.0, math.sin(part.yaw / 2), math.cos(part.yaw / 2)))

@@ -1,7 +1,7 @@
-"""Devices: what stands fast on the table and is pressed, switched or turned. What each is made of, and no physics.
+"""Devices, which stand fixed on the table and are pressed, switched or turned: their shapes and joints, as data.
 
-Lengths are in widths of the device, the width being the task's object_size. Frame: the origin on the table under the
-joint's axis, z up, and x, where the device faces, turned by its yaw.
+Lengths are in widths of the device; its width is the task's object_size. Frame: the origin is on the table under the
+joint's axis, z is up, and x, the direction that the device faces, is turned by its yaw.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Part:
-    """A box turned by yaw, or a cylinder along this axis (x, y or z); size and place of its middle along x, y and z."""
+    """A box turned by yaw (radians), or a cylinder along the axis x, y or z.
+
+    size, and place of its centre: along x, y and z.
+    """
 
     size: Point
     place: Point
@@ -31,10 +34,10 @@ class Part:
 class Device:
     """A base that never moves, and one part that slides along an axis ("slide") or turns about it ("turn").
 
-    pivot: a point of the axis. handle: what is touched. All stand as they do where the joint is at 0.
-    low, high: the joint's ends, widths or radians. start: where it begins. way: from there to where it is at its end.
-    spring: N with which it is pushed back to its start. friction: N or N m that hold it where it is.
-    drawn: what is seen of the part that moves, where that is not what is touched; Bullet takes 16 shapes at most.
+    pivot: a point of the axis. handle: the point that is touched. All positions are those with the joint at 0.
+    low, high: the joint's limits, widths or radians. start: where it begins an episode. way: the joint's travel from
+    there to its end. spring: force back to the start, N. friction: N or N m that hold the joint where it is.
+    drawn: visual shape of the moving part, where it differs from its collision shape. Bullet takes 16 shapes at most.
     """
 
     joint: str
@@ -52,34 +55,34 @@ class Device:
     drawn: tuple[Part, ...] = ()
 
     def scale(self, width: float) -> float:
-        """What a joint value, widths or radians, is to be multiplied with to be in metres or radians."""
+        """The factor from a joint value in widths or radians to one in metres or radians."""
         return width if self.joint == "slide" else 1.0
 
     def grip(self, width: float) -> Array:
-        """(3,) where the handle is at the start, metres."""
+        """(3,) position of the handle at the start, metres."""
         arm = np.subtract(self.handle, self.pivot)
         if self.joint == "turn":
-            arm = _turned(arm, self.axis, self.start)
+            arm = _rotated(arm, self.axis, self.start)
         return width * (np.array(self.pivot) + arm)
 
 
 def facing(quaternions: Array) -> Array:
-    """(..., 2) where devices face over the table, unit vectors: their handles are turned by quaternions (..., 4).
+    """(..., 2) unit vectors over the table in the direction that devices face. quaternions: (..., 4) of their handles.
 
-    It follows from their y axes, which a lever's own motion leaves as they are.
+    It follows from their y axes, which the motion of a lever does not change.
     """
     x, y, z, w = np.moveaxis(quaternions, -1, 0)
     return np.stack((1 - 2 * (x * x + z * z), 2 * (z * w - x * y)), axis=-1)
 
 
-def _turned(vector: Array, axis: Sequence[float], angle: float) -> Array:
+def _rotated(vector: Array, axis: Sequence[float], angle: float) -> Array:
     """Source: Rodrigues' rotation formula."""
     k = np.array(axis)
     return vector * math.cos(angle) + np.cross(k, vector) * math.sin(angle) + k * (k @ vector) * (1 - math.cos(angle))
 
 
 def _rim(count: int, radius: float, size: tuple[float, float], height: float) -> tuple[Part, ...]:
-    """So many boxes in a ring about the z axis, each of this size from inside to outside, and up."""
+    """A ring of boxes about the z axis. radius: inner. size: of a box, radially and along z. height: of its centre."""
     angles = [2 * math.pi * i / count for i in range(count)]
     sides = (size[0], 2 * (radius + size[0] / 2) * math.tan(math.pi / count), size[1])
     return tuple(Part(sides, (radius * math.cos(a), radius * math.sin(a), height), yaw=a) for a in angles)

@@ -1,4 +1,4 @@
-"""A magnet on the robot: a cylinder from the flange to the gripper centre, written into a copy of the URDF."""
+"""Adds a magnet to a copy of a URDF: a cylinder from the flange to the gripper centre."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands in a world as a viewer draws it: shapes, where they come from, and where they are now."""
+"""The visual shapes of a world, with their meshes and poses, for viewers other than PyBullet's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KINDS = {
     bullet.GEOM_CAPSULE: "capsule",
     bullet.GEOM_MESH: "mesh",
 }
-BASE = -1  # Bullet's name for the link that a body begins with
+BASE = -1  # Bullet's number for the base link
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class VisualShape:
     """One visual shape.
 
     body, link: Bullet's ids; `VisualShapes.poses` gives the pose. kind: a value of KINDS. size: (3,): metres of a box;
-    the radius first of a sphere; length and radius of a cylinder or capsule (along z); the scale of a mesh's axes.
+    the radius first, of a sphere; length and radius of a cylinder or capsule (along z); the scale of a mesh's axes.
     mesh: its file. position (3,), metres, and quaternion (4,), x, y, z, w: in the link's frame. rgba: in [0, 1].
     """
 
@@ -40,24 +40,24 @@ class VisualShape:
 
 
 class VisualShapes:
-    """Everything that is drawn in a client whose bodies were loaded with their visuals."""
+    """All visual shapes of a client whose bodies were loaded with visuals."""
 
     def __init__(self, client: int) -> None:
         self._client = client
         self._bodies = [bullet.getBodyUniqueId(i, client) for i in range(bullet.getNumBodies(client))]
-        # Bullet tells where a base's centre of mass is, and of shapes where they are to its link.
+        # Bullet gives the pose of a base's centre of mass, but the poses of shapes in the link's frame.
         self._centres = {body: self._centre(body) for body in self._bodies}
 
     def shapes(self) -> list[VisualShape]:
-        """Every visual shape in the colours of now, always in the same order."""
+        """Every visual shape in its current colour, always in the same order."""
         listed = (bullet.getVisualShapeData(body, physicsClientId=self._client) for body in self._bodies)
-        return [self._look(shape) for shapes in listed for shape in shapes if shape[2] in KINDS]
+        return [self._visual_shape(shape) for shapes in listed for shape in shapes if shape[2] in KINDS]
 
     def poses(self, links: list[tuple[int, int]]) -> Array:
         """(len(links), 7) of these (body, link): position, metres, and quaternion (x, y, z, w)."""
         return np.array([self._pose(body, link) for body, link in links])
 
-    def _look(self, shape: tuple) -> VisualShape:
+    def _visual_shape(self, shape: tuple) -> VisualShape:
         body, link, kind, size, file, position, quaternion, rgba = shape[:8]
         mesh = Path(file.decode()) if kind == bullet.GEOM_MESH else None
         return VisualShape(body, link, KINDS[kind], size, mesh, position, quaternion, rgba)
@@ -70,5 +70,5 @@ class VisualShapes:
             state = bullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=self._client)
             return [*state[4], *state[5]]
         pose = bullet.getBasePositionAndOrientation(body, self._client)
-        place, turn = bullet.multiplyTransforms(*pose, *bullet.invertTransform(*self._centres[body]))
-        return [*place, *turn]
+        position, quaternion = bullet.multiplyTransforms(*pose, *bullet.invertTransform(*self._centres[body]))
+        return [*position, *quaternion]

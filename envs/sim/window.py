@@ -15,46 +15,52 @@ from human import Camera
 from human.suppress_stdout import suppress_stdout
 
 WIDTH, HEIGHT = 960, 720  # pixels
-PAPER = "--background_color_red=0.93 --background_color_green=0.94 --background_color_blue=0.96"
-MARGIN = 0.9  # the window shows this much of what the camera does: small things are to be told apart
-OFF = (  # PyBullet's panels, and keys of its own: "w" would draw wires
+BACKGROUND = "--background_color_red=0.93 --background_color_green=0.94 --background_color_blue=0.96"
+ZOOM = 0.9  # part of the camera's distance: nearer, so that small objects can be told apart
+DISABLED = (  # PyBullet's panels and its own keys: "w" would draw wireframes
     bullet.COV_ENABLE_GUI,
     bullet.COV_ENABLE_KEYBOARD_SHORTCUTS,
     bullet.COV_ENABLE_MOUSE_PICKING,
-    bullet.COV_ENABLE_SHADOWS,  # without a graphics card they take half of the time
+    bullet.COV_ENABLE_SHADOWS,  # half of the time without a graphics card
 )
 
 
 class Window:
-    """Opens with nothing drawn, seen as the camera does. Raises ConfigError where none can be opened.
+    """A window with the camera's view; nothing is drawn until `show(True)`. client: PyBullet's client, 0.
 
-    To be opened before any other client of the process: Bullet says of the first one alone from where it is looked at.
-    asked: what asked for it, to be named where it cannot be had. client: Bullet's number, 0.
+    It must be opened before any other client of the process: Bullet reports the view of the first client alone.
+
+    Args:
+        camera: where the scene is seen from.
+        asked: the setting that asks for the window, for error messages.
+
+    Raises:
+        ConfigError: no window can be opened.
     """
 
     def __init__(self, camera: Camera, asked: str = "by_hand=true") -> None:
         _check_display(asked)
         try:
             with suppress_stdout():
-                self.client = bullet.connect(bullet.GUI, options=f"--width={WIDTH} --height={HEIGHT} {PAPER}")
+                self.client = bullet.connect(bullet.GUI, options=f"--width={WIDTH} --height={HEIGHT} {BACKGROUND}")
         except bullet.error as error:
             raise ConfigError(f"{asked} opens no window: {error}") from None
         if self.client != 0:
             self.close()
             raise ConfigError(f"{asked} opens no window: this process has worlds already")
-        for flag in OFF:
+        for flag in DISABLED:
             bullet.configureDebugVisualizer(flag, 0, physicsClientId=self.client)
         bullet.resetDebugVisualizerCamera(self._distance(camera), camera.yaw, camera.pitch, camera.target, self.client)
         self.show(False)
 
     @staticmethod
     def _distance(camera: Camera) -> float:
-        """Metres from the camera's target at which the window shows as much: its lens has 90 degrees."""
-        return MARGIN * camera.distance * math.tan(math.radians(camera.fov) / 2)
+        """Metres from the camera's target at which the window, with its field of view of 90 degrees, shows the same."""
+        return ZOOM * camera.distance * math.tan(math.radians(camera.fov) / 2)
 
-    def show(self, now: bool) -> None:
-        """Draw what happens from now on, or keep the last picture: while much changes, that is faster."""
-        bullet.configureDebugVisualizer(bullet.COV_ENABLE_RENDERING, int(now), physicsClientId=self.client)
+    def show(self, enabled: bool) -> None:
+        """Draw from now on, or keep the last picture, which is faster while much changes."""
+        bullet.configureDebugVisualizer(bullet.COV_ENABLE_RENDERING, int(enabled), physicsClientId=self.client)
 
     def close(self) -> None:
         with suppress_stdout(), suppress(bullet.error):  # a person may have closed it
@@ -62,7 +68,7 @@ class Window:
 
 
 def _check_display(asked: str) -> None:
-    """PyBullet itself ends the program where it finds no display, or no OpenGL there."""
+    """Raises ConfigError without a display or OpenGL, where PyBullet would end the program."""
     if not sys.platform.startswith("linux"):
         return
     name = os.environ.get("DISPLAY")

@@ -1,8 +1,8 @@
-"""A workspace: the furniture, where objects and the gripper may be, where the camera stands, and who else is there.
+"""Configuration of a workspace: furniture, areas for objects and gripper, the camera, and the person.
 
-The workspace frame of every position in the project: metres; origin on the table top where the robot is mounted: a
-robot stands elsewhere at a table by where the workspace puts all else, and its URDF's own origin by `robot.base`;
-x away from the robot, y to the robot's left, z up.
+Every position in the project is in the workspace frame: metres, origin on the table top where the robot is mounted,
+x away from the robot, y to the robot's left, z up. To mount the robot elsewhere at the table, move all else in the
+workspace; `robot.base` is only the offset of the URDF's own origin.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from human import Camera, HumanConfig
 class Box(Checked):
     """A box that never moves, or a part of a fitting. size and position of its centre in metres; color RGB in [0, 1].
 
-    contact: whether anything touches it; else it is only drawn.
+    contact: whether it collides; else it is only drawn.
     """
 
     size: list[float] = within(0.001, 20, count=3)
@@ -30,10 +30,10 @@ class Box(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class Fitting(Checked):
-    """What slides or turns when it is pushed, and stays where it is left: a drawer, a door.
+    """Furniture on a joint, such as a drawer or a door: it moves when pushed, and stays where it is left.
 
-    Its joint goes from low to high, metres along the axis or radians about it, right-handed. origin: metres, a point of
-    the axis. friction: what holds it back, in N or N m; mass in kg. parts stand as they do where the joint is at 0.
+    The joint goes from low to high, metres along the axis or radians about it (right-handed). origin: a point of the
+    axis, metres. friction: N or N m that hold the joint back. mass: kg. parts: boxes, with the joint at 0.
     """
 
     joint: str = one_of("slide", "turn")
@@ -60,7 +60,7 @@ class Fitting(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class WorkspaceConfig(Checked):
-    """Boxes of numbers are (x0, x1, y0, y1[, z0, z1]) in the workspace frame."""
+    """Areas are (x0, x1, y0, y1[, z0, z1]) in the workspace frame, metres."""
 
     name: str
     furniture: dict[str, Box]
@@ -69,7 +69,7 @@ class WorkspaceConfig(Checked):
     gripper_box: list[float] = within(-5, 5)
     bounds: list[float] = within(-10, 10)
     camera: Camera
-    human: HumanConfig | None  # who stands there; none: nobody
+    human: HumanConfig | None  # the person in the workspace, if any
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -168,7 +168,7 @@ class Task(ABC):
         if rng.random() >= person.config.switch or not episode.gesture.shown:
             return episode
         other, at = self._elsewhere(episode, rng), int(rng.integers(*TURNS))
-        return episode if other is None else replace(episode, turn=GestureSwitch(at, *other))
+        return episode if other is None else replace(episode, gesture_switch=GestureSwitch(at, *other))
 
     def _say(self, instruction: Instruction, rng: Generator) -> str:
         """The instruction in our own words, or in drawn ones where the config wants those."""

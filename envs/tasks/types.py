@@ -228,7 +228,7 @@ class Episode:
     yaw: Array | None = None  # (K,) radians; none: not turned
     fixed: NDArray[np.bool_] | None = None  # (K,) objects that never move when touched; none: all move
     gesture: Gesture | None = None  # how the person points at the referent; none: nobody points
-    turn: GestureSwitch | None = None  # the finger moves on in mid-episode; none: it stays
+    gesture_switch: GestureSwitch | None = None  # the finger moves on in mid-episode; none: it stays
     target: int | None = None  # slot of the target that the referent is to be brought to; none: to none
     start: Start | None = None  # where the gripper begins; none: at rest
     goals: NDArray[np.bool_] | None = None  # (K,) what the referent could be brought to; none: the see-through targets

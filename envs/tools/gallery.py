@@ -78,7 +78,7 @@ def tasks(names: Iterable[str], overrides: Sequence[str] = (), seed: int = 3) ->
 
 def make_env(overrides: Sequence[str], seed: int) -> WorkspaceEnv:
     """One world with the evaluations' initial states and a camera of higher resolution."""
-    config: EnvConfig = read_env(compose(overrides)).judged()
+    config: EnvConfig = read_env(compose(overrides)).without_curriculum()
     camera = replace(config.workspace.camera, width=SUPERSAMPLING * WIDTH, height=SUPERSAMPLING * HEIGHT)
     return WorkspaceEnv(replace(config, workspace=replace(config.workspace, camera=camera)), seed=seed, render=True)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from envs.mdp.controls import TURN, YAW
+from envs.mdp.controls import MAX_YAW, MAX_YAW_STEP
 from tests.helpers.env_cases import CONTROLS, ROBOTS, act, make
 
 PLACE = np.array([[0.45, 0.05, 0.2]])
@@ -47,7 +47,7 @@ def test_it_turns_by_90_degrees_at_most(control):
             action = env.towards(PLACE)
             action[0, 3] = way
             td = act(env, td, action)
-        assert env.yaw[0] == pytest.approx(way * YAW, abs=0.05)
+        assert env.yaw[0] == pytest.approx(way * MAX_YAW, abs=0.05)
     env.close()
 
 
@@ -67,11 +67,11 @@ def test_a_control_step_turns_by_so_much_and_the_units_say_so():
     before = env.control.yaw(env.chain.forward(env._arrays.commanded).rotation)
     act(env, td, [[0.0, 0.0, 0.0, 1.0, -1.0]])
     after = env.control.yaw(env.chain.forward(env._arrays.commanded).rotation)
-    assert (after - before)[0] == pytest.approx(TURN, rel=0.05)
+    assert (after - before)[0] == pytest.approx(MAX_YAW_STEP, rel=0.05)
     assert env.action_unit[:4] == (1.0, 1.0, 1.0, 1.0)
     env.close()
     env, _ = turning("kuka", "absolute")
-    assert env.action_unit[3] == pytest.approx(TURN / YAW)
+    assert env.action_unit[3] == pytest.approx(MAX_YAW_STEP / MAX_YAW)
     env.close()
 
 
