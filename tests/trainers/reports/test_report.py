@@ -1,27 +1,22 @@
-"""What a report says of runs whose numbers are known."""
+"""Reports of sweeps: tables, page and error messages."""
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 
 from conf.schema import ConfigError
 from tests.helpers.run_folders import add_run, config
-from trainers.reports import figures
 from trainers.reports.report import write
-from trainers.reports.scores import bootstrap, final_over_best, iqm, score, time_to_level
-from trainers.sweeps.runs import find_runs, group_by_configuration
+from trainers.sweeps.runs import find_runs
 
-ROOT = Path(__file__).parents[2]
-DEFAULT = "kuka step nl_reach ppo"
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
@@ -52,7 +47,7 @@ def table(text: str, heading: str) -> list[list[str]]:
     return [rows[0], *rows[2:]]
 
 
-def test_the_table_tells_what_the_seeds_came_to(sweep):
+def test_the_configuration_table_summarises_the_seeds(sweep):
     write(sweep)
     header, first, second, together = table((sweep / "report.md").read_text(), "Final success and time to success")
     row = dict(zip(header, first, strict=True))
@@ -68,7 +63,7 @@ def test_the_table_tells_what_the_seeds_came_to(sweep):
     assert together[2].startswith("0.950 ")  # of 0.8, 0.9, 0.95, 1, 1 without the lowest and the highest
 
 
-def test_every_seed_has_its_row(sweep):
+def test_every_seed_has_a_row(sweep):
     write(sweep)
     rows = table((sweep / "report.md").read_text(), "Every seed")
     assert [row[:2] for row in rows[1:]] == [
@@ -79,7 +74,7 @@ def test_every_seed_has_its_row(sweep):
     assert rows[3][-3:] == ["300 (30 s)", "-", "-"]
 
 
-def test_runs_that_did_not_finish_are_named_with_their_error_and_command(sweep):
+def test_unfinished_runs_are_listed_with_error_and_command(sweep):
     write(sweep)
     rows = table((sweep / "report.md").read_text(), "Runs that did not finish")
     assert rows[1:] == [
@@ -88,14 +83,14 @@ def test_runs_that_did_not_finish_are_named_with_their_error_and_command(sweep):
     ]
 
 
-def test_commands_and_machine_are_those_of_the_sweep(sweep):
+def test_commands_and_machine_come_from_the_sweep_file(sweep):
     write(sweep)
     text = (sweep / "report.md").read_text()
     assert table(text, "Commands")[1] == ["2000-01-01 00:00:00", "python train.py -m scenario=1,4,5"]
     assert table(text, "Machine")[1:] == [["cores", "2"], ["cpu", "a"]]
 
 
-def test_the_page_is_one_file_that_needs_no_network(sweep):
+def test_the_html_page_is_one_file_without_external_resources(sweep):
     page = write(sweep).read_text()
     sources = re.findall(r'src="([^"]*)"', page)
     assert len(sources) == 3
@@ -106,7 +101,7 @@ def test_the_page_is_one_file_that_needs_no_network(sweep):
     assert all((sweep / name).stat().st_size > 5000 for name in pictures)
 
 
-def test_words_of_a_run_cannot_break_the_page(tmp_path):
+def test_text_of_a_run_is_escaped(tmp_path):
     add_run(tmp_path / "0_a", config(0))
     add_run(tmp_path / "1_a", config(1), success=None, error="a | b <script>")
     page = write(tmp_path).read_text()
@@ -114,21 +109,7 @@ def test_words_of_a_run_cannot_break_the_page(tmp_path):
     assert "a \\| b" in (tmp_path / "report.md").read_text()
 
 
-def test_curves_are_of_evaluation_episodes_never_of_exploring_ones(sweep):
-    runs = group_by_configuration([run for run in find_runs(sweep) if run.result])["1: kuka absolute ppo"]
-    first = figures.evaluation_curves(runs, "eval/success_at_end")[0]
-    assert first.tolist() == [[100, 200, 300], [0.2, 0.6, 0.95]]
-
-
-def test_a_loss_that_is_zero_all_along_is_not_drawn(tmp_path):
-    for name, loss in (("none", 0.0), ("some", 1.0)):
-        add_run(tmp_path / name / "0_a", config(0), loss=loss)
-        write(tmp_path / name)
-    assert not (tmp_path / "none" / "losses.png").exists()
-    assert (tmp_path / "some" / "losses.png").exists()
-
-
-def test_the_main_tasks_have_a_picture_where_there_are_any(tmp_path):
+def test_the_main_tasks_have_a_figure_if_there_are_any(tmp_path):
     for number, task in enumerate(("nl_reach", "reach", "nl_reach_gesture")):
         add_run(tmp_path / f"{number}_a", config(0, task=task))
     write(tmp_path)
@@ -139,93 +120,11 @@ def test_the_main_tasks_have_a_picture_where_there_are_any(tmp_path):
     assert "Main tasks" not in (other / "report.md").read_text()
 
 
-# ---- which runs belong together ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("values", "labels"),
-    [
-        ([config(0), config(1), config(2)], [DEFAULT]),
-        ([config(0, algo="sac"), config(1), config(2, algo="sac")], ["sac", "ppo"]),
-        ([config(0), config(0, robot="panda", control="joints")], ["kuka step", "panda joints"]),
-        ([config(0), config(0, robot="panda"), config(0, algo="sac")], ["kuka ppo", "panda ppo", "kuka sac"]),
-        ([config(0, networks=1), config(0, networks=3)], [f"{DEFAULT}, policy.networks={n}" for n in (1, 3)]),
-        ([config(0, scenario=2), config(0, scenario=3, control="joints")], ["2: kuka step ppo", "3: kuka joints ppo"]),
-        ([config(0, scenario=2), config(0, robot="jaco")], ["2: kuka step ppo", "jaco step ppo"]),
-        ([config(0, scenario=2, task="a"), config(0, scenario=2, task="b")], ["a", "b"]),
-        ([config(0, scenario=s, task="abc"[s]) for s in (1, 2)], ["1: kuka step b ppo", "2: kuka step c ppo"]),
-    ],
-)  # fmt: skip
-def test_runs_are_told_apart_by_what_differs_other_than_the_seed(values, labels, tmp_path):
-    for number, each in enumerate(values):
-        add_run(tmp_path / f"{number}_a", each)
-    assert list(group_by_configuration(find_runs(tmp_path))) == labels
-
-
-def test_jobs_are_read_in_the_order_of_their_numbers(tmp_path):
-    for number in (10, 9, 0):
-        add_run(tmp_path / f"{number}_a", config(number))
-    assert [run.seed for run in find_runs(tmp_path)] == [0, 9, 10]
-
-
-def test_a_directory_of_several_sweeps_and_a_single_run_will_do(tmp_path):
+def test_a_directory_may_hold_several_sweeps_or_be_a_single_run(tmp_path):
     run = add_run(tmp_path / "first" / "0_a", config(0))
     add_run(tmp_path / "second" / "0_a", config(1))
     assert len(find_runs(tmp_path)) == 2
     assert write(run) == run / "report.html"
-
-
-# ---- numbers -------------------------------------------------------------------------------------------------------
-
-
-def test_interquartile_mean_leaves_out_a_quarter_at_each_end():
-    assert iqm(np.array([0.0, 0.5, 0.7, 1.0])) == pytest.approx(0.6)
-    assert iqm(np.array([0.0, 0.3, 0.9])) == pytest.approx(0.4)
-    assert iqm(np.array([[8.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0], [1.0] * 8])) == pytest.approx([4.5, 1.0])
-
-
-def test_the_bootstrap_interval_is_that_of_drawing_seeds_again():
-    assert bootstrap([[0.9, 0.9, 0.9]]) == pytest.approx((0.9, 0.9))
-    low, high = bootstrap([[0.0, 1.0]])  # each end has a chance of a quarter
-    assert (low, high) == (0.0, 1.0)
-    rng = np.random.default_rng(3)
-    scores = rng.normal(size=100)
-    low, high = bootstrap([scores])
-    assert low < iqm(scores) < high
-    assert high - low == pytest.approx(2 * 1.96 * 1.1 / 10, rel=0.3)  # a trimmed mean of a hundred normal scores
-    assert bootstrap([scores]) == (low, high)
-
-
-def test_the_bootstrap_draws_seeds_within_each_configuration():
-    """Between 0 and 1 lies nothing but what the configurations' shares make."""
-    assert bootstrap([[0.0] * 4, [1.0] * 4]) == pytest.approx((0.5, 0.5))
-
-
-def test_frames_and_seconds_to_a_level_are_those_of_the_first_evaluation_there(tmp_path):
-    (run,) = find_runs(add_run(tmp_path / "run", config(), (0.2, 0.9, 0.5, 0.95)))
-    assert time_to_level(run.evaluations, 0.9) == (200, 20)
-    assert time_to_level(run.evaluations, 0.95) == (400, 40)
-    assert time_to_level(run.evaluations, 0.99) == (math.inf, math.inf)
-
-
-def test_final_over_best_is_that_of_the_seed_that_kept_least(tmp_path):
-    add_run(tmp_path / "0_a", config(0), (0.2, 1.0, 0.7), success=0.8)
-    add_run(tmp_path / "1_a", config(1), (0.2, 0.5), success=0.5)
-    add_run(tmp_path / "2_a", config(2), (0.0, 0.0), success=0.0)
-    runs = find_runs(tmp_path)
-    assert [final_over_best(run) for run in runs[:2]] == pytest.approx([0.8, 1.0])
-    assert math.isnan(final_over_best(runs[2]))
-    assert score(runs).final_over_best == pytest.approx(0.8)
-
-
-# ---- bad input -----------------------------------------------------------------------------------------------------
-
-
-def test_a_line_that_a_kill_cut_short_is_left_out(tmp_path):
-    folder = add_run(tmp_path / "run", config())
-    with open(folder / "metrics.csv", "a") as file:
-        file.write("400,1.0,0.1,0.1,0.9")
-    assert [row["frames"] for row in find_runs(folder)[0].evaluations] == [100, 200, 300]
 
 
 @pytest.mark.parametrize(
@@ -248,7 +147,7 @@ def test_a_damaged_file_is_named(file, text, message, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_where_nothing_has_finished_there_is_nothing_to_report(tmp_path):
+def test_a_report_without_finished_runs_is_refused_with_the_first_error(tmp_path):
     add_run(tmp_path / "0_a", config(), success=None, error="Traceback\n  x\nKeyError: 'a'\n")
     with pytest.raises(ConfigError, match=r"no run in .* has finished; 1 failed: KeyError: 'a'"):
         write(tmp_path)

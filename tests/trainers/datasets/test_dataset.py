@@ -1,0 +1,53 @@
+"""Recordings: what is read equals what was recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from envs import make_env
+from envs.experts import expert
+from tests.helpers.recordings import FORMATS, expected_episodes, record_formats
+from trainers.datasets import dataset
+from trainers.rollout.evaluation import Interrupted
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    return record_formats(tmp_path_factory.mktemp("recorded"))
+
+
+@pytest.fixture(scope="module")
+def episodes():
+    return expected_episodes()
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_reading_returns_what_was_recorded(recorded, episodes, form):
+    metadata, recorded_episodes = dataset.read(recorded[form])
+    last = None if form == "minari" else -1  # LeRobot does not store the observation after the last action
+    for read, expected in zip(recorded_episodes, episodes, strict=True):
+        assert (read.seed, read.sentence) == (expected.seed, expected.sentence)
+        np.testing.assert_array_equal(read.actions, expected.actions)
+        for name in ("observations", "labels", "outcomes"):
+            read_values, values = getattr(read, name), getattr(expected, name)
+            assert read_values.keys() == values.keys()
+            for key, value in values.items():
+                wanted = value if name == "outcomes" else value[:last]
+                np.testing.assert_array_equal(read_values[key].reshape(wanted.shape), wanted)
+    assert metadata["episodes"] == len(episodes) == 3
+    assert metadata["steps"] == sum(map(len, episodes))
+    assert metadata["success_at_end"] == np.mean([episode.success for episode in episodes])
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_an_interrupted_recording_leaves_no_directory(tmp_path, form):
+    env = make_env()
+    about = {"config": {}, "actor": "", "instruction": "", "robot": "", "fps": 20, "names": {}, "gym": None}
+    asked = iter([False, True])
+    with pytest.raises(Interrupted):
+        dataset.write(tmp_path / "it", form, env, expert(env), 5, 0, about, stop=lambda: next(asked))
+    env.close()
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,65 @@
+"""Minari datasets: rebuilt environments, and images in both formats."""
+
+from __future__ import annotations
+
+import json
+
+import imageio.v3 as imageio
+import minari
+import numpy as np
+import pytest
+
+import record
+from tests.helpers.recordings import FORMATS, expected_episodes, record_formats
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    return record_formats(tmp_path_factory.mktemp("recorded"), ("minari",))
+
+
+@pytest.fixture(scope="module")
+def episodes():
+    return expected_episodes()
+
+
+def test_minari_rebuilds_the_environment_and_its_states(recorded, episodes, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(recorded["minari"].parent))
+    loaded = minari.load_dataset("minari-v3")
+    assert (loaded.total_episodes, loaded.total_steps) == (3, sum(map(len, episodes)))
+    env = loaded.recover_environment()
+    episode_metadata = loaded.storage.get_episode_metadata(range(3))
+    for episode, metadata in zip(loaded.iterate_episodes(), episode_metadata, strict=True):
+        seen, info = env.reset(seed=metadata["seed"])
+        assert info["sentence"] == metadata["sentence"]
+        for t, action in enumerate(episode.actions):
+            for key, value in seen.items():
+                np.testing.assert_array_equal(episode.observations[key][t], value)
+            assert loaded.observation_space["robot"].contains(episode.observations["robot"][t])
+            seen, reward, terminated, truncated, info = env.step(action)
+            came = (episode.rewards[t], episode.terminations[t], episode.truncations[t])
+            assert came == (np.float32(reward), terminated, truncated)
+        np.testing.assert_array_equal(episode.observations["objects"][-1], seen["objects"])
+        assert metadata["success"] == info["is_success"]
+    env.close()
+
+
+def test_images_show_the_episode_and_do_not_change_it(tmp_path):
+    few = ["expert=true", "episodes=1", "workspace.camera.width=65", "workspace.camera.height=48", "camera=true"]
+    for form in FORMATS:
+        record.main([*few, f"format={form}", f"out={tmp_path / form}"])
+        record.main([f"replay={tmp_path / form}"])  # in a world without anything to be drawn
+    (episode,) = minari.MinariDataset(tmp_path / "minari" / "data").iterate_episodes()
+    pictures = episode.observations["camera"]
+    assert pictures.shape == (len(episode) + 1, 48, 65, 3)
+    assert abs(pictures[0].astype(int) - pictures[-1]).max() > 50  # the arm has moved
+    (path,) = (tmp_path / "lerobot").rglob("*.mp4")
+    film = imageio.imread(path)
+    assert film.shape == (len(episode), 48, 64, 3)
+    assert abs(film.astype(int) - pictures[:-1, :, :64]).mean() < 6
+    (feature,) = [
+        f for f in json.loads((tmp_path / "lerobot/meta/info.json").read_text())["features"].values() if "info" in f
+    ]
+    assert feature["shape"] == [48, 64, 3]
