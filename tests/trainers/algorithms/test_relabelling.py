@@ -5,7 +5,7 @@ import torch
 
 from tests.helpers.fake_env import NEAR, make_env
 from tests.helpers.plans import plan
-from tests.trainers.test_fit import run
+from tests.helpers.short_training import train
 from trainers.algorithms.build import build_algorithm
 from trainers.algorithms.relabelling import Relabelling
 from trainers.rollout.collection import Rollouts
@@ -80,7 +80,7 @@ def test_sac_remembers_what_was_told(batches):
 
 def test_sac_learns_with_it(tmp_path):
     overrides = ["total_frames=5120", "algo.batch=64", "eval.episodes=60", "eval.interval=5120"]
-    result = run(tmp_path, "sac", overrides=overrides)
+    result = train(tmp_path, "sac", overrides=overrides)
     relabelled = [row["relabelled"] for row in read_metrics(tmp_path / "metrics.csv")]
     assert torch.tensor(relabelled).nansum() > 200
     assert result["success_at_end"] > 0.8

@@ -1,0 +1,148 @@
+"""Training runs: determinism, resuming, errors and signals."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+import torch
+
+from tests.helpers.fake_env import FakeEnv, make_env
+from tests.helpers.short_training import train, untimed_rows
+from trainers.algorithms.algorithm import DivergedError
+from trainers.rollout.evaluation import evaluate
+from trainers.run import checkpoint
+from trainers.run.metrics import read_metrics
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_the_same_seed_gives_the_same_run(tmp_path, algo):
+    results = [train(tmp_path / name, algo) for name in "ab"]
+    assert untimed_rows(tmp_path / "a") == untimed_rows(tmp_path / "b")
+    assert len(untimed_rows(tmp_path / "a")) > 2
+    assert results[0]["mean_return"] == results[1]["mean_return"]
+
+
+@pytest.mark.slow
+def test_a_run_learns_the_instructions_and_writes_its_report(tmp_path):
+    overrides = ["total_frames=12000", "collector.worlds=16", "algo.horizon=32", "algo.minibatch=256"]
+    overrides += ["eval.video_episodes=1", "eval.interval=6000", "eval.episodes=60", "logger=[tensorboard]"]
+    result = train(tmp_path, overrides=overrides, make_video_env=partial(make_env, 1, 9))
+    assert result["success_at_end"] > 0.8
+    assert result["episodes"] == 60
+    assert json.loads((tmp_path / "eval.json").read_text()) == result
+    assert {"success_once", "wrong_object", "ci95", "frames", "wall_s", "frames_per_s", "by_kind"} <= set(result)
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {"checkpoints", "metrics.csv", "eval.json", "learning_curve.png", "evaluation.mp4", "tensorboard"}
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+@pytest.mark.parametrize("policy", ["grounded", "mlp"])
+def test_a_run_without_grounding_supervision_finishes(tmp_path, algo, policy):
+    overrides = ["algo.grounding_weight=0.0", "total_frames=256", "policy.privileged_critic=false"]
+    assert train(tmp_path, algo, policy, overrides=overrides)["episodes"] == 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_a_resumed_run_continues_the_metrics(tmp_path, algo):
+    train(tmp_path, algo)
+    rows = untimed_rows(tmp_path)
+    resumed = train(tmp_path, algo, overrides=["total_frames=1024"], resume=checkpoint.find(tmp_path))
+    assert resumed["frames"] == 1024
+    assert untimed_rows(tmp_path)[: len(rows)] == rows
+    assert [float(row["frames"]) for row in untimed_rows(tmp_path)] == sorted(
+        {float(r["frames"]) for r in untimed_rows(tmp_path)}
+    )
+
+
+def test_a_run_uses_at_most_total_frames(tmp_path):
+    assert 150 < train(tmp_path, overrides=["total_frames=300"])["frames"] <= 300
+
+
+def test_a_checkpoint_of_another_algorithm_is_refused(tmp_path):
+    train(tmp_path, overrides=["total_frames=128"])
+    before = (tmp_path / "metrics.csv").read_bytes()
+    with pytest.raises(checkpoint.CheckpointError, match="another algo or policy"):
+        train(tmp_path, policy="mlp", resume=checkpoint.find(tmp_path))
+    assert (tmp_path / "metrics.csv").read_bytes() == before
+
+
+def poisoned_env(worlds, seed):
+    return FakeEnv(worlds, seed, poison=20)
+
+
+def test_a_reward_that_is_not_finite_ends_the_run_and_saves_the_batch(tmp_path):
+    with pytest.raises(DivergedError, match=r"next/reward is not finite.*diverged\.pt"):
+        train(tmp_path, make=poisoned_env)
+    batch = torch.load(tmp_path / "diverged.pt", weights_only=True)
+    assert batch["next"]["reward"].isnan().any()
+
+
+SCRIPT = """
+from pathlib import Path
+from functools import partial
+from tests.helpers.fake_env import WORDS, FakeEnv
+from tests.helpers.plans import config, plan
+from trainers.run.train_loop import fit
+def make(worlds, seed):
+    return FakeEnv(worlds, seed, nap=0.002)
+if __name__ == "__main__":
+    o = ("total_frames=1000000", "collector.workers=2")
+    fit(plan(overrides=o), make, Path("out"), config(overrides=o), WORDS, progress=False)
+"""
+
+
+def test_a_signal_during_an_evaluation_loses_no_row(tmp_path, monkeypatch):
+    def stopped(*arguments, **options):
+        signal.raise_signal(signal.SIGINT)
+        return evaluate(*arguments, **options)
+
+    monkeypatch.setattr("trainers.run.train_loop.evaluate", stopped)
+    with pytest.raises(SystemExit) as left:
+        train(tmp_path, overrides=["eval.interval=256"])
+    assert left.value.code == 130
+    saved = checkpoint.load(tmp_path / "checkpoints" / "last.pt")
+    assert saved["counters"]["frames"] == read_metrics(tmp_path / "metrics.csv")[-1]["frames"] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_saves_a_checkpoint_and_ends_all_processes(tmp_path, number, code):
+    (tmp_path / "script.py").write_text(textwrap.dedent(SCRIPT))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen([sys.executable, "script.py"], cwd=tmp_path, env=environment, start_new_session=True)
+    metrics = tmp_path / "out" / "metrics.csv"
+    try:
+        deadline = time.monotonic() + 60
+        while len(read_metrics(metrics)) < 2 and time.monotonic() < deadline:
+            time.sleep(0.1)
+        os.killpg(process.pid, number)  # as a terminal and a job scheduler do: the workers hear it too
+        assert process.wait(30) == code
+    finally:
+        process.kill()
+    assert checkpoint.load(tmp_path / "out" / "checkpoints" / "last.pt")["counters"]["frames"] >= 256
+    assert gone(process.pid)
+
+
+def gone(group, seconds=5.0):
+    """Whether no process of the group is left, after the moment that multiprocessing's own tracker takes to notice."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.05)
+    return False
