@@ -156,7 +156,8 @@ def _validated(path: Path, payload: Any, keys: Sequence[str] = KEYS) -> dict[str
         raise CheckpointError(f"{path} has format {payload['format']}; this version reads up to {FORMAT}")
     if payload["format"] < OLDEST_FORMAT:
         raise CheckpointError(
-            f"{path} has format {payload['format']}, that of an older version; this one reads from {OLDEST_FORMAT}: train again"
+            f"{path} has format {payload['format']}, that of an older version; this one reads from {OLDEST_FORMAT}: "
+            "train again"
         )
     missing = [key for key in keys if key not in payload]
     if missing:
