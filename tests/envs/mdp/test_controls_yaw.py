@@ -28,7 +28,7 @@ def turned(env, td, yaw, steps=60):
 
 @pytest.mark.parametrize("control", CONTROLS)
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_it_turns_about_the_vertical_in_place_and_points_down_all_the_while(robot, control):
+def test_yaw_turns_the_gripper_in_place_while_it_points_down(robot, control):
     env, td = turning(robot, control)
     for yaw in (0.0, 1.2, -1.2):
         turned(env, td, yaw)
@@ -40,7 +40,7 @@ def test_it_turns_about_the_vertical_in_place_and_points_down_all_the_while(robo
 
 
 @pytest.mark.parametrize("control", ["absolute", "step"])
-def test_it_turns_by_90_degrees_at_most(control):
+def test_yaw_is_at_most_90_degrees(control):
     env, td = turning("kuka", control)
     for way in (1.0, -1.0):
         for _ in range(40):
@@ -52,7 +52,7 @@ def test_it_turns_by_90_degrees_at_most(control):
 
 
 @pytest.mark.parametrize("control", CONTROLS)
-def test_the_action_that_holds_keeps_the_yaw(control):
+def test_hold_keeps_the_yaw(control):
     env, td = turning("kuka", control)
     td = turned(env, td, 0.8)
     for _ in range(10):
@@ -61,7 +61,7 @@ def test_the_action_that_holds_keeps_the_yaw(control):
     env.close()
 
 
-def test_a_control_step_turns_by_so_much_and_the_units_say_so():
+def test_a_control_step_turns_by_max_yaw_step_as_action_unit_says():
     env, td = turning("kuka", "step")
     turned(env, td, 0.0, 30)
     before = env.control.yaw(env.chain.forward(env._arrays.commanded).rotation)
@@ -75,7 +75,7 @@ def test_a_control_step_turns_by_so_much_and_the_units_say_so():
     env.close()
 
 
-def test_other_tasks_have_no_such_number():
+def test_tasks_that_turn_nothing_have_no_yaw_in_the_action():
     for control, width in (("step", 4), ("absolute", 4), ("joints", 8)):
         for task, more in (("nl_pick_and_place", 0), ("pick_and_rotate", control != "joints")):
             env = make("kuka", control, task)

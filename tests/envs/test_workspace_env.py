@@ -29,11 +29,11 @@ def random_actions(env, steps, seed=0):
     return rng.uniform(-1, 1, (steps, *env.action_spec.shape)).astype(np.float32)
 
 
-def test_torchrl_finds_no_fault(env):
+def test_check_env_specs_passes(env):
     check_env_specs(env, seed=0)
 
 
-def test_what_a_step_says_agrees_with_itself(env):
+def test_outcomes_rewards_and_ends_of_a_step_are_consistent(env):
     env.set_seed(1)
     td = env.reset()
     for action in random_actions(env, 25):
@@ -50,7 +50,7 @@ def test_what_a_step_says_agrees_with_itself(env):
         assert td["reward_terms"].shape == (WORLDS, len(env.reward_names))
 
 
-def test_observations_are_finite_float32_and_within_their_specs_whatever_is_done(env):
+def test_observations_are_finite_float32_and_within_their_specs_for_any_action(env):
     env.set_seed(2)
     td = env.reset()
     poker = Poker(env)
@@ -64,7 +64,7 @@ def test_observations_are_finite_float32_and_within_their_specs_whatever_is_done
             assert td[key].isfinite().all()
 
 
-def test_a_partial_reset_begins_the_named_worlds_anew_and_leaves_the_others_as_they_are(env):
+def test_a_partial_reset_resets_the_named_worlds_only(env):
     env.set_seed(4)
     td = env.reset()
     for action in random_actions(env, 8):
@@ -83,7 +83,7 @@ def test_a_partial_reset_begins_the_named_worlds_anew_and_leaves_the_others_as_t
     assert not after["done"].any()
 
 
-def test_worlds_go_on_after_the_reset_of_another_as_if_nothing_had_happened(env):
+def test_the_reset_of_a_world_does_not_change_the_rollouts_of_others(env):
     actions = random_actions(env, 10)
     ends = []
     for disturbed in (False, True):
@@ -105,7 +105,7 @@ def test_a_reset_of_no_world_changes_nothing(env):
     assert differences(td.select(*shown), after.select(*shown)) == []
 
 
-def test_no_tensor_is_written_to_after_it_was_handed_out(env):
+def test_returned_tensors_are_never_written_to(env):
     env.set_seed(7)
     handed_out = [env.reset()]
     copies = [handed_out[0].clone()]
@@ -131,7 +131,7 @@ def test_a_step_shares_no_memory_with_the_step_before(env):
     assert storages(second).isdisjoint(storages(third))
 
 
-def test_episodes_are_cut_at_max_steps_exactly_each_world_by_itself(env):
+def test_each_world_is_truncated_at_exactly_max_steps(env):
     env.set_seed(9)
     td, limit = env.reset(), env.config.task.max_steps
     ages, late = np.zeros(WORLDS, int), 7
@@ -156,7 +156,7 @@ def seed_globally(seed):
     torch.manual_seed(seed)
 
 
-def test_nothing_is_drawn_from_the_global_generators(env):
+def test_global_random_generators_are_not_used(env):
     ends = []
     for seed in (1, 2):
         env.set_seed(10)
@@ -193,7 +193,7 @@ def constant_elements(env):
     return rows | gripper | mask | words | {"gesture[6]"}  # that a gesture is shown
 
 
-def test_every_element_of_the_observation_says_something(env, request):
+def test_every_element_of_the_observation_varies(env, request):
     env.set_seed(11)
     td, poker, seen = env.reset(), Poker(env), []
     for t, action in enumerate(random_actions(env, 150)):

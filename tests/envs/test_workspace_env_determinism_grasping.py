@@ -32,7 +32,7 @@ GRASPS = [(robot, "nl_pick_and_place", ()) for robot in ROBOTS] + [
 
 
 @pytest.mark.parametrize(("robot", "task", "more"), GRASPS)
-def test_seeding_forgets_what_was_held(robot, task, more):
+def test_a_seed_gives_the_same_bits_after_any_grasp(robot, task, more):
     env = make(robot, "step", task, *more, worlds=2, seed=5)
     fresh = history(env)
     if env.task.grips:
@@ -48,7 +48,7 @@ def test_seeding_forgets_what_was_held(robot, task, more):
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_a_world_that_holds_something_is_not_disturbed_by_another_that_begins_anew(robot):
+def test_a_world_with_a_grasp_is_not_changed_by_the_reset_of_another(robot):
     ends = []
     for disturbed in (False, True):
         env = make(
@@ -71,7 +71,7 @@ def test_a_world_that_holds_something_is_not_disturbed_by_another_that_begins_an
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_wild_grasps_are_forgotten_too(robot):
+def test_a_seed_gives_the_same_bits_after_wild_grasps(robot):
     env = make(
         robot,
         "joints",

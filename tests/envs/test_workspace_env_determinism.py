@@ -1,4 +1,4 @@
-"""Same seed, same bits: on a fresh environment, after any history, and whatever the number of worlds."""
+"""The same seed gives the same bits: in a fresh environment, after any history, for any number of worlds."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_a_fresh_environment_gives_the_same_rollout_bit_for_bit(robot, control):
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_seeding_forgets_every_history(robot):
+def test_a_seed_gives_the_same_bits_after_any_history(robot):
     env = make(robot, worlds=2, seed=5)
     fresh = poked(env)
     for seed, steps in ((6, 13), (7, 45)):
@@ -53,7 +53,7 @@ def test_seeding_forgets_every_history(robot):
     env.close()
 
 
-def test_a_history_of_wild_motion_is_forgotten_too():
+def test_a_seed_gives_the_same_bits_after_wild_motion():
     env = make("panda", "joints", worlds=2, seed=5)
     fresh = poked(env, 60)
     td, rng = env.reset(), np.random.default_rng(0)
@@ -66,7 +66,7 @@ def test_a_history_of_wild_motion_is_forgotten_too():
 
 
 @pytest.mark.parametrize("control", CONTROLS)
-def test_a_world_is_the_same_whatever_the_number_of_worlds(control):
+def test_a_world_gives_the_same_bits_for_any_number_of_worlds(control):
     histories = {}
     for worlds in (1, 3, 5):
         env = make("kuka", control, worlds=worlds, seed=5)

@@ -105,7 +105,7 @@ def test_step_never_leaves_the_gripper_box(stepping):
     np.testing.assert_allclose(reached, at_border, atol=0.01)
 
 
-def test_absolute_goes_to_the_commanded_place_and_stays(robot):
+def test_absolute_reaches_the_commanded_position_and_stays(robot):
     corners = np.array([(-0.9, -0.9, 0.2), (-0.9, 0.9, -0.3), (0.9, -0.9, -0.3), (0.9, 0.9, 0.2)])  # above the object
     env, td = start(robot, "absolute", len(corners))
     low, high = np.reshape(env.config.workspace.gripper_box, (3, 2)).T
@@ -130,7 +130,7 @@ def test_absolute_moves_at_most_max_move_a_step(robot):
     env.close()
 
 
-def test_joints_go_to_the_commanded_angles(robot):
+def test_joints_reach_the_commanded_angles(robot):
     env, td = start(robot, "joints", 2)
     chain = env.chain
     rng = np.random.default_rng(0)
@@ -145,7 +145,7 @@ def test_joints_go_to_the_commanded_angles(robot):
     env.close()
 
 
-def test_joints_span_their_limits_and_keep_to_their_speed(robot):
+def test_joint_actions_span_the_limits_at_limited_speed(robot):
     env, _ = start(robot, "joints")
     chain, period = env.chain, env.config.physics.time_step * env.config.physics.substeps
     limit = np.array(env.config.robot.max_speed) * period
@@ -161,7 +161,7 @@ def test_joints_span_their_limits_and_keep_to_their_speed(robot):
 
 
 @pytest.mark.parametrize("control", [name for name in CONTROLS if name != "joints"])
-def test_the_gripper_points_down_all_along_a_way_through_the_box(robot, control):
+def test_the_gripper_points_down_all_along_a_path_through_the_box(robot, control):
     rng = np.random.default_rng(0)
     env, td = start(robot, control, 2)
     low, high = np.reshape(env.config.workspace.gripper_box, (3, 2)).T
@@ -176,7 +176,7 @@ def test_the_gripper_points_down_all_along_a_way_through_the_box(robot, control)
 
 
 @pytest.mark.parametrize("control", CONTROLS)
-def test_actions_beyond_1_count_as_1(control):
+def test_actions_are_clipped_to_1(control):
     ends = []
     for size in (1.0, 50.0):
         env, td = start("kuka", control, 2)
@@ -190,7 +190,7 @@ def test_actions_beyond_1_count_as_1(control):
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
 @pytest.mark.parametrize("control", CONTROLS)
-def test_an_action_that_is_no_number_is_refused_and_moves_nothing(control, bad):
+def test_a_non_finite_action_is_an_error_and_moves_nothing(control, bad):
     env, td = start("kuka", control, 2)
     action = hold(env, td)
     before = env.gripper
@@ -204,7 +204,7 @@ def test_an_action_that_is_no_number_is_refused_and_moves_nothing(control, bad):
 
 
 @pytest.mark.parametrize("control", CONTROLS)
-def test_an_action_is_left_as_it_was_given(control):
+def test_the_action_tensor_is_not_written_to(control):
     env, td = start("kuka", control)
     action = torch.full(env.action_spec.shape, 3.0)
     act(env, td, action)
@@ -213,7 +213,7 @@ def test_an_action_is_left_as_it_was_given(control):
 
 
 @pytest.mark.parametrize("control", CONTROLS)
-def test_pressing_on_the_table_ends_as_soon_as_told_to_rise(control):
+def test_the_gripper_rises_at_once_after_pressing_on_the_table(control):
     env, td = start("kuka", control)
     below = np.array([[0.45, 0.0, -0.2]])
     for _ in range(60):

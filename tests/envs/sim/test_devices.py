@@ -71,7 +71,7 @@ def test_a_sentence_names_the_verb_and_one_device(name):
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_what_is_seen_is_what_words_name(name):
+def test_observed_rows_describe_the_drawn_scene(name):
     env = make("kuka", "step", name, worlds=4, seed=1)
     td = env.reset()
     for i in range(4):
@@ -80,7 +80,7 @@ def test_what_is_seen_is_what_words_name(name):
     env.close()
 
 
-def test_a_device_has_other_names():
+def test_a_device_has_synonyms():
     assert parse("flip the blue handle").phrase.noun == "lever"
     assert parse("press down on the red knob").phrase.noun == "button"
     assert parse("twist the green dial").phrase.noun == "wheel"
@@ -90,14 +90,14 @@ def test_a_device_has_other_names():
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_torchrl_finds_no_fault(name):
+def test_check_env_specs_passes(name):
     env = make("kuka", "joints", name, "task.num_objects=3", "task.min_objects=2", "task.spacing=0.15", worlds=2)
     check_env_specs(env, seed=0)
     env.close()
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_devices_stand_where_they_were_drawn_and_wait_there(name):
+def test_devices_stand_where_they_were_drawn_and_do_not_move(name):
     env = make("kuka", "step", name, worlds=3, seed=2)
     td = env.reset()
     drawn = [env.task.draw(np.random.default_rng(np.random.SeedSequence(2, spawn_key=(i,)))) for i in range(3)]
@@ -113,7 +113,7 @@ def test_devices_stand_where_they_were_drawn_and_wait_there(name):
     env.close()
 
 
-def test_scenes_that_are_described_alone_have_the_same_rows():
+def test_sampled_scenes_have_the_rows_of_simulated_ones():
     env = make("kuka", "step", "switch", worlds=2)
     scenes = env.draw_scenes(5, seed=0)
     assert scenes["objects"].shape[1:] == env.reset()["objects"].shape[1:]
@@ -122,7 +122,7 @@ def test_scenes_that_are_described_alone_have_the_same_rows():
     env.close()
 
 
-def test_a_world_without_devices_has_nothing_of_them():
+def test_a_world_without_devices_has_no_device_bodies():
     env = make()
     (world,) = env._worlds
     assert (world.devices.bodies, world.furniture.parting) == ([], 0)
@@ -135,7 +135,7 @@ def test_a_world_without_devices_has_nothing_of_them():
 
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("name", TASKS)
-def test_the_expert_operates_what_is_meant(name, robot):
+def test_the_expert_operates_the_referent(name, robot):
     env = make(robot, "step", name, worlds=6, seed=21)
     able, td, solved = expert(env), env.reset(), []
     while len(solved) < 24:
@@ -164,7 +164,7 @@ def test_another_device_ends_the_episode_as_the_wrong_object(name):
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_a_button_springs_back_and_all_else_stays_where_it_is_left(name):
+def test_a_button_springs_back_and_other_devices_stay(name):
     env = make("kuka", "step", name, *LONG, worlds=3, seed=5)
     td = operated(env, env.reset())[-1]
     assert (meant(td) >= OPERATED).all()
@@ -181,7 +181,7 @@ def test_a_button_springs_back_and_all_else_stays_where_it_is_left(name):
     env.close()
 
 
-def test_a_button_that_is_let_go_of_has_not_been_pressed():
+def test_a_released_button_is_not_pressed():
     env = make("kuka", "step", "press", "task.hold_steps=10", worlds=3, seed=6)
     td = env.reset()
     history = operated(env, td, steps=14)
@@ -195,7 +195,7 @@ def test_a_button_that_is_let_go_of_has_not_been_pressed():
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_to_and_fro_pays_nothing(name):
+def test_moving_a_device_back_and_forth_has_no_reward(name):
     env = make("kuka", "step", name, *LONG, worlds=2, seed=7)
     td, total = env.reset(), np.zeros((2, len(env.reward_names)))
     for t in range(60):
@@ -210,7 +210,7 @@ def test_to_and_fro_pays_nothing(name):
     env.close()
 
 
-def test_a_wheel_counts_either_way():
+def test_a_wheel_can_be_turned_in_both_directions():
     task = task_of("turn", worlds=1)
 
     def state(angle):
@@ -242,7 +242,7 @@ def poked(env, steps=70):
 
 @pytest.mark.parametrize(("robot", "control"), [("kuka", "step"), ("panda", "joints")])
 @pytest.mark.parametrize("name", TASKS)
-def test_the_same_seed_gives_the_same_bits_whatever_was_touched_and_however_many_worlds(name, robot, control):
+def test_a_seed_gives_the_same_bits_after_any_contact_and_for_any_number_of_worlds(name, robot, control):
     def made(worlds):
         return make(robot, control, name, "task.num_objects=3", "task.min_objects=2", *LONG, worlds=worlds, seed=5)
 
@@ -279,7 +279,7 @@ def test_the_same_seed_gives_the_same_bits_whatever_was_touched_and_however_many
         ("press", "task.kinds=[]", "must be 1"),
     ],
 )
-def test_what_cannot_be_is_refused(name, override, message):
+def test_an_impossible_setting_is_an_error(name, override, message):
     with pytest.raises(ConfigError, match=re.escape(message)):
         make("kuka", "step", name, override)
 

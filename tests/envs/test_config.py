@@ -1,4 +1,4 @@
-"""What cannot be built is refused before anything is loaded: one sentence, with key, value and what would be right."""
+"""Invalid settings are errors before anything is loaded: one sentence with key, value and what would be right."""
 
 import copy
 import re
@@ -93,14 +93,14 @@ def connected():
 
 
 @pytest.mark.parametrize(("words", "message"), TYPED)
-def test_what_is_typed_wrongly_is_named(words, message):
+def test_an_unknown_word_is_an_error_with_a_suggestion(words, message):
     with pytest.raises(ConfigError, match=re.escape(message)) as caught:
         make_env(words.split())
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(("words", "message"), VALUES)
-def test_a_bad_value_is_named(words, message):
+def test_an_invalid_value_is_an_error_that_names_it(words, message):
     before = connected()
     with pytest.raises(ConfigError, match=re.escape(message)) as caught:
         built(words)
@@ -112,7 +112,7 @@ def test_a_bad_value_is_named(words, message):
     ("arguments", "message"),
     [({"num_worlds": 0}, "num_worlds=0 must be at least 1"), ({"seed": -1}, "seed=-1 must be at least 0")],
 )
-def test_bad_arguments_are_named(arguments, message):
+def test_invalid_arguments_are_errors_that_name_them(arguments, message):
     with pytest.raises(ConfigError, match=message):
         make_env(**arguments)
 
@@ -131,7 +131,7 @@ def changed(part, pattern, replacement):
     return BARE[:start] + text
 
 
-def test_a_whole_urdf_of_ones_own_is_taken(tmp_path):
+def test_a_urdf_file_of_the_user_is_loaded(tmp_path):
     path = tmp_path / "mine.urdf"
     path.write_text(BARE)
     built(f"robot.package=file robot.urdf={path}").close()
@@ -161,7 +161,7 @@ JOINT = "lbr_iiwa_joint_4"
     ],
     ids=["text", "empty", "no link", "cut off", "mass nan", "mass -1", "low > high", "limit nan", "prismatic"],
 )
-def test_a_broken_urdf_is_refused_by_name(text, message, tmp_path):
+def test_a_broken_urdf_is_an_error_that_names_it(text, message, tmp_path):
     path, before = tmp_path / "broken.urdf", connected()
     path.write_text(text)
     with pytest.raises(ConfigError, match=re.escape(message)) as caught:
@@ -170,6 +170,6 @@ def test_a_broken_urdf_is_refused_by_name(text, message, tmp_path):
     assert connected() == before
 
 
-def test_several_objects_need_words():
+def test_several_objects_without_words_are_an_error():
     with pytest.raises(ConfigError, match=r"task.num_objects=3 must be 1 in a task without words"):
         make_env(["task=reach", "task.num_objects=3", "task.min_objects=3"])

@@ -25,7 +25,7 @@ def spot(env, name):
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_near_begins_over_the_object_with_nothing_held(robot):
+def test_near_begins_above_the_object_with_an_empty_gripper(robot):
     env, _ = begun(robot, near=1)
     offset = env.gripper - spot(env, "referent")
     assert (np.abs(offset[:, :2]) < 0.045).all()
@@ -41,7 +41,7 @@ def test_held_begins_with_the_object_in_the_gripper(robot):
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_placed_begins_at_the_target_and_is_done_if_the_gripper_stays_open(robot):
+def test_placed_begins_at_the_target_and_succeeds_if_the_gripper_stays_open(robot):
     env, td = begun(robot, placed=1)
     np.testing.assert_allclose(spot(env, "referent"), spot(env, "target"), atol=1e-6)
     assert (env.state.held == NOTHING).all()
@@ -52,7 +52,7 @@ def test_placed_begins_at_the_target_and_is_done_if_the_gripper_stays_open(robot
     env.close()
 
 
-def test_what_was_put_down_can_be_taken_up_again_and_is_not_done_then():
+def test_a_placed_object_that_is_grasped_again_is_no_success():
     env, td = begun("kuka", placed=1)
     for _ in range(env.config.task.hold_steps + 2):
         td = act(env, td, torch.cat([td["hold"][:, :-1], torch.ones(WORLDS, 1)], 1))
@@ -61,12 +61,12 @@ def test_what_was_put_down_can_be_taken_up_again_and_is_not_done_then():
     env.close()
 
 
-def test_judged_episodes_begin_at_rest():
+def test_evaluation_episodes_begin_at_rest():
     config = read_env(compose(["task=nl_pick_and_place"]))
     assert config.task.curriculum.share > 0
     assert config.without_curriculum().task.curriculum.share == 0
 
 
-def test_shares_of_more_than_all_are_refused():
+def test_shares_above_1_in_sum_are_an_error():
     with pytest.raises(ConfigError, match=r"near=0\.6, held=0\.3 and placed=0\.2 must come to 1 at most"):
         read_env(compose(["task=nl_pick_and_place", "task.curriculum={near: 0.6, held: 0.3, placed: 0.2}"]))

@@ -1,4 +1,4 @@
-"""What the tasks draw and say, and what the environment shows of it."""
+"""Drawn episodes and their sentences, and what the environment observes of them."""
 
 from collections import Counter
 
@@ -55,7 +55,7 @@ def drawn(request):
 
 
 @pytest.mark.parametrize("guess", BLIND)
-def test_nothing_but_the_words_tells_which_object_is_meant(drawn, guess):
+def test_only_the_sentence_identifies_the_referent(drawn, guess):
     _, episodes = drawn
     hits = sum(BLIND[guess](episode.scene) == episode.referent for episode in episodes)
     chances = np.array([1 / len(episode.scene) for episode in episodes])
@@ -90,7 +90,7 @@ def test_objects_stand_apart_on_the_table_within_their_area(drawn):
     np.testing.assert_allclose(everywhere.max(0), [x1, y1], atol=0.01)
 
 
-def test_the_sentence_names_the_referent_and_its_kind_is_told_rightly(drawn):
+def test_the_sentence_names_the_referent_with_the_declared_kind(drawn):
     task, episodes = drawn
     for episode in episodes:
         instruction = parse(episode.sentence)
@@ -105,7 +105,7 @@ def test_the_same_generator_draws_the_same_episodes():
 
 
 @pytest.mark.parametrize("kind", compose(["task=nl_reach"])["task"]["kinds"])
-def test_a_task_of_one_kind_says_that_kind_alone(kind):
+def test_a_task_of_one_kind_draws_sentences_of_that_kind_only(kind):
     task, rng = task_of("nl_reach", f"task.kinds=[{kind}]"), np.random.default_rng(0)
     assert {parse(task.draw(rng).sentence).phrase.kind for _ in range(50)} == {kind}
 
@@ -136,7 +136,7 @@ def test_referents_and_objects_are_spread_evenly_over_the_slots(shown):
             assert chi_square(some["objects_mask"].sum(0).numpy()) < limit
 
 
-def test_slots_that_show_no_object_are_masked_and_empty(shown):
+def test_slots_without_an_object_are_masked_and_zero(shown):
     _, seen = shown
     mask = seen["objects_mask"]
     assert set(mask.sum(1).tolist()) == {2, 3, 4, 5}
@@ -158,7 +158,7 @@ def scene_of(rows):
     )
 
 
-def test_the_words_ground_to_the_referents_slot_in_what_is_observed(shown):
+def test_the_sentence_grounds_to_the_referents_slot_in_the_observation(shown):
     env, seen = shown
     for each in seen:
         slots = torch.nonzero(each["objects_mask"])[:, 0]
@@ -169,13 +169,13 @@ def test_the_words_ground_to_the_referents_slot_in_what_is_observed(shown):
         assert env.kind_names[each["privileged", "kind"]] == parse(sentence).phrase.kind
 
 
-def test_the_goal_is_where_the_referent_stands(shown):
+def test_the_goal_is_the_position_of_the_referent(shown):
     _, seen = shown
     rows = seen["objects"][range(len(seen)), seen["privileged", "referent"]]
     assert torch.equal(rows[:, :3], seen["privileged", "goal"])
 
 
-def test_reach_shows_one_object_and_says_nothing():
+def test_reach_shows_one_object_without_a_sentence():
     env = make("kuka", "step", "reach")
     td = env.reset()
     assert td["objects_mask"].tolist() == [[True]]

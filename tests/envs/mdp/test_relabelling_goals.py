@@ -1,4 +1,4 @@
-"""An episode told again is what the environment would have recorded, had that been asked for."""
+"""A relabelled episode equals what the environment would have recorded with the new goal."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from tests.helpers.env_cases import act, leaves, make
 
 WORLDS, SEED = 6, 11
 TASKS = ("nl_reach", "nl_push", "nl_pick_and_place", "nl_stack")
-# An arm that begins at the referent would begin elsewhere in another tale of the same seed.
+# No curriculum: an arm that begins at the referent would begin elsewhere with another goal.
 REST = ("task.curriculum.near=0", "task.curriculum.placed=0", "task.curriculum.held=0")
 
 
@@ -107,92 +107,92 @@ def drivers(env):
 
 
 @pytest.fixture(scope="module")
-def tales(env):
-    """(original episode, its frames, the frames told again) for everything that can be told."""
+def relabelled_episodes(env):
+    """(original episode, its frames, the relabelled frames) of every episode that can be relabelled."""
     kept = []
     for count, driver in enumerate(drivers(env)):
         episodes = drawn(env, count)
         for episode, frames in zip(episodes, recorded(env, episodes, driver(env)), strict=True):
-            for tale in env.hindsight([frames], count):
-                kept.append((episode, frames, tale))
+            for relabelled in env.hindsight([frames], count):
+                kept.append((episode, frames, relabelled))
     return kept
 
 
-def sentence(tale):
-    return bytes(tale["privileged", "sentence"][0].tolist()).rstrip(b"\0").decode()
+def sentence(relabelled):
+    return bytes(relabelled["privileged", "sentence"][0].tolist()).rstrip(b"\0").decode()
 
 
-def as_asked(episode, frames, tale):
-    """The episode that the tale is of, its targets where the tale has them."""
-    seen, now = frames["objects"][0, :, :3].numpy(), tale["objects"][0, :, :3].numpy()
+def as_asked(episode, frames, relabelled):
+    """The episode with the relabelled goal, its targets where the relabelled frames have them."""
+    seen, now = frames["objects"][0, :, :3].numpy(), relabelled["objects"][0, :, :3].numpy()
     slots = [int(np.linalg.norm(seen - place, axis=1).argmin()) for place in episode.scene.positions]
     places = np.where(episode.scene.targets[:, None], now[slots], episode.scene.positions)
     meant = {
-        name: slots.index(int(tale["privileged", name][0]))
+        name: slots.index(int(relabelled["privileged", name][0]))
         for name in ("referent", "target")
-        if name in tale["privileged"].keys()
+        if name in relabelled["privileged"].keys()
     }
     return replace(
         episode,
         scene=episode.scene.moved(places),
-        sentence=sentence(tale),
-        kind=int(tale["privileged", "kind"][0]),
+        sentence=sentence(relabelled),
+        kind=int(relabelled["privileged", "kind"][0]),
         **meant,
     )
 
 
-def test_it_is_what_the_environment_records_where_that_is_asked(env, tales):
-    assert len(tales) >= WORLDS
-    assert sum(bool(tale["next", "success"].any()) for _, _, tale in tales) >= WORLDS / 2
-    for episode, frames, tale in tales:
-        td = env.start([as_asked(episode, frames, tale)], SEED)
-        for t in range(len(tale)):
-            check(td[0], tale[t])
-            td = act(env, td.exclude("reward", "action").clone(), tale["action"][t].expand(WORLDS, -1))
-            check(td[0], tale["next"][t])
-            torch.testing.assert_close(td["reward"][0], tale["next", "reward"][t], atol=1e-5, rtol=0)
-        assert bool(td["terminated"][0]) == bool(tale["next", "terminated"][-1])
+def test_a_relabelled_episode_equals_a_recording_with_that_goal(env, relabelled_episodes):
+    assert len(relabelled_episodes) >= WORLDS
+    assert sum(bool(relabelled["next", "success"].any()) for _, _, relabelled in relabelled_episodes) >= WORLDS / 2
+    for episode, frames, relabelled in relabelled_episodes:
+        td = env.start([as_asked(episode, frames, relabelled)], SEED)
+        for t in range(len(relabelled)):
+            check(td[0], relabelled[t])
+            td = act(env, td.exclude("reward", "action").clone(), relabelled["action"][t].expand(WORLDS, -1))
+            check(td[0], relabelled["next"][t])
+            torch.testing.assert_close(td["reward"][0], relabelled["next", "reward"][t], atol=1e-5, rtol=0)
+        assert bool(td["terminated"][0]) == bool(relabelled["next", "terminated"][-1])
 
 
-def check(real, tale):
-    """The real world records the same but for rounding, and knows nothing of the tale's end by time."""
+def check(real, relabelled):
+    """The recording equals the relabelled frames but for rounding, and except for the truncation at their end."""
     of_the_policy = ("action", "next", "reward", "done", "truncated")
-    real, tale = leaves(real.exclude(*of_the_policy)), leaves(tale.exclude(*of_the_policy))
-    assert set(tale) == set(real)
-    for key, value in tale.items():
+    real, relabelled = leaves(real.exclude(*of_the_policy)), leaves(relabelled.exclude(*of_the_policy))
+    assert set(relabelled) == set(real)
+    for key, value in relabelled.items():
         torch.testing.assert_close(value, real[key], atol=1e-5, rtol=0, msg=lambda text, key=key: f"{key}: {text}")
 
 
-def test_the_new_sentence_names_the_new_objects_in_the_new_scene(env, tales):
-    for episode, frames, tale in tales:
-        asked = as_asked(episode, frames, tale)
+def test_the_new_sentence_names_the_new_objects_in_the_new_scene(env, relabelled_episodes):
+    for episode, frames, relabelled in relabelled_episodes:
+        asked = as_asked(episode, frames, relabelled)
         step = parse(asked.sentence, asked.scene).steps[-1]
         assert asked.sentence != episode.sentence or asked.scene is not episode.scene
-        assert (tale["instruction"] == torch.tensor(env.tokenizer.encode(asked.sentence).tolist())).all()
+        assert (relabelled["instruction"] == torch.tensor(env.tokenizer.encode(asked.sentence).tolist())).all()
         if env.task.moves:
             assert (step.init, step.goal) == (asked.referent, asked.target)
         else:
             assert step.goal == asked.referent
 
 
-def test_it_ends_where_it_succeeds_and_tells_of_nothing_after(tales):
-    for _, _, tale in tales:
-        after = tale["next"]
-        assert after["done"].flatten().tolist() == [False] * (len(tale) - 1) + [True]
+def test_a_relabelled_episode_is_cut_at_its_success(relabelled_episodes):
+    for _, _, relabelled in relabelled_episodes:
+        after = relabelled["next"]
+        assert after["done"].flatten().tolist() == [False] * (len(relabelled) - 1) + [True]
         assert not after["terminated"][:-1].any()
         assert torch.equal(after["terminated"], after["success"] | after["wrong_object"] | after["wrong_target"])
         assert torch.equal(after["truncated"], after["done"] & ~after["terminated"])
         torch.testing.assert_close(after["reward"], after["reward_terms"].sum(-1, keepdim=True))
 
 
-def test_an_episode_that_did_what_was_asked_has_no_other_tale(env):
+def test_an_episode_that_reached_its_goal_is_not_relabelled(env):
     guide = expert(env)
     for frames in recorded(env, drawn(env, 5), lambda td, t: guide(td)["action"]):
         if frames["next", "success"].any():
             assert env.hindsight([frames], 0) == []
 
 
-def test_the_same_seed_the_same_tales_whatever_is_told_with_them(env):
+def test_a_seed_gives_the_same_relabelled_episodes_in_any_batch(env):
     episodes = recorded(env, drawn(env, 0), drivers(env)[0](env))
     many = [*episodes] * 4
     first, second = env.hindsight(many, 1), env.hindsight(many, 1)
@@ -202,7 +202,7 @@ def test_the_same_seed_the_same_tales_whatever_is_told_with_them(env):
 
 
 @pytest.mark.parametrize("task", ["reach", "reach_gesture"])
-def test_who_points_or_says_nothing_tells_nothing(task):
+def test_tasks_with_gestures_or_without_words_are_not_relabelled(task):
     env = make("kuka", "step", task, worlds=1)
     frames = env.rollout(5)[0]
     assert env.hindsight([frames], 0) == []

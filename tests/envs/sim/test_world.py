@@ -1,4 +1,4 @@
-"""Objects, resets and memory of the worlds themselves."""
+"""Objects, resets and memory of worlds."""
 
 import gc
 from pathlib import Path
@@ -11,7 +11,7 @@ import torch
 from tests.helpers.env_cases import ROBOTS, Poker, act, hold, make
 
 
-def test_objects_rest_exactly_where_they_were_put_until_touched():
+def test_objects_stay_exactly_where_they_were_placed_until_touched():
     env = make("kuka", "step", "nl_reach", "task.num_objects=6", "task.spacing=0.1", worlds=4, seed=1)
     for _ in range(3):
         td = env.reset()
@@ -23,7 +23,7 @@ def test_objects_rest_exactly_where_they_were_put_until_touched():
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_objects_are_put_where_the_task_drew_them_upright_on_the_table(robot):
+def test_objects_are_placed_upright_where_the_task_drew_them(robot):
     env = make(robot, worlds=3, seed=2)
     td = env.reset()
     drawn = [env.task.draw(np.random.default_rng(np.random.SeedSequence(2, spawn_key=(i,)))) for i in range(3)]
@@ -54,7 +54,7 @@ def test_the_bodies_in_the_slots_have_the_shapes_and_colors_that_are_observed():
 
 
 @pytest.mark.parametrize("sleeping", [True, False])
-def test_nothing_sinks_into_the_table_or_jumps_off_it_untouched(sleeping):
+def test_untouched_objects_neither_sink_nor_jump(sleeping):
     env = make("kuka", "step", "nl_reach", f"physics.sleeping={sleeping}", worlds=4, seed=3)
     td = env.reset()
     put = td["objects"][..., :3].clone()
@@ -65,7 +65,7 @@ def test_nothing_sinks_into_the_table_or_jumps_off_it_untouched(sleeping):
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_no_object_is_pressed_through_the_table_and_let_go_it_lies_on_it(robot):
+def test_an_object_that_was_pressed_down_lies_on_the_table_afterwards(robot):
     env = make(robot, "step", "nl_reach", "task.hold_steps=1000", "task.max_steps=1000", worlds=4, seed=4)
     half, lowest = env.config.task.object_size / 2, 1.0
     for _ in range(2):
@@ -127,7 +127,7 @@ def clients():
     return sum(bullet.isConnected(i) for i in range(64))
 
 
-def test_close_frees_the_worlds_and_may_be_called_twice():
+def test_close_frees_the_worlds_and_is_idempotent():
     before = clients()
     env = make("kuka", worlds=3)
     assert clients() == before + 3
@@ -138,7 +138,7 @@ def test_close_frees_the_worlds_and_may_be_called_twice():
     assert env.is_closed
 
 
-def test_worlds_can_be_made_and_closed_again_and_again():
+def test_worlds_can_be_made_and_closed_repeatedly():
     before = clients()
     for _ in range(5):
         env = make("kuka", worlds=2)

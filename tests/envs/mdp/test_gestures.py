@@ -1,4 +1,4 @@
-"""Gestures that are missing, on their way, far astray or asked for where they make no sense."""
+"""Gestures that are hidden, moving, far off, or configured without effect."""
 
 import numpy as np
 import pytest
@@ -23,14 +23,14 @@ from trainers.run.checkpoint import CheckpointError, check_fits, widths
         ["task=nl_reach_gesture", "gesture.dropout=0.5", "gesture.switch=1"],
     ],
 )
-def test_the_oracle_goes_on_where_the_finger_shows_nothing_that_the_words_fit(words):
+def test_the_oracle_acts_if_the_finger_points_at_no_object_of_the_sentence(words):
     env = make_env(words, num_worlds=16)
     successes = sum(int(run_to_end(env, Oracle(env), env.reset()).sum()) for _ in range(2))
     env.close()
     assert successes > 8  # of 32: better than going for any of three or six
 
 
-def test_a_finger_that_was_never_shown_does_not_move_on_and_one_that_was_is_shown_again():
+def test_only_shown_gestures_switch_and_stay_shown():
     env = make("kuka", "step", "nl_reach_gesture", "gesture.dropout=0.5", "gesture.switch=1", worlds=24)
     before = env.reset()
     td = before
@@ -43,7 +43,7 @@ def test_a_finger_that_was_never_shown_does_not_move_on_and_one_that_was_is_show
     env.close()
 
 
-def test_an_episode_without_a_gesture_shows_none_whatever_was_shown_before():
+def test_an_episode_without_a_gesture_shows_none_after_one_with_a_gesture():
     env = make("kuka", "step", "nl_reach_gesture", "gesture.switch=1", worlds=1)
     env.reset()
     drawn = env.task.draw(np.random.default_rng(0))
@@ -62,19 +62,19 @@ def test_an_episode_without_a_gesture_shows_none_whatever_was_shown_before():
         (["task=reach_gesture", "gesture.weights=my.npz"], r"gesture.weights=my.npz is read by source=camera alone"),
     ],
 )
-def test_what_would_do_nothing_is_refused(words, message):
+def test_a_setting_without_effect_is_an_error(words, message):
     with pytest.raises(ConfigError, match=message):
         make_env(words)
 
 
-def test_another_source_keeps_the_hand_as_steady_as_it_was():
+def test_another_source_keeps_the_aiming_noise():
     trained = compose(["task=nl_reach_gesture", "gesture.noise_deg=3"])
     for word in ("gesture=camera", "gesture.source=camera"):
         changed = apply(trained, [word]).gesture
         assert (changed.source, changed.noise_deg) == ("camera", 3)
 
 
-def test_a_config_from_before_there_were_gestures_is_told_what_to_give():
+def test_a_config_without_the_gesture_group_is_an_error_that_says_what_to_give():
     old = {key: value for key, value in compose().items() if key != "gesture"}
     with pytest.raises(ConfigError, match=r"gesture is missing.*gesture=none"):
         read_env(old)
@@ -82,7 +82,7 @@ def test_a_config_from_before_there_were_gestures_is_told_what_to_give():
 
 
 @pytest.mark.parametrize(("trained", "judged"), [("none", "ray"), ("ray", "none")])
-def test_a_policy_is_not_judged_with_a_finger_it_never_saw_or_without_the_one_it_did(trained, judged):
+def test_a_policy_is_refused_with_another_gesture_source_than_it_was_trained_with(trained, judged):
     shapes, words = {}, []
     for source in (trained, judged):
         env = make("kuka", "step", "nl_reach", "workspace=collabtable", f"gesture={source}")
@@ -95,7 +95,7 @@ def test_a_policy_is_not_judged_with_a_finger_it_never_saw_or_without_the_one_it
         check_fits(saved, words, shapes[judged])
 
 
-def test_a_sentence_with_a_finger_is_heard_in_our_own_words_where_that_is_asked_for():
+def test_a_sentence_with_a_gesture_is_rephrased_on_request():
     task, rng = task_of("nl_reach_gesture", "task.rephrased=true"), np.random.default_rng(0)
     for _ in range(30):
         episode = task.draw(rng)

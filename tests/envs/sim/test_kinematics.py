@@ -41,7 +41,7 @@ def measured(body, client, config, joints):
     return np.array(position), np.reshape(bullet.getMatrixFromQuaternion(turn), (3, 3))
 
 
-def test_forward_is_where_pybullet_has_the_gripper(arm):
+def test_forward_kinematics_equal_pybullets(arm):
     chain, body, client, config = arm
     joints = random_joints(chain, 60)
     pose = chain.forward(joints)
@@ -51,7 +51,7 @@ def test_forward_is_where_pybullet_has_the_gripper(arm):
         np.testing.assert_allclose(pose.rotation[i], rotation, atol=1e-5)
 
 
-def test_the_jacobian_is_the_slope_of_forward(arm):
+def test_the_jacobian_is_the_derivative_of_forward_kinematics(arm):
     chain, *_ = arm
     joints, step = random_joints(chain, 20, seed=1), 1e-6
     pose, jacobian = chain.jacobian(joints)
@@ -67,7 +67,7 @@ def test_the_jacobian_is_the_slope_of_forward(arm):
         np.testing.assert_allclose(jacobian[:, 3:, j], angular, atol=1e-6)
 
 
-def test_limits_are_the_urdfs_and_the_rest_pose_is_within_them(arm):
+def test_limits_are_those_of_the_urdf_and_contain_the_rest_pose(arm):
     chain, body, client, config = arm
     by_joint, _ = numbered(body, client)
     for i, name in enumerate(config.robot.joints):
@@ -77,7 +77,7 @@ def test_limits_are_the_urdfs_and_the_rest_pose_is_within_them(arm):
     assert (chain.rest < chain.high).all()
 
 
-def test_at_rest_the_gripper_hangs_straight_down_within_its_box(arm):
+def test_at_rest_the_gripper_points_down_within_its_box(arm):
     chain, body, client, config = arm
     position, _ = measured(body, client, config, chain.rest)
     last = numbered(body, client)[0][config.robot.joints[-1]]
@@ -106,7 +106,7 @@ def grid(low, high):
     return np.stack(np.meshgrid(*np.linspace(low, high, 6).T), axis=-1).reshape(-1, 3)
 
 
-def test_wherever_objects_are_the_gripper_gets_to_them_pointing_as_at_rest(arm):
+def test_every_object_position_is_reached_with_the_orientation_at_rest(arm):
     chain, _, _, config = arm
     x0, x1, y0, y1 = config.workspace.object_area
     off, tilt = reached(chain, grid([x0, y0, config.workspace.gripper_box[4]], [x1, y1, 0.16]))
@@ -114,7 +114,7 @@ def test_wherever_objects_are_the_gripper_gets_to_them_pointing_as_at_rest(arm):
     assert tilt.max() < 0.5
 
 
-def test_nearly_all_the_gripper_box_is_reached_pointing_as_at_rest(arm):
+def test_nearly_all_of_the_gripper_box_is_reached_with_the_orientation_at_rest(arm):
     chain, _, _, config = arm
     off, tilt = reached(chain, grid(*np.reshape(config.workspace.gripper_box, (3, 2)).T))
     # A kuka's elbow is at its limit high and near; a jaco is too short for the far upper corners.
@@ -125,7 +125,7 @@ def test_nearly_all_the_gripper_box_is_reached_pointing_as_at_rest(arm):
     assert tilt.max() < 3
 
 
-def test_one_step_goes_no_further_than_told(arm):
+def test_one_step_moves_at_most_max_move(arm):
     chain, *_ = arm
     rotation = chain.forward(chain.rest[None]).rotation[0]
     start = chain.rest[None]

@@ -1,4 +1,4 @@
-"""What viewers are told of a world: every shape, where it is, in the colours of now."""
+"""Every visual shape of a world, with its pose and current colour."""
 
 from contextlib import closing
 

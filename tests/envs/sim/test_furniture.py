@@ -58,7 +58,7 @@ def overlap(one, other):
 
 
 @pytest.mark.parametrize("workspace", WORKSPACES)
-def test_gripper_and_objects_are_given_room_beside_the_furniture(workspace):
+def test_areas_for_gripper_and_objects_are_clear_of_the_furniture(workspace):
     config = CONFIGS[workspace]
     solid = [box for box in config.furniture.values() if box.contact]
     room = np.reshape(config.gripper_box, (3, 2)).T
@@ -69,7 +69,7 @@ def test_gripper_and_objects_are_given_room_beside_the_furniture(workspace):
 
 
 @pytest.mark.parametrize(("workspace", "name"), FITTINGS)
-def test_a_shut_fitting_is_not_inside_other_furniture(workspace, name):
+def test_a_closed_fitting_does_not_overlap_other_furniture(workspace, name):
     fitting = CONFIGS[workspace].fittings[name]
     assert fitting.low == 0
     for part in fitting.parts.values():
@@ -82,7 +82,7 @@ def test_a_shut_fitting_is_not_inside_other_furniture(workspace, name):
 
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize(("workspace", "name"), FITTINGS)
-def test_a_fitting_yields_to_an_arm_stays_where_it_is_left_and_goes_back_at_reset(workspace, name, robot):
+def test_a_fitting_moves_when_pushed_stays_there_and_is_reset(workspace, name, robot):
     env = make(robot, "step", "reach", f"workspace={workspace}", "task.max_steps=500", worlds=3)
     fitting, td = env.config.workspace.fittings[name], env.reset()
     td = go(env, td, AWAY, 10)
@@ -100,7 +100,7 @@ def test_a_fitting_yields_to_an_arm_stays_where_it_is_left_and_goes_back_at_rese
 
 
 @pytest.mark.parametrize(("workspace", "name"), FITTINGS)
-def test_a_fitting_moves_between_its_limits_and_no_further(workspace, name):
+def test_a_fitting_stays_within_its_limits(workspace, name):
     env = make("kuka", "step", "reach", f"workspace={workspace}")
     env.reset()
     fitting, (world,) = env.config.workspace.fittings[name], env._worlds  # only Bullet can pull
@@ -125,7 +125,7 @@ def pull(world, body, fitting, strength):
 
 @pytest.mark.parametrize(("robot", "control"), [("kuka", "step"), ("panda", "joints")])
 @pytest.mark.parametrize(("workspace", "name"), FITTINGS)
-def test_the_same_seed_gives_the_same_bits_after_it_was_pushed(workspace, name, robot, control):
+def test_a_seed_gives_the_same_bits_after_a_fitting_was_pushed(workspace, name, robot, control):
     def made(worlds):
         return make(robot, control, "nl_reach", f"workspace={workspace}", "task.hold_steps=60", worlds=worlds, seed=5)
 
@@ -179,7 +179,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("changes", "message"), BAD, ids=[next(iter(changes)) for changes, _ in BAD])
-def test_a_bad_fitting_is_named(changes, message):
+def test_an_invalid_fitting_is_an_error_that_names_it(changes, message):
     config = copy.deepcopy(compose(["workspace=drawer"]))
     for key, changed in changes.items():
         OmegaConf.update(config, f"workspace.fittings.drawer.{key}", changed, merge=False, force_add=True)
@@ -188,7 +188,7 @@ def test_a_bad_fitting_is_named(changes, message):
     assert "\n" not in str(caught.value)
 
 
-def test_a_workspace_must_say_what_its_fittings_are():
+def test_a_workspace_without_the_key_fittings_is_an_error():
     config = copy.deepcopy(compose())
     OmegaConf.set_struct(config, False)
     del config["workspace"]["fittings"]

@@ -1,4 +1,4 @@
-"""gesture=camera: what is observed of a finger is read from a picture, in every world the same."""
+"""gesture=camera: rays are read from camera images, in every world alike."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def seen():
     env.close()
 
 
-def test_the_ray_comes_from_the_picture_and_is_near_the_fingers_own(seen):
+def test_the_ray_is_read_from_the_image_and_near_the_true_one(seen):
     env = make("kuka", "step", "reach_gesture", "task.num_objects=6", worlds=3, seed=4)
     true, read = observed(env), observed(seen)
     env.close()
@@ -35,14 +35,14 @@ def test_the_ray_comes_from_the_picture_and_is_near_the_fingers_own(seen):
     assert (true[:, :6] != read[:, :6]).all()
 
 
-def test_all_but_the_ray_is_as_without_a_camera():
+def test_only_the_ray_differs_from_an_environment_without_a_camera():
     read, true = make(*CAMERA), make("kuka", "step", "reach_gesture")
     assert set(differences(read.reset(), true.reset())) <= {"gesture", ("privileged", "pointing")}
     read.close()
     true.close()
 
 
-def test_the_same_seed_gives_the_same_bits_however_many_worlds(seen):
+def test_a_seed_gives_the_same_bits_for_any_number_of_worlds(seen):
     seen.set_seed(4)
     three = seen.reset()
     one = make(*CAMERA, "task.num_objects=6", worlds=1, seed=4)
@@ -50,20 +50,20 @@ def test_the_same_seed_gives_the_same_bits_however_many_worlds(seen):
     one.close()
 
 
-def test_worlds_that_go_on_keep_what_was_seen(seen):
+def test_worlds_that_are_not_reset_keep_their_rays(seen):
     td = seen.reset()
     again = partial_reset(seen, td, [1])
     assert torch.equal(td["gesture"][[0, 2]], again["gesture"][[0, 2]])
     assert not torch.equal(td["gesture"][1], again["gesture"][1])
 
 
-def test_a_gesture_that_is_not_shown_is_not_seen():
+def test_a_hidden_gesture_has_no_ray():
     env = make(*CAMERA, "gesture.dropout=1")
     assert not observed(env).any()
     env.close()
 
 
-def test_a_finger_that_moves_on_is_followed():
+def test_the_ray_follows_a_gesture_switch():
     env = make(*CAMERA, "gesture.switch=1", "gesture.frames=60", "task.num_objects=3", seed=1)
     td = env.reset()
     rays = []
@@ -77,7 +77,7 @@ def test_a_finger_that_moves_on_is_followed():
     assert (rays[-1] == rays[-2]).all()
 
 
-def test_what_is_seen_mostly_finds_what_is_meant():
+def test_the_read_ray_mostly_selects_the_referent():
     env = make(*CAMERA, "task.num_objects=3", worlds=16)
     right = []
     for td in (env.reset() for _ in range(4)):
@@ -87,7 +87,7 @@ def test_what_is_seen_mostly_finds_what_is_meant():
     env.close()
 
 
-def test_the_camera_sees_what_it_would_see_in_the_whole_world():
+def test_the_camera_image_equals_one_of_the_whole_world():
     """Robot and objects, which it is not shown, are out of its view as an episode begins."""
     env = make(*CAMERA, "task.num_objects=6", render=True)
     env.reset()
@@ -110,7 +110,7 @@ def test_the_camera_sees_what_it_would_see_in_the_whole_world():
         ("workspace.human.camera.fov=60", "gesture.weights="),
     ],
 )
-def test_what_cannot_be_seen_is_refused(override, message):
+def test_a_gesture_that_the_camera_cannot_see_is_an_error(override, message):
     with pytest.raises(ConfigError) as caught:
         make(*CAMERA, override)
     assert message in str(caught.value)

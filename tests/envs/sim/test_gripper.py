@@ -1,4 +1,4 @@
-"""What grippers do to things, and what can be done to them: private attributes reach into the physics."""
+"""Forces of grippers on objects, and on grippers. Private attributes reach into the physics."""
 
 import numpy as np
 import pybullet as bullet
@@ -64,11 +64,11 @@ def pulled(robot, force, *more):
 @pytest.mark.parametrize(
     ("robot", "gripper"), [("kuka", "magnet"), ("jaco", "magnet"), ("panda", "fingers"), ("panda", "magnet")]
 )
-def test_a_grasp_is_lost_when_pulled_at_with_more_force_than_the_gripper_has(robot, gripper):
+def test_a_grasp_is_lost_under_more_force_than_the_grippers(robot, gripper):
     assert pulled(robot, 2.0, f"gripper={gripper}")
     assert not pulled(robot, 200.0, f"gripper={gripper}")
 
 
-def test_a_weaker_magnet_loses_what_a_stronger_one_keeps():
+def test_a_weak_magnet_loses_an_object_that_a_strong_one_holds():
     assert pulled("kuka", 20.0, "gripper.pull=60")
     assert not pulled("kuka", 20.0, "gripper.pull=5")
