@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -23,6 +24,7 @@ class FakeEnv(EnvBase):
     kind_names = ("odd", "even")
     reward_names = ("there", "near")
     action_unit = (1.0, 1.0, 1.0)
+    tokenizer = SimpleNamespace(vocabulary=WORDS)
 
     def __init__(self, worlds: int, seed: int, poison: int = 0, nap: float = 0.0) -> None:
         super().__init__(batch_size=[worlds])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import torch
 from tensordict import TensorDictBase
 from torchrl.data import LazyTensorStorage, TensorDictPrioritizedReplayBuffer, TensorDictReplayBuffer
 
+from conf.schema import ConfigError
 from trainers.models.grounding import REFERENT
 from trainers.models.policy import Policy
 
@@ -45,11 +44,9 @@ class Replay:
         critic = [] if critic_key == policy.context_key else [critic_key]
         self.state_keys = list(dict.fromkeys([*policy.actor_keys, *context, *critic]))
         storage = LazyTensorStorage(capacity, device=device)
-        self.frames: Any
+        self.frames: TensorDictReplayBuffer
         if self.prioritised:
-            self.frames = TensorDictPrioritizedReplayBuffer(
-                alpha=alpha, beta=beta, storage=storage, priority_key=PRIORITY
-            )
+            self.frames = _prioritised(storage, alpha, beta)
         else:
             self.frames = TensorDictReplayBuffer(storage=storage)
 
@@ -79,3 +76,14 @@ class Replay:
         """Take the temporal-difference errors of sampled frames as their priorities, where frames are drawn by them."""
         if self.prioritised:
             self.frames.update_tensordict_priority(frames)
+
+
+def _prioritised(storage: LazyTensorStorage, alpha: float, beta: float) -> TensorDictPrioritizedReplayBuffer:
+    try:
+        return TensorDictPrioritizedReplayBuffer(alpha=alpha, beta=beta, storage=storage, priority_key=PRIORITY)
+    except RuntimeError as error:
+        reason = str(error).splitlines()[0]
+        raise ConfigError(
+            f"algo.priority_alpha={alpha} needs TorchRL's C++ extension, which cannot be loaded here ({reason}); "
+            "algo.priority_alpha=0 draws frames evenly"
+        ) from None

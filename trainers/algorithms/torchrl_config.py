@@ -13,7 +13,7 @@ from trainers.algorithms.registry import register
 @register("torchrl_on_policy", builds="torchrl_on_policy.TorchRLOnPolicy")
 @dataclass(frozen=True, kw_only=True)
 class TorchRLOnPolicyConfig(OnPolicyConfig):
-    """An on-policy loss of TorchRL: A2CLoss, ClipPPOLoss, KLPENPPOLoss, ..."""
+    """An on-policy loss of TorchRL: A2CLoss, PPOLoss, ClipPPOLoss, ..."""
 
     adapter: str = one_of("torchrl_on_policy")
     loss: str  # a class of torchrl.objectives, or <module>.<class> of trainers.algorithms

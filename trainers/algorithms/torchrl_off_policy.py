@@ -101,6 +101,7 @@ def build_off_policy_loss(config: TorchRLOffPolicyConfig, policy: Policy, specs:
     loss = build_loss(cls, config.options, given)
     if hasattr(loss.tensor_keys, "action"):  # DDPGLoss takes the key from its networks
         loss.set_keys(action="move")
+    getattr(loss, "target_entropy", None)  # REDQLoss registers this buffer at its first use: a checkpoint has it
     loss.make_value_estimator(loss.default_value_estimator, gamma=config.gamma)
     return loss.to(specs.device)
 

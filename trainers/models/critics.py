@@ -46,12 +46,11 @@ def build_q_modules(
     normalisation: str = "none",
 ) -> list[TensorDictModule]:
     """`count` action values as TorchRL's losses take them: each writes state_action_value (N, quantiles)."""
-    robot, goal = _inputs(config, policy, observation_spec)
     keys = ["robot", critic_key(config, policy), "move"]
+    # Each has buffers of its own: TorchRL expands shared ones to views, which `load_state_dict` cannot write.
     critics = [
         SingleCritic(
-            robot,
-            goal,
+            *_inputs(config, policy, observation_spec),
             len(policy.action_unit),
             config.critic_hidden,
             config.activation,

@@ -87,7 +87,10 @@ def test_sac_has_the_losses_and_gradients_of_sacloss(state_dependent_std):
         (mine,) = gradients(ours["loss/critic"], [parameter])
         (other,) = gradients(theirs["loss_qvalue"], [theirs_parameter])
         torch.testing.assert_close(mine, other[head], **TOLERANCE)
-    (mine,), (other,) = gradients(ours["loss/alpha"], [sac.log_alpha]), gradients(theirs["loss_alpha"], [reference.log_alpha])
+    (mine,), (other,) = (
+        gradients(ours["loss/alpha"], [sac.log_alpha]),
+        gradients(theirs["loss_alpha"], [reference.log_alpha]),
+    )
     torch.testing.assert_close(mine, other, **TOLERANCE)
 
 
