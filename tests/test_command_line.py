@@ -22,6 +22,7 @@ from tests.helpers.processes import left_over, living
 from tests.helpers.tiny_run import TINY
 from trainers.run.metrics import read_metrics
 
+pytestmark = pytest.mark.slow
 ROOT = Path(train.__file__).parent
 SHORT = [
     "total_frames=53_248",
@@ -52,7 +53,7 @@ def command(*arguments: str, program: str = "train.py", timeout: float = 120) ->
     )
 
 
-def test_a_run_leaves_its_report(trained):
+def test_a_run_writes_its_report(trained):
     names = {str(path.relative_to(trained)) for path in trained.rglob("*")}
     wanted = {"config.yaml", "metrics.csv", "eval.json", "learning_curve.png", "evaluation.mp4"}
     assert wanted | {"checkpoints/last.pt", "checkpoints/best.pt"} <= names
@@ -65,7 +66,7 @@ def test_a_run_leaves_its_report(trained):
     assert {"reward/progress", "reward/success", "reward/wrong_object", "reward/time"} <= set(rows[0])
 
 
-def test_a_short_run_has_learned_what_words_mean(trained):
+def test_a_short_run_learns_to_ground_instructions(trained):
     result = json.loads((trained / "eval.json").read_text())
     assert result["success_at_end"] > 0.6
     assert read_metrics(trained / "metrics.csv")[-1]["grounding/accuracy"] > 0.9
@@ -74,12 +75,12 @@ def test_a_short_run_has_learned_what_words_mean(trained):
 def test_without_the_words_a_trained_policy_falls_to_chance(trained):
     env, policy = restored(trained)
     try:
-        told, blank = outcomes(env, policy, blank=False), outcomes(env, policy, blank=True)
+        normal, blank = outcomes(env, policy, blank=False), outcomes(env, policy, blank=True)
     finally:
         env.close()
-    assert told["pointed"] > 0.95
-    assert abs(blank["pointed"] - 1 / 3) < 0.112  # three standard errors of 160 scenes
-    assert blank["success"] < 1 / 3 + 0.112 < told["success"]
+    assert normal["attended"] > 0.95
+    assert abs(blank["attended"] - 1 / 3) < 0.112  # three standard errors of 160 scenes
+    assert blank["success"] < 1 / 3 + 0.112 < normal["success"]
 
 
 def restored(folder: Path):
@@ -95,9 +96,9 @@ def restored(folder: Path):
 
 @torch.no_grad()
 def outcomes(env, policy, blank: bool) -> dict[str, float]:
-    """Over 160 episodes: how often attention chose the referent at the start, and how often the arm came there."""
+    """Over 160 episodes: how often attention selects the referent at the start, and how often they succeed."""
     env.set_seed(3)
-    pointed, success = [], []
+    attended, success = [], []
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         for _ in range(4):
             state = env.reset()
@@ -108,14 +109,14 @@ def outcomes(env, policy, blank: bool) -> dict[str, float]:
                     seen["instruction"].zero_()
                 acted = policy(seen)
                 if t == 0:
-                    pointed.append(acted["attention_logits"].argmax(-1) == state["privileged", "referent"])
+                    attended.append(acted["attention_logits"].argmax(-1) == state["privileged", "referent"])
                 state["action"] = acted["action"]
                 state = env.step(state)["next"]
                 success.append((state["success"] & ~done).sum() / 160)
                 done |= state["done"]
                 if done.all():
                     break
-    return {"pointed": float(torch.stack(pointed).float().mean()), "success": float(sum(success))}
+    return {"attended": float(torch.stack(attended).float().mean()), "success": float(sum(success))}
 
 
 def test_evaluate_prints_the_interval_and_never_overwrites(trained, capsys):
@@ -126,14 +127,15 @@ def test_evaluate_prints_the_interval_and_never_overwrites(trained, capsys):
     assert {"evaluation_1.json", "evaluation_2.json"} <= {path.name for path in trained.iterdir()}
 
 
-def test_a_policy_trained_on_three_objects_is_judged_on_six(trained):
+def test_a_policy_trained_on_three_objects_is_evaluated_on_six(trained):
     assert evaluate.main([f"checkpoint={trained}", "episodes=20", "task.num_objects=6"])["episodes"] == 20
 
 
-def test_evaluate_can_take_the_words_away_or_name_each_object_in_turn(trained):
-    said = evaluate.main([f"checkpoint={trained}", "episodes=100"])["success_at_end"]
+def test_evaluate_ablates_instructions_and_names_each_object_in_turn(trained):
+    success = evaluate.main([f"checkpoint={trained}", "episodes=100"])["success_at_end"]
     for words in ("blank", "swapped"):
-        assert evaluate.main([f"checkpoint={trained}", "episodes=100", f"words={words}"])["success_at_end"] < said - 0.2
+        ablated = evaluate.main([f"checkpoint={trained}", "episodes=100", f"words={words}"])["success_at_end"]
+        assert ablated < success - 0.2
     in_turn = evaluate.main([f"checkpoint={trained}", "in_turn=20"])
     assert (in_turn["scenes"], in_turn["episodes"]) == (20, 60)
     assert in_turn["success_at_end"] > 0.6  # by chance, a third
@@ -154,7 +156,7 @@ def test_evaluate_reports_each_split(trained, capsys):
         evaluate.main(short)
 
 
-def test_resume_goes_on_in_the_same_folder(trained, tmp_path):
+def test_resume_continues_in_the_same_folder(trained, tmp_path):
     config, folder = train.resumed(str(trained), ["total_frames=57_344", "eval.episodes=4", "eval.video_episodes=0"])
     assert folder == trained
     assert train.run(config, folder)["frames"] == 57_344
@@ -173,7 +175,7 @@ def test_the_same_seed_gives_the_same_training_bit_for_bit(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "expected_words"),
     [
         (["robot=kuca"], ["robot=kuca", "did you mean 'kuka'"]),
         (["algo.lrr=1"], ["algo.lrr", "did you mean 'algo.lr'"]),
@@ -195,19 +197,19 @@ def test_the_same_seed_gives_the_same_training_bit_for_bit(tmp_path):
         (["sweep.resume=/nowhere"], ["/nowhere is not the directory of a sweep"]),
     ],
 )
-def test_bad_input_gets_one_clear_message(arguments, said, tmp_path):
+def test_bad_input_gets_one_clear_message(arguments, expected_words, tmp_path):
     done = command(*arguments, f"hydra.run.dir={tmp_path / 'run'}")
     assert done.returncode == 1
     assert "Traceback" not in done.stderr + done.stdout
     lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
     assert len(lines) == 1
-    for words in said:
+    for words in expected_words:
         assert words in lines[0]
     assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(
-    ("overrides", "said"),
+    ("overrides", "expected_words"),
     [
         ([], "checkpoint"),
         (["checkpoint=/nowhere"], "/nowhere"),
@@ -221,8 +223,8 @@ def test_bad_input_gets_one_clear_message(arguments, said, tmp_path):
         (["checkpoint={run}", "reader=parrot"], "reader=parrot"),
     ],
 )
-def test_evaluate_refuses_what_does_not_fit(trained, overrides, said):
-    with pytest.raises(ConfigError, match=said):
+def test_evaluate_refuses_bad_input(trained, overrides, expected_words):
+    with pytest.raises(ConfigError, match=expected_words):
         evaluate.main([word.format(run=trained) for word in overrides])
 
 

@@ -14,6 +14,7 @@ from conf.overrides import compose
 from conf.schema import ConfigError
 from tests.helpers.tiny_run import TINY
 
+pytestmark = pytest.mark.slow
 ROOT = Path(record.__file__).parent
 
 

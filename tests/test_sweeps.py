@@ -1,4 +1,4 @@
-"""python train.py -m as a person uses it: stopped half-way, gone on with, with jobs that fail. Tiny real runs."""
+"""python train.py -m as a person uses it: interrupted, resumed, with jobs that fail. Tiny real runs."""
 
 from __future__ import annotations
 
@@ -13,13 +13,11 @@ from pathlib import Path
 import pytest
 
 import train
-from conf.schema import ConfigError
 from tests.helpers.processes import left_over
 from trainers.run import checkpoint
 from trainers.run.metrics import read_metrics
-from trainers.sweeps.arguments import expand_resume
-from trainers.sweeps.job import core_share, failure_message, find_job_folder
 
+pytestmark = pytest.mark.slow
 ROOT = Path(train.__file__).parent
 TINY = [
     "task=reach",
@@ -35,7 +33,6 @@ TINY = [
     "logger=[]",
 ]
 LONG = "1000000"
-TRACEBACK = "Traceback (most recent call last):\n  x\nKeyError: 'a'"
 
 
 def start(*arguments: str) -> subprocess.Popen:
@@ -78,12 +75,12 @@ def job(folder: Path, number: int) -> Path:
     return next(folder.glob(f"{number}_*"))
 
 
-def test_folders_of_a_sweep_tell_what_ran(stopped):
+def test_folders_of_a_sweep_are_named_by_their_options(stopped):
     folder, *_ = stopped
     assert job(folder, 0).name == "0_kuka-step-reach-ppo-s0"
 
 
-def test_ctrl_c_saves_every_job_ends_all_processes_and_says_how_to_go_on(stopped):
+def test_ctrl_c_saves_every_job_ends_all_processes_and_prints_how_to_resume(stopped):
     folder, code, said, left = stopped
     assert code == 130, said
     assert left == []
@@ -107,7 +104,7 @@ def test_jobs_print_a_line_at_each_evaluation_with_their_name_before_it(stopped)
     assert "\r" not in said
 
 
-def test_a_sweep_started_again_runs_only_what_is_missing(stopped):
+def test_a_resumed_sweep_runs_only_missing_jobs(stopped):
     folder, *_ = stopped
     halted, finished = job(folder, 0), job(folder, 2)
     untouched = [path.stat().st_mtime_ns for path in (finished / "eval.json", finished / "checkpoints" / "last.pt")]
@@ -139,7 +136,7 @@ def shorten(run: Path, frames: int) -> None:
     torch.save(saved, path)
 
 
-def test_when_the_sweep_itself_is_killed_its_jobs_end_too(tmp_path):
+def test_jobs_end_when_the_sweep_is_killed(tmp_path):
     process = start("-m", "seed=0,1", f"total_frames={LONG}", *TINY, f"hydra.sweep.dir={tmp_path}")
     try:
         wait_for(lambda: len(list(tmp_path.glob("*/job.json"))) == 2, process)
@@ -160,75 +157,10 @@ def test_when_the_sweep_itself_is_killed_its_jobs_end_too(tmp_path):
         (["-m", "scenario=1,6"], "scenario=6 is not known"),
     ],
 )
-def test_a_sweep_that_cannot_begin_says_why_in_one_line(words, message, tmp_path):
+def test_a_sweep_that_cannot_start_is_refused_in_one_line(words, message, tmp_path):
     process = start(*words, f"hydra.sweep.dir={tmp_path}/sweep")
     said, _ = process.communicate(timeout=60)
     assert process.returncode == 1
     (line,) = said.splitlines()
     assert message in line
     assert not (tmp_path / "sweep").exists()
-
-
-# ---- the pieces ----------------------------------------------------------------------------------------------------
-
-
-def remembered(folder: Path, *overrides: str) -> Path:
-    folder.mkdir(exist_ok=True)
-    (folder / "sweep.yaml").write_text(json.dumps([{"overrides": ["seed=9"]}, {"overrides": overrides}]))
-    return folder
-
-
-def test_resume_alone_stands_for_what_the_last_start_was_told(tmp_path):
-    folder = remembered(tmp_path, "scenario='1','2'", "seed=0,1")
-    told = ["--multirun", "scenario='1','2'", "seed=0,1", f"hydra.sweep.dir='{folder}'"]
-    assert expand_resume(["-m", f"sweep.resume={folder}"]) == told
-    assert expand_resume([f"sweep.resume={folder}"]) == told
-    assert expand_resume([f"sweep.resume={folder}", "sweep.jobs=1"]) == [*told[:-1], "sweep.jobs=1", told[-1]]
-
-
-def test_resume_takes_other_overrides_too(tmp_path):
-    folder = remembered(tmp_path, "seed=0,1")
-    words = ["-m", "seed=0,1,2", f"sweep.resume={folder}"]
-    assert expand_resume(words) == ["--multirun", "seed=0,1,2", f"hydra.sweep.dir='{folder}'"]
-    assert expand_resume(["robot=panda", "sweep.resume=null"]) == ["robot=panda", "sweep.resume=null"]
-
-
-def test_a_damaged_memory_is_named(tmp_path):
-    (tmp_path / "sweep.yaml").write_text("- overrides: [a\n- {")
-    with pytest.raises(ConfigError, match=r"sweep\.yaml is damaged"):
-        expand_resume([f"sweep.resume={tmp_path}"])
-
-
-def test_a_job_is_known_by_its_overrides_whatever_its_number(tmp_path):
-    for name, overrides in (("0_a", ["seed=0"]), ("1_a", ["seed=1", "robot=kuka"])):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "job.json").write_text(json.dumps({"overrides": overrides}))
-    assert find_job_folder(tmp_path / "7_a", ["robot=kuka", "seed=1"]) == tmp_path / "1_a"
-    assert find_job_folder(tmp_path / "7_a", ["seed=2"]) == tmp_path / "7_a"
-    assert find_job_folder(tmp_path / "1_a", ["seed=2"]) == tmp_path / "1_a-2"
-
-
-@pytest.mark.parametrize(("cores", "jobs", "workers"), [(2, 2, 1), (2, 1, 2), (8, 2, 4), (1, 2, 1), (6, 2, 2)])
-def test_a_job_collects_on_its_share_of_the_cores(cores, jobs, workers, monkeypatch):
-    from conf.overrides import compose
-
-    monkeypatch.setattr("trainers.config.cores", lambda: cores)
-    monkeypatch.setattr("trainers.sweeps.job.cores", lambda: cores)
-    assert core_share(compose([f"sweep.jobs={jobs}"])) == [f"collector.workers={workers}"]
-    assert core_share(compose([f"sweep.jobs={jobs}", "collector.workers=4"])) == []
-    asked = ["collector.workers=4", "update_threads=0"]
-    assert core_share(compose([f"sweep.jobs={jobs}", *asked])) == [f"update_threads={max(1, cores // jobs)}"]
-
-
-@pytest.mark.parametrize(
-    ("code", "errors", "text"),
-    [
-        (1, "a warning\nerror: algo.lr=-1 is out of range\n", "algo.lr=-1 is out of range"),
-        (1, f"a warning\n{TRACEBACK}\n", TRACEBACK),
-        (-9, "", "the process was ended by SIGKILL"),
-        (-11, "free(): invalid pointer\n", "free(): invalid pointer\nthe process was ended by SIGSEGV"),
-        (3, "", "the process ended with exit status 3"),
-    ],
-)
-def test_an_error_is_one_line_where_the_run_knew_and_all_that_it_said_where_not(code, errors, text):
-    assert failure_message(code, errors) == text

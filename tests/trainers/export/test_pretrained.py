@@ -1,0 +1,23 @@
+"""Pretrained policies by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from trainers.export import pretrained
+from trainers.run import checkpoint
+
+
+def test_a_name_stands_for_the_folder_of_the_policy():
+    assert "nl_reach_kuka" in pretrained.names()
+    for path in ("nl_reach_kuka", "pretrained/nl_reach_kuka"):
+        assert pretrained.folder_of(Path(path)) == pretrained.FOLDER / "nl_reach_kuka"
+    assert pretrained.folder_of(Path("elsewhere/nl_reach_kuka")) is None
+
+
+@pytest.mark.parametrize("name", pretrained.names())
+def test_every_pretrained_policy_records_the_options_of_its_config(name):
+    config = checkpoint.load(checkpoint.find(Path(name)))["config"]
+    assert config["choices"]["robot"] == config["robot"]["name"]
