@@ -13,13 +13,13 @@ import numpy as np
 import torch
 from tensordict import TensorDictBase
 from torchrl.collectors import Collector, MultiSyncCollector
-from torchrl.envs import EnvBase
 
 from trainers.config import CollectorConfig, workers
+from trainers.environment import TrainingEnv
 from trainers.models.policy import Policy
 from trainers.rollout.worker_monitor import WORKER_DIED, CollectionError, WorkerMonitor
 
-MakeEnv = Callable[[int, int], EnvBase]  # (number of worlds, seed)
+MakeEnv = Callable[[int, int], TrainingEnv]  # (number of worlds, seed)
 
 
 def derive_seed(seed: int, index: int, evaluation: bool = False) -> int:
@@ -93,7 +93,7 @@ class Rollouts:
                     child.join()
 
 
-def _make_in_worker(make_env: MakeEnv, worlds: int, seed: int) -> EnvBase:
+def _make_in_worker(make_env: MakeEnv, worlds: int, seed: int) -> TrainingEnv:
     """The environment of a worker process, with one thread and its own noise.
 
     The process ignores SIGINT: a terminal sends it to all processes, but the main one decides how to stop.

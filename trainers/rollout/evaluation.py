@@ -12,8 +12,9 @@ import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
-from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
+
+from trainers.environment import TrainingEnv
 
 Z95 = 1.959963984540054
 POINTING = ("privileged", "pointing")
@@ -117,7 +118,7 @@ def quotas(episodes: int, worlds: int) -> list[int]:
 
 
 def evaluate(
-    env: EnvBase,
+    env: TrainingEnv,
     policy: TensorDictModuleBase,
     episodes: int,
     seed: int | None = None,
@@ -148,7 +149,7 @@ def evaluate(
 
 @torch.no_grad()
 def _run_episodes(
-    env: EnvBase, policy: TensorDictModuleBase, left: list[int], stop: Callable[[], bool]
+    env: TrainingEnv, policy: TensorDictModuleBase, left: list[int], stop: Callable[[], bool]
 ) -> list[EpisodeOutcome]:
     """left: how many episodes of each world are still to be counted; it is changed."""
     worlds = len(left)
