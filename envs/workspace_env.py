@@ -37,7 +37,7 @@ from envs.mdp.rewards import compute_outcome, reward_weights
 from envs.mdp.scene_sampling import sample_scenes
 from envs.mdp.world_state import WorldState
 from envs.sim.window import Window
-from envs.tasks import NOTHING, Episode, State
+from envs.tasks import NOTHING, EpisodeSpec, State
 from language import Tokenizer
 
 RELABELLED = 16  # episodes that are relabelled at once
@@ -172,7 +172,7 @@ class WorkspaceEnv(EnvBase):
             self._read_beginning(worlds)
         return self._first_observation()
 
-    def _begin(self, i: int, episode: Episode) -> None:
+    def _begin(self, i: int, episode: EpisodeSpec) -> None:
         """Set up an episode in world i, its objects in random slots."""
         generator, arrays = self._generators[i], self._arrays
         slots = generator.permutation(arrays.rows.shape[1])[: len(episode.scene)]
@@ -197,7 +197,7 @@ class WorkspaceEnv(EnvBase):
         values |= {name: torch.zeros(*self.batch_size, 1, dtype=torch.bool) for name in (*OUTCOMES, *ENDS)}
         return TensorDict(values, self.batch_size)
 
-    def start(self, episodes: Sequence[Episode], seed: int) -> TensorDictBase:
+    def start(self, episodes: Sequence[EpisodeSpec], seed: int) -> TensorDictBase:
         """Begin these episodes, one in each world, instead of drawn ones. Worlds beyond them repeat the last.
 
         All else, slots and joint noise, is drawn from the same seed in every world: two worlds with the same episode

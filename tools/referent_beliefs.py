@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks import Episode
+from envs.tasks import EpisodeSpec
 from human import Person, fuse, posterior, ray_offsets, visibility
 from language import parse
 from trainers.rollout.evaluation import wilson
@@ -30,7 +30,7 @@ class PointedScene(NamedTuple):
     prior: Array
 
 
-def accuracy_by_cue(episodes: Sequence[Episode], person: Person, noise_deg: float, size: float) -> dict[str, Any]:
+def accuracy_by_cue(episodes: Sequence[EpisodeSpec], person: Person, noise_deg: float, size: float) -> dict[str, Any]:
     """Accuracy and calibration of the belief from the words, the finger, both, and both with `insider_belief`.
 
     size: of the objects, metres. Every episode has a gesture.

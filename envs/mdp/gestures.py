@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from conf.schema import ConfigError
 from envs.sim.workspace import WorkspaceConfig
 from envs.sim.world import World
-from envs.tasks import Episode, GestureSwitch
+from envs.tasks import EpisodeSpec, GestureSwitch
 from human import Gesture, GestureConfig, HumanConfig, Person, PointingArm, ray_offsets
 from human.body.person_camera import FurnitureBox
 from human.ray_reader import CameraRayReader
@@ -61,7 +61,7 @@ class Gestures:
         self._difficulty, self._stale = np.zeros((len(worlds), 3)), np.ones(len(worlds), bool)
         self._measured_referents = np.full(len(worlds), NEVER)
 
-    def begin(self, i: int, episode: Episode) -> None:
+    def begin(self, i: int, episode: EpisodeSpec) -> None:
         """Pose the person of world i for the beginning of this episode. Call `read` then."""
         self.rays[i], self._switches[i], self._switch_steps[i] = 0.0, None, NEVER
         if episode.gesture is None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks import Episode
+from envs.tasks import EpisodeSpec
 from language import LanguageError, Tokenizer
 
 
@@ -26,19 +26,19 @@ class Goal:
     kind: int
 
     @classmethod
-    def of(cls, episode: Episode, slots: NDArray[np.int64]) -> Goal:
+    def of(cls, episode: EpisodeSpec, slots: NDArray[np.int64]) -> Goal:
         """The goal of an episode whose objects stand in these slots (K,)."""
         target = episode.referent if episode.target is None else episode.target
         sentence = policy_sentence(episode)
         return cls(int(slots[episode.referent]), int(slots[target]), episode.sentence, sentence, episode.kind)
 
 
-def policy_sentence(episode: Episode) -> str:
+def policy_sentence(episode: EpisodeSpec) -> str:
     """The sentence that the policy reads: the episode's own, unless it is rephrased."""
     return episode.sentence if episode.heard is None else episode.heard
 
 
-def tokens(episode: Episode, tokenizer: Tokenizer) -> NDArray[np.int64]:
+def tokens(episode: EpisodeSpec, tokenizer: Tokenizer) -> NDArray[np.int64]:
     """(L,) the tokens that the policy reads."""
     return tokenizer.encode(policy_sentence(episode))
 

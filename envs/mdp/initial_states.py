@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from envs.sim.kinematics import Array, Kinematics
-from envs.tasks import Episode
+from envs.tasks import EpisodeSpec
 
 GRID = (5, 9, 5)  # positions along x, y and z that are solved beforehand
 REFINING_STEPS = 8  # of inverse kinematics, from the nearest of those
@@ -31,7 +31,7 @@ class InitialStates:
             rest = np.repeat(chain.rest[None], len(self._positions), axis=0)
             self._joints = chain.solve(rest, self._positions, self._rotation, iterations=60)
 
-    def draw(self, episode: Episode, below: float, rng: Generator) -> Array:
+    def draw(self, episode: EpisodeSpec, below: float, rng: Generator) -> Array:
         """(J,) for this episode. below: metres from the gripper centre down to the centre of an object it holds."""
         joints = self._chain.rest + rng.uniform(-self._noise, self._noise, len(self._chain.rest))
         if episode.start is None or not len(self._positions):

@@ -25,7 +25,7 @@ from envs.mdp.object_rows import COLUMNS, OBJECT_WIDTH, OFFSET, offsets, scene_o
 from envs.mdp.observation_terms import GoalSource, Observer
 from envs.mdp.rewards import compute_outcome, reward_weights
 from envs.sim.object_pool import PARKED
-from envs.tasks import NOTHING, Episode, State, Task
+from envs.tasks import NOTHING, EpisodeSpec, State, Task
 from language import LanguageError, Placed, Tokenizer
 
 STATE_FIELDS = [field.name for field in fields(State)]
@@ -43,7 +43,7 @@ class RelabelledEpisode:
     frames: TensorDictBase
     states: State
     rows: NDArray[np.float32]
-    episode: Episode
+    episode: EpisodeSpec
 
 
 class Relabeller:

@@ -14,7 +14,7 @@ from envs.sim.kinematics import Array, Kinematics, Pose
 from envs.sim.object_pool import PARKED, Mobility
 from envs.sim.robot import RobotConfig
 from envs.sim.world import World
-from envs.tasks import Episode, State
+from envs.tasks import EpisodeSpec, State
 from language import Tokenizer
 
 _angle_and_speed = itemgetter(0, 1)
@@ -52,7 +52,7 @@ class WorldState:
         self.sentence = np.zeros((count, sentence_bytes(tokenizer)), np.uint8)
         self.steps = np.zeros(count, np.int64)
 
-    def begin(self, i: int, episode: Episode, slots: NDArray[np.int64], joints: Array, opening: float) -> None:
+    def begin(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64], joints: Array, opening: float) -> None:
         """Begin an episode in world i. slots: (K,) of its objects. joints (J,), opening: how the arm begins."""
         self._show(i, episode, slots)
         self.set_goal(i, Goal.of(episode, slots))
@@ -70,7 +70,7 @@ class WorldState:
             self.rows[i, np.sort(slots), 7:11],
         )
 
-    def _show(self, i: int, episode: Episode, slots: NDArray[np.int64]) -> None:
+    def _show(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64]) -> None:
         """Write what does not change in the episode: which slots are shown, and what each object is."""
         scene, state = episode.scene, self.state
         self.slots[i] = slots

@@ -9,7 +9,7 @@ from pkgutil import iter_modules
 
 from envs.tasks.base import Task
 from envs.tasks.registry import TASKS, register_task
-from envs.tasks.types import NOTHING, CurriculumConfig, Episode, GestureSwitch, Outcome, State, TaskConfig
+from envs.tasks.types import NOTHING, CurriculumConfig, EpisodeSpec, GestureSwitch, Outcome, State, TaskConfig
 
 for _module in iter_modules(__path__, f"{__name__}."):
     import_module(_module.name)
@@ -18,7 +18,7 @@ __all__ = [
     "NOTHING",
     "TASKS",
     "CurriculumConfig",
-    "Episode",
+    "EpisodeSpec",
     "GestureSwitch",
     "Outcome",
     "State",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from envs.tasks.types import Array, State
 
 
-class Meant(NamedTuple):
+class AchievedGoal(NamedTuple):
     """referent, target: numbers of objects; no target: nothing marks a place. places: (K, 3) metres, as all began."""
 
     referent: int
@@ -19,7 +19,7 @@ class Meant(NamedTuple):
     places: Array
 
 
-def meant_by(moments: State, moved: float, still: float, radius: float, rng: Generator) -> Meant | None:
+def meant_by(moments: State, moved: float, still: float, radius: float, rng: Generator) -> AchievedGoal | None:
     """The object that was moved first, and a target where it came to be; None: that is what was meant anyway.
 
     moments: of one episode, as `Task.retold` has them. moved: metres from where an object began that count as such.
@@ -35,15 +35,15 @@ def meant_by(moments: State, moved: float, still: float, radius: float, rng: Gen
     other = referent != moments.referent[0]
     targets = np.flatnonzero(moments.goals[0])
     if not len(targets):
-        return Meant(referent, None, places) if other else None
+        return AchievedGoal(referent, None, places) if other else None
     place = moments.objects[_when(moments, referent, gone, still, rng), referent]
     near = _lengths(places[targets] - place)
     if near.min() <= radius:
         target = int(targets[near.argmin()])
-        return Meant(referent, target, places) if other or target != moments.target[0] else None
+        return AchievedGoal(referent, target, places) if other or target != moments.target[0] else None
     target = int(rng.choice(targets))
     places[target, :2] = place[:2]
-    return Meant(referent, target, places)
+    return AchievedGoal(referent, target, places)
 
 
 def first_moved(moments: State, moved: float) -> int | None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from conf.schema import ConfigError, did_you_mean
 from envs.tasks.object_layout import scatter
-from envs.tasks.types import Column, Episode, GestureSwitch, Outcome, State, TaskConfig
+from envs.tasks.types import Column, EpisodeSpec, GestureSwitch, Outcome, State, TaskConfig
 from human import Gesture, Person, Unreachable
 from language import COLORS, MAX_WORDS, NOUNS, SHAPES, Instruction, LanguageError, Placed, Scene, Wording, parse, say
 
@@ -101,7 +101,7 @@ class Task(ABC):
         """(N, K, C) what its `columns` hold of each object that is shown, and anything of the others."""
         return np.zeros((*state.shown.shape, 0))
 
-    def retold(self, placed: Placed, moments: State, rng: Generator) -> Episode | None:
+    def retold(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """What an episode could have been asked to do, seeing what it did; None: nothing else than it was.
 
         placed: its scene as it began. moments: the beginning and each control step after it in the place of worlds, and
@@ -130,15 +130,15 @@ class Task(ABC):
         """The nouns of the devices that an episode shows at most."""
         return ()
 
-    def draw(self, rng: Generator) -> Episode:
+    def draw(self, rng: Generator) -> EpisodeSpec:
         """A fresh episode for one world, with what the person shows in it. All chance comes from rng."""
         return self._tried(lambda: self._pointed(self._draw(rng), rng))
 
-    def each_in_turn(self, rng: Generator) -> list[Episode]:
+    def each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
         """One scene, and an episode for each of its objects that words or finger can tell from the others."""
         return self._tried(lambda: self._each_in_turn(rng))
 
-    def _each_in_turn(self, rng: Generator) -> list[Episode]:
+    def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
         """The same, but raises Unreachable where the person cannot show one of them."""
         return [self._pointed(self._draw(rng), rng)]
 
@@ -152,12 +152,12 @@ class Task(ABC):
         area = list(self._area)
         raise ConfigError(f"task.name={self.config.name}: the person cannot point into workspace.object_area={area}")
 
-    def _draw(self, rng: Generator) -> Episode:
+    def _draw(self, rng: Generator) -> EpisodeSpec:
         """The scene, its referent and the words. Raises Unreachable where the person cannot show it."""
         placed = self._placed(rng)
         return self._episode(placed, referent=0, kind=0, sentence="")
 
-    def _pointed(self, episode: Episode, rng: Generator) -> Episode:
+    def _pointed(self, episode: EpisodeSpec, rng: Generator) -> EpisodeSpec:
         """The episode with a finger that shows the referent, and sometimes moves on to another."""
         person = self._person
         if person is None:
@@ -181,12 +181,12 @@ class Task(ABC):
 
     def _episode(
         self, placed: Placed, referent: int, kind: int, sentence: str, gesture: Gesture | None = None
-    ) -> Episode:
+    ) -> EpisodeSpec:
         """These objects, one of which is meant, with what the policy hears of the sentence."""
         heard = say(parse(sentence)) if sentence and self.config.rephrased else None
-        return Episode(placed.scene, referent, kind, sentence, heard, placed.yaw, placed.fixed, gesture)
+        return EpisodeSpec(placed.scene, referent, kind, sentence, heard, placed.yaw, placed.fixed, gesture)
 
-    def _elsewhere(self, episode: Episode, rng: Generator) -> tuple[int, Gesture] | None:
+    def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, Gesture] | None:
         """Another object that the same words can mean, and how the person points at it; none: there is no other."""
         return None
 

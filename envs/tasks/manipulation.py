@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from conf.schema import ConfigError
 from envs.tasks.achieved_goal import meant_by
 from envs.tasks.geometry import length, lifted, put
-from envs.tasks.referring import Named
-from envs.tasks.types import NOTHING, Array, Episode, Outcome, Start, State, TaskConfig
+from envs.tasks.referring import ReferringTask
+from envs.tasks.types import NOTHING, Array, EpisodeSpec, GripperStart, Outcome, State, TaskConfig
 from human import Person
 from language import VERBS, Instruction, Placed, Scene
 
@@ -25,7 +25,7 @@ SCENES = 1000  # to draw one that fits
 OVER = np.array([[-0.04, -0.04, 0.06], [0.04, 0.04, 0.12]])  # from where to its object a gripper begins that is near it
 
 
-class Manipulation(Named):
+class Manipulation(ReferringTask):
     """The referent is one of the real objects, and where there are targets, one of them tells where it goes.
 
     Without kinds of sentences there are no words: one object, and one target at most. Another object moved by
@@ -50,7 +50,7 @@ class Manipulation(Named):
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
     ) -> None:
         self.speaks = bool(config.kinds)
-        self.kind_names: tuple[str, ...] = Named.kind_names if self.speaks else ("none",)
+        self.kind_names: tuple[str, ...] = ReferringTask.kind_names if self.speaks else ("none",)
         super().__init__(config, object_area, num_worlds, person)
         real = len(config.objects.init) or config.num_objects
         targets = len(config.objects.goal) or config.num_targets
@@ -186,7 +186,7 @@ class Manipulation(Named):
 
     # ---- drawing
 
-    def _draw(self, rng: Generator) -> Episode:
+    def _draw(self, rng: Generator) -> EpisodeSpec:
         placed, nameable = self._drawn(rng)
         target = self._one_of(self._possible_goals(placed) & nameable, rng) if self.places else None
         movable = self._movable(placed) & nameable
@@ -196,14 +196,14 @@ class Manipulation(Named):
         start, scene = self._started(placed, referent, target, rng)
         return replace(self.episode(placed._replace(scene=scene), referent, target, rng), start=start)
 
-    def _each_in_turn(self, rng: Generator) -> list[Episode]:
+    def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
         placed, nameable = self._drawn(rng)
         movable = np.flatnonzero(self._movable(placed) & nameable).tolist()
         targets = np.flatnonzero(self._possible_goals(placed) & nameable).tolist() if self.places else [None]
         pairs = [(referent, target) for referent in movable for target in targets if referent != target]
         return [self._pointed(self.episode(placed, referent, target, rng), rng) for referent, target in pairs]
 
-    def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> Episode:
+    def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> EpisodeSpec:
         """The episode in which these objects of the scene are named. Raises LanguageError where one cannot be."""
         sentence, kind = "", 0
         if self.speaks:
@@ -228,7 +228,7 @@ class Manipulation(Named):
         """Whether whatever could be asked in this scene can be done."""
         return True
 
-    def retold(self, placed: Placed, moments: State, rng: Generator) -> Episode | None:
+    def retold(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """An object that was moved is named, and a target that stands, or could have stood, where it came to be."""
         told = meant_by(moments, DISTURBED, STILL, self.config.radius, rng)
         if told is None:
@@ -253,11 +253,13 @@ class Manipulation(Named):
             raise ConfigError(f"task.name={self.config.name} needs an object that can be moved, and named")
         return int(rng.choice(np.flatnonzero(choices)))
 
-    def _started(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> tuple[Start | None, Scene]:
+    def _started(
+        self, placed: Placed, referent: int, target: int | None, rng: Generator
+    ) -> tuple[GripperStart | None, Scene]:
         """Where the gripper begins, by the curriculum, and the scene as it then is."""
         curriculum, chance = self.config.curriculum, rng.random()
         if chance < curriculum.near:
-            return Start(self._near(placed.scene, referent, target, rng), held=False), placed.scene
+            return GripperStart(self._near(placed.scene, referent, target, rng), held=False), placed.scene
         held = chance < curriculum.near + curriculum.held
         scene = None
         if self.grips and held:
@@ -267,7 +269,7 @@ class Manipulation(Named):
         meant = [referent] if target is None else [referent, target]
         if scene is None or (self.speaks and not self._describer.nameable(scene)[meant].all()):
             return None, placed.scene
-        return Start(np.zeros(3), held), scene
+        return GripperStart(np.zeros(3), held), scene
 
     def _placed_place(self, scene: Scene, target: int) -> Array:
         """(3,) where the referent lies once it has been brought to the target, metres."""

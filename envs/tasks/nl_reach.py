@@ -9,15 +9,15 @@ from numpy.random import Generator
 
 from conf.schema import ConfigError
 from envs.tasks.reach import Reach
-from envs.tasks.referring import Named
+from envs.tasks.referring import ReferringTask
 from envs.tasks.registry import register_task
-from envs.tasks.types import Episode, State, TaskConfig
+from envs.tasks.types import EpisodeSpec, State, TaskConfig
 from human import Person
 from language import Placed
 
 
 @register_task("nl_reach", verb="reach")
-class NLReach(Named, Reach):
+class NLReach(ReferringTask, Reach):
     """Reach the object that a sentence names."""
 
     def __init__(
@@ -27,23 +27,23 @@ class NLReach(Named, Reach):
             raise ConfigError("task.kinds=[] must name at least one kind of sentence")
         super().__init__(config, object_area, num_worlds, person)
 
-    def _draw(self, rng: Generator) -> Episode:
+    def _draw(self, rng: Generator) -> EpisodeSpec:
         placed, nameable = self._nameable_scene(rng)
         return self.episode(placed, int(rng.choice(np.flatnonzero(nameable))), rng)
 
-    def _each_in_turn(self, rng: Generator) -> list[Episode]:
+    def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
         placed, nameable = self._nameable_scene(rng)
         named = np.flatnonzero(nameable).tolist()
         return [self._pointed(self.episode(placed, referent, rng), rng) for referent in named]
 
-    def episode(self, placed: Placed, referent: int, rng: Generator) -> Episode:
+    def episode(self, placed: Placed, referent: int, rng: Generator) -> EpisodeSpec:
         """The episode in which this object of the scene is named. Raises LanguageError where it cannot be."""
         instruction = self._describer.describe(placed.scene, referent, rng)
         sentence = self._say(instruction, rng)
         kind = self.kind_names.index(instruction.kind)
         return self._episode(placed, referent, kind, sentence)
 
-    def retold(self, placed: Placed, moments: State, rng: Generator) -> Episode | None:
+    def retold(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """Where the gripper ended at another object, that one is named."""
         apart = np.linalg.norm(moments.objects[-1] - moments.gripper[-1], axis=1)
         nearest = int(apart.argmin())

@@ -12,7 +12,7 @@ from envs.tasks.base import loose
 from envs.tasks.object_layout import groups
 from envs.tasks.reach_gesture import ReachGesture
 from envs.tasks.registry import register_task
-from envs.tasks.types import Episode, TaskConfig
+from envs.tasks.types import EpisodeSpec, TaskConfig
 from human import Gesture, Person, visibility
 from language import COLORS, NOUNS, SHAPES, Instruction, ObjectPhrase, Scene
 
@@ -46,24 +46,24 @@ class NLReachGesture(ReachGesture):
             raise ConfigError(f"task.objects cannot be listed in {config.name}, which draws two groups alike")
         super().__init__(config, object_area, num_worlds, person)
 
-    def _draw(self, rng: Generator) -> Episode:
+    def _draw(self, rng: Generator) -> EpisodeSpec:
         kind = self.config.kinds[rng.integers(len(self.config.kinds))]
         scene = self._groups(SAID[kind], rng)
         seen = visibility(self._person.eyes, scene.positions, self.config.object_size)[:2]
         sentence = self._say(Instruction("reach", self._phrase(scene, kind, rng)), rng)
         return self._shown(scene, kind, sentence, int(rng.choice(2, p=seen / seen.sum())), rng)
 
-    def _each_in_turn(self, rng: Generator) -> list[Episode]:
+    def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
         kind = self.config.kinds[rng.integers(len(self.config.kinds))]
         scene = self._groups(SAID[kind], rng)
         sentence = self._say(Instruction("reach", self._phrase(scene, kind, rng)), rng)
         return [self._shown(scene, kind, sentence, referent, rng) for referent in range(2)]
 
-    def _shown(self, scene: Scene, kind: str, sentence: str, referent: int, rng: Generator) -> Episode:
+    def _shown(self, scene: Scene, kind: str, sentence: str, referent: int, rng: Generator) -> EpisodeSpec:
         gesture = self._person.show(scene.positions[referent], rng)
         return self._episode(loose(scene), referent, self.kind_names.index(kind), sentence, gesture)
 
-    def _elsewhere(self, episode: Episode, rng: Generator) -> tuple[int, Gesture] | None:
+    def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, Gesture] | None:
         other = 1 - episode.referent
         return other, self._person.show(episode.scene.positions[other], rng, always=True)
 

@@ -14,7 +14,7 @@ from conf.schema import ConfigError
 from envs.sim.devices import DEVICES, facing
 from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
-from envs.tasks.types import Array, Column, Episode, State, TaskConfig
+from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
 from human import Person
 from language import Placed
 
@@ -98,7 +98,7 @@ class Operate(Manipulation):
             "operate": np.minimum(self._gone(state) / OPERATED, 1.0),
         }
 
-    def retold(self, placed: Placed, moments: State, rng: Generator) -> Episode | None:
+    def retold(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """Nothing: an episode ends long before another device is operated."""
         return None
 

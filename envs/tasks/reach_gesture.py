@@ -10,7 +10,7 @@ from conf.schema import ConfigError
 from envs.tasks.base import TRIES
 from envs.tasks.reach import Reach
 from envs.tasks.registry import register_task
-from envs.tasks.types import Episode, TaskConfig
+from envs.tasks.types import EpisodeSpec, TaskConfig
 from human import Gesture, NothingPointedAt, Person, Unreachable, pointed_object
 from language import Instruction, ObjectPhrase, Placed
 
@@ -35,21 +35,21 @@ class ReachGesture(Reach):
         super().__init__(config, object_area, num_worlds, person)
         self._person: Person = person
 
-    def _draw(self, rng: Generator) -> Episode:
+    def _draw(self, rng: Generator) -> EpisodeSpec:
         placed = self._placed(rng)
         return self._spoken(placed, *self._somewhere(placed, rng), rng)
 
-    def _each_in_turn(self, rng: Generator) -> list[Episode]:
+    def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
         placed = self._placed(rng)
         shown = [self._person.show(place, rng) for place in placed.scene.positions]
         return [self._spoken(placed, referent, gesture, rng) for referent, gesture in enumerate(shown)]
 
-    def _spoken(self, placed: Placed, referent: int, gesture: Gesture, rng: Generator) -> Episode:
+    def _spoken(self, placed: Placed, referent: int, gesture: Gesture, rng: Generator) -> EpisodeSpec:
         kind = int(rng.integers(len(SPOTS)))
         sentence = self._say(Instruction("reach", ObjectPhrase(determiner=SPOTS[kind])), rng)
         return self._episode(placed, referent, kind, sentence, gesture)
 
-    def _elsewhere(self, episode: Episode, rng: Generator) -> tuple[int, Gesture] | None:
+    def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, Gesture] | None:
         others = [k for k in range(len(episode.scene)) if k != episode.referent]
         if not others:
             return None

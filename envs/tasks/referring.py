@@ -17,7 +17,7 @@ TRIES = 1000
 EVERYBODY = ("all", "train", "test_paraphrase")  # splits in which every object of a scene can be named
 
 
-class Named(Task):
+class ReferringTask(Task):
     """Scenes are drawn until every object in them can be named, and what is meant is then drawn evenly among them:
     so nothing but the words tells which one it is. The splits test_composition and test_length, which can name but
     few, draw evenly among those.

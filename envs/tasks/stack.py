@@ -11,7 +11,7 @@ from envs.tasks.geometry import AIR, TRIES, length, put
 from envs.tasks.manipulation import DISTURBED
 from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.registry import register_task
-from envs.tasks.types import NOTHING, Array, Episode, State
+from envs.tasks.types import NOTHING, Array, EpisodeSpec, State
 from language import Placed, Scene
 
 BASE_MOVED = 0.05  # metres over the table that the base may be moved
@@ -41,7 +41,7 @@ class Stack(PickAndPlace):
         x, y = state.quaternions[self._rows, state.target, :2].T
         return moved | (1 - 2 * (x * x + y * y) < BASE_LEANS)
 
-    def retold(self, placed: Placed, moments: State, rng: Generator) -> Episode | None:
+    def retold(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """The object that was put on top of another one is named, and that one as its base.
 
         Where nothing was stacked, an object that was moved is named in place of the referent, with any base.

@@ -217,7 +217,7 @@ class Column(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Episode:
+class EpisodeSpec:
     """What one world starts from, a scene of K objects. Only the first K slots are shown."""
 
     scene: Scene  # its targets are see-through: they touch nothing, and stay where they are
@@ -230,12 +230,12 @@ class Episode:
     gesture: Gesture | None = None  # how the person points at the referent; none: nobody points
     gesture_switch: GestureSwitch | None = None  # the finger moves on in mid-episode; none: it stays
     target: int | None = None  # slot of the target that the referent is to be brought to; none: to none
-    start: Start | None = None  # where the gripper begins; none: at rest
+    start: GripperStart | None = None  # where the gripper begins; none: at rest
     goals: NDArray[np.bool_] | None = None  # (K,) what the referent could be brought to; none: the see-through targets
 
 
 @dataclass(frozen=True)
-class Start:
+class GripperStart:
     """The gripper begins at the referent. offset: (3,) metres from where it would hold it; held: it does so."""
 
     offset: Array

@@ -8,7 +8,7 @@ import torch
 from torchrl.envs.utils import check_env_specs
 
 from conf.schema import ConfigError
-from envs.tasks import Episode
+from envs.tasks import EpisodeSpec
 from envs.tasks.object_layout import scatter
 from language import COLORS, SHAPES, Object, Scene, rgba
 from tests.helpers.env_cases import Poker, act, differences, hold, make, rollout, task_of
@@ -120,7 +120,7 @@ def test_without_lists_the_draws_are_the_same_as_ever():
 def only(env, kind, height=0.025):
     """Begin an episode of one cube in front of the gripper, of this kind."""
     scene = Scene([Object("cube", "red", (0.45, 0.0, height), role="target" if kind == TARGET else "real")])
-    env.task.draw = lambda rng: Episode(scene, 0, 0, "", fixed=np.array([kind == FIXED]))
+    env.task.draw = lambda rng: EpisodeSpec(scene, 0, 0, "", fixed=np.array([kind == FIXED]))
     return env.reset()
 
 

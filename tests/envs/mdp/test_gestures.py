@@ -8,7 +8,7 @@ from conf.overrides import apply, compose
 from conf.schema import ConfigError
 from envs import make_env, read_env
 from envs.experts import Oracle
-from envs.tasks import Episode
+from envs.tasks import EpisodeSpec
 from language import parse, say
 from tests.helpers.env_cases import act, make, task_of
 from trainers.rollout.instruction_ablations import run_to_end
@@ -47,7 +47,7 @@ def test_an_episode_without_a_gesture_shows_none_after_one_with_a_gesture():
     env = make("kuka", "step", "nl_reach_gesture", "gesture.switch=1", worlds=1)
     env.reset()
     drawn = env.task.draw(np.random.default_rng(0))
-    td = env.start([Episode(drawn.scene, drawn.referent, drawn.kind, drawn.sentence)], seed=0)
+    td = env.start([EpisodeSpec(drawn.scene, drawn.referent, drawn.kind, drawn.sentence)], seed=0)
     for _ in range(20):
         assert (td["gesture"] == 0).all()
         assert td["privileged", "referent"][0] == env._state.referent[0]
