@@ -183,7 +183,7 @@ def constant_elements(env):
     columns += [11, 12, 13] * (len(task.nouns) == 1)
     if env.task.operates:  # levers tilt, and wheels stay as high as they are
         columns += {"press": [3, 4], "turn": [2, 3, 4]}.get(task.name, [])
-    columns += own_columns(env, "lies at a target")  # who pokes at random brings none there: test_pushing.py does
+    columns += own_columns(env, "lies at a target")  # who pokes at random brings none there: test_push.py does
     rows = {f"objects[{k},{d}]" for k in range(task.slots) for d in columns}
     gripper = {f"robot[{2 * joints + 9}]"}  # fingers that grip nothing stay as they are
     mask = {f"objects_mask[{k}]" for k in range(task.slots)}
