@@ -14,7 +14,7 @@ def pushed():
     guide, td, seen = expert(env), env.reset(), []
     for _ in range(env.config.task.max_steps):
         state = env.state
-        seen.append((td["objects"].numpy(), state.objects.copy(), state.targets.copy(), state.movable.copy()))
+        seen.append((td["objects"].numpy(), state.objects.copy(), state.goals.copy(), state.movable.copy()))
         td = act(env, td, guide(td)["action"])
         if td["done"].any():
             break
