@@ -1,4 +1,7 @@
-"""What a run may set. Every parameter is declared here once and valued once, in YAML. Imports no torch."""
+"""The settings of a run, declared here and given values in YAML. Imports no torch.
+
+Those of an algorithm are declared beside it (`trainers.algorithms.registry`).
+"""
 
 from __future__ import annotations
 
@@ -14,11 +17,11 @@ from trainers.algorithms.registry import read_algorithm
 
 @dataclass(frozen=True)
 class NetworkConfig(Checked):
-    """What every policy has: an actor, a critic and an exploration width."""
+    """Settings of every policy: actor, critic and exploration noise."""
 
-    privileged_critic: bool  # the critic is shown the goal itself; only losses ever ask it
+    privileged_critic: bool  # the critic is given the goal itself; only losses use it
     state_dependent_std: bool
-    networks: int = within(1, 3)  # one for each stage of the task, the last for all later ones
+    networks: int = within(1, 3)  # actors, one for each stage of the task; the last one acts in all later stages
     hidden: list[int] = within(1, 4096)
     critic_hidden: list[int] = within(1, 4096)
     activation: str = one_of("tanh", "relu", "elu")
@@ -27,7 +30,7 @@ class NetworkConfig(Checked):
 
 @dataclass(frozen=True)
 class GroundedConfig(NetworkConfig):
-    """Words choose an object by attention; the arm is told where that one is."""
+    """Words choose an object by attention; the actor is given that object's row."""
 
     name: str = one_of("grounded")
     encoder: str = one_of("tokens", "sentence")  # learned embeddings, or a frozen pretrained sentence encoder
@@ -37,7 +40,7 @@ class GroundedConfig(NetworkConfig):
 
 @dataclass(frozen=True)
 class MLPConfig(NetworkConfig):
-    """Everything flattened into one network: the baseline, and the network of the benchmarks."""
+    """One network on the flattened observation: the baseline, and the network of the benchmarks."""
 
     name: str = one_of("mlp")
     embedding: int = within(1, 1024)
@@ -45,7 +48,7 @@ class MLPConfig(NetworkConfig):
 
 @dataclass(frozen=True)
 class CollectorConfig(Checked):
-    workers: int = within(0, 256)  # processes; 0 = one per core as far as they share evenly, 1 = none but the main one
+    workers: int = within(0, 256)  # processes; 0 = one per core if worlds divide evenly, 1 = only the main process
     worlds: int = within(1, 4096)  # over all workers
 
     def __post_init__(self) -> None:
@@ -56,7 +59,7 @@ class CollectorConfig(Checked):
 
 @dataclass(frozen=True)
 class SweepConfig(Checked):
-    resume: str | None  # the directory of a sweep to go on with
+    resume: str | None  # the directory of a sweep to resume
     jobs: int = within(1, 256)  # runs at a time
 
 
@@ -64,7 +67,7 @@ class SweepConfig(Checked):
 class EvalConfig(Checked):
     episodes: int = within(1)  # of the evaluation at the end
     interval: int = within(1)  # frames between evaluations during training
-    interval_episodes: int = within(1)  # of each of those
+    interval_episodes: int = within(1)  # episodes of each of these
     worlds: int = within(1, 4096)
     video_episodes: int = within(0, 100)  # 0 = no video
 
@@ -83,7 +86,7 @@ PolicyConfig = GroundedConfig | MLPConfig
 
 @dataclass(frozen=True)
 class Plan:
-    """All that `fit` is told by a person."""
+    """The settings of a run."""
 
     run: RunConfig
     collector: CollectorConfig
@@ -106,7 +109,7 @@ def read_plan(config: Any) -> Plan:
 
 
 def workers(config: CollectorConfig, runs: int = 1) -> int:
-    """How many processes collect, each in as many of the worlds. runs: by how many runs the cores are shared."""
+    """How many processes collect, each an equal share of the worlds. runs: number of runs that share the cores."""
     most = max(1, cores() // runs)
     return config.workers or next(count for count in range(most, 0, -1) if config.worlds % count == 0)
 

@@ -1,4 +1,4 @@
-"""A point in a box that is told a colour: the contract of the real environments, without any physics."""
+"""A point in a box and an instruction that names a colour: the contract of the real environments, without physics."""
 
 from __future__ import annotations
 
@@ -85,13 +85,13 @@ class FakeEnv(EnvBase):
 
     def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:
         """As if the colour had been named whose place each episode came nearest to, where that is another one."""
-        tales = []
+        relabelled = []
         for frames in episodes:
             places, hand = frames["objects"][..., :3], frames["next", "robot"][:, :3]
             nearest = (places[-1] - hand[-1]).norm(dim=-1).argmin()
             if nearest != frames["privileged", "referent"][0]:
-                tales.append(_told(frames, *judged(places, hand, nearest.expand(len(frames))), nearest))
-        return tales
+                relabelled.append(_relabelled(frames, *judged(places, hand, nearest.expand(len(frames))), nearest))
+        return relabelled
 
     def _observe(
         self, success: torch.Tensor, wrong: torch.Tensor, at_goal: torch.Tensor, reward: torch.Tensor
@@ -142,7 +142,7 @@ def judged(places: torch.Tensor, hand: torch.Tensor, referent: torch.Tensor) -> 
     return success, wrong, success.float() - 0.1 * wanted
 
 
-def _told(frames, success, wrong, reward, referent) -> TensorDictBase:
+def _relabelled(frames, success, wrong, reward, referent) -> TensorDictBase:
     """The frames (T,) with another referent, up to where they end."""
     over = (success | wrong).flatten().nonzero()
     count = int(over[0]) + 1 if len(over) else len(frames)

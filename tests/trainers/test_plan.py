@@ -14,7 +14,7 @@ ROOM = Path(__file__).parents[2] / "trainers"
 
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
-def test_every_yaml_is_a_plan(algo, policy):
+def test_every_yaml_is_read(algo, policy):
     assert plan(algo, policy).algo.name == algo
 
 
@@ -24,7 +24,7 @@ def test_values_are_checked_before_torch_is_loaded():
 
 
 @pytest.mark.parametrize("path", sorted(ROOM.glob("*.py")), ids=lambda path: path.stem)
-def test_trainers_know_no_other_room(path):
+def test_trainers_import_no_environment_language_or_human(path):
     for node in ast.walk(ast.parse(path.read_text())):
         names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
         names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
@@ -45,7 +45,7 @@ def test_trainers_know_no_other_room(path):
         ("collector.workers=3", "collector.worlds=8 cannot be shared evenly by collector.workers=3"),
     ],
 )
-def test_a_bad_value_is_named(override, message):
+def test_a_wrong_value_is_named(override, message):
     with pytest.raises(ConfigError, match=message.replace("[", r"\[")):
         read_plan(config(overrides=(override,)))
 

@@ -20,14 +20,14 @@ def after(reward, terminated, truncated):
 
 
 @pytest.mark.parametrize("truncated", [True, False])
-def test_advantages_by_hand(truncated):
+def test_advantages_equal_those_computed_by_hand(truncated):
     """Three steps, the second of which ends an episode. Values 1, 2, 3; next values 2, 10 (the end), 4."""
     value, next_value = torch.tensor([1.0, 2, 3]).reshape(1, 3, 1), torch.tensor([2.0, 10, 4]).reshape(1, 3, 1)
     ends, none = [False, True, False], [False] * 3
     step = after([0.5, 1.0, 0.0], none if truncated else ends, ends if truncated else none)
     advantage, target = advantages(step, value, next_value, GAMMA, LMBDA)
     last = 0.0 + GAMMA * 4 - 3
-    ended = 1.0 + (GAMMA * 10 if truncated else 0.0) - 2  # time running out is not the end of the world
+    ended = 1.0 + (GAMMA * 10 if truncated else 0.0) - 2  # truncation bootstraps
     first = 0.5 + GAMMA * 2 - 1 + GAMMA * LMBDA * ended
     torch.testing.assert_close(advantage.flatten(), torch.tensor([first, ended, last]))
     torch.testing.assert_close(target, advantage + value)
@@ -48,27 +48,27 @@ def batch_of(policy):
 
 
 @pytest.mark.parametrize("weight", [0.0, 1.0])
-def test_grounding_is_taught_only_when_asked(weight):
+def test_the_grounding_loss_is_computed_only_with_a_weight(weight):
     policy, ppo = learner(f"algo.grounding_weight={weight}", "algo.epochs=30", "algo.anneal_lr=false")
     measured = ppo.update(batch_of(policy), 0.0)
     assert ("grounding/accuracy" in measured) == bool(weight)
     assert set(measured) <= set(ppo.metrics)
 
 
-def test_without_the_grounding_loss_reward_still_reaches_the_words():
+def test_without_the_grounding_loss_the_actor_trains_the_words():
     policy, ppo = learner("algo.grounding_weight=0.0")
     before = policy.encoder.query_encoder.word_embedding.weight.clone()
     ppo.update(batch_of(policy), 0.0)
     assert not torch.equal(before, policy.encoder.query_encoder.word_embedding.weight)
 
 
-def test_the_rate_is_annealed():
+def test_the_learning_rate_is_annealed():
     policy, ppo = learner()
     assert ppo.update(batch_of(policy), 0.75)["lr"] == pytest.approx(0.25 * ppo.config.lr)
 
 
 @pytest.mark.parametrize("key", [("next", "reward"), "robot", ("next", "objects")])
-def test_a_number_that_is_none_stops_before_the_parameters_are_touched(key):
+def test_a_value_that_is_not_finite_stops_an_update_before_it_changes_parameters(key):
     policy, ppo = learner()
     batch, before = batch_of(policy), [p.clone() for p in ppo.parameters]
     batch[key].view(-1)[5] = float("inf")

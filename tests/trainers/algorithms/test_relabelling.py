@@ -1,4 +1,4 @@
-"""Episodes are put together whole, told again, and learned from."""
+"""Episodes are assembled, relabelled and learned from."""
 
 import pytest
 import torch
@@ -24,7 +24,7 @@ def batches():
         rollouts.close()
 
 
-def test_episodes_are_whole_and_never_mixed(batches):
+def test_episodes_are_whole_and_of_one_world(batches):
     whole = torch.cat(batches, 1)
     kept = Relabelling(None, 1.0)
     episodes = [episode for batch in batches for episode in kept.episodes(batch)]
@@ -40,7 +40,7 @@ def test_episodes_are_whole_and_never_mixed(batches):
     assert kept.unfinished.shape[1] <= 20
 
 
-def test_what_is_kept_is_not_the_batch_itself(batches):
+def test_kept_frames_do_not_share_memory_with_the_batch(batches):
     one, two, spoilt = Relabelling(None, 1.0), Relabelling(None, 1.0), [batch.clone() for batch in batches]
     expected = [episode.clone() for batch in batches for episode in one.episodes(batch)]
     found = []
@@ -51,7 +51,7 @@ def test_what_is_kept_is_not_the_batch_itself(batches):
 
 
 @pytest.mark.parametrize(("copies", "least", "most"), [(0.0, 0, 0), (0.5, 0.3, 0.7), (1.0, 1, 1), (2.0, 2, 2)])
-def test_so_many_copies_are_told(batches, copies, least, most):
+def test_each_episode_is_relabelled_the_configured_number_of_times(batches, copies, least, most):
     asked = []
     kept = Relabelling(lambda episodes, seed: asked.extend(episodes) or [], copies)
     ended = sum(int(batch["next", "done"].sum()) for batch in batches)
@@ -59,10 +59,10 @@ def test_so_many_copies_are_told(batches, copies, least, most):
     assert least * ended <= len(asked) <= most * ended
 
 
-def test_sac_remembers_what_was_told(batches):
+def test_relabelled_episodes_enter_replay_and_scenes(batches):
     env, small = make_env(8, 0), plan("sac")
     _, sac = build_algorithm(small, env.observation_spec, env.action_unit, relabel=env.hindsight)
-    expected = [tale for batch in batches for tale in Relabelling(env.hindsight, 1.0)(batch)]
+    expected = [episode for batch in batches for episode in Relabelling(env.hindsight, 1.0)(batch)]
     for batch in batches:
         sac.update(batch, 0.0)
     frames = sac.replay.frames[:]
@@ -78,7 +78,7 @@ def test_sac_remembers_what_was_told(batches):
     assert torch.equal(meant[:, 3:6].argmax(-1) + 3, scenes["instruction"][:, 2])
 
 
-def test_sac_learns_with_it(tmp_path):
+def test_sac_learns_with_relabelling(tmp_path):
     overrides = ["total_frames=5120", "algo.batch=64", "eval.episodes=60", "eval.interval=5120"]
     result = train(tmp_path, "sac", overrides=overrides)
     relabelled = [row["relabelled"] for row in read_metrics(tmp_path / "metrics.csv")]

@@ -21,13 +21,13 @@ def learned():
         rollouts.close()
 
 
-def test_the_likelihood_is_that_of_torchrl():
+def test_the_log_probability_is_that_of_tanhnormal():
     loc, scale = torch.randn(64, 3), torch.rand(64, 3) + 0.1
     action, log_prob = sample_tanh_normal(loc, scale)
     torch.testing.assert_close(log_prob.squeeze(-1), TanhNormal(loc, scale).log_prob(action), atol=1e-2, rtol=1e-3)
 
 
-def test_frozen_parameters_pass_gradients_on():
+def test_gradients_flow_through_frozen_parameters():
     weight, x = torch.ones(2, requires_grad=True), torch.ones(2, requires_grad=True)
     with frozen([weight]):
         y = (weight * x).sum()
@@ -37,7 +37,7 @@ def test_frozen_parameters_pass_gradients_on():
     assert weight.requires_grad
 
 
-def test_it_waits_learns_and_owes_no_step(learned):
+def test_gradient_steps_begin_after_learning_starts_and_keep_their_ratio_to_frames(learned):
     _, sac, batch = learned
     batch = batch.reshape(1, -1)
     assert sac.update(batch[:, :32], 0.0) == {"updates": 0.0}  # 64 frames are wanted first
@@ -49,7 +49,7 @@ def test_it_waits_learns_and_owes_no_step(learned):
     assert set(measured) <= set(sac.metrics)
 
 
-def test_each_loss_moves_its_own_parameters(learned):
+def test_each_loss_has_gradients_for_its_own_parameters_only(learned):
     policy, sac, batch = learned
     sac.replay.extend(batch)
     losses = sac.losses(sac.replay.sample(32))
@@ -58,12 +58,12 @@ def test_each_loss_moves_its_own_parameters(learned):
     sac.optimizer.zero_grad()
     losses["loss/actor"].backward()
     assert all(p.grad is None for p in sac.critic_parameters)
-    assert policy.encoder.query_encoder.word_embedding.weight.grad is None  # taught words learn from scenes alone
+    assert policy.encoder.query_encoder.word_embedding.weight.grad is None  # scenes alone train it
     assert policy.actor.net[0].weight.grad is not None
     assert sac.log_alpha.grad is None
 
 
-def test_words_that_nobody_teaches_are_learned_by_steering():
+def test_unsupervised_words_are_trained_by_the_actor_loss():
     env = make_env(8, 0)
     policy, sac = build_algorithm(
         plan("sac", overrides=("algo.grounding_weight=0.0",)), env.observation_spec, env.action_unit
@@ -74,14 +74,14 @@ def test_words_that_nobody_teaches_are_learned_by_steering():
     assert policy.encoder.query_encoder.word_embedding.weight.grad is not None
 
 
-def test_scenes_are_met_once_an_episode(learned):
+def test_each_episode_adds_one_scene(learned):
     _, sac, batch = learned
     sac.add_batch_scenes(batch[:, :8], [])
     sac.add_batch_scenes(batch[:, 8:], [])
     assert len(sac.grounding.scenes) == 8 + int(batch["next", "done"][:, :-1].sum())
 
 
-def test_the_end_by_time_is_worth_what_follows(learned):
+def test_a_truncated_frame_bootstraps_and_a_terminated_one_does_not(learned):
     _, sac, batch = learned
     sac.replay.extend(batch)
     frames = sac.replay.sample(64)
@@ -100,7 +100,7 @@ def test_the_end_by_time_is_worth_what_follows(learned):
     assert sac.losses(frames)["loss/critic"] > 1000.0
 
 
-def test_state_goes_round(learned):
+def test_state_dict_restores_the_temperature(learned):
     _, sac, batch = learned
     sac.update(batch, 0.0)
     state = {k: v.copy() if isinstance(v, dict) else v.clone() for k, v in sac.state_dict().items()}

@@ -34,7 +34,7 @@ def test_a_policy_reads_the_gesture_only_where_there_is_one(name, scenes):
 
 
 @pytest.mark.parametrize("name", ["grounded", "mlp"])
-def test_another_ray_is_answered_by_another_action(name, scenes):
+def test_another_ray_changes_the_action(name, scenes):
     spec, unit, known, _ = scenes
     torch.manual_seed(0)
     policy = build_policy(plan(policy=name).policy, spec, unit)
@@ -45,7 +45,7 @@ def test_another_ray_is_answered_by_another_action(name, scenes):
     assert not torch.equal(one, other)
 
 
-def test_how_an_object_lies_to_a_ray_is_what_pointing_says():
+def test_ray_features_agree_with_the_pointing_module():
     rng = np.random.default_rng(0)
     places, origin = rng.normal(size=(20, 5, 3)), rng.normal(size=(20, 3))
     direction = rng.normal(size=(20, 3))
@@ -58,12 +58,12 @@ def test_how_an_object_lies_to_a_ray_is_what_pointing_says():
     assert ((seen[..., 4] == 1) == (lies.along < 0)).all()
 
 
-def test_a_gesture_that_is_not_shown_says_nothing_of_any_object():
+def test_ray_features_are_zero_without_a_ray():
     gesture = torch.zeros(4, 7)
     assert (ray_features(torch.randn(4, 6, 3), gesture) == 0).all()
 
 
-def test_it_learns_to_weigh_words_and_finger_and_needs_both(scenes):
+def test_the_encoder_learns_to_combine_words_and_ray(scenes):
     spec, unit, known, fresh = scenes
     torch.manual_seed(0)
     policy = build_policy(plan(policy="grounded").policy, spec, unit)

@@ -1,4 +1,4 @@
-"""The arm is told what is in its way: the nearest object that could be knocked against, and is not meant."""
+"""The actor is given the nearest obstacle: an object that the arm could hit and that is not the referent."""
 
 from contextlib import closing
 
@@ -21,7 +21,7 @@ def scene():
         yield env.reset(), build_policy(plan(policy="grounded").policy, env.observation_spec, env.action_unit)
 
 
-def test_only_what_can_be_knocked_against_is_near_and_only_within_reach(scene):
+def test_only_obstacles_within_reach_are_near(scene):
     td, _ = scene
     rows, near = td["objects"], td["objects_near"]
     distance = rows[..., OFFSET][..., :3].norm(dim=-1)
@@ -32,20 +32,20 @@ def test_only_what_can_be_knocked_against_is_near_and_only_within_reach(scene):
     torch.testing.assert_close(near[could], 1 - distance[could] / NEAR, atol=1e-4, rtol=0)
 
 
-def test_the_obstacle_is_the_nearest_of_the_others(scene):
+def test_the_obstacle_is_the_nearest_object_other_than_the_referent(scene):
     td, policy = scene
-    told = td.clone()
-    policy.encoder.select_labelled(told)
+    labelled = td.clone()
+    policy.encoder.select_labelled(labelled)
     others = td["objects_near"].clone()
     others[torch.arange(8), td["privileged", "referent"]] = 0
     nearest, slot = others.max(1)
     row = policy.encoder.normalise(td["objects"])[torch.arange(8), slot]
     assert (nearest > 0).any()
-    torch.testing.assert_close(told["obstacle"][:, -1], nearest)
-    torch.testing.assert_close(told["obstacle"][:, :-1], row * nearest.unsqueeze(1))
+    torch.testing.assert_close(labelled["obstacle"][:, -1], nearest)
+    torch.testing.assert_close(labelled["obstacle"][:, :-1], row * nearest.unsqueeze(1))
 
 
-def test_nothing_in_the_way_is_all_zeros(scene):
+def test_without_an_obstacle_its_row_is_zero(scene):
     td, policy = scene
     td = td.clone()
     td["objects_near"].zero_()
@@ -54,7 +54,7 @@ def test_nothing_in_the_way_is_all_zeros(scene):
 
 
 @pytest.mark.parametrize("mode", [ExplorationType.RANDOM, ExplorationType.DETERMINISTIC])
-def test_what_is_in_the_way_reaches_the_arm(scene, mode):
+def test_the_actor_is_given_the_obstacle(scene, mode):
     td, policy = scene
     act = policy.act
     seen = td.select(*act.in_keys)

@@ -20,13 +20,13 @@ def make(env, policy="grounded", squash=False):
     return build_policy(plan(policy=policy).policy, env.observation_spec, env.action_unit, MoveBounds(squash=squash))
 
 
-def test_the_fake_environment_keeps_the_contract(env):
+def test_the_fake_environment_passes_check_env_specs(env):
     check_env_specs(env)
 
 
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 @pytest.mark.parametrize("squash", [False, True])
-def test_it_acts_on_what_anyone_may_see(env, policy, squash):
+def test_a_policy_acts_on_public_observations(env, policy, squash):
     act = make(env, policy, squash).act
     state = env.reset().select(*act.in_keys)
     assert not any("privileged" in key for key in act.in_keys)
@@ -38,7 +38,7 @@ def test_it_acts_on_what_anyone_may_see(env, policy, squash):
 
 
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
-def test_no_words_and_no_objects_are_still_numbers(env, policy):
+def test_actions_are_finite_without_words_and_objects(env, policy):
     state = env.reset()
     state["instruction"].zero_()
     state["objects_mask"].zero_()
@@ -48,7 +48,7 @@ def test_no_words_and_no_objects_are_still_numbers(env, policy):
 
 
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
-def test_what_is_masked_does_not_matter(env, policy):
+def test_masked_slots_do_not_change_the_context(env, policy):
     made, state = make(env, policy), env.reset()
     state["objects_mask"][:, 1] = False
     other = state.clone()
@@ -56,7 +56,7 @@ def test_what_is_masked_does_not_matter(env, policy):
     torch.testing.assert_close(made.encode(state)[made.context_key], made.encode(other)[made.context_key])
 
 
-def test_the_order_of_slots_does_not_matter(env):
+def test_the_order_of_slots_does_not_change_the_referent(env):
     made, state = make(env), env.reset()
     turned = state.clone()
     turned["objects"] = state["objects"].roll(1, 1)
@@ -64,24 +64,24 @@ def test_the_order_of_slots_does_not_matter(env):
     torch.testing.assert_close(state["attention_logits"].roll(1, 1), turned["attention_logits"])
 
 
-def test_the_order_of_words_does_matter(env):
+def test_the_order_of_words_changes_the_queries(env):
     ask = make(env).encoder.query_encoder
     one, other = torch.tensor([[1, 2, 3, 4, 0, 0]]), torch.tensor([[1, 2, 4, 3, 0, 0]])
     assert (ask(one) - ask(other)).abs().max() > 1e-3
 
 
-def test_repeated_sentences_are_encoded_once_and_alike(env):
+def test_repeated_sentences_get_the_same_queries(env):
     ask = make(env).encoder.query_encoder
     tokens = torch.randint(0, 6, (20, 6)).repeat(5, 1)
     torch.testing.assert_close(ask(tokens), ask.encode(tokens))
 
 
 @pytest.mark.parametrize(("policy", "attends"), [("grounded", True), ("mlp", False)])
-def test_only_a_policy_that_attends_can_be_taught_what_words_mean(env, policy, attends):
+def test_only_the_grounded_policy_attends(env, policy, attends):
     assert make(env, policy).attends == attends
 
 
-def test_attention_on_the_referent_is_right_and_costs_nothing(env):
+def test_the_grounding_loss_is_zero_for_attention_on_the_referent(env):
     state = make(env).encode(env.reset())
     state["attention_logits"] = 50.0 * torch.nn.functional.one_hot(state["privileged", "referent"], 3)
     loss, accuracy = grounding_loss(state)
@@ -91,7 +91,7 @@ def test_attention_on_the_referent_is_right_and_costs_nothing(env):
 
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
-def test_a_critic_without_privileges_reads_none_and_teaches_no_words(env, algo, policy):
+def test_an_unprivileged_critic_reads_no_goal_and_trains_no_words(env, algo, policy):
     small = plan(algo, policy, ("policy.privileged_critic=false",))
     made, learner = build_algorithm(small, env.observation_spec, env.action_unit)
     state = made.encode(env.reset().exclude("privileged"))
@@ -103,7 +103,7 @@ def test_a_critic_without_privileges_reads_none_and_teaches_no_words(env, algo, 
 
 
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
-def test_both_ends_of_a_step_are_encoded_as_each_alone(env, policy):
+def test_encode_transition_equals_encode_of_both_ends(env, policy):
     made, before, after = make(env, policy), env.reset(), env.reset()
     after["instruction"] = before["instruction"]
     alone = made.encode(before.clone())[made.context_key], made.encode(after.clone())[made.context_key]
@@ -113,7 +113,7 @@ def test_both_ends_of_a_step_are_encoded_as_each_alone(env, policy):
     assert not after[made.context_key].requires_grad
 
 
-def test_the_likelihood_of_what_was_drawn_is_that_of_the_surrogate(env):
+def test_the_log_probability_of_a_move_is_that_of_the_stochastic_actor(env):
     made = make(env)
     with torch.no_grad():
         state = made.act(env.reset())
@@ -122,7 +122,7 @@ def test_the_likelihood_of_what_was_drawn_is_that_of_the_surrogate(env):
     assert ((state["hold"] + state["move"]).clamp(-1, 1) == state["action"]).all()
 
 
-def test_a_mean_move_is_never_more_than_a_step_can_do(env):
+def test_a_mean_move_is_within_one_control_step(env):
     made, state = make(env), env.reset()
     with torch.no_grad():
         made.actor.net[-1].weight.mul_(1e4)

