@@ -255,7 +255,7 @@ class WorkspaceEnv(EnvBase):
     def eyes(self) -> NDArray[np.float64]:
         """(3,) between the eyes of the person who points, metres. Raises ConfigError if gesture.source=none."""
         if self._person is None:
-            raise ConfigError(f"gesture.source=none: nobody points in workspace={self.config.workspace.name}")
+            raise ConfigError(f"gesture.source=none: no person points in workspace={self.config.workspace.name}")
         return self._person.eyes
 
     @property

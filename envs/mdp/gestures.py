@@ -138,14 +138,18 @@ class Gestures:
         return self._difficulty
 
     def _measured(
-        self, rows: NDArray[np.int64], places: NDArray[np.float64], shown: NDArray[np.bool_], meant: NDArray[np.int64]
+        self,
+        rows: NDArray[np.int64],
+        places: NDArray[np.float64],
+        shown: NDArray[np.bool_],
+        referent: NDArray[np.int64],
     ) -> NDArray[np.float64]:
         """`measures` of these worlds alone, R of N."""
         each, raised = np.arange(len(rows)), self.rays[rows, 6:]
         origin = self.rays[rows, :3]
-        offset = places[each, meant] - origin
+        offset = places[each, referent] - origin
         apart = np.where(shown, ray_offsets(origin, offset, places).angle, np.inf)
-        apart[each, meant] = np.inf
+        apart[each, referent] = np.inf
         direction = np.where(raised > 0, self.rays[rows, 3:6], offset)
         ray = ray_offsets(origin, direction, (origin + offset)[:, None]).angle[:, 0]
         rival = np.minimum(apart.min(1), np.pi)

@@ -53,7 +53,7 @@ class PoolSpec:
 class ObjectPool:
     """The object bodies of one PyBullet client.
 
-    A body keeps its mobility for good. Bullet moves a body whose mobility changes to the end of its lists, and the
+    A body never changes its mobility. Bullet moves a body whose mobility changes to the end of its lists, and the
     same seed would give other bits than in a fresh world.
 
     bodies: all bodies. shown: the bodies of the current episode, in the order of its objects.
