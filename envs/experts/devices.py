@@ -105,7 +105,7 @@ class TurnExpert(DeviceExpert):
 
 
 def _flat(vectors: Array) -> Array:
-    """(N, 2) to (N, 3), none of it upwards."""
+    """Horizontal vectors (N, 3) of vectors (N, 2): z is 0."""
     return np.column_stack((vectors, np.zeros(len(vectors))))
 
 
