@@ -39,6 +39,7 @@ def read_env(config: Any) -> EnvConfig:
             raise ConfigError(f"{name} is missing: this config is older than the group; give {name}={default}")
     robot = read(RobotConfig, config["robot"], "robot")
     urdf_path(robot)
+    workspace = read(WorkspaceConfig, config["workspace"], "workspace")
     task = read(TaskConfig, config["task"], "task")
     if task.name not in TASKS:
         raise ConfigError(f"task.name={task.name} is not a task" + did_you_mean(task.name, TASKS))
@@ -47,7 +48,7 @@ def read_env(config: Any) -> EnvConfig:
     return EnvConfig(
         robot,
         read(ControlConfig, config["control"], "control"),
-        read(WorkspaceConfig, config["workspace"], "workspace"),
+        workspace if robot.reach is None else workspace.within_reach(robot.reach),
         task,
         read(PhysicsConfig, config["physics"], "physics"),
         read(GestureConfig, config["gesture"], "gesture"),

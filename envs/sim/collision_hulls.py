@@ -56,7 +56,7 @@ def _write(tree: Any, meshes: dict, urdf: Path, load: Load) -> Path:
             name = bullet.getJointInfo(body, link, client)[12].decode()
             for i, mesh in enumerate(meshes.get(name, ())):
                 hull = scratch() / f"{urdf.stem}_{name}_{i}.obj"
-                hull.write_text(_obj(_vertices(body, link, i, client)))
+                hull.write_text(obj(_vertices(body, link, i, client)))
                 mesh.set("filename", hull.name)
     finally:
         bullet.disconnect(client)
@@ -76,7 +76,7 @@ def _vertices(body: int, link: int, shape: int, client: int) -> list[list[float]
     return ((np.array(points) - position) @ rotation).tolist()
 
 
-def _obj(vertices: list[list[float]]) -> str:
+def obj(vertices: list[list[float]]) -> str:
     """The points as an OBJ file. Bullet takes the hull of what faces name, so each point is in one."""
     count = len(vertices)
     rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices]

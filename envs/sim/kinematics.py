@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.sim.prioritized_ik import prioritized_step
+
 Array = NDArray[np.float64]
 
 
@@ -20,6 +22,11 @@ def _cross(a: Array, b: Array) -> Array:
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
     u, v, w = b[..., 0], b[..., 1], b[..., 2]
     return np.stack((y * w - z * v, z * u - x * w, x * v - y * u), axis=-1)
+
+
+def _turn(rotation: Array, goal: Array) -> Array:
+    """(N, 3) the rotation vector from rotations (N, 3, 3) to goal (..., 3, 3), to first order."""
+    return 0.5 * _cross(rotation.transpose(0, 2, 1), np.swapaxes(goal, -1, -2)).sum(1)
 
 
 @dataclass(frozen=True)
@@ -35,10 +42,14 @@ class Kinematics:
 
     fixed: (J + 1, 4, 4) transforms from one joint's frame to the next (the last one to the gripper centre), at zero.
     axes: (J, 3) unit rotation axes in the joints' own frames. low, high, rest: (J,) radians.
+    position_first: whether the gripper tilts where the arm cannot have both position and orientation.
     """
 
-    def __init__(self, fixed: Array, axes: Array, low: Array, high: Array, rest: Array) -> None:
+    def __init__(
+        self, fixed: Array, axes: Array, low: Array, high: Array, rest: Array, position_first: bool = False
+    ) -> None:
         self.low, self.high, self.rest = low, high, rest
+        self._position_first = position_first
         self._axes = axes
         self._tool = fixed[-1]
         skew = np.zeros((len(axes), 3, 3))
@@ -96,7 +107,14 @@ class Kinematics:
         move = position - pose.position
         length = np.sqrt((move * move).sum(1, keepdims=True))
         move *= np.minimum(1.0, max_move / np.maximum(length, 1e-9))
-        turn = 0.5 * _cross(pose.rotation.transpose(0, 2, 1), np.swapaxes(rotation, -1, -2)).sum(1)
+        turn = _turn(pose.rotation, rotation)
+        if self._position_first:
+            limits = np.stack((self.low, self.high))
+            delta = prioritized_step(joints, jacobian, move, turn, limits, damping)
+            # Once more from there: such an arm is short, and the Jacobian good for less than a control step.
+            near, jacobian = self.jacobian(joints + delta)
+            move, turn = move + pose.position - near.position, _turn(near.rotation, rotation)
+            return delta + prioritized_step(joints + delta, jacobian, move, turn, limits, damping)
         task = np.concatenate((move, turn), axis=1)[..., None]
         transposed = jacobian.transpose(0, 2, 1)
         idle = 0.1 * (self.rest - joints)[..., None]

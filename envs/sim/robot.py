@@ -17,6 +17,7 @@ from conf.schema import Checked, ConfigError, did_you_mean, one_of, within
 from envs.sim.collision_hulls import lean
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.urdf_magnet import with_magnet
+from envs.sim.urdf_simplify import simplified
 from human.suppress_stdout import suppress_stdout
 
 
@@ -40,6 +41,14 @@ class RobotConfig(Checked):
     )  # radius and length of the cylinder that ends at the gripper centre, if any
     fingers: list[str]  # prismatic finger joints; empty for a magnet
     finger_opening: float = within(0, 0.2)  # of each finger, fully open
+    # Share of its error that a motor closes in a physics step. 0.3 closes 99 % of it in a control step; motors whose
+    # torque is too small for that overshoot, and need less.
+    gain: float = within(0.01, 1, default=0.3)
+    # x0, x1, y0, y1, z0, z1 in the workspace frame: where the gripper gets to. A workspace's gripper_box and
+    # object_area are cut to it. None: the arm reaches all of every workspace's gripper_box.
+    reach: list[float] | None = within(-2, 2, count=6, default=None)
+    # Whether the gripper tilts where the arm cannot reach a place pointing down: for arms of fewer than six joints.
+    position_first: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -133,7 +142,7 @@ class Robot:
             motors,
             bullet.POSITION_CONTROL,
             forces=list(forces),
-            positionGains=[0.3] * len(motors),  # closes 99 % of the error within a 12-step control step
+            positionGains=[self.config.gain] * len(motors),
             physicsClientId=self._client,
         )
         self._states = partial(bullet.getJointStates, self.body, motors, physicsClientId=self._client)
@@ -164,14 +173,13 @@ class Robot:
 
 def load(config: RobotConfig, client: int, visuals: bool, flags: int = 0, magnet: bool = False) -> int:
     """The URDF as a body of the client, its base fixed. Raises ConfigError where it does not load."""
-    path = urdf_path(config)
+    path = simplified(urdf_path(config), (*config.joints, *config.fingers))
     if visuals:
         flags |= bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES
     else:
         flags |= bullet.URDF_IGNORE_VISUAL_SHAPES
-        path = lean(
-            path, lambda scratch: _load_file(urdf_path(config), config, scratch, bullet.URDF_IGNORE_VISUAL_SHAPES)
-        )
+        whole = path
+        path = lean(whole, lambda scratch: _load_file(whole, config, scratch, bullet.URDF_IGNORE_VISUAL_SHAPES))
     if magnet and config.magnet:
         path = with_magnet(path, config.tip, tuple(config.tip_offset), tuple(config.approach), *config.magnet)
     return _load_file(path, config, client, flags)
@@ -201,7 +209,7 @@ def read_chain(config: RobotConfig) -> Kinematics:
     frames[-1] = frames[-1] @ _transform(config.tip_offset, [0, 0, 0, 1])
     steps = [frames[0], *(np.linalg.inv(a) @ b for a, b in itertools.pairwise(frames))]
     low, high, axes = (np.array([info[j][field] for j in arm]) for field in (8, 9, 13))
-    return Kinematics(np.array(steps), axes, low, high, np.array(config.rest))
+    return Kinematics(np.array(steps), axes, low, high, np.array(config.rest), config.position_first)
 
 
 def _index(names: list[str], name: str, key: str) -> int:

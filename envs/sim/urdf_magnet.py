@@ -9,6 +9,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from envs.sim.collision_hulls import scratch
+from envs.sim.urdf_simplify import resolved
 
 MASS = 0.1  # kg
 Numbers = tuple[float, ...]
@@ -20,7 +21,7 @@ def with_magnet(urdf: Path, link: str, end: Numbers, way: Numbers, radius: float
     the frame of `link`."""
     tree = ElementTree.parse(urdf)
     for mesh in tree.iter("mesh"):
-        mesh.set("filename", _found(str(mesh.get("filename")), urdf))
+        mesh.set("filename", resolved(str(mesh.get("filename")), urdf))
     root = tree.getroot()
     body = ElementTree.SubElement(root, "link", name="deixis_magnet")
     inertial = ElementTree.SubElement(body, "inertial")
@@ -41,12 +42,6 @@ def with_magnet(urdf: Path, link: str, end: Numbers, way: Numbers, radius: float
     pitch, yaw = math.atan2(math.hypot(way[0], way[1]), way[2]), math.atan2(way[1], way[0])
     ElementTree.SubElement(joint, "origin", xyz=" ".join(map(str, middle)), rpy=f"0 {pitch} {yaw}")
     return _written(tree, urdf)
-
-
-def _found(mesh: str, urdf: Path) -> str:
-    """The mesh's absolute place, looked for beside the URDF and above it, as Bullet does; else as it is."""
-    name = mesh.removeprefix("package://")
-    return next((str(folder / name) for folder in urdf.resolve().parents if (folder / name).is_file()), mesh)
 
 
 def _written(tree: Any, urdf: Path) -> Path:

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from conf.schema import Checked, ConfigError, one_of, within
 from human import Camera, HumanConfig
+
+AROUND = 0.02  # metres between objects and the end of a robot's reach, so that the gripper gets around them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +78,27 @@ class WorkspaceConfig(Checked):
         _check_box("object_area", self.object_area, 4)
         _check_box("gripper_box", self.gripper_box, 6)
         _check_box("bounds", self.bounds, 6)
+
+    def within_reach(self, reach: Sequence[float]) -> WorkspaceConfig:
+        """The workspace with object_area and gripper_box cut to what a robot reaches: (x0, x1, y0, y1, z0, z1).
+
+        Raises ConfigError where nothing is left.
+        """
+        inner = [round(edge + (-AROUND if i % 2 else AROUND), 6) for i, edge in enumerate(reach[:4])]
+        area, box = _common(self.object_area, inner), _common(self.gripper_box, reach)
+        for name, left in (("object_area", area), ("gripper_box", box)):
+            if any(low >= high for low, high in zip(left[::2], left[1::2], strict=True)):
+                raise ConfigError(
+                    f"workspace={self.name}: {name}={getattr(self, name)} is beyond the robot's reach={list(reach)}; "
+                    "choose another workspace or robot"
+                )
+        return replace(self, object_area=area, gripper_box=box)
+
+
+def _common(box: Sequence[float], other: Sequence[float]) -> list[float]:
+    """What two boxes have in common, in as many dimensions as the first has."""
+    pairs = enumerate(zip(box, other, strict=False))
+    return [min(pair) if i % 2 else max(pair) for i, pair in pairs]
 
 
 def _check_box(name: str, box: Sequence[float], length: int) -> None:

@@ -20,15 +20,27 @@ def options(group):
 
 
 ROBOTS, CONTROLS, TASKS = options("robot"), options("control"), options("task")
+ARMS = {robot: read_env(compose([f"robot={robot}"])).robot for robot in ROBOTS}
+LONG_ARMS = [robot for robot in ROBOTS if ARMS[robot].reach is None]  # reach all of every workspace
+UPRIGHT = [robot for robot in ROBOTS if not ARMS[robot].position_first]  # point down all over their gripper box
+EVERY_TASK = ["jaco", "kuka", "panda"]  # robots that are tested with every task; the others take turns
+WITH_ALL = ("nl_reach", "nl_pick_and_place")  # tasks with every robot
+DOES_NOT_FIT = [("so_arm", "nl_push")]  # the objects and the way that each must leave free need more room
 
 
 def covering(everywhere=TASKS):
-    """(robot, control, task): the tasks of `everywhere` with every robot, others with one each; controls in turn."""
+    """(robot, control, task): the tasks of `everywhere` with EVERY_TASK and one more robot, others with one robot.
+
+    Controls take turns.
+    """
     combinations = []
     for i, task in enumerate(TASKS):
-        robots = ROBOTS if task in everywhere else [ROBOTS[i % len(ROBOTS)]]
+        more = [robot for robot in ROBOTS if robot not in EVERY_TASK and (robot, task) not in DOES_NOT_FIT]
+        robots = [*EVERY_TASK, *(more if task in WITH_ALL else more[i % len(more) :][:1])]
+        if task not in everywhere:
+            robots = [EVERY_TASK[i % len(EVERY_TASK)]]
         combinations += [
-            (robot, CONTROLS[(i // len(ROBOTS) + ROBOTS.index(robot)) % len(CONTROLS)], task) for robot in robots
+            (robot, CONTROLS[(i // len(EVERY_TASK) + ROBOTS.index(robot)) % len(CONTROLS)], task) for robot in robots
         ]
     return combinations
 

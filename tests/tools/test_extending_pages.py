@@ -19,7 +19,7 @@ from conf.overrides import compose
 torch.set_num_threads(1)
 small = ["total_frames=128", "collector.workers=1", "collector.worlds=4", "eval.episodes=2", "eval.worlds=2"]
 small += ["eval.interval_episodes=2", "eval.video_episodes=0", "logger=[]", "task.max_steps=8"]
-result = train.run(compose(["robot=ur5", "task=hover", "algo=awr", "algo.minibatch=64", *small]), Path("run"))
+result = train.run(compose(["robot=ur10", "task=hover", "algo=awr", "algo.minibatch=64", *small]), Path("run"))
 assert result["frames"] == 128 and Path("run/checkpoints/last.pt").is_file()
 """
 

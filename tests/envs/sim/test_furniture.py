@@ -13,7 +13,7 @@ from torchrl.envs.utils import check_env_specs
 from conf.overrides import compose
 from conf.schema import ConfigError
 from envs import read_env
-from tests.helpers.env_cases import ROBOTS, act, differences, make, options, partial_reset
+from tests.helpers.env_cases import LONG_ARMS, act, differences, make, options, partial_reset
 
 WORKSPACES = options("workspace")
 CONFIGS = {name: read_env(compose([f"workspace={name}"])).workspace for name in WORKSPACES}
@@ -80,7 +80,7 @@ def test_a_closed_fitting_does_not_overlap_other_furniture(workspace, name):
 # ---- fittings -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("robot", LONG_ARMS)
 @pytest.mark.parametrize(("workspace", "name"), FITTINGS)
 def test_a_fitting_moves_when_pushed_stays_there_and_is_reset(workspace, name, robot):
     env = make(robot, "step", "reach", f"workspace={workspace}", "task.max_steps=500", worlds=3)

