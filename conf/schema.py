@@ -32,9 +32,9 @@ class RunError(RuntimeError):
     """A run that had to stop early. The text is the whole message, to be shown without a traceback."""
 
 
-def within(low: float, high: float = math.inf, count: int | None = None, default: Any = dataclasses.MISSING) -> Any:
+def within(low: float, high: float = math.inf, count: int | None = None) -> Any:
     """Declares a field: a number in [low, high], or a list or group of such numbers; count: the list's length."""
-    return dataclasses.field(default=default, metadata={"within": (low, high), "count": count})
+    return dataclasses.field(metadata={"within": (low, high), "count": count})
 
 
 def one_of(*choices: str) -> Any:
@@ -59,7 +59,7 @@ class Checked:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             name, value, count = field.name, getattr(self, field.name), field.metadata.get("count")
-            if count is not None and value is not None and len(value) != count:
+            if count is not None and len(value) != count:
                 raise ConfigError(f"{name}={value} must be {count} numbers")
             items = value if isinstance(value, list) else [value]
             named = value.items() if isinstance(value, dict) else ((None, item) for item in items)

@@ -48,7 +48,7 @@ def read_env(config: Any) -> EnvConfig:
     return EnvConfig(
         robot,
         read(ControlConfig, config["control"], "control"),
-        workspace if robot.reach is None else workspace.within_reach(robot.reach),
+        workspace.within_reach(robot.reach) if robot.reach else workspace,
         task,
         read(PhysicsConfig, config["physics"], "physics"),
         read(GestureConfig, config["gesture"], "gesture"),

@@ -43,12 +43,12 @@ class RobotConfig(Checked):
     finger_opening: float = within(0, 0.2)  # of each finger, fully open
     # Share of its error that a motor closes in a physics step. 0.3 closes 99 % of it in a control step; motors whose
     # torque is too small for that overshoot, and need less.
-    gain: float = within(0.01, 1, default=0.3)
+    gain: float = within(0.01, 1)
     # x0, x1, y0, y1, z0, z1 in the workspace frame: where the gripper gets to. A workspace's gripper_box and
-    # object_area are cut to it. None: the arm reaches all of every workspace's gripper_box.
-    reach: list[float] | None = within(-2, 2, count=6, default=None)
+    # object_area are cut to it. []: the arm reaches all of every workspace's gripper_box.
+    reach: list[float] = within(-2, 2)
     # Whether the gripper tilts where the arm cannot reach a place pointing down: for arms of fewer than six joints.
-    position_first: bool = False
+    position_first: bool
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -65,6 +65,9 @@ class RobotConfig(Checked):
             raise ConfigError(f"grippers={self.grippers} has no fingers: give fingers=[] and finger_opening=0")
         if len(self.magnet) not in (0, 2):
             raise ConfigError(f"magnet={self.magnet} must be a radius and a length, or [] for none that is seen")
+
+        if len(self.reach) not in (0, 6):
+            raise ConfigError(f"reach={self.reach} must be 6 numbers (x0, x1, y0, y1, z0, z1), or [] for no limit")
 
     def reaching(self) -> RobotConfig:
         """As it begins where nothing is to be moved: with its fingers, if any, beside its way, and none ahead."""

@@ -21,7 +21,7 @@ def options(group):
 
 ROBOTS, CONTROLS, TASKS = options("robot"), options("control"), options("task")
 ARMS = {robot: read_env(compose([f"robot={robot}"])).robot for robot in ROBOTS}
-LONG_ARMS = [robot for robot in ROBOTS if ARMS[robot].reach is None]  # reach all of every workspace
+LONG_ARMS = [robot for robot in ROBOTS if not ARMS[robot].reach]  # reach all of every workspace
 UPRIGHT = [robot for robot in ROBOTS if not ARMS[robot].position_first]  # point down all over their gripper box
 EVERY_TASK = ["jaco", "kuka", "panda"]  # robots that are tested with every task; the others take turns
 WITH_ALL = ("nl_reach", "nl_pick_and_place")  # tasks with every robot
