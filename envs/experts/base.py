@@ -1,6 +1,6 @@
-"""What scripted experts have in common: they are told which object is meant and where it is to go, and see all else.
+"""The base class of scripted experts: they know the referent, the target and the simulation's state.
 
-Few keep anything in mind: what they do follows from what is now.
+Most have no memory: their action follows from the present state.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from envs.workspace_env import WorkspaceEnv
 Array = NDArray[np.float64]
 Slots = NDArray[np.int64]
 
-HOVER = 0.10  # metres above a place at which a gripper travels, so that nothing is pushed aside
+HOVER = 0.10  # metres above a place at which a gripper travels, so that it pushes nothing aside
 OVER = 0.015  # metres beside a place that count as over it
 UP = np.array([0.0, 0.0, 1.0])
 
 
 class Expert(ABC):
-    """Call it like a policy: it sets "action" (N, A), and knows from the environment what is meant."""
+    """A callable like a policy: it writes "action" (N, A), and reads referent and target from the environment."""
 
     def __init__(self, env: WorkspaceEnv) -> None:
         self._env, self._rows = env, np.arange(len(env.gripper))
@@ -34,13 +34,13 @@ class Expert(ABC):
 
     @abstractmethod
     def act(self, referent: Slots, target: Slots) -> Tensor:
-        """The action (N, A) for each world's referent and target (N,); a target that is the referent is none."""
+        """The action (N, A) for each world's referent and target (N,); a target equal to the referent means none."""
 
     def _place(self, slots: Slots) -> Array:
-        """(N, 3) where the objects of these slots (N,) are, metres."""
+        """(N, 3) positions of the objects in these slots (N,), metres."""
         return self._env.state.objects[self._rows, slots]
 
 
-def either(which: NDArray[np.bool_], these: Array, those: Array) -> Array:
-    """(N, 3) these where which (N,), else those."""
+def choose_rows(which: NDArray[np.bool_], these: Array, those: Array) -> Array:
+    """(N, 3) rows of `these` where which (N,) is true, else of `those`."""
     return np.where(which[:, None], these, those)

@@ -1,4 +1,4 @@
-"""Press, switch and turn: over to where a device is operated from, down, and on until it is operated."""
+"""Press, switch and turn: move above the place to operate a device from, down, and on until it is operated."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from envs.experts.base import OVER, Array, Expert, Slots, either
+from envs.experts.base import OVER, Array, Expert, Slots, choose_rows
 from envs.experts.registry import register_expert
 from envs.sim.devices import DEVICES, facing
 from envs.tasks.geometry import length
@@ -16,7 +16,7 @@ from envs.tasks.operate import Operate
 from envs.workspace_env import WorkspaceEnv
 
 ABOVE = 0.13  # metres above the table at which a gripper travels: over every device
-ENOUGH = 0.92  # share of its way at which a device is left alone
+ENOUGH = 0.92  # share of its range at which the expert stops
 STEP = 0.015  # metres that a handle is pushed in a control step
 BEHIND = 0.046  # metres from the middle of a handle at which a gripper goes down beside it
 LOW = 0.004  # metres below the middle of a handle at which it is pushed: a wide flange passes over it
@@ -33,10 +33,10 @@ class DeviceExpert(Expert):
     def act(self, referent: Slots, target: Slots) -> Tensor:
         state, task = self._env.state, self._env.task
         assert isinstance(task, Operate)
-        way = task.ways(state)[self._rows, referent]
+        way = task.travel(state)[self._rows, referent]
         place, turn = self._place(referent), state.quaternions[self._rows, referent]
         done = np.abs(way) >= ENOUGH
-        return self._env.towards(either(done, self._env.gripper, self._operate(place, turn, way)))
+        return self._env.towards(choose_rows(done, self._env.gripper, self._operate(place, turn, way)))
 
     @abstractmethod
     def _operate(self, place: Array, turn: Array, way: Array) -> Array:
@@ -50,7 +50,7 @@ class DeviceExpert(Expert):
         down = gripper + offset * np.minimum(1.0, SLOWLY / np.maximum(length(offset), 1e-9))[:, None]
         travel, up = start.copy(), gripper.copy()
         travel[:, 2] = up[:, 2] = ABOVE
-        return either(over, down, either(gripper[:, 2] > ABOVE - 0.03, travel, up))
+        return choose_rows(over, down, choose_rows(gripper[:, 2] > ABOVE - 0.03, travel, up))
 
 
 @register_expert("press")
@@ -74,7 +74,7 @@ class SwitchExpert(DeviceExpert):
         aside = offset - along[:, None] * ahead
         pushing = (np.abs(along + BEHIND) < 0.035) & (length(aside[:, :2]) < ASIDE) & (offset[:, 2] < REACHED)
         onward = self._env.gripper - aside + STEP * ahead
-        return either(pushing, onward, self._down(level - BEHIND * ahead))
+        return choose_rows(pushing, onward, self._down(level - BEHIND * ahead))
 
 
 @register_expert("turn")
@@ -96,7 +96,7 @@ class TurnExpert(DeviceExpert):
         ring = np.abs(length(offset[:, :2]) - self._radius) < ASIDE
         pushing = ring & (behind > 0.4) & (behind < 1.6) & (offset[:, 2] < REACHED)
         angle = np.where(pushing, ahead - side * LEAD, side * APART)
-        return either(pushing, self._round(centre, out, angle), self._down(self._round(centre, out, angle)))
+        return choose_rows(pushing, self._round(centre, out, angle), self._down(self._round(centre, out, angle)))
 
     def _round(self, centre: Array, out: Array, angle: NDArray[np.float64]) -> Array:
         """(N, 3) on the peg's circle, at this angle (N,) from the peg."""

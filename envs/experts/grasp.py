@@ -1,25 +1,25 @@
-"""Grasp and lift: take hold of the referent, keep it, and take it up."""
+"""Grasp and lift: grip the referent, hold it, and raise it."""
 
 from __future__ import annotations
 
 from torch import Tensor
 
-from envs.experts.base import Array, Slots, either
+from envs.experts.base import Array, Slots, choose_rows
 from envs.experts.place import Fetch
 from envs.experts.registry import register_expert
 from language import LIFTED
 
-MORE = 0.03  # metres that it is lifted beyond what is asked
+MORE = 0.03  # metres that it is lifted beyond what success requires
 
 
 @register_expert("nl_grasp")
 class GraspExpert(Fetch):
-    """Takes hold of the referent, and stays."""
+    """Grips the referent, and stays."""
 
     def act(self, referent: Slots, target: Slots) -> Tensor:
         held = self._env.state.held == referent
         place, close = self._fetch(self._place(referent))
-        return self._env.towards(either(held, self._keep(), place), held | close)
+        return self._env.towards(choose_rows(held, self._keep(), place), held | close)
 
     def _keep(self) -> Array:
         """Where the gripper goes (N, 3) with what it holds."""
@@ -28,7 +28,7 @@ class GraspExpert(Fetch):
 
 @register_expert("nl_lift")
 class LiftExpert(GraspExpert):
-    """Takes hold of the referent, and goes up with it."""
+    """Grips the referent, and raises it."""
 
     def _keep(self) -> Array:
         place = self._env.gripper

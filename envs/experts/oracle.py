@@ -1,4 +1,4 @@
-"""The expert that is told nothing: it understands the words and the finger."""
+"""The expert without privileged information: it understands the sentence and the gesture."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from envs.workspace_env import WorkspaceEnv
 from human import NothingPointedAt, fuse, posterior, referring_phrase, visibility
 from language import Scene, parse
 
-CAMERA_DEG = 2.0  # how far a ray that is read from a picture strays
+CAMERA_DEG = 2.0  # error in degrees of a ray that is read from a picture
 
 
 class Oracle:
-    """Parses each sentence in the scene it was said in, weighs it with the finger, and does what both say.
+    """Parses each sentence in its scene, combines it with the gesture, and drives the expert to the result.
 
-    It reads nothing privileged, and knows how far the person's finger strays. It shows what understanding both fully
-    would come to.
+    It uses public observations only, and knows the error of the person's finger: the success of full understanding.
     """
 
     def __init__(self, env: WorkspaceEnv) -> None:
@@ -35,13 +34,13 @@ class Oracle:
         return tensordict.set("action", self._expert.act(*self._slots.T))
 
     def _news(self, rays: NDArray) -> NDArray[np.bool_]:
-        """(N,) which worlds begin an episode, or see another finger."""
+        """(N,) which worlds begin an episode, or observe another gesture."""
         moved = False if self._seen is None else (rays != self._seen).any(1)
         self._seen = rays
         return (self._env.elapsed == 0) | moved
 
     def _understood(self, world: int, objects: NDArray, shown: NDArray[np.bool_], ray: NDArray) -> tuple[int, int]:
-        """The slots of the referent, and of its target: itself where it has none."""
+        """The slots of the referent and of its target: the referent's own if there is none."""
         viewpoint, slots = self._env.config.task.viewpoint, np.flatnonzero(shown)
         scene = scene_of_rows(objects[shown], viewpoint, self._env.task.operates)
         sentence = self._env.sentence(world)
@@ -54,7 +53,7 @@ class Oracle:
         return int(slots[both[0]]), int(slots[both[-1]])
 
     def _shown(self, world: int, sentence: str, scene: Scene, ray: NDArray) -> int | None:
-        """The likeliest object by words and finger; None while a finger on its way shows nothing that they fit."""
+        """The most likely object by words and gesture; None while a moving finger points at nothing that they fit."""
         phrase = referring_phrase(sentence)
         try:
             return int(fuse(phrase, scene, self._weights(scene, ray)).argmax())
@@ -64,7 +63,7 @@ class Oracle:
             return int(fuse(phrase, scene, np.ones(len(scene))).argmax())
 
     def _weights(self, scene: Scene, ray: NDArray) -> NDArray[np.float64]:
-        """(K,) how likely each object is by what the person sees and shows, without the words."""
+        """(K,) the likelihood of each object by visibility and gesture, without the words."""
         gesture = self._env.config.gesture
         prior = visibility(self._env.eyes, scene.positions, self._env.config.task.object_size)
         if not ray[-1]:

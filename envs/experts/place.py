@@ -1,4 +1,4 @@
-"""Pick and place: take the referent up from above, carry it over its target, lower it and let go."""
+"""Pick and place: grip the referent from above, carry it over its target, lower and release it."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from envs.experts.base import HOVER, OVER, UP, Array, Expert, Slots, either
+from envs.experts.base import HOVER, OVER, UP, Array, Expert, Slots, choose_rows
 from envs.experts.registry import register_expert
 from envs.workspace_env import WorkspaceEnv
 
-GRASP = 0.012  # metres from where it is to grip, or to let go, at which a gripper does so
-PRESS = 0.005  # metres that a magnet goes deeper than to touch
+GRASP = 0.012  # metres from the place of a grip or release within which a gripper closes or opens
+PRESS = 0.005  # metres that a magnet goes below contact
 CARRY = 0.08  # metres above its target at which an object is carried
-OPENING = 3  # control steps until fingers no longer touch what they let go of
-THERE = 0.03  # metres from its target at which an object is left alone
+OPENING = 3  # control steps from the release until fingers no longer touch the object
+THERE = 0.03  # metres from its target within which an object counts as placed
 
 
 class Fetch(Expert):
-    """Takes hold of the referent."""
+    """Grips the referent."""
 
     def _fetch(self, thing: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Where the gripper goes (N, 3) to take hold of the object, and whether it closes (N,)."""
@@ -32,7 +32,7 @@ class Fetch(Expert):
 
 @register_expert("pick_and_place", "nl_pick_and_place")
 class PlaceExpert(Fetch):
-    """Picks the referent up, and lets go of it at its target.
+    """Picks the referent up, and releases it at its target.
 
     wait: control steps after the release until it rises.
     """
@@ -51,7 +51,7 @@ class PlaceExpert(Fetch):
         fetch, close = self._fetch(thing)
         carry, keep = self._carry(thing, goal)
         rise = self._env.gripper + np.where(self._released > self.wait, HOVER, 0.0)[:, None] * UP
-        place = either(there, rise, either(held, carry, fetch))
+        place = choose_rows(there, rise, choose_rows(held, carry, fetch))
         return self._env.towards(place, np.where(held, keep, close) & ~there)
 
     def _goal(self, target: Slots) -> Array:
@@ -63,7 +63,7 @@ class PlaceExpert(Fetch):
         offset = goal - thing
         over = np.linalg.norm(offset[:, :2], axis=1) < OVER
         low = thing[:, 2] < goal[:, 2] + CARRY / 2
-        aim = either(over | ~low, goal, thing)
+        aim = choose_rows(over | ~low, goal, thing)
         aim[:, 2] = np.where(over, goal[:, 2], goal[:, 2] + CARRY)
         keep = ~(over & (np.abs(offset[:, 2]) < GRASP))
         return self._env.gripper + aim - thing, keep

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from torch import Tensor
 
-from envs.experts.base import Array, Slots, either
+from envs.experts.base import Array, Slots, choose_rows
 from envs.experts.push import FREE, Pusher
 from envs.experts.registry import register_expert
 from envs.tasks.geometry import length
@@ -27,11 +27,11 @@ class PokeExpert(Pusher):
     def act(self, referent: Slots, target: Slots) -> Tensor:
         thing = self._place(referent)
         for i in np.flatnonzero(self._env.elapsed == 0).tolist():
-            self._stood[i], self._way[i] = thing[i], self._roomy(i, thing[i])
+            self._stood[i], self._way[i] = thing[i], self._freest_direction(i, thing[i])
         poked = length((thing - self._stood)[:, :2]) > FAR
-        return self._env.towards(either(poked, self._back(thing, self._way), self._push(thing, self._way, STEP)))
+        return self._env.towards(choose_rows(poked, self._back(thing, self._way), self._push(thing, self._way, STEP)))
 
-    def _roomy(self, i: int, thing: Array) -> Array:
+    def _freest_direction(self, i: int, thing: Array) -> Array:
         """(3,) the way in which world i's object and the gripper behind it are farthest from all else."""
         state, angles = self._env.state, np.arange(WAYS) * 2 * np.pi / WAYS
         ways = np.stack((np.cos(angles), np.sin(angles), np.zeros(WAYS)), axis=1)

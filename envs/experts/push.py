@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from envs.experts.base import HOVER, UP, Array, Expert, Slots, either
+from envs.experts.base import HOVER, UP, Array, Expert, Slots, choose_rows
 from envs.experts.registry import register_expert
 from envs.tasks.geometry import horizontal, length
 from envs.workspace_env import WorkspaceEnv
@@ -40,7 +40,7 @@ class Pusher(Expert):
         pushing, aside = self._pushing(thing, way)
         onward = self._env.gripper - STEER * aside + step * way
         onward[:, 2] = self._height
-        return either(pushing, onward, self._around(thing, way))
+        return choose_rows(pushing, onward, self._around(thing, way))
 
     def _pushing(self, thing: Array, way: Array) -> tuple[NDArray[np.bool_], Array]:
         """Whether the gripper is low behind the object (N,), and how far beside the line (N, 3)."""
@@ -57,7 +57,7 @@ class Pusher(Expert):
         high = gripper[:, 2] > HOVER - 0.02
         over = length((start - gripper)[:, :2]) < np.where(high, 0.005, 0.015)
         start[:, 2] = np.where(over, np.maximum(self._height, gripper[:, 2] - SINK), HOVER)
-        return either(over | high, start, self._back(thing, -horizontal(gripper - thing)))
+        return choose_rows(over | high, start, self._back(thing, -horizontal(gripper - thing)))
 
     def _back(self, thing: Array, way: Array) -> Array:
         """Where the gripper goes (N, 3) from the object that it touches: back, and then up.
@@ -66,7 +66,7 @@ class Pusher(Expert):
         """
         near = (length((self._env.gripper - thing)[:, :2]) < self._apart + CLEAR) & (not self._over)
         high = self._env.gripper[:, 2] > HOVER - 0.04
-        return self._env.gripper + either(near & ~high, -HOVER * way, HOVER * UP)
+        return self._env.gripper + choose_rows(near & ~high, -HOVER * way, HOVER * UP)
 
 
 @register_expert("push", "nl_push")
@@ -78,4 +78,4 @@ class PushExpert(Pusher):
         way = horizontal(goal - thing)
         pushing, _ = self._pushing(thing, way)
         there = length((goal - thing)[:, :2]) < np.where(pushing, THERE, FINE)
-        return self._env.towards(either(there, self._env.gripper, self._push(thing, way)))
+        return self._env.towards(choose_rows(there, self._env.gripper, self._push(thing, way)))

@@ -1,4 +1,4 @@
-"""Pick and rotate: take the referent up, turn it, put it down and let go."""
+"""Pick and rotate: pick the referent up, turn it, put it down and release it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from envs.experts.base import UP, Array, Slots, either
+from envs.experts.base import UP, Array, Slots, choose_rows
 from envs.experts.place import CARRY, GRASP, OPENING, Fetch
 from envs.experts.registry import register_expert
 from envs.workspace_env import WorkspaceEnv
@@ -36,7 +36,7 @@ class RotateExpert(Fetch):
         fetch, close = self._fetch(thing)
         carry, keep = self._carry(thing, turned, rest)
         rise = env.gripper + np.where(self._done > OPENING, GENTLY, 0.0)[:, None] * UP
-        place = either(done, rise, either(held, carry, fetch))
+        place = choose_rows(done, rise, choose_rows(held, carry, fetch))
         yaw = np.where(held | done, ANGLE, 0.0)
         return env.towards(place, np.where(held, keep, close) & ~done, yaw)
 

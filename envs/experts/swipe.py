@@ -1,11 +1,11 @@
-"""Swipe: take hold of the referent, draw it straight to its target, and let go."""
+"""Swipe: grip the referent, drag it straight to its target, and release it."""
 
 from __future__ import annotations
 
 import numpy as np
 from torch import Tensor
 
-from envs.experts.base import HOVER, UP, Slots, either
+from envs.experts.base import HOVER, UP, Slots, choose_rows
 from envs.experts.place import GRASP, THERE, Fetch
 from envs.experts.registry import register_expert
 from envs.tasks.geometry import length
@@ -15,7 +15,7 @@ STEP = 0.02  # metres in a control step: slower than it could, so that it keeps 
 
 @register_expert("swipe")
 class SwipeExpert(Fetch):
-    """Keeps what it draws on the table."""
+    """Keeps the dragged object on the table."""
 
     def act(self, referent: Slots, target: Slots) -> Tensor:
         thing, goal = self._place(referent), self._place(target)
@@ -25,5 +25,5 @@ class SwipeExpert(Fetch):
         fetch, close = self._fetch(thing)
         onward = self._env.gripper + (goal - thing) * np.minimum(1.0, STEP / np.maximum(left, 1e-9))[:, None]
         onward[:, 2] = self._env.gripper[:, 2] + (goal - thing)[:, 2]  # a gripper that closed too low does not lift
-        place = either(there, self._env.gripper + HOVER * UP, either(held, onward, fetch))
+        place = choose_rows(there, self._env.gripper + HOVER * UP, choose_rows(held, onward, fetch))
         return self._env.towards(place, np.where(held, left > GRASP, close) & ~there)

@@ -1,4 +1,4 @@
-"""Throw: take the referent up, run up to its target, and let go when it would fly there."""
+"""Throw: pick the referent up, accelerate towards its target, and release it where it would fly there."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from envs.experts.base import Array, Slots, either
+from envs.experts.base import Array, Slots, choose_rows
 from envs.experts.place import Fetch
 from envs.experts.registry import register_expert
 from envs.tasks.geometry import length
 from envs.tasks.throw import LANDED, SHORT
 from envs.workspace_env import WorkspaceEnv
 
-AT = 0.02  # metres from there that count as there
-FURTHER = 0.012  # metres further back that the next try begins to run: the same once more would fall short once more
-FOLLOW = 3  # control steps for which it goes on as fast: fingers that fell behind would be in the way
-SOONER = 0.005  # metres farther away than it must be that it lets go
-WINDOW = 1.2  # paces within which it lets go, or it would pass by that place between two of them
+AT = 0.02  # metres from the start of the run within which the run begins
+RUN_UP_STEP = 0.012  # further metres of run-up of each further try: the same run-up would fall short again
+FOLLOW = 3  # control steps after the release at the same speed: slower fingers would be in the way
+MARGIN = 0.005  # metres beyond the required distance at the release
+WINDOW = 1.2  # control steps' worth of distance within which it releases, so that no step skips the place
 
 
 class Style(NamedTuple):
@@ -62,7 +62,7 @@ class ThrowExpert(Fetch):
         landed = (self._env.task.memory[:, 0] > 0) & (length((goal - thing)[:, :2]) < LANDED)
         follow = ~held & (self._after <= FOLLOW)
         onward = self._env.gripper + self._style.stride * way * follow[:, None]
-        place = either(follow | landed, onward, either(held, carry, fetch))
+        place = choose_rows(follow | landed, onward, choose_rows(held, carry, fetch))
         return self._env.towards(place, np.where(held, ~self._letting_go, close & ~follow & ~landed))
 
     def _note(self, thing: Array, goal: Array, way: Array, held: NDArray[np.bool_]) -> None:
@@ -71,10 +71,10 @@ class ThrowExpert(Fetch):
         start = self._start(goal, way)
         self._running = held & ((self._running & (left > SHORT)) | (length(start - thing) < AT))
         left -= self._style.lead * pace
-        far = np.maximum(self._style.flight * pace, SHORT + SOONER + WINDOW * pace)
-        self._letting_go = held & (self._letting_go | (self._running & (left > SHORT + SOONER) & (left < far)))
+        far = np.maximum(self._style.flight * pace, SHORT + MARGIN + WINDOW * pace)
+        self._letting_go = held & (self._letting_go | (self._running & (left > SHORT + MARGIN) & (left < far)))
         self._after = np.where(held, 0, self._after + 1)
-        self._run[self._after == 1] += FURTHER
+        self._run[self._after == 1] += RUN_UP_STEP
         self._run[self._env.elapsed == 0] = self._style.run
         self._last = thing
 
@@ -90,4 +90,4 @@ class ThrowExpert(Fetch):
         up, run = thing.copy(), start.copy()
         up[:, 2] = self._style.height
         run[:, 1] = thing[:, 1] + self._style.stride * way[:, 1]
-        return either(self._running, run, either(thing[:, 2] < self._style.height / 2, up, start))
+        return choose_rows(self._running, run, choose_rows(thing[:, 2] < self._style.height / 2, up, start))

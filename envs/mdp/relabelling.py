@@ -1,7 +1,7 @@
 """Relabels episodes with the goal they achieved: hindsight experience replay, for places and for words.
 
 A see-through target touches nothing, and neither does a sentence. So a recorded episode would have gone the same way
-had its target stood where the object ended up, or had another object been named. `Task.retold` says what could have
+had its target stood where the object ended up, or had another object been named. `Task.relabel` says what could have
 been asked for. The sentence is generated for the changed scene, and the task itself evaluates what was recorded, so
 that rewards and terminations are defined once, and those that depend on the past are right as well.
 
@@ -79,7 +79,7 @@ class Relabeller:
         scene = scene_of_rows(rows[0, shown], self._task.config.viewpoint)
         fixed = ~scene.targets if not self._task.moves else ~scene.targets & ~states.movable[0, shown]
         try:
-            episode = self._task.retold(Placed(scene, np.zeros(len(scene)), fixed), _select_slots(states, shown), rng)
+            episode = self._task.relabel(Placed(scene, np.zeros(len(scene)), fixed), _select_slots(states, shown), rng)
         except LanguageError:
             return None
         if episode is None:

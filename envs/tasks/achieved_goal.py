@@ -1,4 +1,4 @@
-"""What an episode that moved objects can be said to have been for, once it is over."""
+"""Goals that a recorded episode achieved, for relabelling."""
 
 from __future__ import annotations
 
@@ -12,21 +12,26 @@ from envs.tasks.types import Array, State
 
 
 class AchievedGoal(NamedTuple):
-    """referent, target: numbers of objects; no target: nothing marks a place. places: (K, 3) metres, as all began."""
+    """referent, target: indices of objects; target None: no target. places: (K, 3) initial positions, metres."""
 
     referent: int
     target: int | None
     places: Array
 
 
-def meant_by(moments: State, moved: float, still: float, radius: float, rng: Generator) -> AchievedGoal | None:
-    """The object that was moved first, and a target where it came to be; None: that is what was meant anyway.
+def find_achieved_goal(
+    moments: State, moved: float, still: float, radius: float, rng: Generator
+) -> AchievedGoal | None:
+    """The object that was moved first, and a target where it came to rest; None if that is the original goal.
 
-    moments: of one episode, as `Task.retold` has them. moved: metres from where an object began that count as such.
-    still: metres a step below which it is at rest. radius: metres from a target that count as there.
+    A target that stands there already is kept; else a random one is moved there, at its own height, since no episode
+    has a target in the air.
 
-    A target that stands there already is named as it is; else one is put there, at its own height: in the air it would
-    ask for what no episode asks.
+    Args:
+        moments: The T + 1 states of one episode, as in `Task.relabel`.
+        moved: Metres from its initial position beyond which an object counts as moved.
+        still: Metres a step below which an object is at rest.
+        radius: Metres from a target within which an object is at the target.
     """
     referent = first_moved(moments, moved)
     if referent is None:
@@ -59,7 +64,7 @@ def _gone(moments: State, moved: float) -> NDArray[np.bool_]:
 
 
 def _when(moments: State, referent: int, gone: NDArray[np.bool_], still: float, rng: Generator) -> int:
-    """A moment after the object had been moved, at rest and let go of where there is such a one.
+    """A random step after the object had been moved; one at rest and released if there is any.
 
     This is the strategy "future" of hindsight experience replay, Andrychowicz et al. 2017 (arXiv:1707.01495).
     """

@@ -1,4 +1,4 @@
-"""What every task does alike: it draws episodes, with their words and fingers, and judges control steps."""
+"""The base class of tasks: a task draws episodes, with their sentences and gestures, and evaluates control steps."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from language import COLORS, MAX_WORDS, NOUNS, SHAPES, Instruction, LanguageErro
 
 T = TypeVar("T")
 TRIES = 200
-TURNS = (4, 16)  # control steps before which a finger that moves on does so
+SWITCH_STEPS = (4, 16)  # the control step before which a finger switches to another object lies in this range
 
 
-def loose(scene: Scene) -> Placed:
-    """The scene with nothing turned or held in place."""
+def unfixed(scene: Scene) -> Placed:
+    """The scene with no object rotated or fixed."""
     return Placed(scene, np.zeros(len(scene)), np.zeros(len(scene), bool))
 
 
@@ -39,16 +39,16 @@ class Task(ABC):
     terms: tuple[str, ...]
     columns: tuple[Column, ...] = ()
     kind_names: tuple[str, ...] = ("none",)
-    speaks = False  # are there words?
+    speaks = False  # does it have sentences?
     grips = False  # is closing the gripper one more number of the action?
     turns = False  # is turning the gripper about the vertical one as well?
-    lag = 0  # physics steps after its command that a gripper lets go
-    moves = False  # is it about where objects are, rather than the gripper?
+    lag = 0  # physics steps from the command to open until the gripper releases
+    moves = False  # does it move objects, rather than only the gripper?
     places = False  # is there a goal that the referent is to be brought to?
     real_goals = False  # are goals real objects, rather than see-through targets?
-    operates = False  # are its objects devices, whose handles they are known by?
+    operates = False  # are its objects devices? Their positions are those of their handles
     nouns: tuple[str, ...] = SHAPES  # what its objects can be
-    stages = 1  # how many stages can be told apart, whatever is meant
+    stages = 1  # number of stages that `stage` returns
 
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
@@ -78,35 +78,35 @@ class Task(ABC):
 
     @abstractmethod
     def _allocate(self, worlds: int) -> None:
-        """Make room for what is kept of each world from step to step."""
+        """Allocates what is kept of each world from step to step."""
 
     @abstractmethod
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
-        """Start these worlds' episodes anew, or go on with another referent."""
+        """Begins new episodes in these worlds, or continues with another referent."""
 
     @abstractmethod
     def step(self, state: State) -> Outcome:
-        """Judge one control step of all worlds."""
+        """Evaluates one control step of all worlds. The environment adds truncation."""
 
     def stage(self, state: State) -> NDArray[np.int64]:
-        """(N,) the stage that each world's episode is in; it tells nothing of what is meant."""
+        """(N,) the stage of each world's episode; independent of the referent and target."""
         return np.zeros(len(self._rows), np.int64)
 
     @property
     def memory(self) -> NDArray[np.float64]:
-        """(N, M) in [0, 1]: what success depends on that cannot be seen; for critics."""
+        """(N, M) in [0, 1]: what success depends on beside the observation; for privileged critics."""
         return np.zeros((len(self._rows), 0))
 
     def seen(self, state: State) -> NDArray[np.float64]:
-        """(N, K, C) what its `columns` hold of each object that is shown, and anything of the others."""
+        """(N, K, C) the values of `columns` of each shown object. Hidden slots are undefined."""
         return np.zeros((*state.shown.shape, 0))
 
-    def retold(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
-        """What an episode could have been asked to do, seeing what it did; None: nothing else than it was.
+    def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
+        """Relabels an episode with a goal that it achieved (HER); None if it achieved no other goal.
 
-        placed: its scene as it began. moments: the beginning and each control step after it in the place of worlds, and
-        the scene's K objects for slots. In the answer's scene targets alone may stand elsewhere: they touch nothing, so
-        all would have gone as it did. Raises LanguageError where that cannot be said.
+        placed: the scene at the beginning. moments: the T + 1 states of the episode in place of N worlds, with the
+        scene's K objects as slots. In the returned scene only see-through targets may stand elsewhere: nothing touches
+        them, so the episode's physics stays the same. Raises LanguageError if no sentence names the goal.
         """
         return None
 
@@ -117,7 +117,7 @@ class Task(ABC):
 
     @property
     def bodies(self) -> tuple[int, int, int]:
-        """How many objects an episode shows at most that are free, fixed, and see-through."""
+        """The largest numbers of free, fixed and see-through objects in an episode."""
         if self._layout is None:
             return self.config.num_objects, 0, self.config.num_targets
         specs = self._layout.specs
@@ -127,23 +127,23 @@ class Task(ABC):
 
     @property
     def devices(self) -> tuple[str, ...]:
-        """The nouns of the devices that an episode shows at most."""
+        """The nouns of the devices that an episode can show."""
         return ()
 
     def draw(self, rng: Generator) -> EpisodeSpec:
-        """A fresh episode for one world, with what the person shows in it. All chance comes from rng."""
-        return self._tried(lambda: self._pointed(self._draw(rng), rng))
+        """Draws an episode for one world, with its gesture. Deterministic given rng."""
+        return self._retry(lambda: self._pointed(self._draw(rng), rng))
 
     def each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
-        """One scene, and an episode for each of its objects that words or finger can tell from the others."""
-        return self._tried(lambda: self._each_in_turn(rng))
+        """One scene, and an episode for each of its objects that the words or the finger single out."""
+        return self._retry(lambda: self._each_in_turn(rng))
 
     def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
-        """The same, but raises Unreachable where the person cannot show one of them."""
+        """As `each_in_turn`, but raises Unreachable if the person cannot point at one of them."""
         return [self._pointed(self._draw(rng), rng)]
 
-    def _tried(self, draw: Callable[[], T]) -> T:
-        """What `draw` gives, once the person can show all that is in it."""
+    def _retry(self, draw: Callable[[], T]) -> T:
+        """The result of `draw`, repeated until the person can point at what it needs."""
         for _ in range(TRIES):
             try:
                 return draw()
@@ -153,12 +153,12 @@ class Task(ABC):
         raise ConfigError(f"task.name={self.config.name}: the person cannot point into workspace.object_area={area}")
 
     def _draw(self, rng: Generator) -> EpisodeSpec:
-        """The scene, its referent and the words. Raises Unreachable where the person cannot show it."""
+        """Draws scene, referent and sentence. Raises Unreachable if the person cannot point at the referent."""
         placed = self._placed(rng)
         return self._episode(placed, referent=0, kind=0, sentence="")
 
     def _pointed(self, episode: EpisodeSpec, rng: Generator) -> EpisodeSpec:
-        """The episode with a finger that shows the referent, and sometimes moves on to another."""
+        """The episode with a gesture at the referent, which sometimes switches to another object."""
         person = self._person
         if person is None:
             return episode
@@ -167,7 +167,7 @@ class Task(ABC):
         assert episode.gesture is not None
         if rng.random() >= person.config.switch or not episode.gesture.shown:
             return episode
-        other, at = self._elsewhere(episode, rng), int(rng.integers(*TURNS))
+        other, at = self._elsewhere(episode, rng), int(rng.integers(*SWITCH_STEPS))
         return episode if other is None else replace(episode, gesture_switch=GestureSwitch(at, *other))
 
     def _say(self, instruction: Instruction, rng: Generator) -> str:
@@ -182,19 +182,19 @@ class Task(ABC):
     def _episode(
         self, placed: Placed, referent: int, kind: int, sentence: str, gesture: Gesture | None = None
     ) -> EpisodeSpec:
-        """These objects, one of which is meant, with what the policy hears of the sentence."""
+        """The episode of these objects and this referent, with the sentence as the policy reads it."""
         heard = say(parse(sentence)) if sentence and self.config.rephrased else None
         return EpisodeSpec(placed.scene, referent, kind, sentence, heard, placed.yaw, placed.fixed, gesture)
 
     def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, Gesture] | None:
-        """Another object that the same words can mean, and how the person points at it; none: there is no other."""
+        """Another object that fits the same sentence, and a gesture at it; None if there is no other."""
         return None
 
     def _placed(self, rng: Generator) -> Placed:
-        """The listed objects where there are any, else a scene of the task's own."""
+        """The objects that the config lists if any, else a drawn scene."""
         if self._layout is None:
             scene = self._scene(rng)
-            return loose(scene)
+            return unfixed(scene)
         try:
             return self._layout.draw(rng, self.config.spacing)
         except LanguageError as error:

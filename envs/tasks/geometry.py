@@ -1,4 +1,4 @@
-"""Lengths and ways over the table, and where a held object can be."""
+"""Distances and straight paths over the table, and places for a held object."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from envs.tasks.types import Array, State
 from language import Placed, Scene
 
-CLEAR = 0.08  # metres between other objects and the way that one takes over the table
+CLEAR = 0.08  # metres that other objects are from the straight path of an object over the table
 AIR = 0.15  # metres above the table that a held object begins at most
 EDGE = 0.005  # metres about the border of a target in which an object lies there in part
-TRIES = 20  # to put a held object where no other one is
+TRIES = 20  # places drawn at most for a held object
 
 
 def length(vectors: Array) -> Array:
@@ -22,10 +22,9 @@ def length(vectors: Array) -> Array:
 
 
 def funnel(offset: Array, height: float, mouth: float) -> Array:
-    """(...,) metres to go from offset (..., 3) to the origin, from above, so that nothing on the way is pushed aside.
+    """(...,) metres from offset (..., 3) to the origin along a funnel, which approaches from above.
 
-    Metres beside it, and metres from the height that is wanted there: a metre for each metre further beside than
-    `mouth`, up to `height`.
+    Horizontal distance plus |z - z*|. z* rises 1:1 with the horizontal distance beyond `mouth`, capped at `height`.
     """
     beside = length(offset[..., :2])
     wanted = np.clip(beside - mouth, 0.0, height)
@@ -33,29 +32,31 @@ def funnel(offset: Array, height: float, mouth: float) -> Array:
 
 
 def horizontal(vectors: Array) -> Array:
-    """(..., 3) unit vectors in the same direction over the table."""
+    """(..., 3) unit vectors of the horizontal parts."""
     flat = vectors * [1.0, 1.0, 0.0]
     return flat / np.maximum(length(flat), 1e-9)[..., None]
 
 
-def beside(places: Array, starts: Array, ends: Array) -> Array:
-    """Metres from places to the straight ways from starts to ends, all (..., 2 or 3)."""
+def distance_to_segment(places: Array, starts: Array, ends: Array) -> Array:
+    """(...,) metres from places to the segments from starts to ends, all (..., 2 or 3)."""
     way, offset = ends - starts, places - starts
     along = (offset * way).sum(-1) / np.maximum((way * way).sum(-1), 1e-9)
     return length(offset - np.clip(along, 0.0, 1.0)[..., None] * way)
 
 
-def clear_ways(placed: Placed) -> bool:
-    """Whether each real object could go straight to each target, no other one within `CLEAR` of its way."""
+def paths_are_clear(placed: Placed) -> bool:
+    """Whether no object is within `CLEAR` of the straight path of another one to a target."""
     targets = placed.scene.targets
     places, goals = placed.scene.positions[~targets, :2], placed.scene.positions[targets, :2]
-    apart = beside(places[None, None], places[:, None, None], goals[None, :, None])  # object, target, other
+    apart = distance_to_segment(
+        places[None, None], places[:, None, None], goals[None, :, None]
+    )  # object, target, other
     itself = np.eye(len(places), dtype=bool)[:, None]
     return bool((itself | (apart >= CLEAR)).all())
 
 
-def lying(state: State, radius: float) -> Array:
-    """(N, K) whether objects lie at a target: 0 or 1, or between them within `EDGE` of its radius, metres."""
+def share_at_goal(state: State, radius: float) -> Array:
+    """(N, K) 1 for objects at a target, 0 for others, and linear within `EDGE` metres of the target's radius."""
     apart = length(state.objects[:, :, None] - state.objects[:, None])
     pairs = state.movable[:, :, None] & state.goals[:, None]
     return np.clip((radius + EDGE - np.where(pairs, apart, np.inf).min(2)) / (2 * EDGE), 0.0, 1.0)
@@ -64,9 +65,9 @@ def lying(state: State, radius: float) -> Array:
 def lifted(
     scene: Scene, referent: int, target: int | None, area: Sequence[float], size: float, spacing: float, rng: Generator
 ) -> Scene | None:
-    """The scene with the referent in the air where no other object is; None where no place was found.
+    """The scene with the referent in the air away from all other objects; None if no place was found.
 
-    That is somewhere on a line from over the table to its target: some of the way is left, or little.
+    The place lies on a line from a random place above the table to the target.
     area: x0, x1, y0, y1. size: of objects. All in metres.
     """
     x0, x1, y0, y1 = area
@@ -77,11 +78,11 @@ def lifted(
         places += rng.random((TRIES, 1)) * (scene.positions[target] - places)
     for place in places:
         if (np.linalg.norm((others - place)[:, :2], axis=1) >= spacing).all():
-            return put(scene, referent, place)
+            return with_object_at(scene, referent, place)
     return None
 
 
-def put(scene: Scene, index: int, place: NDArray[np.float64]) -> Scene:
+def with_object_at(scene: Scene, index: int, place: NDArray[np.float64]) -> Scene:
     """The scene with one object at another place (3,)."""
     positions = scene.positions.copy()
     positions[index] = place

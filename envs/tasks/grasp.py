@@ -1,4 +1,4 @@
-"""Grasp: take hold of an object."""
+"""Grasp: grip an object and hold it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from envs.tasks.types import NOTHING, Array, State
 class Grasp(Manipulation):
     """ "grasp the red cube".
 
-    Success: the referent is held for `hold_steps` steps. Another object held for as long is the wrong one.
+    Success: the referent is held for `hold_steps` steps. Another object held for as long is the wrong object.
     Potentials: approach (metres from gripper to object, negative; 0 while it is held) and grasp (1 while it is held).
     """
 

@@ -1,4 +1,4 @@
-"""Lift: take an object up into the air, and hold it there."""
+"""Lift: grip an object, raise it, and hold it there."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Lift(Grasp):
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         super()._reset_memory(worlds, state)
-        taken = state.held == state.referent  # an episode that begins with it in the air
+        taken = state.held == state.referent  # an episode that begins with the object held
         stood = np.where(taken, self.config.object_size / 2, self._referent(state)[:, 2])
         self._stood[worlds] = stood[worlds]
 

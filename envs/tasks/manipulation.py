@@ -1,4 +1,4 @@
-"""What tasks that move objects have in common: what is to go where, and what counts as having spoilt it."""
+"""Common goal, failure and reward logic of the tasks that move objects."""
 
 from __future__ import annotations
 
@@ -11,29 +11,31 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError
-from envs.tasks.achieved_goal import meant_by
-from envs.tasks.geometry import length, lifted, put
+from envs.tasks.achieved_goal import find_achieved_goal
+from envs.tasks.geometry import length, lifted, with_object_at
 from envs.tasks.referring import ReferringTask
 from envs.tasks.types import NOTHING, Array, EpisodeSpec, GripperStart, Outcome, State, TaskConfig
 from human import Person
 from language import VERBS, Instruction, Placed, Scene
 
-DISTURBED = 0.05  # metres that another object is moved before it counts as the wrong one
+DISTURBED = 0.05  # metres by which another object must be moved to count as the wrong object
 NEAR = 0.1  # metres at which a gripper is near an object
 STILL = 0.002  # metres in a control step below which an object is at rest
-SCENES = 1000  # to draw one that fits
-OVER = np.array([[-0.04, -0.04, 0.06], [0.04, 0.04, 0.12]])  # from where to its object a gripper begins that is near it
+SCENES = 1000  # scenes drawn at most until one is feasible
+# Bounds in metres of the offset of a gripper that begins near its object, from where it would hold the object.
+NEAR_OFFSETS = np.array([[-0.04, -0.04, 0.06], [0.04, 0.04, 0.12]])
 
 
 class Manipulation(ReferringTask):
-    """The referent is one of the real objects, and where there are targets, one of them tells where it goes.
+    """The referent is a real object. If the task has goals, one of them is where the referent goes.
 
-    Without kinds of sentences there are no words: one object, and one target at most. Another object moved by
-    `DISTURBED` ends the episode as the wrong object; the referent left at another target, as the wrong target. Where
-    `fails`, something else can spoil it for good, and that ends the episode as well.
+    A goal is a see-through target or, with `real_goals`, another real object. Without kinds of sentences there are no
+    words: one object, and one target at most. An episode ends as `wrong_object` once another object has moved by
+    `DISTURBED`, as `wrong_target` once the referent was left at another goal, and, if the task `fails`, as `failed`
+    once success has become impossible in another way.
 
-    Reward terms are differences of potentials, but for the ends of episodes and the time: what is gained on the way
-    to something is lost on the way back, so that going to and fro pays nothing.
+    All reward terms except those for the ends of episodes and for time are differences of potentials (potential-based
+    shaping, Ng et al. 1999), so a cycle of states earns nothing.
     """
 
     potentials: tuple[str, ...]  # the names of what `_potentials` returns
@@ -82,11 +84,11 @@ class Manipulation(ReferringTask):
 
     @abstractmethod
     def _potentials(self, state: State) -> dict[str, Array]:
-        """How far each stage is done, (N,) each: higher is nearer to the goal."""
+        """(N,) each: the potentials by name. Higher is nearer to success."""
 
     @abstractmethod
     def _at_goal(self, state: State) -> NDArray[np.bool_]:
-        """(N,) whether all is as it should be; for `hold_steps` steps running, that is success."""
+        """(N,) whether the goal is reached; for `hold_steps` consecutive steps, that is success."""
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         """Resets what a subclass remembers of these worlds' episodes."""
@@ -95,7 +97,7 @@ class Manipulation(ReferringTask):
         """Updates what a subclass remembers of all episodes, once a control step, before anything is evaluated."""
 
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
-        """Start these worlds' episodes anew, or go on with another referent."""
+        """Begins new episodes in these worlds, or continues with another referent."""
         self._begun[worlds] = state.objects[worlds]
         self._places[worlds] = state.objects[worlds]
         self._moved[worlds] = self._motion[worlds] = 0.0
@@ -141,27 +143,27 @@ class Manipulation(ReferringTask):
         return np.zeros(len(self._rows), bool)
 
     def _referent(self, state: State) -> Array:
-        """(N, 3) where the object is that is to be moved."""
+        """(N, 3) positions of the referents, metres."""
         return state.objects[self._rows, state.referent]
 
     def _goal(self, state: State) -> Array:
-        """(N, 3) the place where it is to go."""
+        """(N, 3) where the referents go, metres."""
         return self._goals(state)[self._rows, state.target]
 
     def _goals(self, state: State) -> Array:
-        """(N, K, 3) the place where an object goes that is brought to each slot's object."""
+        """(N, K, 3) where a referent goes whose goal is each slot's object, metres."""
         return state.objects
 
     def _disturbed(self, state: State) -> NDArray[np.bool_]:
-        """(N,) whether an object that was not meant has been moved."""
+        """(N,) whether an object other than the referent has been moved."""
         others = state.movable.copy()
         others[self._rows, state.referent] = False
-        if self.real_goals:  # a task says itself how far its goals may be moved
+        if self.real_goals:  # the task itself bounds how far its goals may be moved
             others[self._rows, state.target] = False
         return np.any(others & (length(state.objects - self._begun) > DISTURBED), axis=1)
 
     def _misplaced(self, state: State) -> NDArray[np.bool_]:
-        """(N,) whether the referent has been brought to another target, and left there."""
+        """(N,) whether the referent has been brought to another goal, and left there."""
         if not self.places:
             return np.zeros(len(self._rows), bool)
         others = state.goals.copy()
@@ -173,9 +175,9 @@ class Manipulation(ReferringTask):
         return there.any(1) & moved & left
 
     def stage(self, state: State) -> NDArray[np.int64]:
-        """(N,) in [0, 3): on the way to something, holding something, and holding it beside a place that is marked.
+        """(N,) in [0, 3): moving to an object, holding one, and holding one beside a possible goal.
 
-        Where nothing is gripped, near an object instead of holding it. None of it depends on what is meant.
+        If the task does not grip, being near an object counts as holding it. Independent of the referent and target.
         """
         offset = state.objects - state.gripper[:, None]
         near = length(offset) < NEAR
@@ -187,17 +189,17 @@ class Manipulation(ReferringTask):
     # ---- drawing
 
     def _draw(self, rng: Generator) -> EpisodeSpec:
-        placed, nameable = self._drawn(rng)
+        placed, nameable = self._draw_scene(rng)
         target = self._one_of(self._possible_goals(placed) & nameable, rng) if self.places else None
         movable = self._movable(placed) & nameable
         if target is not None:
             movable[target] = False
         referent = self._one_of(movable, rng)
-        start, scene = self._started(placed, referent, target, rng)
+        start, scene = self._draw_start(placed, referent, target, rng)
         return replace(self.episode(placed._replace(scene=scene), referent, target, rng), start=start)
 
     def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
-        placed, nameable = self._drawn(rng)
+        placed, nameable = self._draw_scene(rng)
         movable = np.flatnonzero(self._movable(placed) & nameable).tolist()
         targets = np.flatnonzero(self._possible_goals(placed) & nameable).tolist() if self.places else [None]
         pairs = [(referent, target) for referent in movable for target in targets if referent != target]
@@ -217,25 +219,25 @@ class Manipulation(ReferringTask):
     def _placed(self, rng: Generator) -> Placed:
         for _ in range(SCENES):
             placed = super()._placed(rng)
-            if self._fits(placed):
+            if self._is_feasible(placed):
                 return placed
         raise ConfigError(
             f"task.name={self.config.name} does not fit its {self.config.slots} objects into "
             f"workspace.object_area={list(self._area)}: take fewer, or list some that leave the way free"
         )
 
-    def _fits(self, placed: Placed) -> bool:
-        """Whether whatever could be asked in this scene can be done."""
+    def _is_feasible(self, placed: Placed) -> bool:
+        """Whether every referent and target of this scene can be asked for."""
         return True
 
-    def retold(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
-        """An object that was moved is named, and a target that stands, or could have stood, where it came to be."""
-        told = meant_by(moments, DISTURBED, STILL, self.config.radius, rng)
+    def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
+        """Names an object that was moved, and a target where it came to rest, moved there if none stood there."""
+        told = find_achieved_goal(moments, DISTURBED, STILL, self.config.radius, rng)
         if told is None:
             return None
         return self.episode(placed._replace(scene=placed.scene.moved(told.places)), told.referent, told.target, rng)
 
-    def _drawn(self, rng: Generator) -> tuple[Placed, NDArray[np.bool_]]:
+    def _draw_scene(self, rng: Generator) -> tuple[Placed, NDArray[np.bool_]]:
         if self.speaks:
             return self._nameable_scene(rng)
         placed = self._placed(rng)
@@ -245,7 +247,7 @@ class Manipulation(ReferringTask):
         return ~placed.scene.targets & ~placed.fixed
 
     def _possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
-        """(K,) what the referent can be brought to."""
+        """(K,) what could be the goal."""
         return placed.scene.targets != self.real_goals
 
     def _one_of(self, choices: NDArray[np.bool_], rng: Generator) -> int:
@@ -253,33 +255,33 @@ class Manipulation(ReferringTask):
             raise ConfigError(f"task.name={self.config.name} needs an object that can be moved, and named")
         return int(rng.choice(np.flatnonzero(choices)))
 
-    def _started(
+    def _draw_start(
         self, placed: Placed, referent: int, target: int | None, rng: Generator
     ) -> tuple[GripperStart | None, Scene]:
-        """Where the gripper begins, by the curriculum, and the scene as it then is."""
+        """Where the gripper begins by the curriculum, and the scene with the referent moved accordingly."""
         curriculum, chance = self.config.curriculum, rng.random()
         if chance < curriculum.near:
-            return GripperStart(self._near(placed.scene, referent, target, rng), held=False), placed.scene
+            return GripperStart(self._near_offset(placed.scene, referent, target, rng), held=False), placed.scene
         held = chance < curriculum.near + curriculum.held
         scene = None
         if self.grips and held:
-            scene = self._lifted(placed.scene, referent, target, rng)
+            scene = self._held_scene(placed.scene, referent, target, rng)
         elif self.grips and target is not None and chance < curriculum.share:
-            scene = put(placed.scene, referent, self._placed_place(placed.scene, target))
+            scene = with_object_at(placed.scene, referent, self._goal_place(placed.scene, target))
         meant = [referent] if target is None else [referent, target]
         if scene is None or (self.speaks and not self._describer.nameable(scene)[meant].all()):
             return None, placed.scene
         return GripperStart(np.zeros(3), held), scene
 
-    def _placed_place(self, scene: Scene, target: int) -> Array:
+    def _goal_place(self, scene: Scene, target: int) -> Array:
         """(3,) where the referent lies once it has been brought to the target, metres."""
         return scene.positions[target]
 
-    def _near(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Array:
-        """(3,) from where a gripper would hold its object to where it begins near it, metres."""
-        return rng.random() * rng.uniform(*OVER)
+    def _near_offset(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Array:
+        """(3,) offset of a gripper that begins near its object, from where it would hold the object, metres."""
+        return rng.random() * rng.uniform(*NEAR_OFFSETS)
 
-    def _lifted(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
-        """The scene with the referent where the gripper is to hold it; None where no place was found."""
+    def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
+        """The scene with the referent where the gripper holds it; None if no free place was found."""
         config = self.config
         return lifted(scene, referent, target, self._area, config.object_size, config.spacing, rng)

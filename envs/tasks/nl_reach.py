@@ -1,4 +1,4 @@
-"""NL reach: several objects, and one sentence that names the one to reach."""
+"""NL reach: several objects, and a sentence that names the one to reach."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class NLReach(ReferringTask, Reach):
         kind = self.kind_names.index(instruction.kind)
         return self._episode(placed, referent, kind, sentence)
 
-    def retold(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
-        """Where the gripper ended at another object, that one is named."""
+    def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
+        """Names the object at which the gripper ended."""
         apart = np.linalg.norm(moments.objects[-1] - moments.gripper[-1], axis=1)
         nearest = int(apart.argmin())
         if apart[nearest] > self.config.radius or nearest == moments.referent[-1]:

@@ -1,4 +1,4 @@
-"""NL reach gesture: words that fit two objects, and a finger too coarse to tell neighbours apart."""
+"""NL reach gesture: words that fit two objects, and a finger too inaccurate to tell neighbours apart."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 
 from conf.schema import ConfigError, did_you_mean
-from envs.tasks.base import loose
+from envs.tasks.base import unfixed
 from envs.tasks.object_layout import groups
 from envs.tasks.reach_gesture import ReachGesture
 from envs.tasks.registry import register_task
@@ -24,9 +24,9 @@ SHOWING = ("this", "that")
 class NLReachGesture(ReachGesture):
     """Two groups of objects stand apart, and in each the words ("that red one") fit exactly one.
 
-    So the words leave two, the finger one and its neighbours, and both together a single object. The groups are drawn
-    alike, and the one that is meant evenly from the two, or with `visibility` where one is hidden: nothing else tells
-    which it is. Objects 0 and 1 of a scene are those that the words fit.
+    So the words leave two candidates, the finger one object and its neighbours, and both together a single object. Both
+    groups are drawn alike, and the referent is drawn uniformly from the two candidates, or by `visibility` if one is
+    hidden, so nothing else tells it. Objects 0 and 1 of a scene are the candidates.
     """
 
     kind_names = tuple(SAID)
@@ -61,7 +61,7 @@ class NLReachGesture(ReachGesture):
 
     def _shown(self, scene: Scene, kind: str, sentence: str, referent: int, rng: Generator) -> EpisodeSpec:
         gesture = self._person.show(scene.positions[referent], rng)
-        return self._episode(loose(scene), referent, self.kind_names.index(kind), sentence, gesture)
+        return self._episode(unfixed(scene), referent, self.kind_names.index(kind), sentence, gesture)
 
     def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, Gesture] | None:
         other = 1 - episode.referent

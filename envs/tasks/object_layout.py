@@ -1,4 +1,4 @@
-"""Where objects are put at reset."""
+"""Random places of objects at reset."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def scatter(
 ) -> list[tuple[float, float, float]]:
     """`count` places in area (x0, x1, y0, y1), no two centres nearer than spacing; metres.
 
-    Throws darts, and starts again when the last ones find no room. Raises ConfigError where the area is too small.
+    Rejection sampling, restarted if too few of the candidates fit. Raises ConfigError if the area is too small.
     """
     x0, x1, y0, y1 = area
     for _ in range(TRIES):
@@ -58,7 +58,7 @@ def groups(
 def _around(
     rng: Generator, middle: Sequence[float], count: int, area: Sequence[float], spacing: float
 ) -> list[tuple[float, float]]:
-    """`count` places around a middle, none where darts find no room."""
+    """`count` places around a middle; empty if too few of the candidates fit."""
     x0, x1, y0, y1 = area
     placed: list[tuple[float, float]] = []
     for dx, dy in rng.uniform(-GROUP, GROUP, (20 * count, 2)).tolist():

@@ -1,4 +1,4 @@
-"""What tasks with devices have in common: one of several is pressed, switched or turned, and no other."""
+"""Common logic of the tasks with devices: one of several is pressed, switched or turned, and no other."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
 from human import Person
 from language import Placed
 
-OPERATED = 0.8  # share of its way at which a device is operated
-MEDDLED = 0.3  # share of its way at which another device counts as the wrong object
-ROOM = 0.05  # metres from the border of where objects are put to the handles: a gripper must get round them
+OPERATED = 0.8  # share of its range at which a device is operated
+OTHER_OPERATED = 0.3  # share of its range at which another device counts as the wrong object
+MARGIN = 0.05  # metres from the border of the object area to the handles, so that a gripper reaches every side
 
 
 class Operate(Manipulation):
-    """All objects are devices of one noun. Their places are those of their handles, turned as these are.
+    """All objects are devices of one noun. Their poses are those of their handles.
 
-    Success: the referent has gone `OPERATED` of its way, for `hold_steps` steps. Another device that has gone `MEDDLED`
-    of its way ends the episode as the wrong object.
+    Success: the referent has travelled `OPERATED` of its range, for `hold_steps` steps. Another device that has
+    travelled `OTHER_OPERATED` of its range ends the episode as `wrong_object`.
     Potentials: approach (metres from the gripper to where it operates the referent from, negative) and operate (the
-    share of what it must go that the referent has gone).
+    travelled share of what success requires).
     """
 
     noun: str
@@ -59,11 +59,11 @@ class Operate(Manipulation):
 
     @abstractmethod
     def _measure(self, state: State) -> Array:
-        """(N, K) how far each device is, metres or radians from anywhere."""
+        """(N, K) the joint value of each device, metres or radians, from any zero."""
 
     @abstractmethod
     def _from(self, state: State, place: Array) -> Array:
-        """(N, 3) where a gripper operates the referent from, whose handle is at place (N, 3)."""
+        """(N, 3) the position from which a gripper operates the referent, whose handle is at place (N, 3)."""
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
@@ -73,24 +73,24 @@ class Operate(Manipulation):
         self._zero[worlds] = self._measure(state)[worlds]
 
     def seen(self, state: State) -> Array:
-        return np.concatenate((facing(state.quaternions), self.ways(state)[..., None]), axis=2)
+        return np.concatenate((facing(state.quaternions), self.travel(state)[..., None]), axis=2)
 
-    def ways(self, state: State) -> Array:
-        """(N, K) in [-1, 1]: the share of its way that each device has gone."""
+    def travel(self, state: State) -> Array:
+        """(N, K) in [-1, 1]: the share of its range that each device has travelled."""
         gone = self._measure(state) - self._zero
         return np.clip(np.where(state.shown, gone / self._way, 0.0), -1.0, 1.0)
 
     def _gone(self, state: State) -> Array:
-        """(N,) the share of its way that the referent has gone, either way."""
-        return np.abs(self.ways(state)[self._rows, state.referent])
+        """(N,) the share of its range that the referent has travelled, in either direction."""
+        return np.abs(self.travel(state)[self._rows, state.referent])
 
     def _at_goal(self, state: State) -> NDArray[np.bool_]:
         return self._gone(state) >= OPERATED
 
     def _disturbed(self, state: State) -> NDArray[np.bool_]:
-        ways = np.abs(self.ways(state))
+        ways = np.abs(self.travel(state))
         ways[self._rows, state.referent] = 0.0
-        return np.any(ways >= MEDDLED, axis=1)
+        return np.any(ways >= OTHER_OPERATED, axis=1)
 
     def _potentials(self, state: State) -> dict[str, Array]:
         return {
@@ -98,21 +98,21 @@ class Operate(Manipulation):
             "operate": np.minimum(self._gone(state) / OPERATED, 1.0),
         }
 
-    def retold(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
-        """Nothing: an episode ends long before another device is operated."""
+    def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
+        """None: an episode ends before another device is operated."""
         return None
 
     # ---- drawing
 
     def _placed(self, rng: Generator) -> Placed:
-        """Devices that face anywhere."""
+        """Devices with random yaw."""
         placed = super()._placed(rng)
         positions = placed.scene.positions.copy()
         positions[:, 2] = DEVICES[self.noun].grip(self.config.object_size)[2]
         yaw = rng.uniform(-math.pi, math.pi, len(positions))
         return placed._replace(scene=placed.scene.moved(positions), yaw=yaw)
 
-    def _fits(self, placed: Placed) -> bool:
+    def _is_feasible(self, placed: Placed) -> bool:
         x0, x1, y0, y1 = self._area
         places = placed.scene.positions[:, :2]
-        return bool(((places >= [x0 + ROOM, y0 + ROOM]) & (places <= [x1 - ROOM, y1 - ROOM])).all())
+        return bool(((places >= [x0 + MARGIN, y0 + MARGIN]) & (places <= [x1 - MARGIN, y1 - MARGIN])).all())

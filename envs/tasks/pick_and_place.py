@@ -1,4 +1,4 @@
-"""Pick and place: take an object up, bring it to a place, and let go of it there."""
+"""Pick and place: pick an object up, carry it to its target, and release it there."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from envs.tasks.manipulation import Manipulation
 from envs.tasks.registry import register_task
 from envs.tasks.types import NOTHING, Array, State
 
-LIFT = 0.02  # metres over the table that an object must be held once to count as picked up
+LIFT = 0.02  # metres above the table at which a held object counts as picked up
 MOUTH = 0.02  # metres: a funnel's radius at its lower end
 ABOVE, OVER_ALL = 0.06, 0.09  # metres: heights of the funnels to the object, and with it over others to its target
 CLEAR = 0.08  # metres over the table up to which lifting is rewarded: what is held there passes over other objects
@@ -20,12 +20,12 @@ CLEAR = 0.08  # metres over the table up to which lifting is rewarded: what is h
 class PickAndPlace(Manipulation):
     """Such as "pick the green cube and place it to the same position as the transparent red cube".
 
-    Success: the referent has been picked up, lies within `radius` of its target, let go of, and at rest, for
-    `hold_steps` steps. Pushing it there is not enough.
-    Potentials: approach (metres that the gripper has to go to the object, along a funnel over it, negative; 0 while it
-    is held or placed), grasp (1 while it is held or placed), lift (the most that it has been held over the table, 1
-    being `CLEAR`), transport (metres that the object has to go to its target, along a higher funnel, negative) and
-    release (1 while it is placed: picked up, near its target, and let go of).
+    Success: the referent has been picked up, and lies within `radius` of its target, released and at rest, for
+    `hold_steps` steps. Pushing it there does not count.
+    Potentials: approach (metres from gripper to object along a funnel above it, negative; 0 while it is held or
+    placed), grasp (1 while it is held or placed), lift (the greatest height at which it has been held, in units of
+    `CLEAR`, at most 1), transport (metres from object to target along a higher funnel, negative) and release (1 while
+    it is placed: picked up, near its target, and released).
     """
 
     grips = True
@@ -33,16 +33,16 @@ class PickAndPlace(Manipulation):
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
-        self._raised = np.zeros(worlds)  # the most that the referent has been held over the table, in units of CLEAR
+        self._raised = np.zeros(worlds)  # the greatest height at which the referent has been held, in units of CLEAR
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
-        # Who begins with it has no need to lift it, nor who begins where it has been put.
+        # An episode that begins with the object held or placed requires no lifting.
         near = length(self._goal(state) - self._referent(state)) <= self.config.radius
         self._raised[worlds] = ((state.held == state.referent) | near)[worlds]
 
     @property
     def memory(self) -> NDArray[np.float64]:
-        """(N, 1) how far the referent has been picked up."""
+        """(N, 1) the greatest height at which the referent has been held, in units of `CLEAR`."""
         return self._raised[:, None]
 
     def _at_goal(self, state: State) -> NDArray[np.bool_]:

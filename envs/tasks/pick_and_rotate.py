@@ -1,4 +1,4 @@
-"""Pick and rotate: take an object up, turn it, and put it down again."""
+"""Pick and rotate: pick an object up, turn it, and put it down again."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class PickAndRotate(Manipulation):
     """ "pick the red cube and rotate it".
 
     Success: the referent has been picked up and stands on the table again, turned about the vertical by `TURNED` or
-    more from how it stood, let go of and at rest, for `hold_steps` steps.
+    more from its initial yaw, released and at rest, for `hold_steps` steps.
     Potentials: approach (metres from gripper to object, negative; 0 while it is held or done), grasp (1 while it is
     held or done), lift (1 once it has been picked up), turn (the share of `TURNED`) and release (1 while it is done:
-    picked up, turned, put down and let go of).
+    picked up, turned, put down and released).
     """
 
     grips = True

@@ -10,9 +10,9 @@ from envs.tasks.manipulation import Manipulation
 from envs.tasks.registry import register_task
 from envs.tasks.types import Array, State
 
-MOVED = 0.02  # metres at least that the object is displaced: more than an arm that brushes past it does
-PUSHED = 0.12  # ... and at most: further, and it has been pushed
-AWAY = 0.1  # metres between the centres of gripper and object: it has been withdrawn by 5 cm from where they touch
+MOVED = 0.02  # least displacement in metres: more than an arm that brushes past causes
+PUSHED = 0.12  # greatest displacement in metres: beyond it, the object has been pushed
+AWAY = 0.1  # metres between the centres of gripper and object at success: 5 cm from contact
 
 
 @register_task("poke", verb="poke")

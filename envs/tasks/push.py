@@ -1,4 +1,4 @@
-"""Push: move an object over the table to a place without ever holding it."""
+"""Push: move an object over the table to its target without gripping it."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from envs.tasks.geometry import clear_ways, horizontal, length, lying
+from envs.tasks.geometry import horizontal, length, paths_are_clear, share_at_goal
 from envs.tasks.manipulation import Manipulation
 from envs.tasks.registry import register_task
 from envs.tasks.types import Array, Column, State
 from language import Placed, Scene
 
-ROOM = 0.06  # metres from the border of where objects are put to those that are pushed: a gripper must get behind them
+MARGIN = 0.06  # metres from the border of the object area to pushed objects, so that a gripper fits behind them
 BEHIND = 0.02  # metres from an object's side to the centre of a gripper that is about to push it
 NEAR = 0.05  # metres further away that a gripper begins, at most, and above the object's middle
-FASTEST = 0.03  # metres in a control step that objects are seen to slide
-LOST = 0.02  # metres beyond that border at which no gripper gets behind them any more
-SLACK = 0.04  # metres that a gripper may be further behind: an object slides on ahead of one that pushes it
-# How high a gripper is wanted that is so far beside the place behind: what it pushes is in its way there. Metres.
+FASTEST = 0.03  # bound of the observed sliding in metres a control step
+LOST = 0.02  # metres beyond that border from which no gripper can push an object back
+SLACK = 0.04  # further metres that a gripper may be behind: pushed objects slide ahead of it
+# Height in metres of the gripper on its way to behind the object, by its horizontal distance: it must pass above.
 MOUTH, SLOPE, ABOVE = 0.015, 2.0, 0.08
 
 
@@ -26,8 +26,8 @@ MOUTH, SLOPE, ABOVE = 0.015, 2.0, 0.08
 class Push(Manipulation):
     """ "push the green cube to the same position as the transparent red cube".
 
-    Success: the referent lies within `radius` of its target, at rest, for `hold_steps` steps. Pushed to where nobody
-    can push it back from, it is lost, and the episode has failed.
+    Success: the referent lies within `radius` of its target, at rest, for `hold_steps` steps. The episode fails
+    once the referent is `LOST`: no gripper can push it back.
     Potentials: approach (metres that the gripper has to go, up, over and down, to the place behind the object, as seen
     from its target, negative; 0 once the object is there), transport (metres from object to target, negative) and rest
     (the share of `hold_steps` that it has lain there).
@@ -42,7 +42,7 @@ class Push(Manipulation):
     potentials = ("approach", "transport", "rest")
 
     def seen(self, state: State) -> Array:
-        return np.concatenate((self._moved[..., :2], lying(state, self.config.radius)[..., None]), axis=2)
+        return np.concatenate((self._moved[..., :2], share_at_goal(state, self.config.radius)[..., None]), axis=2)
 
     @property
     def memory(self) -> Array:
@@ -50,12 +50,12 @@ class Push(Manipulation):
         sliding = np.clip(0.5 + self._motion[:, :2] / (2 * FASTEST), 0.0, 1.0)
         return np.concatenate((self._lain()[:, None], sliding), axis=1)
 
-    def _fits(self, placed: Placed) -> bool:
-        return self._has_room(placed) and clear_ways(placed)
+    def _is_feasible(self, placed: Placed) -> bool:
+        return self._inside_margin(placed) and paths_are_clear(placed)
 
-    def _has_room(self, placed: Placed) -> bool:
+    def _inside_margin(self, placed: Placed) -> bool:
         x0, x1, y0, y1 = self._area
-        inner = np.array([[x0, y0], [x1, y1]]) + [[ROOM], [-ROOM]]
+        inner = np.array([[x0, y0], [x1, y1]]) + [[MARGIN], [-MARGIN]]
         places = placed.scene.positions[~placed.scene.targets, :2]
         return bool(((places >= inner[0]) & (places <= inner[1])).all())
 
@@ -98,7 +98,7 @@ class Push(Manipulation):
     def _behind(self) -> float:
         return self.config.object_size / 2 + BEHIND
 
-    def _near(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Array:
+    def _near_offset(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Array:
         """The gripper begins low behind the object."""
         assert target is not None
         way = horizontal(scene.positions[target] - scene.positions[referent])

@@ -15,7 +15,7 @@ class Reach(Task):
     """One object, no words.
 
     Success: the referent is the object nearest to the gripper, within `radius`, for `hold_steps` steps running.
-    As long at another object is a failure, so trying them all in turn never pays.
+    As long at another object ends the episode as `wrong_object`, so trying all objects in turn does not pay.
     Terms: progress (metres nearer to the referent than a step ago), success, wrong_object and time (1 each step).
     """
 
@@ -27,13 +27,13 @@ class Reach(Task):
         self._held_other = np.zeros(worlds, np.int64)
 
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
-        """Start these worlds' episodes anew, or go on with another referent."""
+        """Begins new episodes in these worlds, or continues with another referent."""
         self._distance[worlds] = self._distances(state)[worlds, state.referent[worlds]]
         self._held[worlds] = 0
         self._held_other[worlds] = 0
 
     def step(self, state: State) -> Outcome:
-        """Judge one control step of all worlds."""
+        """Evaluates one control step of all worlds."""
         distances = self._distances(state)
         nearest = distances.argmin(1)
         near = distances[self._rows, nearest] <= self.config.radius

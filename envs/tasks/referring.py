@@ -1,4 +1,4 @@
-"""Tasks in which a sentence tells what to do with which object, and where."""
+"""Tasks whose sentences refer to objects of the scene."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from human import Person
 from language import KINDS, Describer, Placed
 
 TRIES = 1000
-EVERYBODY = ("all", "train", "test_paraphrase")  # splits in which every object of a scene can be named
+WHOLE_SCENE_SPLITS = ("all", "train", "test_paraphrase")  # splits in which every object of a scene can be named
 
 
 class ReferringTask(Task):
-    """Scenes are drawn until every object in them can be named, and what is meant is then drawn evenly among them:
-    so nothing but the words tells which one it is. The splits test_composition and test_length, which can name but
-    few, draw evenly among those.
+    """Scenes are drawn until every object can be named; the referent is then drawn uniformly from them.
+
+    So only the words tell the referent. The splits test_composition and test_length name few objects, and draw
+    uniformly from those.
     """
 
     kind_names: tuple[str, ...] = KINDS
@@ -34,11 +35,11 @@ class ReferringTask(Task):
         self._describer = Describer(kinds or KINDS, self._split)
 
     def _nameable_scene(self, rng: Generator) -> tuple[Placed, np.ndarray]:
-        """A scene, and which of its objects can be named, (K,) bool."""
+        """A scene, and (K,) bool whether each of its objects can be named."""
         for _ in range(TRIES):
             placed = self._placed(rng)
             nameable = self._describer.nameable(placed.scene)
-            if nameable.all() if self.config.split in EVERYBODY else nameable.any():
+            if nameable.all() if self.config.split in WHOLE_SCENE_SPLITS else nameable.any():
                 return placed, nameable
         within = "" if self.config.split == "all" else f" in task.split={self.config.split}"
         raise ConfigError(

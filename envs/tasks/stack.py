@@ -7,7 +7,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from envs.tasks.achieved_goal import first_moved
-from envs.tasks.geometry import AIR, TRIES, length, put
+from envs.tasks.geometry import AIR, TRIES, length, with_object_at
 from envs.tasks.manipulation import DISTURBED
 from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.registry import register_task
@@ -41,7 +41,7 @@ class Stack(PickAndPlace):
         x, y = state.quaternions[self._rows, state.target, :2].T
         return moved | (1 - 2 * (x * x + y * y) < BASE_LEANS)
 
-    def retold(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
+    def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """The object that was put on top of another one is named, and that one as its base.
 
         Where nothing was stacked, an object that was moved is named in place of the referent, with any base.
@@ -57,7 +57,7 @@ class Stack(PickAndPlace):
             return None
         return self.episode(placed, *pair, rng)
 
-    def _lifted(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
+    def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
         """On a line from anywhere above the table to the top of the base, beside or above all objects."""
         assert target is not None
         x0, x1, y0, y1 = self._area
@@ -69,10 +69,10 @@ class Stack(PickAndPlace):
         for place in places:
             beside = length((others - place)[:, :2]) >= self.config.spacing
             if (beside | (place[2] >= others[:, 2] + size + CLEARANCE)).all():
-                return put(scene, referent, place)
+                return with_object_at(scene, referent, place)
         return None
 
-    def _placed_place(self, scene: Scene, target: int) -> Array:
+    def _goal_place(self, scene: Scene, target: int) -> Array:
         """(3,) the place on top of the base."""
         return scene.positions[target] + [0.0, 0.0, self.config.object_size]
 

@@ -1,4 +1,4 @@
-"""Throw: let go of an object in the air, so that it comes to rest at a place further on."""
+"""Throw: release an object in the air, so that it lands and comes to rest near its target."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from envs.tasks.manipulation import Manipulation
 from envs.tasks.registry import register_task
 from envs.tasks.types import NOTHING, Array, State
 
-SHORT = 0.15  # metres over the table from its target at which the object is let go of, at least
-HIGH = 0.03  # metres above the table, at least
-LANDED = 0.1  # metres from its target within which it comes to rest
+SHORT = 0.15  # least horizontal distance in metres from the target at the release
+HIGH = 0.03  # least height above the table in metres at the release
+LANDED = 0.1  # metres from the target within which the object must come to rest
 
 
 @register_task("throw", verb="throw")
 class Throw(Manipulation):
     """ "throw the red cube to the same position as the transparent blue cube".
 
-    Success: the referent, let go of in the air (`HIGH`) and `SHORT` of its target or further, lies within `LANDED` of
-    it, at rest, for `hold_steps` steps. Taken up again, it is no longer thrown.
+    Success: the referent, released in the air (`HIGH`) and at least `SHORT` from its target, lies within `LANDED` of
+    it, at rest, for `hold_steps` steps. If it is gripped again, it no longer counts as thrown.
     Potentials: approach (metres from gripper to object, negative; 0 while it is held or thrown), grasp (1 while it is
     held or thrown), lift (1 while it is held in the air or thrown), transport (metres over the table from object to
     where it counts as landed, negative) and release (1 while it is thrown).
     """
 
     grips = True
-    lag = 3  # an arm is fastest early in a control step, and all but stands as one begins
+    lag = 3  # an arm is fastest early in a control step, and nearly at rest at its beginning
     potentials = ("approach", "grasp", "lift", "transport", "release")
 
     def _allocate(self, worlds: int) -> None:

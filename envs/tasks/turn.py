@@ -23,7 +23,7 @@ class TurnWheel(Operate):
         ahead = facing(state.quaternions)
         return np.arctan2(ahead[..., 1], ahead[..., 0])
 
-    def ways(self, state: State) -> Array:
+    def travel(self, state: State) -> Array:
         gone = self._measure(state) - self._zero
         around = np.arctan2(np.sin(gone), np.cos(gone))
         return np.clip(np.where(state.shown, around / self._way, 0.0), -1.0, 1.0)

@@ -1,4 +1,4 @@
-"""What every task has in common: what it declares, what an episode starts from, what a step means."""
+"""Data types of the tasks: their config, drawn episodes, the state of all worlds, and the outcome of a step."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ class ObjectConfig(Checked):
             raise ConfigError(str(error)) from None
 
     def spec(self, size: float, role: str) -> ObjectSpec:
-        """The same, `size` metres wide, in this role where it names none."""
+        """As an ObjectSpec, `size` metres wide; role: if the config names none."""
         role = self.role or role
         return ObjectSpec(self.noun, self.color, self.area, size, self.fixed, self.random_rotation, role)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectsConfig(Checked):
-    """The objects that stand in every episode: init may be brought to goal. None listed: the task draws its own."""
+    """The objects of every episode: those of init may be brought to those of goal. Empty: the task draws them."""
 
     init: list[ObjectConfig]
     goal: list[ObjectConfig]
@@ -99,7 +99,7 @@ class ObjectsConfig(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class HeldOutConfig(Checked):
-    """What training never says, as in `language.HeldOut`."""
+    """Words and phrases that the split train never uses, as in `language.HeldOut`."""
 
     color_noun: list[list[str]]
     relation_noun: list[list[str]]
@@ -110,7 +110,7 @@ class HeldOutConfig(Checked):
         self.held_out()
 
     def held_out(self) -> HeldOut:
-        """The same, as the language knows it. Raises ConfigError."""
+        """As a `language.HeldOut`. Raises ConfigError."""
         for name in ("color_noun", "relation_noun"):
             for pair in getattr(self, name):
                 if len(pair) != 2:
@@ -124,7 +124,7 @@ class HeldOutConfig(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class CurriculumConfig(Checked):
-    """Shares of training episodes that begin nearer to their end; judged ones never do."""
+    """Shares of training episodes that begin nearer to success. Evaluations never use them."""
 
     near: float = within(0, 1)  # the gripper is just over the object
     held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
@@ -137,7 +137,7 @@ class CurriculumConfig(Checked):
 
     @property
     def share(self) -> float:
-        """Of all three."""
+        """The sum of the three shares."""
         return self.near + self.held + self.placed
 
 
@@ -154,12 +154,12 @@ class TaskConfig(Checked):
     min_objects: int = within(1, SLOTS)  # an episode shows this many to num_objects
     num_targets: int = within(0, SLOTS)  # see-through places, beside the objects
     nouns: list[str] = one_of(*NOUNS)  # what objects are drawn as
-    kinds: list[str] = one_of(*KINDS)  # of sentences; none: no words
+    kinds: list[str] = one_of(*KINDS)  # of sentences; empty: no words
     viewpoint: str = one_of(*VIEWPOINTS)  # whose left is left
-    split: str = one_of(*SPLITS)  # what of all that can be said is said
+    split: str = one_of(*SPLITS)  # which sentences are drawn
     held_out: HeldOutConfig
-    varied: bool  # said in all the words there are, not in our own alone
-    rephrased: bool  # the policy reads each sentence in our own words, after the parser
+    varied: bool  # sentences use every synonym and template, not only the first of each
+    rephrased: bool  # the policy reads each sentence as the parser repeats it
     radius: float = within(0.001, 1)
     hold_steps: int = within(1, 1000)
     max_steps: int = within(1, 100_000)
@@ -200,16 +200,16 @@ class TaskConfig(Checked):
 
     @property
     def slots(self) -> int:
-        """How many objects and targets an episode shows at most."""
+        """The largest number of objects and targets in an episode."""
         return self.num_objects + self.num_targets
 
     def says(self) -> Split:
-        """The split, with what it holds out. Raises LanguageError for one that has nothing to say."""
+        """The split, with what it holds out. Raises LanguageError if no sentence is left."""
         return Split(self.split, self.held_out.held_out())
 
 
 class Column(NamedTuple):
-    """One number that is seen of each object: what it is, with its unit, and within what bounds it is seen."""
+    """One number in the observation of each object: its name with its unit, and the bounds to which it is clipped."""
 
     name: str
     low: float
@@ -218,7 +218,7 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True)
 class EpisodeSpec:
-    """What one world starts from, a scene of K objects. Only the first K slots are shown."""
+    """What one world begins an episode with: a scene of K objects, the referent and the sentence."""
 
     scene: Scene  # its targets are see-through: they touch nothing, and stay where they are
     referent: int  # slot of the object that is meant
@@ -236,7 +236,7 @@ class EpisodeSpec:
 
 @dataclass(frozen=True)
 class GripperStart:
-    """The gripper begins at the referent. offset: (3,) metres from where it would hold it; held: it does so."""
+    """The gripper begins at the referent: offset (3,) metres from where it would hold it; held: whether it does."""
 
     offset: Array
     held: bool
@@ -244,7 +244,7 @@ class GripperStart:
 
 @dataclass(frozen=True)
 class GestureSwitch:
-    """The finger moves on to another object. at: the control step before which it does; referent: its slot."""
+    """The finger switches to another object. at: the control step before which it does; referent: its slot."""
 
     at: int
     referent: int
@@ -273,10 +273,10 @@ class State:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a control step came to, each (N,). terms: unweighted reward terms by name.
+    """Outcome of a control step, (N,) each. terms: unweighted reward terms by name.
 
-    wrong_target: the referent was brought to another target; None where a task knows none.
-    failed: success has become impossible in another way, and the episode ends; None where that cannot be.
+    wrong_target: the referent was brought to another target; None if the task has no targets.
+    failed: success has become impossible in another way, and the episode ends; None if the task cannot fail so.
     """
 
     terms: dict[str, Array]

@@ -55,7 +55,7 @@ def four(name):
     return task_of(name, *more, *["task.num_targets=2"] * (name in WITH_TARGETS))
 
 
-def fitting(task, state):
+def state_for(task, state):
     """The state without the targets where the task has none; where its goals are real, with objects for targets."""
     slots = task.config.slots
     if task.real_goals:
@@ -67,8 +67,8 @@ def fitting(task, state):
 def judged(name, moments):
     """The outcomes of these moments, one a step."""
     task = four(name)
-    task.reset(np.array([0]), fitting(task, moment()))
-    return [task.step(fitting(task, each)) for each in moments]
+    task.reset(np.array([0]), state_for(task, moment()))
+    return [task.step(state_for(task, each)) for each in moments]
 
 
 def ends(outcomes):

@@ -11,7 +11,7 @@ from conf.schema import ConfigError
 from envs.experts import expert
 from envs.mdp.object_rows import FACING, scene_of_rows, static_rows
 from envs.tasks import State
-from envs.tasks.operate import MEDDLED, OPERATED
+from envs.tasks.operate import OPERATED, OTHER_OPERATED
 from language import DEVICES, ground, parse
 from tests.helpers.env_cases import ROBOTS, Poker, act, differences, hold, make, partial_reset, task_of
 
@@ -21,14 +21,14 @@ WAY = -1  # the column of how far a device has gone
 LONG = ("task.hold_steps=1000", "task.max_steps=1000")
 
 
-def ways(td):
+def travel(td):
     """(N, K) how far each device has gone, either way."""
     return td["objects"][..., WAY].abs().numpy()
 
 
 def meant(td):
     """(N,) how far what is meant has gone."""
-    return ways(td)[range(len(td)), td["privileged", "referent"]]
+    return travel(td)[range(len(td)), td["privileged", "referent"]]
 
 
 def others(td):
@@ -106,10 +106,10 @@ def test_devices_stand_where_they_were_drawn_and_do_not_move(name):
         lasting = np.array(sorted(static_rows(episode.scene, episode.yaw)[:, :7].tolist()))
         np.testing.assert_allclose(rows[:, :3], lasting[:, :3], atol=1e-5)
         np.testing.assert_allclose(np.abs((rows * lasting)[:, 3:].sum(1)), 1.0, atol=1e-6)  # the same turns
-    assert (ways(td) == 0).all()
+    assert (travel(td) == 0).all()
     for _ in range(40):
         td = act(env, td, hold(env, td))
-    assert ways(td).max() < 1e-3
+    assert travel(td).max() < 1e-3
     env.close()
 
 
@@ -157,9 +157,9 @@ def test_another_device_ends_the_episode_as_the_wrong_object(name):
     assert wrong.any(0).all()
     assert not history["success"].any()
     for i, first in enumerate(wrong.int().argmax(0).tolist()):
-        gone = ways(history[first, i]).max()
-        assert gone >= MEDDLED
-        assert ways(history[first - 1, i]).max() < MEDDLED
+        gone = travel(history[first, i]).max()
+        assert gone >= OTHER_OPERATED
+        assert travel(history[first - 1, i]).max() < OTHER_OPERATED
     env.close()
 
 
@@ -173,11 +173,11 @@ def test_a_button_springs_back_and_other_devices_stay(name):
     if name == "press":
         assert meant(left).max() < 1e-3
     else:
-        assert (ways(away(env, left, 10)) == ways(left)).all()
-    assert (ways(left)[range(3), others(left)] < 1e-3).all()
+        assert (travel(away(env, left, 10)) == travel(left)).all()
+    assert (travel(left)[range(3), others(left)] < 1e-3).all()
     after = partial_reset(env, left, [1])
-    assert ways(after)[1].max() < 1e-6
-    assert (ways(after)[[0, 2]] == ways(left)[[0, 2]]).all()
+    assert travel(after)[1].max() < 1e-6
+    assert (travel(after)[[0, 2]] == travel(left)[[0, 2]]).all()
     env.close()
 
 
@@ -248,7 +248,7 @@ def test_a_seed_gives_the_same_bits_after_any_contact_and_for_any_number_of_worl
 
     env, other = made(2), made(3)
     fresh = poked(env)
-    assert len(np.unique(ways(fresh))) > 20  # else the test would say little
+    assert len(np.unique(travel(fresh))) > 20  # else the test would say little
     env.set_seed(6)
     operated(env, env.reset(), steps=45)
     env.set_seed(5)

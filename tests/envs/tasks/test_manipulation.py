@@ -12,10 +12,10 @@ from tests.helpers.manipulation_cases import (
     OTHER,
     THING,
     ends,
-    fitting,
     four,
     judged,
     moment,
+    state_for,
 )
 
 
@@ -37,9 +37,9 @@ def test_another_object_moved_by_5_cm_is_the_wrong_object(name):
 def test_evaluating_a_state_changes_no_memory(what):
     names, moments, _ = DONE[what]
     task = four(names[0])
-    task.reset(np.array([0]), fitting(task, moment()))
+    task.reset(np.array([0]), state_for(task, moment()))
     for each in moments:
-        state = fitting(task, each)
+        state = state_for(task, each)
         outcome, memory = task.step(state), pickle.dumps(vars(task))
         for _ in range(2):
             again = task._outcome(state)
@@ -62,9 +62,9 @@ def test_a_new_episode_forgets_what_was_done(name):
         if plain in [each.removeprefix("nl_") for each in names] and end == "success"
     )
     task = four(name)
-    first = fitting(task, moment())
+    first = state_for(task, moment())
     task.reset(np.array([0]), first)
-    assert [task.step(fitting(task, each)) for each in moments][-1].success[0]
+    assert [task.step(state_for(task, each)) for each in moments][-1].success[0]
     task.reset(np.array([0]), first)
     after = task.step(first)
     assert not after.success[0]
@@ -79,7 +79,7 @@ def test_going_to_and_fro_pays_nothing(name):
         moment(THING + 0.01 * rng.uniform(-1, 1, 3) * [1, 1, 0], gripper=AWAY + 0.1 * rng.uniform(-1, 1, 3))
         for _ in range(20)
     ]
-    task.reset(np.array([0]), fitting(task, moment()))
-    terms = [task.step(fitting(task, each)).terms for each in [*loop, moment()]]
+    task.reset(np.array([0]), state_for(task, moment()))
+    terms = [task.step(state_for(task, each)).terms for each in [*loop, moment()]]
     for term in task.potentials:
         assert sum(float(each[term][0]) for each in terms) == pytest.approx(0, abs=1e-9)

@@ -11,7 +11,7 @@ import pytest
 
 from envs.tasks import TASKS
 from language import LIFTED
-from tests.helpers.manipulation_cases import DONE, MOVING, fitting, four, judged, moment
+from tests.helpers.manipulation_cases import DONE, MOVING, four, judged, moment, state_for
 
 MOST = {"approach": 0, "grasp": 1, "lift": 1, "transport": 0, "release": 1, "rest": 1, "height": LIFTED, "turn": 1} | {
     "touch": 1,
@@ -30,10 +30,10 @@ def way_to_success(name):
 def lacking(name):
     """How much less than they could be all weighted potentials are at success, at worst."""
     task = four(name)
-    task.reset(np.array([0]), fitting(task, moment()))
+    task.reset(np.array([0]), state_for(task, moment()))
     for each in way_to_success(name):
-        task.step(fitting(task, each))
-    ends = {term: float(values[0]) for term, values in task._potentials(fitting(task, each)).items()}
+        task.step(state_for(task, each))
+    ends = {term: float(values[0]) for term, values in task._potentials(state_for(task, each)).items()}
     if "transport" in ends and name != "throw":
         ends["transport"] = -task.config.radius
     return sum(task.config.reward[term] * (MOST[term] - value) for term, value in ends.items())
@@ -56,10 +56,10 @@ def test_an_episode_that_is_spoilt_at_once_does_not_beat_one_that_finishes_at_la
 @pytest.mark.parametrize("name", MOVING)
 def test_potentials_never_exceed_the_most_that_they_are_said_to_be(name):
     task, rng = four(name), np.random.default_rng(0)
-    task.reset(np.array([0]), fitting(task, moment()))
+    task.reset(np.array([0]), state_for(task, moment()))
     for _ in range(300):
         place, gripper = rng.uniform([0.3, -0.3, 0.02], [0.6, 0.3, 0.3], (2, 3))
-        state = fitting(task, moment(place, held=int(rng.integers(-1, 2)), gripper=gripper, yaw=rng.uniform(-3, 3)))
+        state = state_for(task, moment(place, held=int(rng.integers(-1, 2)), gripper=gripper, yaw=rng.uniform(-3, 3)))
         task.step(state)
         assert all(values[0] <= MOST[term] + 1e-9 for term, values in task._potentials(state).items())
 

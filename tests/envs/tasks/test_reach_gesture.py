@@ -37,7 +37,7 @@ def phrase_of(sentence):
     return step.phrase
 
 
-def fitting(episode):
+def state_for(episode):
     """Which objects the words alone fit, (K,) bool."""
     return matches(replace(phrase_of(episode.sentence), determiner="the"), episode.scene)
 
@@ -62,7 +62,7 @@ def test_in_nl_reach_gesture_the_words_fit_two_objects_that_stand_apart_and_one_
     task, rng = task_of("nl_reach_gesture"), np.random.default_rng(0)
     for _ in range(200):
         episode = task.draw(rng)
-        fits = np.flatnonzero(fitting(episode))
+        fits = np.flatnonzero(state_for(episode))
         assert len(fits) == 2
         assert episode.referent in fits
         places = episode.scene.positions
@@ -77,7 +77,7 @@ def test_of_the_two_that_the_words_fit_nothing_but_the_finger_tells_which():
     task, rng, guesses, count = task_of("nl_reach_gesture"), np.random.default_rng(1), Counter(), 600
     for _ in range(count):
         episode = task.draw(rng)
-        places, fits = episode.scene.positions, np.flatnonzero(fitting(episode))
+        places, fits = episode.scene.positions, np.flatnonzero(state_for(episode))
         x, y = places[fits, 0], places[fits, 1]
         near = (np.linalg.norm(places[:, None] - places[fits], axis=2) < 0.12).sum(0)
         crowd = np.linalg.norm(places[:, None] - places[fits], axis=2).sum(0)
