@@ -14,6 +14,9 @@ def own_rhythm(t, i):
     return t % (47 + 7 * i) == 44
 
 
+BARE_FLANGES = ("ur5", "xarm7")  # without a magnet, which only gripping tasks have, nothing of theirs meets an object
+
+
 def poked(env, steps=STEPS):
     return rollout(env, steps, Poker(env), own_rhythm)
 
@@ -31,8 +34,9 @@ def moved(history):
 )
 def test_a_fresh_environment_gives_the_same_rollout_bit_for_bit(robot, control):
     histories = []
+    task = "nl_push" if robot in BARE_FLANGES else "nl_reach"
     for _ in range(2):
-        env = make(robot, control, "nl_reach", "task.hold_steps=60", worlds=2, seed=5)  # no end while it pushes
+        env = make(robot, control, task, "task.hold_steps=60", worlds=2, seed=5)  # no end while it pushes
         histories.append(poked(env))
         env.close()
     assert moved(histories[0]) > 0.002  # else the test would say little
