@@ -1,7 +1,7 @@
 """The parser: from a sentence to its meaning. The grammar is generated from the tables that `say` uses.
 
 A fixed phrase ("to the left of", "and place it", ", then") is one token. The longest phrase that fits is tried first;
-if the grammar does not accept it at this point, the next shorter one is tried.
+if the grammar does not accept it at this point, or the rest of the sentence, the next shorter one is tried.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ _AFTER_COMMA = {"then", "closing", "but"}  # categories whose phrases may includ
 _SLOTS = {OBJECT: "object", GOAL: "goal", BASE: "object"}
 _POSITIONED = ("the", "pointing", "it", "spot", "excluding")  # categories whose position in the sentence is kept
 _END = "$END"  # lark's name for the end of the sentence
+_RETRIES = 8  # shorter phrases that are tried in place of longer ones, after which the rest is not understood
 _LISTED = 12  # expected phrases that a message lists
 _GRAMMAR = """\
 start: _opening* _body _closing* _STOP*
@@ -60,22 +61,44 @@ def parse_words(sentence: str) -> Meaning:
 
     Raises NotUnderstood with the position at which the sentence leaves the grammar and the phrases accepted there.
     """
-    words = split(sentence)
-    grammar = _compile(lexicon())
+    words, grammar = split(sentence), _compile(lexicon())
+    refused: set[tuple[int, int]] = set()  # (word, length) of phrases after which no reading was found
+    first: NotUnderstood | None = None
+    for _ in range(1 + _RETRIES):
+        taken: list[tuple[int, int]] = []  # those that a shorter phrase could replace
+        try:
+            return _read(words, grammar, len(sentence), refused, taken)
+        except NotUnderstood as error:
+            first = first or error
+            if not taken:
+                break
+            refused = {place for place in refused if place[0] <= taken[-1][0]} | {taken[-1]}
+    assert first is not None
+    raise first
+
+
+def _read(
+    words: list[Word], grammar: _Grammar, end: int, refused: set[tuple[int, int]], taken: list[tuple[int, int]]
+) -> Meaning:
+    """Reads the words once, without the phrases in `refused`. Adds those that have a shorter alternative to `taken`."""
     parser = grammar.parser.parse_interactive()
     at = 0
     while at < len(words):
-        at += _feed_longest(parser, grammar, words, at)
-    return _feed(parser, grammar, Word("", len(sentence)), [(0, "", _END)])[1]
+        known = [phrase for phrase in _phrases_at(grammar, words, at) if (at, phrase[0]) not in refused]
+        length = _feed(parser, grammar, words[at], known)[0]
+        if length > min((phrase[0] for phrase in known), default=length):
+            taken.append((at, length))
+        at += length
+    return _feed(parser, grammar, Word("", end), [(0, "", _END)])[1]
 
 
-def _feed_longest(parser: InteractiveParser, grammar: _Grammar, words: list[Word], at: int) -> int:
-    known = [
+def _phrases_at(grammar: _Grammar, words: list[Word], at: int) -> list[tuple[int, str, str]]:
+    """Returns the fixed phrases that begin at a word, the longest first: number of words, phrase and terminal."""
+    return [
         (len(phrase), said, terminal)
         for phrase, said, terminal in grammar.phrases.get(words[at].text, ())
         if len(phrase) == 1 or tuple(word.text for word in words[at : at + len(phrase)]) == phrase
     ]
-    return _feed(parser, grammar, words[at], known)[0]
 
 
 def _feed(

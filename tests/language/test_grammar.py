@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from language import ObjectPhrase, Wording, parse, say
+from language import Instruction, ObjectPhrase, Wording, parse, say
 from tests.helpers.language_cases import meanings
 
 seeds = st.integers(0, 2**32 - 1)
@@ -73,3 +73,12 @@ def test_between_takes_the_nearest_and():
     phrase = parse("reach the cube between the ball between this and that and the tin").phrase
     inner = ObjectPhrase("sphere", None, "between", (ObjectPhrase(determiner="this"), ObjectPhrase(determiner="that")))
     assert phrase.anchors == (inner, ObjectPhrase("cylinder"))
+
+
+def test_a_longer_phrase_gives_way_to_a_shorter_one_where_the_rest_needs_it():
+    """ "at the top" may follow "the left thing", but then "solid object" would be left over."""
+    meaning = parse("shove the left thing at the top solid object")
+    assert meaning == Instruction(
+        "push", ObjectPhrase(superlative="leftmost"), ObjectPhrase(role="real", superlative="highest")
+    )
+    assert parse("go to the thing at the top").phrase.superlative == "highest"
