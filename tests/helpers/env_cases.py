@@ -25,7 +25,8 @@ LONG_ARMS = [robot for robot in ROBOTS if not ARMS[robot].reach]  # reach all of
 UPRIGHT = [robot for robot in ROBOTS if not ARMS[robot].position_first]  # point down all over their gripper box
 EVERY_TASK = ["jaco", "kuka", "panda"]  # robots that are tested with every task; the others take turns
 WITH_ALL = ("nl_reach", "nl_pick_and_place")  # tasks with every robot
-DOES_NOT_FIT = [("so_arm", "nl_push")]  # the objects and the way that each must leave free need more room
+# so_arm's area has no room for the way that pushed objects must leave free; xarm7 moves too slowly to throw.
+DOES_NOT_FIT = [("so_arm", "nl_push"), ("xarm7", "throw")]
 
 
 def covering(everywhere=TASKS):
