@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tests.helpers.env_cases import CONTROLS, ROBOTS, Poker, act, differences, make, rollout
+from tests.helpers.env_cases import BARE_FLANGES, CONTROLS, ROBOTS, Poker, act, differences, make, rollout
 
 STEPS = 100
 
@@ -12,9 +12,6 @@ STEPS = 100
 def own_rhythm(t, i):
     """World i is also reset by itself, each at its own pace."""
     return t % (47 + 7 * i) == 44
-
-
-BARE_FLANGES = ("ur5", "xarm7")  # without a magnet, which only gripping tasks have, nothing of theirs meets an object
 
 
 def poked(env, steps=STEPS):
