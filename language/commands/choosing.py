@@ -1,0 +1,72 @@
+"""The choice of a plan among all readings: the cheapest that can be carried out, unless another one is about as cheap."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from language.commands import costs
+from language.commands.meanings import Reading
+from language.commands.planning import Plan, Planner
+from language.commands.sentences import readings
+
+
+class Choice(NamedTuple):
+    """A reading with its plan and total cost."""
+
+    reading: Reading
+    plan: Plan
+    cost: float
+
+
+class Choices(NamedTuple):
+    """The plans that can be carried out, the cheapest first, one for each outcome; the failed ones; and the words."""
+
+    possible: list[Choice]
+    failed: list[Choice]
+    tokens: list
+
+
+def choices(sentence: str, planner: Planner, scene_chooses: bool = True) -> Choices:
+    """Returns the plans of a sentence.
+
+    scene_chooses: False: the reading is chosen by its cost alone, before it is compared with the scene.
+    Raises NotUnderstood if the sentence is too long.
+    """
+    found, lattice = readings(sentence, planner.judge if scene_chooses else None)
+    if not scene_chooses:
+        found = found[:1]
+    possible: list[Choice] = []
+    failed: list[Choice] = []
+    least = math.inf
+    for reading in found:
+        if reading.cost > least + 2 * costs.CLOSE:
+            break
+        for plan in planner.plans(reading):
+            choice = Choice(reading, plan, reading.cost + plan.cost)
+            if plan.failure:
+                failed.append(choice)
+            else:
+                possible.append(choice)
+                least = min(least, choice.cost)
+    possible.sort(key=lambda choice: choice.cost)
+    failed.sort(key=lambda choice: choice.cost)
+    return Choices(_distinct(possible), failed, lattice.tokens)
+
+
+def _distinct(possible: list[Choice]) -> list[Choice]:
+    """Returns the cheapest choice of each outcome."""
+    best: dict[tuple, Choice] = {}
+    for choice in possible:
+        best.setdefault(result(choice.plan), choice)
+    return list(best.values())
+
+
+def result(plan: Plan) -> tuple:
+    """Returns what a plan changes, for comparison: where things end, what is held, and what is done beside that."""
+    acts = tuple((a.kind, a.object, a.fixture) for a in plan.actions if a.kind not in ("take", "place", "push"))
+    ends = {a.object: (a.position, a.bottom) for a in plan.actions if a.kind in ("take", "place", "push")}
+    rounded = tuple(
+        (i, (round(p[0], 2), round(p[1], 2), round(z or 0.0, 2)) if p else None) for i, (p, z) in sorted(ends.items())
+    )
+    return plan.world.held, rounded, acts

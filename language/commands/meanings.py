@@ -1,0 +1,91 @@
+"""Meanings of people's commands: what each phrase says, before it is compared with a scene.
+
+Every meaning is immutable and compared by identity; `span` is its range of tokens.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+Span = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Measure:
+    """A length. unit: "cell", "bit" (a small step), or metres per unit as text."""
+
+    number: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Relation:
+    """A relation to an anchor, such as "left of the red cube".
+
+    name: a key of `words.RELATIONS`, or "between", "held", "bare", "direction", "here", "not".
+    anchors: none, one or two entities. value: a direction, or None. measure: the length, if one is said.
+    """
+
+    name: str
+    anchors: tuple[Entity, ...] = ()
+    measure: Measure | None = None
+    value: str | None = None
+    span: Span = (0, 0)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Entity:
+    """A phrase for things, stacks, regions of the board or a participant.
+
+    kind: "thing", "stack", a key of `words.REGIONS`, "fixture" or "it". noun: the kind of thing, or None for any.
+    colors: each a tuple of the colours that it may mean. sides: words such as "left" and "back".
+    superlative: a key of `words.SUPERLATIVES`. ordinal: a rank from 1, or -1 for the last. number: a count.
+    every: all that fit. any: any one that fits. single: not in a stack. other: not the one that was mentioned.
+    plural: whether the noun is a plural.
+    """
+
+    kind: str = "thing"
+    noun: str | None = None
+    colors: tuple[tuple[str, ...], ...] = ()
+    size: str | None = None
+    sides: tuple[str, ...] = ()
+    superlative: str | None = None
+    ordinal: int | None = None
+    number: int | None = None
+    every: bool = False
+    any: bool = False
+    single: bool = False
+    other: bool = False
+    plural: bool = False
+    exposed: bool = False
+    relations: tuple[Relation, ...] = ()
+    span: Span = (0, 0)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Step:
+    """One action: a key of `words.VERBS` or `words.CONTROLS`, "fragment" (no verb) or "nothing".
+
+    entity: what is acted on. places: conjoined relations that say where to.
+    """
+
+    action: str
+    entity: Entity | None = None
+    places: tuple[Relation, ...] = ()
+    span: Span = (0, 0)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Reading:
+    """A parse of a whole sentence with its cost, the lower the better.
+
+    condition: an entity that must exist, or else `otherwise` is done. rejects: begins with "no" or the like.
+    unused: indices of the tokens that it leaves out, other than words that add nothing.
+    """
+
+    steps: tuple[Step, ...]
+    cost: float = 0.0
+    condition: Entity | None = None
+    otherwise: tuple[Step, ...] = ()
+    rejects: bool = False
+    unused: tuple[int, ...] = field(default=())

@@ -1,0 +1,226 @@
+"""Where a thing may be put: the positions that a step's conjoined relations mean, each with its height and cost."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from language.commands import costs
+from language.commands.meanings import Measure, Relation
+from language.commands.referents import Ref, distance, regions, spot
+from language.commands.meanings import Entity
+from language.commands.relating import relation_cost
+from language.commands.resolving import Resolver
+from language.commands.world import FLAT, World
+
+_SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
+_ONTO = ("on", "over", "in", "to", "at", "of", "with")
+FARTHEST = 4  # steps to a free place beside an anchor
+
+
+class Spot(NamedTuple):
+    """A position of a thing: its centre, the height of its bottom, what it would stand on, and a cost.
+
+    why_not: why nothing can be put there, or "".
+    """
+
+    x: float
+    y: float
+    bottom: float
+    on: int | None
+    cost: float
+    why_not: str = ""
+
+
+class Point(NamedTuple):
+    """A place before it is checked: x, y, a cost, and the thing that it must stand on directly, if any."""
+
+    x: float
+    y: float
+    cost: float
+    on: int | None = None
+    free: bool = False
+
+
+def spots(resolver: Resolver, mover: int, relations: tuple[Relation, ...]) -> list[Spot]:
+    """Returns the positions that all relations allow, the best first; those that cannot be used say why."""
+    points = _points(resolver, mover, relations[0])
+    for relation in relations[1:]:
+        points = _also(resolver, mover, points, relation)
+    best: dict[tuple[float, float], Spot] = {}
+    for point in points:
+        found = settle(resolver.world, mover, point)
+        key = (round(found.x, 3), round(found.y, 3))
+        if key not in best or (bool(found.why_not), found.cost) < (bool(best[key].why_not), best[key].cost):
+            best[key] = found
+    return sorted(best.values(), key=lambda found: (bool(found.why_not), found.cost))
+
+
+def settle(world: World, mover: int, point: Point) -> Spot:
+    """Returns the position with its height: on the ground, or on top of what stands there."""
+    column = world.column(point.x, point.y, mover)
+    top = column[-1] if column else None
+    x, y, cost = point.x, point.y, point.cost
+    if top is None:
+        why = "" if world.inside(x, y) else "that place is outside what the arm reaches"
+        if point.on is not None:
+            why = "that is what shall be moved"
+        return Spot(x, y, world.ground, None, cost, why)
+    under = world.things[top]
+    if point.on is not None and point.on != top:
+        cost += costs.ON_COVERED
+    elif point.on is None:
+        cost += costs.OCCUPIED if point.free else 0.0
+    name = f"the {under.color} {under.kind}"
+    if under.kind not in FLAT:
+        return Spot(x, y, under.top, top, cost, f"nothing can stand on {name}")
+    if point.free and not world.cells:
+        return Spot(x, y, under.top, top, cost, f"{name} is in the way")
+    mine = world.things[mover]
+    if under.top + mine.top - mine.bottom > world.ceiling:
+        return Spot(x, y, under.top, top, cost, f"the stack under {name} is as high as the arm reaches")
+    return Spot(under.x, under.y, under.top, top, cost)
+
+
+def _points(resolver: Resolver, mover: int, relation: Relation) -> list[Point]:
+    world = resolver.world
+    if relation.name == "direction":
+        return _shifted(world, mover, relation)
+    if relation.name == "between":
+        return _middle(resolver, mover, relation)
+    if not relation.anchors:
+        return []
+    found: list[Point] = []
+    anchors = resolver.resolve(relation.anchors[0], None)
+    for anchor in anchors:
+        if set(anchor.things) & {mover} and relation.name not in _SIDEWAYS:
+            continue
+        found += [point._replace(cost=point.cost + anchor.cost) for point in _by(world, mover, relation, anchor)]
+    return found
+
+
+def _by(world: World, mover: int, relation: Relation, anchor: Ref) -> list[Point]:
+    """Returns the points in a relation to one anchor."""
+    name = relation.name
+    if name in _SIDEWAYS:
+        return _beside(world, mover, anchor, _SIDEWAYS[name], relation.measure)
+    if name in ("near", "nearest"):
+        return _around(world, mover, anchor)
+    if anchor.things:
+        if name == "farthest":
+            return []
+        return [Point(anchor.x, anchor.y, 0.0, anchor.things[-1])] if name in _ONTO else []
+    if name == "opposite":
+        x, y = world.center
+        return [Point(2 * x - anchor.x, 2 * y - anchor.y, 0.0)]
+    return _in_region(world, mover, anchor) if name in (*_ONTO, "under") else []
+
+
+def _in_region(world: World, mover: int, area: Ref) -> list[Point]:
+    """Returns the points of a region, those near the moved thing first."""
+    thing = world.things[mover]
+    x0, x1, y0, y1 = area.box
+    if area.kind in ("robot", "person"):
+        area = spot(min(max(area.x, world.bounds[0]), world.bounds[1]), area.y)
+        return [Point(area.x, area.y, 0.0)]
+    if (x0, y0) == (x1, y1):
+        if world.cells and area.kind == "center":
+            return [Point(x, y, 0.0, free=True) for x in (int(x0), int(x0) + 1) for y in (int(y0), int(y0) + 1)]
+        return [Point(x0, y0, 0.0, free=not world.cells)]
+    count = 8 if world.cells else 15
+    spread = [(x0 + (x1 - x0) * i / (count - 1), y0 + (y1 - y0) * i / (count - 1)) for i in range(count)]
+    if area.kind == "board":
+        steps = range(count)
+        spread = [(x0 + (x1 - x0) * i / (count - 1), y0 + (y1 - y0) * j / (count - 1)) for i in steps for j in steps]
+        spread.append((thing.x, thing.y))
+    else:
+        spread.append((min(max(thing.x, x0), x1), min(max(thing.y, y0), y1)))
+    reach = world.pitch * 8
+    return [Point(x, y, 0.5 * (abs(x - thing.x) + abs(y - thing.y)) / reach, free=True) for x, y in spread]
+
+
+def _length(world: World, measure: Measure | None, default: float) -> float:
+    """Returns a length in the world's unit."""
+    if measure is None:
+        return default
+    if measure.unit == "bit":
+        return world.little
+    if measure.unit == "cell":
+        return measure.number * world.pitch
+    metres = measure.number * float(measure.unit)
+    return metres if not world.cells else round(metres / 0.05)
+
+
+def _shifted(world: World, mover: int, relation: Relation) -> list[Point]:
+    thing = world.things[mover]
+    if relation.value in ("up", "down"):
+        return [Point(thing.x, thing.y, 0.0)] if relation.value == "down" else []
+    dx, dy = world.toward(relation.value or "left")
+    length = _length(world, relation.measure, world.pitch)
+    return [Point(thing.x + dx * length, thing.y + dy * length, 0.0, free=True)]
+
+
+def _beside(world: World, mover: int, anchor: Ref, side: str, measure: Measure | None) -> list[Point]:
+    dx, dy = world.toward(side)
+    width = world.things[mover].width
+    if world.cells or measure is not None:
+        step = _length(world, measure, world.pitch)
+        gap = 0.0
+        if measure is not None and not world.cells and measure.unit not in ("cell",) and anchor.things:
+            gap = (width + world.things[anchor.things[-1]].width) / 2  # a length in centimetres is the gap between the two
+        return [Point(anchor.x + dx * (step + gap), anchor.y + dy * (step + gap), 0.0, free=True)]
+    steps = [width + 0.02 + world.pitch * i / 3 for i in range(3 * FARTHEST)]
+    return [Point(anchor.x + dx * step, anchor.y + dy * step, 0.2 * i, free=True) for i, step in enumerate(steps)]
+
+
+def _around(world: World, mover: int, anchor: Ref) -> list[Point]:
+    """Returns the four neighbours of an anchor, the nearest to the moved thing first."""
+    thing = world.things[mover]
+    found = []
+    for side in ("left", "right", "far", "near"):
+        for point in _beside(world, mover, anchor, side, None):
+            away = abs(point.x - thing.x) + abs(point.y - thing.y)
+            found.append(point._replace(cost=point.cost + 0.02 * away / world.pitch))
+    return found
+
+
+def _middle(resolver: Resolver, mover: int, relation: Relation) -> list[Point]:
+    refs = [resolver.resolve(anchor) for anchor in relation.anchors]
+    pairs = [(a, b) for i, a in enumerate(refs[0]) for j, b in enumerate(refs[-1]) if len(refs) > 1 or i < j]
+    found = []
+    for one, other in pairs:
+        if mover in one.things + other.things or one.things == other.things:
+            continue
+        x, y = (one.x + other.x) / 2, (one.y + other.y) / 2
+        if resolver.world.cells and (x != int(x) or y != int(y)):
+            x, y = float(round(x)), float(round(y))
+        found.append(Point(x, y, one.cost + other.cost, free=True))
+    return found
+
+
+def _also(resolver: Resolver, mover: int, points: list[Point], relation: Relation) -> list[Point]:
+    """Returns the points that are in a further relation, too."""
+    world = resolver.world
+    if relation.name == "direction":
+        sides = Entity("side", sides=(relation.value or "left",))
+        relation = Relation("at", (sides,))
+    if not relation.anchors:
+        return points
+    if relation.name in ("nearest", "near", "farthest") or (relation.anchors[0].kind in ("side", "center")):
+        anchors = resolver.resolve(relation.anchors[0]) or regions(world, relation.anchors[0])
+        sign = -1.0 if relation.name == "farthest" else 1.0
+        away = [min((sign * distance(p.x, p.y, anchor) for anchor in anchors), default=0.0) for p in points]
+        least = min(away, default=0.0)
+        return [point for point, far in zip(points, away, strict=True) if far <= least + 0.25 * world.pitch]
+    refs = [resolver.resolve(anchor) for anchor in relation.anchors]
+    found = []
+    for point in points:
+        if relation.name in _ONTO and any(point.on in ref.things for ref in refs[0] if point.on is not None):
+            found.append(point)
+            continue
+        at = spot(point.x, point.y)
+        if point.on is not None:
+            at = at._replace(things=(point.on,))
+        cost = relation_cost(world, at, relation, refs)
+        if cost is not None:
+            found.append(point._replace(cost=point.cost + cost))
+    return found

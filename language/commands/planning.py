@@ -1,0 +1,253 @@
+"""Plans of a reading in a world: which things and places its steps mean, with every precondition checked in sequence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+from language.commands import costs
+from language.commands.meanings import Entity, Reading, Relation, Step
+from language.commands.outcomes import CONTROLS, Action
+from language.commands.places import Point, Spot, settle, spots
+from language.commands.referents import Ref, color_fits
+from language.commands.resolving import Resolver
+from language.commands.world import DEVICES, World
+
+KEPT = 12  # plans of the steps so far
+
+Resolvers = dict[tuple, Resolver]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The actions so far, the world after them, and their cost.
+
+    it: what "it" means next. failure, reason: why the plan cannot be carried out. entity: the phrase that it is about.
+    """
+
+    world: World
+    actions: tuple[Action, ...] = ()
+    cost: float = 0.0
+    it: tuple[int, ...] = ()
+    mentioned: tuple[int, ...] = ()
+    failure: str = ""
+    reason: str = ""
+    entity: Entity | None = None
+    candidates: tuple[int, ...] = ()
+    arbitrary: bool = False
+
+
+@dataclass
+class Planner:
+    """Plans readings in one world. it, mentioned: the things of the dialogue. help: whether the scene helps to select."""
+
+    world: World
+    it: tuple[int, ...] = ()
+    mentioned: tuple[int, ...] = ()
+    help: bool = True
+    _resolvers: Resolvers = field(default_factory=dict)
+    _usable: dict[int, object] = field(default_factory=dict)
+
+    def plans(self, reading: Reading) -> list[Plan]:
+        """Returns the plans of a reading, the cheapest first; those that fail come last and say why."""
+        steps = reading.steps
+        if reading.condition is not None and not self.resolver(self.world, self.it, None).resolve(reading.condition):
+            steps = reading.otherwise or (Step("nothing", span=reading.condition.span),)
+        elif reading.condition is not None:
+            refs = self.resolver(self.world, self.it, None).resolve(reading.condition)
+            self.it = refs[0].things
+        layer = [Plan(self.world, it=self.it, mentioned=self.mentioned)]
+        for step in steps:
+            layer = [after for plan in layer for after in self._after(plan, step)]
+            layer.sort(key=lambda plan: (bool(plan.failure), plan.cost))
+            layer = layer[:KEPT]
+        return layer
+
+    def resolver(self, world: World, it: tuple[int, ...], origin: int | None, mentioned: tuple[int, ...] = ()) -> Resolver:
+        """Returns the resolver of a world; phrases that were resolved in it before are not resolved again."""
+        key = (world.things, world.held, it, origin, mentioned)
+        if key not in self._resolvers:
+            self._resolvers[key] = Resolver(world, it, mentioned or self.mentioned, origin)
+        return self._resolvers[key]
+
+    def judge(self, entity: Entity) -> float:
+        """Returns the cost of what a phrase denotes in the first world; for the chart."""
+        if entity.kind in ("it", "robot", "person", "board", "cell", "gap", "fixture", "side", "center", "edge"):
+            return 0.0
+        if self.world.held is not None or entity.other:
+            return 0.0
+        refs = self.resolver(self.world, self.it, None).resolve(entity)
+        return refs[0].cost if refs else costs.EMPTY
+
+    def _after(self, plan: Plan, step: Step) -> Iterator[Plan]:
+        if plan.failure:
+            yield plan
+        elif step.action in CONTROLS or step.action == "nothing":
+            yield replace(plan, actions=(*plan.actions, Action(step.action)))
+        elif step.entity is not None and step.entity.kind == "fixture":
+            yield self._fixture(plan, step)
+        elif step.entity is not None and (step.entity.every or (step.entity.number or 1) > 1):
+            yield self._each(plan, step)
+        else:
+            for mover in self._movers(plan, step):
+                yield from [mover] if mover.failure else self._act(mover, step)
+
+    def _fixture(self, plan: Plan, step: Step) -> Plan:
+        assert step.entity is not None
+        name = step.entity.noun or ""
+        if name not in plan.world.fixtures or step.action not in ("open", "close"):
+            what = f"there is no {name} here" if name not in plan.world.fixtures else f"the {name} can be opened and closed"
+            return replace(plan, failure=what, reason="nothing", entity=step.entity)
+        return replace(plan, actions=(*plan.actions, Action(step.action, fixture=name)))
+
+    def _each(self, plan: Plan, step: Step) -> Plan:
+        """Returns the plan that does the step for every thing of the phrase, one after the other."""
+        assert step.entity is not None
+        refs = self.resolver(plan.world, plan.it, None, plan.mentioned).resolve(step.entity)
+        things = list(dict.fromkeys(i for ref in refs for i in ref.things if ref.cost <= refs[0].cost + 0.5))
+        wanted = step.entity.number
+        if not things or (wanted and len(things) < wanted):
+            return replace(plan, failure=f"{len(things)} things fit", reason="nothing", entity=step.entity)
+        if wanted and len(things) > wanted and not step.entity.every:
+            return replace(plan, failure=f"{len(things)} things fit", reason="several", entity=step.entity, candidates=tuple(things))
+        if step.action == "take" and len(things) > 1:
+            return replace(plan, failure="the gripper holds one thing at a time", reason="impossible", entity=step.entity)
+        things.sort(key=lambda i: -plan.world.things[i].bottom)
+        for index in things:
+            found = [done for done in self._act(replace(plan, it=(index,)), step) if not done.failure]
+            if not found:
+                failed = next(iter(self._act(replace(plan, it=(index,)), step)), plan)
+                return replace(failed, failure=failed.failure or "there is no place for all of them", reason="impossible")
+            plan = min(found, key=lambda done: done.cost)
+        return replace(plan, it=tuple(things), mentioned=tuple(things))
+
+    def _movers(self, plan: Plan, step: Step) -> Iterator[Plan]:
+        """Yields the plan with each thing that the step may concern as `it`."""
+        entity, held = step.entity, plan.world.held
+        if held is not None and step.action in ("move", "drop", "give", "push", "remove"):
+            cost = self._held_cost(plan.world, held, entity)
+            yield replace(plan, it=(held,), cost=plan.cost + cost, mentioned=(held,), entity=entity)
+            return
+        if entity is None or entity.kind == "it":
+            if not plan.it:
+                yield replace(plan, failure="nothing was mentioned that 'it' may mean", reason="dialogue", entity=entity)
+            else:
+                yield replace(plan, it=plan.it[:1], entity=entity)
+            return
+        refs = self._refs(plan, step, entity)
+        if not refs:
+            yield replace(plan, failure="nothing fits", reason="nothing", entity=entity)
+        for ref in refs:
+            if not ref.things:
+                yield replace(plan, failure="that is a place and no thing", reason="nothing", entity=entity)
+                continue
+            mover = replace(plan, it=(ref.things[-1],), cost=plan.cost + ref.cost, entity=entity)
+            yield replace(mover, mentioned=mover.it, arbitrary=plan.arbitrary or entity.any)
+
+    def _refs(self, plan: Plan, step: Step, entity: Entity) -> list[Ref]:
+        resolver = self.resolver(plan.world, plan.it, None, plan.mentioned)
+        refs = resolver.resolve(entity)
+        if self.help and step.action in ("take", "move", "push", "remove", "give"):
+            usable = self._usable.setdefault(id(resolver), lambda ref: not _obstacle(plan.world, ref.things[-1:]))
+            free = resolver.resolve(entity, usable)  # type: ignore[arg-type]
+            known = {ref.things for ref in refs}
+            refs = refs + [ref._replace(cost=ref.cost + 0.3) for ref in free if ref.things not in known]
+        return refs
+
+    def _held_cost(self, world: World, held: int, entity: Entity | None) -> float:
+        """Returns how badly a phrase fits what the gripper holds."""
+        if entity is None or entity.kind == "it":
+            return 0.0
+        thing = world.things[held]
+        cost = 0.0 if entity.kind == "thing" else 3.0
+        cost += 3.0 * (entity.noun not in (None, thing.kind))
+        cost += 3.0 * (not all(color_fits(world, held, color) for color in entity.colors))
+        return cost + sum(0.7 for relation in entity.relations if relation.name != "held")
+
+    def _act(self, plan: Plan, step: Step) -> Iterator[Plan]:
+        """Yields the plans that carry out a step with the thing `plan.it`."""
+        index, action = plan.it[0], step.action
+        device = plan.world.things[index].kind in DEVICES
+        if action == "push" and not step.places and device:
+            action = "press"
+        if action in ("reach", "press", "switch", "turn"):
+            wrong = action in ("press", "switch") and not device
+            failure = f"a {plan.world.things[index].kind} cannot be {action}ed" if wrong else ""
+            yield self._with(plan, Action(action, index), failure=failure)
+        elif action in ("take", "move", "push", "remove", "give", "drop", "unstack"):
+            yield from self._handled(plan, step, index)
+        else:
+            name = plan.world.things[index].kind
+            yield replace(plan, failure=f"'{action}' does not go with a {name}", reason="impossible")
+
+    def _handled(self, plan: Plan, step: Step, index: int) -> Iterator[Plan]:
+        """Yields the plans that take a thing and, if the step says where, put it there."""
+        held = plan.world.held == index
+        if not held:
+            if step.action == "drop" and not step.places:
+                yield replace(plan, failure="the gripper is empty", reason="impossible")
+                return
+            obstacle = _obstacle(plan.world, (index,)) or ("the gripper is full" if plan.world.held is not None else "")
+            if obstacle:
+                yield replace(plan, failure=obstacle, reason="impossible", candidates=(index,))
+                return
+            kind = "take" if step.action != "push" else "push"
+            if kind == "take":
+                plan = replace(plan, actions=(*plan.actions, Action("take", index)))
+            plan = replace(plan, world=plan.world.taken(index))
+        places = step.places or self._implied(step)
+        if step.action in ("take", "remove") and not step.places:
+            if held:
+                yield replace(plan, failure="the gripper holds it already", reason="impossible")
+            else:
+                yield plan
+        elif step.action == "drop" and not places:
+            thing = plan.world.things[index]
+            yield self._put(plan, step, index, settle(plan.world, index, Point(thing.x, thing.y, 0.0)))
+        elif not places:
+            yield replace(plan, failure="it is not said where to", reason="where", entity=step.entity)
+        else:
+            yield from self._placed(plan, step, index, places)
+
+    def _implied(self, step: Step) -> tuple[Relation, ...]:
+        """Returns the place that a verb implies."""
+        if step.action == "give":
+            return (Relation("near", (Entity("person"),)),) and (Relation("at", (Entity("person"),)),)
+        if step.action == "unstack":
+            return (Relation("on", (Entity("board"),)),)
+        return ()
+
+    def _placed(self, plan: Plan, step: Step, index: int, places: tuple[Relation, ...]) -> Iterator[Plan]:
+        resolver = self.resolver(plan.world, plan.it, index, plan.mentioned)
+        found = spots(resolver, index, places)
+        if not found:
+            anchor = places[0].anchors[0] if places[0].anchors else step.entity
+            yield replace(plan, failure="no place fits", reason="nothing", entity=anchor)
+        for spot in found[:KEPT]:
+            yield self._put(plan, step, index, spot)
+
+    def _put(self, plan: Plan, step: Step, index: int, spot: Spot) -> Plan:
+        if spot.why_not:
+            return replace(plan, failure=spot.why_not, reason="impossible", cost=plan.cost + spot.cost)
+        kind = "push" if step.action == "push" else "place"
+        action = Action(kind, index, (spot.x, spot.y), spot.bottom, spot.on)
+        world = plan.world.moved(index, spot.x, spot.y, spot.bottom)
+        return replace(plan, world=world, actions=(*plan.actions, action), cost=plan.cost + spot.cost)
+
+    def _with(self, plan: Plan, action: Action, failure: str = "") -> Plan:
+        reason = "impossible" if failure else ""
+        return replace(plan, actions=(*plan.actions, action), failure=failure, reason=reason)
+
+
+def _obstacle(world: World, things: tuple[int, ...]) -> str:
+    """Returns why a thing cannot be taken, or ""."""
+    if not things:
+        return "that is no thing"
+    thing = world.things[things[0]]
+    over = world.above[things[0]]
+    if over is not None:
+        upper = world.things[over]
+        return f"the {thing.color} {thing.kind} is under the {upper.color} {upper.kind}"
+    if thing.kind in DEVICES:
+        return f"a {thing.kind} is fixed to the table"
+    return "a see-through object only marks a place" if thing.target else ""

@@ -1,0 +1,169 @@
+"""Resolves phrases in a world: heads, then relations, then what selects among those left (superlatives, ranks, nearest)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from language.commands import costs
+from language.commands.meanings import Entity, Relation
+from language.commands.referents import TIE, Ref, best, distance, heads, spot, thing_ref
+from language.commands.relating import relation_cost
+from language.commands.world import World
+
+AREAS = ("corner", "edge", "side", "center", "board", "robot", "person")
+_SELECTING = ("nearest", "farthest", "near")
+_LOCATING = ("on", "over", "in", "at", "to", "of", "from")
+
+
+class Resolver:
+    """Resolves the phrases of a sentence in one world; every phrase once.
+
+    it: the things that "it" and "them" mean. mentioned: the things that "other" excludes.
+    origin: the thing whose neighbour "the nearest" is; None: the robot's.
+    """
+
+    def __init__(
+        self, world: World, it: tuple[int, ...] = (), mentioned: tuple[int, ...] = (), origin: int | None = None
+    ) -> None:
+        self.world, self.it, self.mentioned, self.origin = world, it, mentioned, origin
+        self._known: dict[tuple[Entity, int], list[Ref]] = {}
+
+    def resolve(self, entity: Entity, usable: Callable[[Ref], bool] | None = None) -> list[Ref]:
+        """Returns the referents of a phrase, the best first. usable: among which superlatives select, where one is."""
+        key = (entity, id(usable))
+        if key not in self._known:
+            self._known[key] = sorted(self._resolve(entity, usable), key=lambda ref: ref.cost)
+        return self._known[key]
+
+    def _resolve(self, entity: Entity, usable: Callable[[Ref], bool] | None) -> list[Ref]:
+        if entity.kind == "it":
+            return [thing_ref(self.world, index) for index in self.it]
+        refs = heads(self.world, entity)
+        if entity.other:
+            refs = [ref for ref in refs if not set(ref.things) & set(self.mentioned)]
+        selecting = []
+        for relation in entity.relations:
+            if self._selects(entity, relation):
+                selecting.append(relation)
+            else:
+                refs = self._related(refs, relation)
+        if usable is not None and (kept := [ref for ref in refs if usable(ref)]):
+            refs = kept
+        for relation in selecting:
+            refs = self._select(entity, refs, relation)
+        return self._ranked(entity, refs)
+
+    def _selects(self, entity: Entity, relation: Relation) -> bool:
+        """Returns whether a relation selects the best of what the others leave."""
+        if relation.name in _SELECTING or (relation.name == "direction" and entity.kind in ("thing", "stack")):
+            return True
+        kinds = {anchor.kind for anchor in relation.anchors}
+        return relation.name in _LOCATING and bool(kinds & {"side", "center"}) and entity.ordinal is None
+
+    def _related(self, refs: list[Ref], relation: Relation) -> list[Ref]:
+        if relation.name == "not":
+            rejected = {i for ref in self.resolve(relation.anchors[0]) for i in ref.things}
+            return [ref for ref in refs if not set(ref.things) & rejected]
+        if relation.name == "from" and relation.anchors[0].kind in ("side", "edge"):
+            return refs  # "the second from the left" says how to count
+        anchors = [self.resolve(anchor) for anchor in relation.anchors]
+        found = []
+        for ref in refs:
+            cost = relation_cost(self.world, ref, relation, anchors)
+            if cost is not None:
+                found.append(ref._replace(cost=ref.cost + cost))
+        return found or self._not_quite(refs, relation)
+
+    def _not_quite(self, refs: list[Ref], relation: Relation) -> list[Ref]:
+        """Returns what is nearest to a region that nothing is in."""
+        kinds = {anchor.kind for anchor in relation.anchors}
+        if relation.name in _LOCATING and kinds & {"corner", "edge"}:
+            found = self._nearest(refs, relation.anchors[0])
+            return [ref._replace(cost=ref.cost + costs.NOT_QUITE_THERE) for ref in found]
+        return []
+
+    def _select(self, entity: Entity, refs: list[Ref], relation: Relation) -> list[Ref]:
+        if relation.name == "direction":
+            return self._toward(refs, (relation.value or "",))
+        if relation.name == "farthest":
+            return self._nearest(refs, relation.anchors[0], -1.0)
+        if relation.name == "near":
+            touching = self._related(refs, Relation("beside", relation.anchors))
+            return touching or self._nearest(refs, relation.anchors[0])
+        return self._nearest(refs, relation.anchors[0])
+
+    def _nearest(self, refs: list[Ref], anchor: Entity, sign: float = 1.0) -> list[Ref]:
+        """Returns the referents that are nearest to the anchor, or, with sign -1, farthest from it."""
+        anchors = self.resolve(anchor)
+        if not anchors:
+            return []
+        most = min(ref.cost for ref in anchors) + 1.0
+        anchors = [ref for ref in anchors if ref.cost <= most]
+
+        def score(ref: Ref) -> float:
+            others = [other for other in anchors if not (set(other.things) & set(ref.things))]
+            return min((sign * distance(ref.x, ref.y, other) for other in others), default=1e9)
+
+        return best(refs, score, TIE * self.world.pitch)
+
+    def _ranked(self, entity: Entity, refs: list[Ref]) -> list[Ref]:
+        """Returns what the phrase's sides, superlative and rank select."""
+        if entity.ordinal is not None:
+            return self._counted(entity, refs)
+        if entity.kind not in ("thing", "stack"):
+            return refs
+        if entity.sides:
+            refs = self._toward(refs, entity.sides)
+        if entity.superlative is not None:
+            refs = self._superlative(entity.superlative, refs)
+        return refs
+
+    def _toward(self, refs: list[Ref], sides: tuple[str, ...]) -> list[Ref]:
+        """Returns the referents that are farthest toward the sides."""
+        tie = TIE * self.world.pitch
+        if "center" in sides:
+            middle = spot(*self.world.center)
+            return best(refs, lambda ref: distance(ref.x, ref.y, middle), tie)
+        if sides[0] in ("up", "down"):
+            sign = 1.0 if sides[0] == "down" else -1.0
+            return best(refs, lambda ref: sign * ref.top, tie)
+        vectors = [self.world.toward(side) for side in dict.fromkeys(map(self.world.side, sides))]
+        return best(refs, lambda ref: -sum(dx * ref.x + dy * ref.y for dx, dy in vectors), tie)
+
+    def _superlative(self, name: str, refs: list[Ref]) -> list[Ref]:
+        tie = TIE * self.world.pitch
+        if name in ("left", "right"):
+            return self._toward(refs, (name,))
+        if name in ("high", "low"):
+            return self._toward(refs, ("up" if name == "high" else "down",))
+        if name in ("largest", "smallest"):
+            sign = -1.0 if name == "largest" else 1.0
+            return best(refs, lambda ref: sign * self._width(ref), 0.003)
+        sign = 1.0 if name == "nearest" else -1.0
+        if self.origin is None:
+            x0 = self.world.bounds[0]
+            robot = Ref("robot", (x0 - 1, x0 - 1, *self.world.bounds[2:]), 0.0)
+            return best(refs, lambda ref: sign * distance(ref.x, ref.y, robot), tie)
+        at = thing_ref(self.world, self.origin)
+        others = [ref for ref in refs if self.origin not in ref.things]
+        return best(others, lambda ref: sign * distance(ref.x, ref.y, at), tie)
+
+    def _width(self, ref: Ref) -> float:
+        return max((self.world.things[i].width for i in ref.things), default=0.0)
+
+    def _counted(self, entity: Entity, refs: list[Ref]) -> list[Ref]:
+        """Returns the referent of a rank: from the left, unless the phrase says from where."""
+        assert entity.ordinal is not None
+        start = "left"
+        for relation in entity.relations:
+            if relation.name in ("from", "on", "at") and relation.anchors and relation.anchors[0].sides:
+                start = relation.anchors[0].sides[0]
+                last = entity.ordinal == -1 and relation.name != "from"
+                if last:
+                    return self._toward(refs, (start,))
+            if relation.name == "direction" and relation.value:
+                start = relation.value
+        dx, dy = self.world.toward(start) if start not in ("center", "up", "down") else (0.0, 1.0)
+        order = sorted(refs, key=lambda ref: -(dx * ref.x + dy * ref.y))
+        at = entity.ordinal - 1 if entity.ordinal > 0 else len(order) - 1
+        return order[at : at + 1]

@@ -1,0 +1,162 @@
+"""The scene of a command, on a table or on a board with cells: things, what stands on what, and what the arm holds.
+
+One frame serves both: x points away from the robot, y to its left, z up. A table is in metres; a board's unit is the cell,
+and its heights are in blocks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+from language.objects import Scene
+
+BOARD_CELLS, BOARD_HEIGHT = 8, 8
+FLAT = ("cube", "cylinder")  # a thing can stand on these
+DEVICES = ("button", "lever", "wheel")  # fixed to the table
+TABLE = (0.25, 0.80, -0.35, 0.35)  # metres: the part of the table that the arm reaches, x from and to, y from and to
+TABLE_STEP = 0.06  # metres from a thing to one beside it
+LITTLE = 0.04  # metres that "a bit" means
+SIDES = ("left", "right", "far", "near")
+OPPOSITE = {"left": "right", "right": "left", "far": "near", "near": "far"}
+
+
+class Thing(NamedTuple):
+    """A thing. kind: a noun of the scene. x, y: its centre. bottom, top: heights. width: along x and y."""
+
+    kind: str
+    color: str
+    x: float
+    y: float
+    bottom: float
+    top: float
+    width: float
+    target: bool = False
+
+
+@dataclass(frozen=True)
+class World:
+    """The things and their surroundings.
+
+    bounds: of the centres of what is put down, x from and to, y from and to. pitch: the distance between neighbours.
+    little: the length of "a bit". ground, ceiling: heights where things stand and up to which they are stacked.
+    held: the index of what the gripper holds, or None. viewpoint: whose left is meant, "robot" or "human".
+    front: which side "front" is, "near" (the viewer's) or "far" (where the robot faces). fixtures: "drawer", "door".
+    """
+
+    things: tuple[Thing, ...]
+    bounds: tuple[float, float, float, float]
+    pitch: float
+    little: float
+    ground: float = 0.0
+    ceiling: float = math.inf
+    held: int | None = None
+    viewpoint: str = "robot"
+    front: str = "near"
+    cells: bool = False
+    fixtures: tuple[str, ...] = ()
+    below: tuple[int | None, ...] = field(init=False, repr=False, compare=False)
+    above: tuple[int | None, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        below, above = _supports(self)
+        object.__setattr__(self, "below", below)
+        object.__setattr__(self, "above", above)
+
+    def toward(self, side: str) -> tuple[float, float]:
+        """Returns the unit vector of a side: "left", "right", "far", "near", "front", "back", "forward", "backward"."""
+        sign = 1.0 if self.viewpoint == "robot" else -1.0
+        side = self.side(side)
+        return {"left": (0.0, sign), "right": (0.0, -sign), "far": (sign, 0.0), "near": (-sign, 0.0)}[side]
+
+    def side(self, name: str) -> str:
+        """Returns one of SIDES for a side or direction."""
+        if name in ("front", "back"):
+            return self.front if name == "front" else OPPOSITE[self.front]
+        return {"forward": "far", "backward": "near"}.get(name, name)
+
+    @property
+    def center(self) -> tuple[float, float]:
+        """The middle of the bounds."""
+        x0, x1, y0, y1 = self.bounds
+        return (x0 + x1) / 2, (y0 + y1) / 2
+
+    def column(self, x: float, y: float, without: int | None = None) -> list[int]:
+        """Returns the things that stand at a place or overlap it, the lowest first."""
+        reach = 0.5 if self.cells else 0.8
+        found = [
+            (thing.bottom, i)
+            for i, thing in enumerate(self.things)
+            if i not in (self.held, without) and not thing.target
+            and max(abs(thing.x - x), abs(thing.y - y)) < reach * thing.width
+        ]
+        return [i for _, i in sorted(found)]
+
+    def moved(self, index: int, x: float, y: float, bottom: float) -> World:
+        """Returns the world with the thing there and the gripper empty."""
+        thing = self.things[index]
+        new = thing._replace(x=x, y=y, bottom=bottom, top=bottom + thing.top - thing.bottom)
+        return replace(self, things=(*self.things[:index], new, *self.things[index + 1 :]), held=None)
+
+    def taken(self, index: int) -> World:
+        """Returns the world with the thing in the gripper."""
+        return replace(self, held=index)
+
+    def inside(self, x: float, y: float) -> bool:
+        """Returns whether something may be put there."""
+        x0, x1, y0, y1 = self.bounds
+        slack = 1e-6
+        return x0 - slack <= x <= x1 + slack and y0 - slack <= y <= y1 + slack
+
+
+def board(blocks: Sequence[tuple[str, str, int, int, int]], held: int | None = None, front: str = "near", **more) -> World:
+    """Returns the world of a board of 8 x 8 cells.
+
+    blocks: kind, colour, x (cells away from the robot), y (cells to its left), z (height in blocks, from 0).
+    held: the index of the block in the gripper. more: other fields of `World`.
+    """
+    things = tuple(Thing(kind, color, x, y, z, z + 1, 1.0) for kind, color, x, y, z in blocks)
+    last = BOARD_CELLS - 1.0
+    fields = {"pitch": 1.0, "little": 1.0, "ceiling": float(BOARD_HEIGHT), "cells": True}
+    return World(things, (0.0, last, 0.0, last), held=held, front=front, **{**fields, **more})
+
+
+def table(scene: Scene, held: int | None = None, **more) -> World:
+    """Returns the world of a table's scene, in metres. more: other fields of `World`, such as `bounds` and `fixtures`."""
+    objects = list(scene)
+    things = tuple(
+        Thing(o.noun, o.color, o.position[0], o.position[1], o.position[2] - o.size / 2, o.position[2] + o.size / 2, o.size,
+              o.role == "target")
+        for o in objects
+    )
+    ground = min((thing.bottom for i, thing in enumerate(things) if i != held), default=0.0)
+    x0, x1, y0, y1 = TABLE
+    bounds = (
+        min([x0, *(thing.x for thing in things)]),
+        max([x1, *(thing.x for thing in things)]),
+        min([y0, *(thing.y for thing in things)]),
+        max([y1, *(thing.y for thing in things)]),
+    )
+    fields = {"bounds": bounds, "pitch": TABLE_STEP, "little": LITTLE, "ground": ground, "viewpoint": scene.viewpoint}
+    return World(things, held=held, **{**fields, **more})
+
+
+def _supports(world: World) -> tuple[tuple[int | None, ...], tuple[int | None, ...]]:
+    """Returns what is directly below and above each thing, or None."""
+    below: list[int | None] = [None] * len(world.things)
+    above: list[int | None] = [None] * len(world.things)
+    order = sorted((thing.bottom, i) for i, thing in enumerate(world.things) if i != world.held and not thing.target)
+    for _, i in order:
+        thing = world.things[i]
+        for _, j in order:
+            other = world.things[j]
+            if other.bottom >= thing.bottom:
+                break
+            near = 0.6 * max(thing.width, other.width)
+            if abs(thing.x - other.x) < near and abs(thing.y - other.y) < near and (
+                abs(thing.bottom - other.top) < 0.3 * other.width
+            ):
+                below[i], above[j] = j, i
+    return tuple(below), tuple(above)
