@@ -97,7 +97,9 @@ class Chart:
             return []
         cost = costs.REGION_WITHOUT_PREPOSITION
         return [
-            Item(found.end, Relation("at", (found.value,), span=(item.end, found.end)), found.cost + cost, found.skipped)
+            Item(
+                found.end, Relation("at", (found.value,), span=(item.end, found.end)), found.cost + cost, found.skipped
+            )
             for found in self.entities(item.end)
             if found.value.kind in ("corner", "edge", "side", "center") and not found.skipped
         ]
@@ -141,7 +143,14 @@ class Chart:
         for edge in get(start, "relation"):
             for anchor in self.anchored(edge.end):
                 relation = Relation(edge.value, (anchor.value,), span=(start, anchor.end))
-                found.append(Item(anchor.end, relation, edge.cost + anchor.cost + odd(relation), anchor.skipped))
+                cost = edge.cost + anchor.cost + odd(relation)
+                if (
+                    edge.end > start + 1
+                    and relation.name == "on"
+                    and anchor.value.kind in ("corner", "edge", "side", "center")
+                ):
+                    cost += costs.ON_TOP_OF_REGION
+                found.append(Item(anchor.end, relation, cost, anchor.skipped))
         for category in ("held", "bare", "here"):
             for edge in get(start, category):
                 found.append(Item(edge.end, Relation(category, span=(start, edge.end), value=edge.value), edge.cost))
@@ -155,7 +164,9 @@ class Chart:
                 inner = Entity(relations=(item.value,), span=item.value.span)
                 found.append(Item(item.end, Relation("not", (inner,), span=(start, item.end)), item.cost, item.skipped))
             for item in self.entities(edge.end):
-                found.append(Item(item.end, Relation("not", (item.value,), span=(start, item.end)), item.cost, item.skipped))
+                found.append(
+                    Item(item.end, Relation("not", (item.value,), span=(start, item.end)), item.cost, item.skipped)
+                )
         return found + self._between(start)
 
     def _between(self, start: int) -> list[Item]:
@@ -179,7 +190,9 @@ class Chart:
             for item in self._plain(measure.end):
                 relation: Relation = item.value
                 if relation.measure is None and relation.name not in ("held", "bare", "here", "of"):
-                    measured = Relation(relation.name, relation.anchors, measure.value, relation.value, (start, item.end))
+                    measured = Relation(
+                        relation.name, relation.anchors, measure.value, relation.value, (start, item.end)
+                    )
                     found.append(Item(item.end, measured, measure.cost + item.cost, measure.skipped | item.skipped))
         return found
 

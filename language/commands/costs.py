@@ -13,6 +13,9 @@ NO_NOUN = 0.8  # "the blue"
 REGION_WITHOUT_PREPOSITION = 1.0  # "on red cube left edge"
 NO_VERB = 1.0
 NO_OBJECT = 0.5  # "pick up the cube and place on the red one"
+NEAREST_PLACE = 1.5  # "nearest to" as a place; it mostly says which thing
+ON_TOP_OF_REGION = 0.7  # "on top | right corner"
+SUPERLATIVE_ALONE = 1.6  # "the top" as a thing
 INVERTED = 0.8  # "place on the red cube the blue one"
 PLACE_TWICE = 0.7  # two places joined without "and"
 STEP_WITHOUT_JOIN = 1.0
@@ -20,11 +23,22 @@ STEP_WITHOUT_JOIN = 1.0
 # Outcomes.
 EMPTY = 8.0  # a phrase that nothing fits, while the readings are pruned
 NOT_CARRIED_OUT = 50.0  # a reading that no candidate makes possible
-CLOSE = 0.35  # readings this close in cost with other outcomes are asked about
+CLOSE = 0.12  # readings this close in cost with other outcomes are asked about
 
 # Referents.
 TOP_OF_STACK = 0.8  # "the cube on the tower" for the tower's own top
 NOT_DIRECTLY = 1.0  # above, with something between
 NOT_QUITE_THERE = 1.5  # nearest to a corner that nothing is in
 ON_COVERED = 3.0  # on top of what stands on the anchor
+ONLY_USABLE = 0.3  # the best only among what can be taken or bear another thing
 OCCUPIED = 0.6  # beside an anchor, but on top of something else
+
+# Plans.
+NO_CHANGE = 4.0  # what is put down stands there already
+MOVED_TWICE = 2.0  # the same thing is put down by two steps
+TAKEN_SOMEWHERE = 1.5  # "take X" with a place
+
+# Outcomes.
+FAR_BETTER = 5.0  # a reading that fails is reported if it is this much cheaper than any that can be carried out
+TOO_MUCH = 7.5  # dearer readings are asked about
+DOUBT = 12.0  # confidence falls by e with this cost

@@ -13,7 +13,9 @@ from language.errors import NotUnderstood
 
 LONGEST_SENTENCE = 400  # characters
 MOST_WORDS = 60
-DROPPED = frozenset({"the", "-", '"', "\u201c", "\u201d", "*", "(", ")", "/", "_"})  # these are left out before parsing
+DROPPED = frozenset(
+    {"the", "teh", "hte", "th", "tha", "-", '"', "\u201c", "\u201d", "*", "(", ")", "/", "_"}
+)  # these are left out before parsing
 SPELLING_COST = 1.2  # of one wrong letter
 _WORD = re.compile(r"\d+(?:[.,]\d+)?(?:st|nd|rd|th)?|[^\W\d_]+(?:['\u2019][^\W\d_]+)*|[^\w\s]|_")
 

@@ -13,7 +13,20 @@ if TYPE_CHECKING:
     from language.commands.chart import Chart
 
 _PLURAL = frozenset({"tetrahedra", "boxes"})
-_MODIFIERS = ("size", "single", "other", "every", "both", "any", "ordinal", "last", "superlative", "number", "exposed", "vacant")
+_MODIFIERS = (
+    "size",
+    "single",
+    "other",
+    "every",
+    "both",
+    "any",
+    "ordinal",
+    "last",
+    "superlative",
+    "number",
+    "exposed",
+    "vacant",
+)
 
 
 class _Draft(NamedTuple):
@@ -63,15 +76,27 @@ class NounPhrases:
         for edge in self._get(draft.at, "side"):
             sides = draft.known.get("sides", ())
             if edge.value not in sides:
-                found.append(_Draft(edge.end, {**draft.known, "sides": (*sides, edge.value)}, draft.cost + edge.cost, draft.skipped))
+                found.append(
+                    _Draft(
+                        edge.end, {**draft.known, "sides": (*sides, edge.value)}, draft.cost + edge.cost, draft.skipped
+                    )
+                )
         colors = draft.known.get("colors", ())
         at = draft.at
-        if colors and any(self._chart.lattice.tokens[at].text == mark for mark in ("and", ",", "&", "+") if at < len(self._chart.lattice)):
+        if colors and any(
+            self._chart.lattice.tokens[at].text == mark
+            for mark in ("and", ",", "&", "+")
+            if at < len(self._chart.lattice)
+        ):
             at += 1
             if at < len(self._chart.lattice) and self._chart.lattice.tokens[at].text == "and":
                 at += 1
         for edge in self._get(at, "color"):
-            found.append(_Draft(edge.end, {**draft.known, "colors": (*colors, edge.value)}, draft.cost + edge.cost, draft.skipped))
+            found.append(
+                _Draft(
+                    edge.end, {**draft.known, "colors": (*colors, edge.value)}, draft.cost + edge.cost, draft.skipped
+                )
+            )
         return found
 
     def _ended(self, draft: _Draft, start: int) -> list[Item]:
@@ -83,7 +108,7 @@ class NounPhrases:
         for edge in self._get(at, "stack"):
             found += self._stack(draft._replace(at=edge.end, cost=draft.cost + edge.cost), start)
         for edge in self._get(at, "region"):
-            if not known.get("colors"):
+            if not known.keys() & {"colors", "superlative", "single", "size"}:
                 found.append(_item(draft, edge.end, edge.cost, start, kind=edge.value))
         for edge in self._get(at, "fixture"):
             found.append(_item(draft, edge.end, edge.cost, start, kind="fixture", noun=edge.value))
@@ -93,8 +118,10 @@ class NounPhrases:
         elif not known.keys() - {"sides"}:
             found.append(_item(draft, at, 0.5, start, kind="side"))
             found.append(_item(draft, at, 1.2, start, kind="thing"))
-        elif known.keys() & {"colors", "superlative", "ordinal", "other", "every", "number", "single"}:
+        elif known.keys() & {"colors", "ordinal", "other", "every", "number", "single"}:
             found.append(_item(draft, at, costs.NO_NOUN, start, kind="thing"))
+        elif "superlative" in known:
+            found.append(_item(draft, at, costs.SUPERLATIVE_ALONE, start, kind="thing"))
         return found
 
     def _thing(self, draft: _Draft, edge: Any, start: int) -> list[Item]:
@@ -117,6 +144,8 @@ class NounPhrases:
         found = [_item(draft, draft.at, 0.0, start, kind="stack")]
         after = draft.at
         lattice = self._chart.lattice
+        for again in self._get(after, "stack"):  # "combination tower"
+            found.append(_item(draft, again.end, 0.0, start, kind="stack"))
         if after < len(lattice) and lattice.tokens[after].text in ("of", "with", "made"):
             for inner in self.at(after + 1):
                 if inner.value.kind in ("thing", "stack") and not inner.skipped:
@@ -141,4 +170,6 @@ def _item(draft: _Draft, end: int, cost: float, start: int, **fields: Any) -> It
     known = {**draft.known, **fields}
     if known["kind"] in REGIONS:
         known.pop("colors", None)
-    return Item(end, Entity(**known, span=(draft.at if not draft.known else start, end)), draft.cost + cost, draft.skipped)
+    return Item(
+        end, Entity(**known, span=(draft.at if not draft.known else start, end)), draft.cost + cost, draft.skipped
+    )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 from language.commands import costs
-from language.commands.meanings import Measure, Relation
+from language.commands.meanings import Entity, Measure, Relation
 from language.commands.referents import Ref, distance, regions, spot
-from language.commands.meanings import Entity
 from language.commands.relating import relation_cost
 from language.commands.resolving import Resolver
 from language.commands.world import FLAT, World
@@ -90,12 +90,22 @@ def _points(resolver: Resolver, mover: int, relation: Relation) -> list[Point]:
     if not relation.anchors:
         return []
     found: list[Point] = []
-    anchors = resolver.resolve(relation.anchors[0], None)
-    for anchor in anchors:
-        if set(anchor.things) & {mover} and relation.name not in _SIDEWAYS:
+    for anchor in _anchors(resolver, relation):
+        if mover in anchor.things and (relation.name not in _SIDEWAYS or relation.anchors[0].kind != "it"):
             continue
         found += [point._replace(cost=point.cost + anchor.cost) for point in _by(world, mover, relation, anchor)]
     return found
+
+
+def _anchors(resolver: Resolver, relation: Relation) -> list[Ref]:
+    """Returns what the anchor denotes, and at a cost what it denotes among the things that can bear another."""
+    entity = relation.anchors[0]
+    refs = resolver.resolve(entity)
+    if relation.name not in _ONTO or entity.kind not in ("thing", "stack"):
+        return refs
+    known = {ref.things for ref in refs}
+    free = [ref for ref in resolver.resolve(entity, resolver.bears) if ref.things not in known]
+    return refs + [ref._replace(cost=ref.cost + costs.ONLY_USABLE) for ref in free]
 
 
 def _by(world: World, mover: int, relation: Relation, anchor: Ref) -> list[Point]:
@@ -152,6 +162,8 @@ def _length(world: World, measure: Measure | None, default: float) -> float:
 
 def _shifted(world: World, mover: int, relation: Relation) -> list[Point]:
     thing = world.things[mover]
+    if relation.value in ("up", "down") and world.cells and relation.measure is not None:
+        relation = replace(relation, value="far" if relation.value == "up" else "near")
     if relation.value in ("up", "down"):
         return [Point(thing.x, thing.y, 0.0)] if relation.value == "down" else []
     dx, dy = world.toward(relation.value or "left")
@@ -166,7 +178,9 @@ def _beside(world: World, mover: int, anchor: Ref, side: str, measure: Measure |
         step = _length(world, measure, world.pitch)
         gap = 0.0
         if measure is not None and not world.cells and measure.unit not in ("cell",) and anchor.things:
-            gap = (width + world.things[anchor.things[-1]].width) / 2  # a length in centimetres is the gap between the two
+            gap = (
+                width + world.things[anchor.things[-1]].width
+            ) / 2  # a length in centimetres is the gap between the two
         return [Point(anchor.x + dx * (step + gap), anchor.y + dy * (step + gap), 0.0, free=True)]
     steps = [width + 0.02 + world.pitch * i / 3 for i in range(3 * FARTHEST)]
     return [Point(anchor.x + dx * step, anchor.y + dy * step, 0.2 * i, free=True) for i, step in enumerate(steps)]
@@ -211,10 +225,10 @@ def _also(resolver: Resolver, mover: int, points: list[Point], relation: Relatio
         away = [min((sign * distance(p.x, p.y, anchor) for anchor in anchors), default=0.0) for p in points]
         least = min(away, default=0.0)
         return [point for point, far in zip(points, away, strict=True) if far <= least + 0.25 * world.pitch]
-    refs = [resolver.resolve(anchor) for anchor in relation.anchors]
+    refs = [resolver.anchors(anchor) for anchor in relation.anchors]
     found = []
     for point in points:
-        if relation.name in _ONTO and any(point.on in ref.things for ref in refs[0] if point.on is not None):
+        if relation.name in _ONTO and any(point.on in ref.things for ref in refs[0].refs if point.on is not None):
             found.append(point)
             continue
         at = spot(point.x, point.y)

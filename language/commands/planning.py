@@ -47,6 +47,7 @@ class Planner:
     help: bool = True
     _resolvers: Resolvers = field(default_factory=dict)
     _usable: dict[int, object] = field(default_factory=dict)
+    _taken: dict[tuple[int, int], tuple[World, World]] = field(default_factory=dict)
 
     def plans(self, reading: Reading) -> list[Plan]:
         """Returns the plans of a reading, the cheapest first; those that fail come last and say why."""
@@ -57,16 +58,20 @@ class Planner:
             refs = self.resolver(self.world, self.it, None).resolve(reading.condition)
             self.it = refs[0].things
         layer = [Plan(self.world, it=self.it, mentioned=self.mentioned)]
-        for step in steps:
+        for number, step in enumerate(steps, 1):
+            if step.action == "move" and not step.places and number < len(steps):
+                step = replace(step, action="take")  # "move the cube and put it there"
             layer = [after for plan in layer for after in self._after(plan, step)]
             layer.sort(key=lambda plan: (bool(plan.failure), plan.cost))
             layer = layer[:KEPT]
         return layer
 
-    def resolver(self, world: World, it: tuple[int, ...], origin: int | None, mentioned: tuple[int, ...] = ()) -> Resolver:
+    def resolver(
+        self, world: World, it: tuple[int, ...], origin: int | None, mentioned: tuple[int, ...] = ()
+    ) -> Resolver:
         """Returns the resolver of a world; phrases that were resolved in it before are not resolved again."""
-        key = (world.things, world.held, it, origin, mentioned)
-        if key not in self._resolvers:
+        key = (id(world), it, origin, mentioned)
+        if key not in self._resolvers:  # a resolver keeps its world, so that the id stays its own
             self._resolvers[key] = Resolver(world, it, mentioned or self.mentioned, origin)
         return self._resolvers[key]
 
@@ -96,7 +101,11 @@ class Planner:
         assert step.entity is not None
         name = step.entity.noun or ""
         if name not in plan.world.fixtures or step.action not in ("open", "close"):
-            what = f"there is no {name} here" if name not in plan.world.fixtures else f"the {name} can be opened and closed"
+            what = (
+                f"there is no {name} here"
+                if name not in plan.world.fixtures
+                else f"the {name} can be opened and closed"
+            )
             return replace(plan, failure=what, reason="nothing", entity=step.entity)
         return replace(plan, actions=(*plan.actions, Action(step.action, fixture=name)))
 
@@ -109,15 +118,25 @@ class Planner:
         if not things or (wanted and len(things) < wanted):
             return replace(plan, failure=f"{len(things)} things fit", reason="nothing", entity=step.entity)
         if wanted and len(things) > wanted and not step.entity.every:
-            return replace(plan, failure=f"{len(things)} things fit", reason="several", entity=step.entity, candidates=tuple(things))
+            return replace(
+                plan,
+                failure=f"{len(things)} things fit",
+                reason="several",
+                entity=step.entity,
+                candidates=tuple(things),
+            )
         if step.action == "take" and len(things) > 1:
-            return replace(plan, failure="the gripper holds one thing at a time", reason="impossible", entity=step.entity)
+            return replace(
+                plan, failure="the gripper holds one thing at a time", reason="impossible", entity=step.entity
+            )
         things.sort(key=lambda i: -plan.world.things[i].bottom)
         for index in things:
             found = [done for done in self._act(replace(plan, it=(index,)), step) if not done.failure]
             if not found:
                 failed = next(iter(self._act(replace(plan, it=(index,)), step)), plan)
-                return replace(failed, failure=failed.failure or "there is no place for all of them", reason="impossible")
+                return replace(
+                    failed, failure=failed.failure or "there is no place for all of them", reason="impossible"
+                )
             plan = min(found, key=lambda done: done.cost)
         return replace(plan, it=tuple(things), mentioned=tuple(things))
 
@@ -130,7 +149,9 @@ class Planner:
             return
         if entity is None or entity.kind == "it":
             if not plan.it:
-                yield replace(plan, failure="nothing was mentioned that 'it' may mean", reason="dialogue", entity=entity)
+                yield replace(
+                    plan, failure="nothing was mentioned that 'it' may mean", reason="dialogue", entity=entity
+                )
             else:
                 yield replace(plan, it=plan.it[:1], entity=entity)
             return
@@ -151,7 +172,7 @@ class Planner:
             usable = self._usable.setdefault(id(resolver), lambda ref: not _obstacle(plan.world, ref.things[-1:]))
             free = resolver.resolve(entity, usable)  # type: ignore[arg-type]
             known = {ref.things for ref in refs}
-            refs = refs + [ref._replace(cost=ref.cost + 0.3) for ref in free if ref.things not in known]
+            refs = refs + [ref._replace(cost=ref.cost + costs.ONLY_USABLE) for ref in free if ref.things not in known]
         return refs
 
     def _held_cost(self, world: World, held: int, entity: Entity | None) -> float:
@@ -194,20 +215,27 @@ class Planner:
             kind = "take" if step.action != "push" else "push"
             if kind == "take":
                 plan = replace(plan, actions=(*plan.actions, Action("take", index)))
-            plan = replace(plan, world=plan.world.taken(index))
+            plan = replace(plan, world=self._without(plan.world, index))
         places = step.places or self._implied(step)
         if step.action in ("take", "remove") and not step.places:
             if held:
                 yield replace(plan, failure="the gripper holds it already", reason="impossible")
             else:
                 yield plan
-        elif step.action == "drop" and not places:
+        elif (step.action == "drop" and not places) or (held and places and places[0].name == "here"):
             thing = plan.world.things[index]
             yield self._put(plan, step, index, settle(plan.world, index, Point(thing.x, thing.y, 0.0)))
         elif not places:
             yield replace(plan, failure="it is not said where to", reason="where", entity=step.entity)
         else:
             yield from self._placed(plan, step, index, places)
+
+    def _without(self, world: World, index: int) -> World:
+        """Returns the world with the thing in the gripper; the same object every time."""
+        key = (id(world), index)
+        if key not in self._taken:
+            self._taken[key] = (world, world.taken(index))
+        return self._taken[key][1]
 
     def _implied(self, step: Step) -> tuple[Relation, ...]:
         """Returns the place that a verb implies."""
@@ -229,10 +257,22 @@ class Planner:
     def _put(self, plan: Plan, step: Step, index: int, spot: Spot) -> Plan:
         if spot.why_not:
             return replace(plan, failure=spot.why_not, reason="impossible", cost=plan.cost + spot.cost)
+        cost = spot.cost + costs.TAKEN_SOMEWHERE * (step.action == "take")
+        if self._same_place(index, spot):
+            cost += costs.NO_CHANGE
+        if any(done.object == index and done.kind == "place" for done in plan.actions):
+            cost += costs.MOVED_TWICE
         kind = "push" if step.action == "push" else "place"
         action = Action(kind, index, (spot.x, spot.y), spot.bottom, spot.on)
         world = plan.world.moved(index, spot.x, spot.y, spot.bottom)
-        return replace(plan, world=world, actions=(*plan.actions, action), cost=plan.cost + spot.cost)
+        return replace(plan, world=world, actions=(*plan.actions, action), cost=plan.cost + cost)
+
+    def _same_place(self, index: int, spot: Spot) -> bool:
+        """Returns whether a thing that was not held stands there at the beginning."""
+        thing = self.world.things[index]
+        close = 0.3 * self.world.pitch
+        away = max(abs(thing.x - spot.x), abs(thing.y - spot.y), abs(thing.bottom - spot.bottom))
+        return index != self.world.held and away < close
 
     def _with(self, plan: Plan, action: Action, failure: str = "") -> Plan:
         reason = "impossible" if failure else ""

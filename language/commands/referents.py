@@ -41,7 +41,9 @@ def distance(x: float, y: float, ref: Ref) -> float:
     return math.hypot(max(x0 - x, 0.0, x - x1), max(y0 - y, 0.0, y - y1))
 
 
-def spot(x: float, y: float, top: float = 0.0, kind: str = "cell", things: tuple[int, ...] = (), cost: float = 0.0) -> Ref:
+def spot(
+    x: float, y: float, top: float = 0.0, kind: str = "cell", things: tuple[int, ...] = (), cost: float = 0.0
+) -> Ref:
     """Returns the referent of a point."""
     return Ref(kind, (x, x, y, y), top, things, cost)
 
@@ -54,8 +56,7 @@ def thing_ref(world: World, index: int, cost: float = 0.0) -> Ref:
 
 def color_fits(world: World, index: int, meant: tuple[str, ...]) -> bool:
     """Returns whether a thing has the colour: the likeliest meaning of the word that the world holds."""
-    present = {thing.color for thing in world.things}
-    return world.things[index].color == next((color for color in meant if color in present), None)
+    return world.things[index].color == next((color for color in meant if color in world.colors), None)
 
 
 def heads(world: World, entity: Entity) -> list[Ref]:

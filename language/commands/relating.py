@@ -12,7 +12,7 @@ from language.commands.world import World
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
 
 
-def relation_cost(world: World, ref: Ref, relation: Relation, anchors: Sequence[Sequence[Ref]]) -> float | None:
+def relation_cost(world: World, ref: Ref, relation: Relation, anchors: Sequence[Anchors]) -> float | None:
     """Returns the cost of a relation of a referent to the cheapest of its anchors' referents, or None."""
     if relation.name == "held":
         return 0.0 if world.held in ref.things else None
@@ -22,9 +22,34 @@ def relation_cost(world: World, ref: Ref, relation: Relation, anchors: Sequence[
         return _between(world, ref, anchors)
     if not anchors:
         return None
-    found = (_cost(world, ref, relation, anchor) for anchor in anchors[0])
-    pairs = [cost + anchor.cost for anchor, cost in zip(anchors[0], found, strict=True) if cost is not None]
+    near = anchors[0].candidates(world, ref, relation.name)
+    found = (_cost(world, ref, relation, anchor) for anchor in near)
+    pairs = [cost + anchor.cost for anchor, cost in zip(near, found, strict=True) if cost is not None]
     return min(pairs, default=None)
+
+
+class Anchors:
+    """The referents of an anchor, found by the things that they consist of."""
+
+    def __init__(self, refs: list[Ref]) -> None:
+        self.refs = refs
+        self._areas = [ref for ref in refs if not ref.things]
+        self._by_thing: dict[int, list[Ref]] = {}
+        for ref in refs:
+            for index in ref.things:
+                self._by_thing.setdefault(index, []).append(ref)
+
+    def candidates(self, world: World, ref: Ref, name: str) -> list[Ref]:
+        """Returns the referents to which the relation may hold: for "on" and the like, those of the same column."""
+        if not ref.things or name in _SIDEWAYS or name in ("beside", "opposite"):
+            return self.refs
+        chain, at = [], ref.things[0]
+        neighbours = world.above if name in ("under", "with") else world.below
+        while at is not None:
+            chain.append(at)
+            at = neighbours[at]  # type: ignore[assignment]
+        found = {id(anchor): anchor for index in chain for anchor in self._by_thing.get(index, ())}
+        return [*self._areas, *found.values()]
 
 
 def _cost(world: World, ref: Ref, relation: Relation, anchor: Ref) -> float | None:
@@ -91,8 +116,8 @@ def _opposite(world: World, ref: Ref, anchor: Ref) -> float | None:
     return 0.0 if mirrored < 0.6 * world.pitch else None
 
 
-def _between(world: World, ref: Ref, anchors: Sequence[Sequence[Ref]]) -> float | None:
-    pairs = [(a, b) for a in anchors[0] for b in anchors[-1] if a.things != b.things]
+def _between(world: World, ref: Ref, anchors: Sequence[Anchors]) -> float | None:
+    pairs = [(a, b) for a in anchors[0].refs for b in anchors[-1].refs if a.things != b.things]
     costs_found = []
     for one, other in pairs:
         away = abs(ref.x - (one.x + other.x) / 2) + abs(ref.y - (one.y + other.y) / 2)

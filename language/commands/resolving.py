@@ -7,8 +7,8 @@ from collections.abc import Callable
 from language.commands import costs
 from language.commands.meanings import Entity, Relation
 from language.commands.referents import TIE, Ref, best, distance, heads, spot, thing_ref
-from language.commands.relating import relation_cost
-from language.commands.world import World
+from language.commands.relating import Anchors, relation_cost
+from language.commands.world import FLAT, World
 
 AREAS = ("corner", "edge", "side", "center", "board", "robot", "person")
 _SELECTING = ("nearest", "farthest", "near")
@@ -27,10 +27,17 @@ class Resolver:
     ) -> None:
         self.world, self.it, self.mentioned, self.origin = world, it, mentioned, origin
         self._known: dict[tuple[Entity, int], list[Ref]] = {}
+        self._heads: dict[tuple, list[Ref]] = {}
+        self._anchors: dict[Entity, Anchors] = {}
+
+    def bears(self, ref: Ref) -> bool:
+        """Returns whether something can be put on a referent."""
+        top = ref.things[-1] if ref.things else None
+        return top is None or (self.world.above[top] is None and self.world.things[top].kind in FLAT)
 
     def resolve(self, entity: Entity, usable: Callable[[Ref], bool] | None = None) -> list[Ref]:
         """Returns the referents of a phrase, the best first. usable: among which superlatives select, where one is."""
-        key = (entity, id(usable))
+        key = (entity, usable is not None)
         if key not in self._known:
             self._known[key] = sorted(self._resolve(entity, usable), key=lambda ref: ref.cost)
         return self._known[key]
@@ -38,7 +45,7 @@ class Resolver:
     def _resolve(self, entity: Entity, usable: Callable[[Ref], bool] | None) -> list[Ref]:
         if entity.kind == "it":
             return [thing_ref(self.world, index) for index in self.it]
-        refs = heads(self.world, entity)
+        refs = self._head(entity)
         if entity.other:
             refs = [ref for ref in refs if not set(ref.things) & set(self.mentioned)]
         selecting = []
@@ -46,12 +53,26 @@ class Resolver:
             if self._selects(entity, relation):
                 selecting.append(relation)
             else:
-                refs = self._related(refs, relation)
+                refs = self._related(refs, relation, entity.ordinal is not None)
         if usable is not None and (kept := [ref for ref in refs if usable(ref)]):
             refs = kept
         for relation in selecting:
             refs = self._select(entity, refs, relation)
         return self._ranked(entity, refs)
+
+    def anchors(self, entity: Entity) -> Anchors:
+        """Returns the referents of a phrase as the anchors of a relation."""
+        if entity not in self._anchors:
+            self._anchors[entity] = Anchors(self.resolve(entity))
+        return self._anchors[entity]
+
+    def _head(self, entity: Entity) -> list[Ref]:
+        """Returns what the phrase denotes without its relations."""
+        number = entity.every, entity.number, entity.single, entity.exposed, entity.plural
+        key = (entity.kind, entity.noun, entity.colors, entity.size, entity.sides, number)
+        if key not in self._heads:
+            self._heads[key] = heads(self.world, entity)
+        return self._heads[key]
 
     def _selects(self, entity: Entity, relation: Relation) -> bool:
         """Returns whether a relation selects the best of what the others leave."""
@@ -60,13 +81,13 @@ class Resolver:
         kinds = {anchor.kind for anchor in relation.anchors}
         return relation.name in _LOCATING and bool(kinds & {"side", "center"}) and entity.ordinal is None
 
-    def _related(self, refs: list[Ref], relation: Relation) -> list[Ref]:
+    def _related(self, refs: list[Ref], relation: Relation, counted: bool = False) -> list[Ref]:
         if relation.name == "not":
             rejected = {i for ref in self.resolve(relation.anchors[0]) for i in ref.things}
             return [ref for ref in refs if not set(ref.things) & rejected]
-        if relation.name == "from" and relation.anchors[0].kind in ("side", "edge"):
+        if counted and relation.name == "from" and relation.anchors[0].kind in ("side", "edge"):
             return refs  # "the second from the left" says how to count
-        anchors = [self.resolve(anchor) for anchor in relation.anchors]
+        anchors = [self.anchors(anchor) for anchor in relation.anchors]
         found = []
         for ref in refs:
             cost = relation_cost(self.world, ref, relation, anchors)
@@ -112,11 +133,9 @@ class Resolver:
             return self._counted(entity, refs)
         if entity.kind not in ("thing", "stack"):
             return refs
-        if entity.sides:
-            refs = self._toward(refs, entity.sides)
         if entity.superlative is not None:
             refs = self._superlative(entity.superlative, refs)
-        return refs
+        return self._toward(refs, entity.sides) if entity.sides else refs
 
     def _toward(self, refs: list[Ref], sides: tuple[str, ...]) -> list[Ref]:
         """Returns the referents that are farthest toward the sides."""

@@ -13,7 +13,7 @@ from language.commands.meanings import Entity, Reading, Relation, Step
 MOST_PLACES = 3  # relations that are joined to one place
 MOST_STEPS = 6
 KEPT_STEPS, KEPT_READINGS = 60, 150  # of the same span; of the sentence
-_MOVING = ("move", "push", "drop", "give", "remove")
+_MOVING = ("move", "push", "drop", "give", "remove", "take")
 
 
 def readings(sentence: str, judge: Judge | None = None) -> tuple[list[Reading], Lattice]:
@@ -125,7 +125,9 @@ class _Sentences:
             Item(edge.end, Step(edge.value, span=(at, edge.end)), edge.cost) for edge in self.lattice.get(at, "control")
         ]
         for edge in self.lattice.get(at, "verb"):
-            found += [Item(i.end, i.value, i.cost + edge.cost, i.skipped) for i in self._with_verb(edge.value, edge.end, at)]
+            found += [
+                Item(i.end, i.value, i.cost + edge.cost, i.skipped) for i in self._with_verb(edge.value, edge.end, at)
+            ]
         for edge in self.lattice.get(at, "never"):
             found += [
                 Item(i.end, Step("nothing", i.value.entity, span=(at, i.end)), i.cost, i.skipped)
@@ -164,7 +166,7 @@ class _Sentences:
             base = entity.cost + cost
             if action != "move":
                 found.append(Item(at, Step(action, entity.value, (), (start, at)), base, entity.skipped))
-            elif at > entity.end or not entity.value.relations:
+            else:
                 found.append(Item(at, Step(action, entity.value, (), (start, at)), base + 1.0, entity.skipped))
             if action in _MOVING:
                 for place in self.places(at):
@@ -210,7 +212,8 @@ class _Sentences:
 
 
 def _as_place(item: Item) -> Item:
-    return item._replace(value=(item.value,))
+    far = item.value.name in ("nearest", "farthest")
+    return item._replace(value=(item.value,), cost=item.cost + costs.NEAREST_PLACE * far)
 
 
 def _says_where(relation: Relation) -> bool:

@@ -49,7 +49,7 @@ THINGS: dict[str, tuple[str, ...]] = {
     "button": ("buttons",),
     "lever": ("switch",),
     "wheel": (),
-    "thing": ("one", "object", "thing", "piece", "item", "shape", "ones", "objects", "things", "pieces", "items", "it"),
+    "thing": ("one", "object", "thing", "piece", "item", "shape", "ones", "objects", "things", "pieces", "items"),
 }
 STACKS = (
     "stack, tower, pile, pillar, column, stick, building, parallelipiped, parallelepiped, slab, combination, heap, group"
@@ -111,8 +111,8 @@ DIRECTIONS: dict[str, str] = {
 }
 # Side of the board or table -> words; before a noun they select ("the left cube").
 SIDES: dict[str, str] = {
-    "left": "left, left hand, lefthand, leftmost, left most, most left, far left, west, westernmost",
-    "right": "right, right hand, righthand, rightmost, right most, most right, far right, east",
+    "left": "left, left hand, lefthand, leftmost, left most, most left, west",
+    "right": "right, right hand, righthand, rightmost, right most, most right, east",
     "far": "far, top, upper, farther, topmost, top most, uppermost, north",
     "near": "bottom, lower, nearer, bottom most, south, lowermost",
     "front": "front, frontal, frontmost, front most",
@@ -129,7 +129,9 @@ SUPERLATIVES: dict[str, str] = {
     "largest": "largest, biggest, bigger, larger",
     "smallest": "smallest, littlest, smaller",
 }
-SINGLE = "single, lone, only, individual, solitary, alone, isolated, standalone, stand alone, stand-alone, lonely, separate"
+SINGLE = (
+    "single, lone, only, individual, solitary, alone, isolated, standalone, stand alone, stand-alone, lonely, separate"
+)
 OTHER = "other, another, different, second other"
 EXPOSED = "exposed, free, uncovered, clear, visible"
 EVERY = "all, all the, all of the, every, each"
@@ -137,8 +139,19 @@ BOTH = "both, both the, both of the"
 ANY = "a, an, any, some, one, either, one of the, any of the, either of the, some of the"
 VACANT = "vacant, empty, unoccupied, free, un occupied"
 
-NUMBERS = "zero one two three four five six seven eight nine ten eleven twelve".split()
-ORDINALS = {"first": 1, "1st": 1, "second": 2, "2nd": 2, "third": 3, "3rd": 3, "fourth": 4, "4th": 4, "fifth": 5, "5th": 5}
+NUMBERS = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
+ORDINALS = {
+    "first": 1,
+    "1st": 1,
+    "second": 2,
+    "2nd": 2,
+    "third": 3,
+    "3rd": 3,
+    "fourth": 4,
+    "4th": 4,
+    "fifth": 5,
+    "5th": 5,
+}
 LAST = "last"
 UNITS: dict[str, str] = {  # length in cells, or in metres
     "cell": "square, squares, cell, cells, space, spaces, step, steps, place, places, unit, units, field, fields, block, blocks, "
@@ -155,11 +168,11 @@ A_BIT = "a bit, a little, a little bit, slightly, somewhat, a touch, a tad, a fe
 VERBS: dict[str, str] = {
     "take": "take, pick, pick up, pickup, grab, grab hold of, get, grasp, hold, hold on to, lift, lift up, raise, fetch, collect, "
     "catch, select, take up, pull up, choose, take hold of, picking, picking up, taking, grabbing, pull out, take out, keep hold of",
-    "move": "move, put, place, set, shift, transfer, stack, carry, lay, leave, position, relocate, transport, put down, place down, "
-    "set down, drop, keep, insert, stick, bring, take, placed, putted, putting, placing, moving, slide, drag, reposition, pile, add, "
-    "drop down, load, lower, release, hang, get, rest, stand, balance, moved, put back, place back, return",
-    "drop": "drop, release, let go, let go of, put down, place down, lower, set down, drop down, lay down, let fall, leave, place, "
-    "put, ungrasp, unhand, drop off, deposit",
+    "move": "move, put, place, set, shift, transfer, stack, carry, lay, leave, position, relocate, transport, "
+    "keep, insert, stick, bring, placed, putted, putting, placing, moving, slide, drag, reposition, pile, add, "
+    "load, hang, get, rest, stand, balance, moved, put back, place back, return",
+    "drop": "drop, release, let go, let go of, put down, place down, lower, set down, drop down, lay down, let fall, ungrasp, unhand, "
+    "drop off, deposit",
     "remove": "remove, clear, unstack, take away, get rid of, delete, take off",
     "give": "bring me, give me, pass me, hand me, get me, fetch me, i want, i need, i would like, i'd like, give, bring us, hand, pass, "
     "hand over, bring over",
@@ -190,7 +203,9 @@ CONTROLS: dict[str, str] = {
     "yes": "yes, yeah, yep, yup, ok, okay, sure, correct, right, exactly, that's right, y, yes that one, that one, that's it",
     "no": "no, nope, nah, wrong, not that, not that one, that's wrong, n, neither",
 }
-NOT_MEANT = "no, not that one, not that, sorry, actually, i meant, i mean, no i meant, no i mean, rather, instead, wrong, nope"
+NOT_MEANT = (
+    "no, not that one, not that, sorry, actually, i meant, i mean, no i meant, no i mean, rather, instead, wrong, nope"
+)
 PRONOUNS = "it, that, this, them, those, these, that one, this one, itself, the same"
 HELD = (
     "you are holding, you're holding, you hold, held, being held, in your hand, in the gripper, in your gripper, in hand, the arm holds, "
@@ -208,11 +223,97 @@ NEVER = "don't, do not, never, dont"
 
 # Words that add nothing. They are skipped at no cost.
 FILLERS = frozenset(
-    "the , - : ! ? \" ' which that is are was be been being sitting sits standing stands resting rests lying lies located situated placed "
-    "positioned currently now please could you would can will robot hey hi i want to just exactly directly slowly gently kindly "
-    "carefully and/or sat which's that's thats its your so first very paced piled kept present there stacked how about like ok okay "
-    "should goes go must thanks thank right_away again_please my sir computer arm there's color colour colored coloured shaped "
-    "my".split()
+    [
+        "the",
+        ",",
+        "-",
+        ":",
+        "!",
+        "?",
+        '"',
+        "'",
+        "which",
+        "that",
+        "is",
+        "are",
+        "was",
+        "be",
+        "been",
+        "being",
+        "sitting",
+        "sits",
+        "standing",
+        "stands",
+        "resting",
+        "rests",
+        "lying",
+        "lies",
+        "located",
+        "situated",
+        "placed",
+        "positioned",
+        "currently",
+        "now",
+        "please",
+        "could",
+        "you",
+        "would",
+        "can",
+        "will",
+        "robot",
+        "hey",
+        "hi",
+        "i",
+        "want",
+        "to",
+        "just",
+        "exactly",
+        "directly",
+        "slowly",
+        "gently",
+        "kindly",
+        "carefully",
+        "and/or",
+        "sat",
+        "which's",
+        "that's",
+        "thats",
+        "its",
+        "your",
+        "so",
+        "first",
+        "very",
+        "paced",
+        "piled",
+        "kept",
+        "present",
+        "there",
+        "stacked",
+        "how",
+        "about",
+        "like",
+        "ok",
+        "okay",
+        "should",
+        "goes",
+        "go",
+        "must",
+        "thanks",
+        "thank",
+        "right_away",
+        "again_please",
+        "my",
+        "sir",
+        "computer",
+        "arm",
+        "there's",
+        "color",
+        "colour",
+        "colored",
+        "coloured",
+        "shaped",
+        "my",
+    ]
 )
 
 
@@ -230,8 +331,11 @@ def colors() -> dict[str, tuple[str, ...]]:
 def nouns() -> dict[str, tuple[str, ...]]:
     """Returns each kind of thing with its nouns, those of the registry included."""
     kinds = dict.fromkeys([*NOUNS, *THINGS])
-    return {k: tuple(dict.fromkeys((k, *NOUNS.get(k, ()), *THINGS.get(k, ()))))[k == "thing" :] + (
-        ("thing",) if k == "thing" else ()) for k in kinds}
+    return {
+        k: tuple(dict.fromkeys((k, *NOUNS.get(k, ()), *THINGS.get(k, ()))))[k == "thing" :]
+        + (("thing",) if k == "thing" else ())
+        for k in kinds
+    }
 
 
 def sizes() -> dict[str, str]:

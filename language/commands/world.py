@@ -59,11 +59,13 @@ class World:
     fixtures: tuple[str, ...] = ()
     below: tuple[int | None, ...] = field(init=False, repr=False, compare=False)
     above: tuple[int | None, ...] = field(init=False, repr=False, compare=False)
+    colors: frozenset[str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         below, above = _supports(self)
         object.__setattr__(self, "below", below)
         object.__setattr__(self, "above", above)
+        object.__setattr__(self, "colors", frozenset(thing.color for thing in self.things))
 
     def toward(self, side: str) -> tuple[float, float]:
         """Returns the unit vector of a side: "left", "right", "far", "near", "front", "back", "forward", "backward"."""
@@ -89,7 +91,8 @@ class World:
         found = [
             (thing.bottom, i)
             for i, thing in enumerate(self.things)
-            if i not in (self.held, without) and not thing.target
+            if i not in (self.held, without)
+            and not thing.target
             and max(abs(thing.x - x), abs(thing.y - y)) < reach * thing.width
         ]
         return [i for _, i in sorted(found)]
@@ -111,7 +114,9 @@ class World:
         return x0 - slack <= x <= x1 + slack and y0 - slack <= y <= y1 + slack
 
 
-def board(blocks: Sequence[tuple[str, str, int, int, int]], held: int | None = None, front: str = "near", **more) -> World:
+def board(
+    blocks: Sequence[tuple[str, str, int, int, int]], held: int | None = None, front: str = "near", **more
+) -> World:
     """Returns the world of a board of 8 x 8 cells.
 
     blocks: kind, colour, x (cells away from the robot), y (cells to its left), z (height in blocks, from 0).
@@ -127,8 +132,16 @@ def table(scene: Scene, held: int | None = None, **more) -> World:
     """Returns the world of a table's scene, in metres. more: other fields of `World`, such as `bounds` and `fixtures`."""
     objects = list(scene)
     things = tuple(
-        Thing(o.noun, o.color, o.position[0], o.position[1], o.position[2] - o.size / 2, o.position[2] + o.size / 2, o.size,
-              o.role == "target")
+        Thing(
+            o.noun,
+            o.color,
+            o.position[0],
+            o.position[1],
+            o.position[2] - o.size / 2,
+            o.position[2] + o.size / 2,
+            o.size,
+            o.role == "target",
+        )
         for o in objects
     )
     ground = min((thing.bottom for i, thing in enumerate(things) if i != held), default=0.0)
@@ -147,16 +160,24 @@ def _supports(world: World) -> tuple[tuple[int | None, ...], tuple[int | None, .
     """Returns what is directly below and above each thing, or None."""
     below: list[int | None] = [None] * len(world.things)
     above: list[int | None] = [None] * len(world.things)
-    order = sorted((thing.bottom, i) for i, thing in enumerate(world.things) if i != world.held and not thing.target)
-    for _, i in order:
-        thing = world.things[i]
-        for _, j in order:
-            other = world.things[j]
-            if other.bottom >= thing.bottom:
-                break
-            near = 0.6 * max(thing.width, other.width)
-            if abs(thing.x - other.x) < near and abs(thing.y - other.y) < near and (
-                abs(thing.bottom - other.top) < 0.3 * other.width
-            ):
-                below[i], above[j] = j, i
+    places: dict[tuple[int, int], list[int]] = {}
+    for i, thing in enumerate(world.things):
+        if i != world.held and not thing.target:
+            key = (round(thing.x / world.pitch), round(thing.y / world.pitch)) if world.cells else (0, 0)
+            places.setdefault(key, []).append(i)
+    for together in places.values():
+        for i in together:
+            for j in together:
+                if _stands_on(world.things[i], world.things[j]):
+                    below[i], above[j] = j, i
     return tuple(below), tuple(above)
+
+
+def _stands_on(thing: Thing, other: Thing) -> bool:
+    near = 0.6 * max(thing.width, other.width)
+    return (
+        thing.bottom > other.bottom
+        and abs(thing.bottom - other.top) < 0.3 * other.width
+        and abs(thing.x - other.x) < near
+        and abs(thing.y - other.y) < near
+    )
