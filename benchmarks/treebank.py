@@ -2,9 +2,9 @@
 
     python -m benchmarks.treebank --data FOLDER
 
-FOLDER has `commands.txt` and `configuration.txt`. Each command is interpreted in the scene before, carried out virtually and
-compared with the scene after: which block went where, and what the gripper holds. `--part develop` and `--part held_out`
-divide the scenes by a fixed seed: the grammar was developed on the first.
+FOLDER has `commands.txt` and `configuration.txt`. Each command is interpreted in the scene before, carried out
+virtually and compared with the scene after: which block went where, and what the gripper holds. `--part develop` and
+`--part held_out` divide the scenes by a fixed seed: the grammar was developed on the first.
 """
 
 from __future__ import annotations

@@ -59,8 +59,8 @@ class Data:
 def world_keys(scene: int) -> tuple[tuple[int, int], tuple[int, int]]:
     """Returns the keys (group, index) of the worlds before and after a scene's move.
 
-    The scenes of a pair show the same two worlds: an odd scene leads from the group's first world to the other one, the even
-    scene after it leads back. Every "pick up" and "drop" of the develop part agrees with this.
+    The scenes of a pair show the same two worlds: an odd scene leads from the group's first world to the other one,
+    the even scene after it leads back. Every "pick up" and "drop" of the develop part agrees with this.
     """
     pair = (scene - 1) // 2
     group, before, after = pair // 4, pair % 4 + 1, 0

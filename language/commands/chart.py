@@ -1,8 +1,8 @@
 """A chart parser that keeps every reading: memoised recursive descent over the lattice, with costs.
 
-Each method returns the items that begin at a token, the cheapest first. A general parser of ambiguous grammars builds the
-forest first and weighs it afterwards; here costs and the scene's judgement prune each span while it is parsed, so that
-a sentence of 30 words takes milliseconds.
+Each method returns the items that begin at a token, the cheapest first. A general parser of ambiguous grammars builds
+the forest first and weighs it afterwards; here costs and the scene's judgement prune each span while it is parsed, so
+that a sentence of 30 words takes milliseconds.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from language.commands import costs
-from language.commands.items import Item
+from language.commands.items import Gaps, Item
 from language.commands.lattice import Lattice
 from language.commands.meanings import Entity, Measure, Relation
 from language.commands.noun_phrases import NounPhrases
-from language.commands.words import FILLERS
+from language.commands.verb_words import FILLERS
 
 MOST_RELATIONS = 3  # of one phrase
 KEPT = 6  # items of the same span
@@ -28,42 +28,10 @@ class Chart:
     def __init__(self, lattice: Lattice, judge: Judge | None = None) -> None:
         """judge: adds a cost to an entity; None: readings are weighed without a scene."""
         self.lattice, self._judge = lattice, judge
-        self._gaps: dict[int, list[Item]] = {}
+        self.gaps = Gaps(lattice)
         self._entities: dict[int, list[Item]] = {}
         self._relations: dict[int, list[Item]] = {}
-        self._noun_phrases = NounPhrases(self)
-
-    def gap(self, start: int) -> list[Item]:
-        """Returns the tokens where the next phrase may begin: fillers are left out at no cost, one other word at a cost."""
-        if start not in self._gaps:
-            found = [Item(at, None, 0.0) for at in self._free(start)]
-            for item in list(found):
-                if item.end < len(self.lattice):
-                    cost = self.skip_cost(item.end)
-                    found += [Item(at, None, cost, 1 << item.end) for at in self._free(item.end + 1)]
-            best: dict[int, Item] = {}
-            for item in found:
-                if item.end not in best or item.cost < best[item.end].cost:
-                    best[item.end] = item
-            self._gaps[start] = list(best.values())
-        return self._gaps[start]
-
-    def _free(self, start: int) -> list[int]:
-        """Returns the positions from a token on that are reached by leaving out fillers."""
-        positions = [start]
-        while start < len(self.lattice) and self.lattice.tokens[start].text in FILLERS:
-            start += 1
-            positions.append(start)
-        return positions
-
-    def skip_cost(self, index: int) -> float:
-        """Returns the cost of leaving out a token."""
-        if self.lattice.tokens[index].text in FILLERS:
-            return 0.0
-        if index in self.lattice.unknown:
-            return costs.SKIPPED["unknown"]
-        content = {"noun", "color", "stack", "number", "never", "not", "verb", "ordinal", "if", "else", "region"}
-        return costs.SKIPPED["content" if content & self.lattice.edges[index].keys() else "function"]
+        self._noun_phrases = NounPhrases(self.gaps)
 
     def entities(self, start: int) -> list[Item]:
         """Returns the phrases for things and regions that begin at a token, with every attachment of relations."""
@@ -123,7 +91,7 @@ class Chart:
         if start not in self._relations:
             self._relations[start] = []
             found: list[Item] = []
-            for gap in self.gap(start):
+            for gap in self.gaps.at(start):
                 for item in [*self._plain(gap.end), *self._measured(gap.end)]:
                     found.append(Item(item.end, item.value, item.cost + gap.cost, item.skipped | gap.skipped))
             self._relations[start] = self._best_relations(found)

@@ -1,4 +1,7 @@
-"""The choice of a plan among all readings: the cheapest that can be carried out, unless another one is about as cheap."""
+"""The choice of a plan among all readings.
+
+the cheapest that can be carried out, unless another one is about as cheap.
+"""
 
 from __future__ import annotations
 

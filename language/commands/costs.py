@@ -1,6 +1,7 @@
 """The score: costs of readings and of what they denote, in one table. The reading of the least cost is chosen.
 
-The unit is arbitrary. Costs of readings need no scene; costs of referents and outcomes compare a reading with the scene.
+The unit is arbitrary. Costs of readings need no scene; costs of referents and outcomes compare a reading with the
+scene.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ NOT_CARRIED_OUT = 50.0  # a reading that no candidate makes possible
 CLOSE = 0.12  # readings this close in cost with other outcomes are asked about
 
 # Referents.
+ELEVATED = 0.2  # an anchor "the red block" that stands on another block
 TOP_OF_STACK = 0.8  # "the cube on the tower" for the tower's own top
 NOT_DIRECTLY = 1.0  # above, with something between
 NOT_QUITE_THERE = 1.5  # nearest to a corner that nothing is in
@@ -35,6 +37,8 @@ OCCUPIED = 0.6  # beside an anchor, but on top of something else
 
 # Plans.
 NO_CHANGE = 4.0  # what is put down stands there already
+ANOTHER_OBJECT = 0.6  # a further step moves something else
+NOT_BELOW = 0.2  # what the gripper holds goes elsewhere than straight down
 MOVED_TWICE = 2.0  # the same thing is put down by two steps
 TAKEN_SOMEWHERE = 1.5  # "take X" with a place
 

@@ -1,14 +1,18 @@
-"""The lattice of a sentence: for each word, the phrases of the lexicon that begin there, with the cost of misspellings."""
+"""The lattice of a sentence.
+
+for each word, the phrases of the lexicon that begin there, with the cost of misspellings.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
 from rapidfuzz.distance import OSA
 
-from language.commands import words as lexicon
+from language.commands import modifiers, nouns, verb_words
 from language.errors import NotUnderstood
 
 LONGEST_SENTENCE = 400  # characters
@@ -16,6 +20,17 @@ MOST_WORDS = 60
 DROPPED = frozenset(
     {"the", "teh", "hte", "th", "tha", "-", '"', "\u201c", "\u201d", "*", "(", ")", "/", "_"}
 )  # these are left out before parsing
+TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
+    "fixture": nouns.FIXTURES,
+    "region": nouns.REGIONS,
+    "relation": modifiers.RELATIONS,
+    "direction": modifiers.DIRECTIONS,
+    "side": modifiers.SIDES,
+    "superlative": modifiers.SUPERLATIVES,
+    "unit": modifiers.UNITS,
+    "verb": verb_words.VERBS,
+    "control": verb_words.CONTROLS,
+}
 SPELLING_COST = 1.2  # of one wrong letter
 _WORD = re.compile(r"\d+(?:[.,]\d+)?(?:st|nd|rd|th)?|[^\W\d_]+(?:['\u2019][^\W\d_]+)*|[^\w\s]|_")
 
@@ -117,7 +132,7 @@ def _number(word: str) -> float | None:
 @cache
 def vocabulary() -> frozenset[str]:
     """Returns every single word of the lexicon."""
-    found: set[str] = set(lexicon.FILLERS)
+    found: set[str] = set(verb_words.FILLERS)
     nodes = [trie()]
     while nodes:
         node = nodes.pop()
@@ -143,59 +158,20 @@ def trie() -> dict:
     return root
 
 
-def _entries():
+def _entries() -> Iterator[tuple[str, Any, str]]:
     """Yields (category, meaning, phrase) for every phrase of the lexicon."""
-    for phrase, names in lexicon.colors().items():
+    for phrase, names in nouns.colors().items():
         yield "color", names, phrase
-    for kind, nouns in lexicon.nouns().items():
-        for phrase in nouns:
-            yield "noun", kind, phrase
-    for phrase, size in lexicon.sizes().items():
+    for kind, words in nouns.nouns().items():
+        yield from (("noun", kind, phrase) for phrase in words)
+    for phrase, size in nouns.sizes().items():
         yield "size", size, phrase
-    for kind, fixtures in lexicon.FIXTURES.items():
-        for phrase in fixtures:
-            yield "fixture", kind, phrase
-    tables = {
-        "region": lexicon.REGIONS,
-        "relation": lexicon.RELATIONS,
-        "direction": lexicon.DIRECTIONS,
-        "side": lexicon.SIDES,
-        "superlative": lexicon.SUPERLATIVES,
-        "unit": lexicon.UNITS,
-        "verb": lexicon.VERBS,
-        "control": lexicon.CONTROLS,
-    }
-    for category, table in tables.items():
+    for category, table in TABLES.items():
         for value, text in table.items():
-            yield from ((category, value, phrase) for phrase in lexicon.phrases(text))
-    singles = {
-        "stack": lexicon.STACKS,
-        "single": lexicon.SINGLE,
-        "other": lexicon.OTHER,
-        "exposed": lexicon.EXPOSED,
-        "every": lexicon.EVERY,
-        "both": lexicon.BOTH,
-        "any": lexicon.ANY,
-        "vacant": lexicon.VACANT,
-        "bit": lexicon.A_BIT,
-        "pronoun": lexicon.PRONOUNS,
-        "held": lexicon.HELD,
-        "particle": lexicon.UP_OR_DOWN,
-        "bare": lexicon.BARE,
-        "join": lexicon.JOIN,
-        "if": lexicon.IF,
-        "there": lexicon.THERE_IS,
-        "else": lexicon.ELSE,
-        "not": lexicon.NOT,
-        "never": lexicon.NEVER,
-        "not_meant": lexicon.NOT_MEANT,
-        "between": "between, in between",
-        "here": "here, there, over there, over here",
-        "last": lexicon.LAST,
-    }
-    for category, text in singles.items():
-        yield from ((category, phrase, phrase) for phrase in lexicon.phrases(text))
-    for number, phrase in enumerate(lexicon.NUMBERS):
+            yield from ((category, value, phrase) for phrase in nouns.phrases(text))
+    for category, text in {**modifiers.SINGLES, **verb_words.SINGLES, "stack": nouns.STACKS}.items():
+        yield from ((category, phrase, phrase) for phrase in nouns.phrases(text))
+    for number, phrase in enumerate(modifiers.NUMBERS):
         yield "number", float(number), phrase
-    for phrase, rank in lexicon.ORDINALS.items():
+    for phrase, rank in modifiers.ORDINALS.items():
         yield "ordinal", rank, phrase

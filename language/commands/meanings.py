@@ -22,7 +22,7 @@ class Measure:
 class Relation:
     """A relation to an anchor, such as "left of the red cube".
 
-    name: a key of `words.RELATIONS`, or "between", "held", "bare", "direction", "here", "not".
+    name: a key of `modifiers.RELATIONS`, or "between", "held", "bare", "direction", "here", "not".
     anchors: none, one or two entities. value: a direction, or None. measure: the length, if one is said.
     """
 
@@ -37,9 +37,9 @@ class Relation:
 class Entity:
     """A phrase for things, stacks, regions of the board or a participant.
 
-    kind: "thing", "stack", a key of `words.REGIONS`, "fixture" or "it". noun: the kind of thing, or None for any.
+    kind: "thing", "stack", a key of `nouns.REGIONS`, "fixture" or "it". noun: the kind of thing, or None for any.
     colors: each a tuple of the colours that it may mean. sides: words such as "left" and "back".
-    superlative: a key of `words.SUPERLATIVES`. ordinal: a rank from 1, or -1 for the last. number: a count.
+    superlative: a key of `modifiers.SUPERLATIVES`. ordinal: a rank from 1, or -1 for the last. number: a count.
     every: all that fit. any: any one that fits. single: not in a stack. other: not the one that was mentioned.
     plural: whether the noun is a plural.
     """
@@ -64,7 +64,7 @@ class Entity:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Step:
-    """One action: a key of `words.VERBS` or `words.CONTROLS`, "fragment" (no verb) or "nothing".
+    """One action: a key of `verb_words.VERBS` or `verb_words.CONTROLS`, "fragment" (no verb) or "nothing".
 
     entity: what is acted on. places: conjoined relations that say where to.
     """

@@ -1,16 +1,16 @@
-"""Noun phrases of the chart without their relations: "the second blue block", "top left corner", "red and green tower"."""
+"""Noun phrases of the chart without their relations.
+
+"the second blue block", "top left corner", "red and green tower".
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from language.commands import costs
-from language.commands.items import Item
+from language.commands.items import Gaps, Item
 from language.commands.meanings import Entity
-from language.commands.words import REGIONS
-
-if TYPE_CHECKING:
-    from language.commands.chart import Chart
+from language.commands.nouns import REGIONS
 
 _PLURAL = frozenset({"tetrahedra", "boxes"})
 _MODIFIERS = (
@@ -41,13 +41,13 @@ class _Draft(NamedTuple):
 class NounPhrases:
     """The noun phrases of a chart's sentence."""
 
-    def __init__(self, chart: Chart) -> None:
-        self._chart, self._get = chart, chart.lattice.get
+    def __init__(self, gaps: Gaps) -> None:
+        self._gaps, self._lattice, self._get = gaps, gaps.lattice, gaps.lattice.get
 
     def at(self, start: int) -> list[Item]:
         """Returns the noun phrases that begin at a token, after a gap."""
         found: list[Item] = []
-        drafts = [_Draft(gap.end, {}, gap.cost, gap.skipped) for gap in self._chart.gap(start)]
+        drafts = [_Draft(gap.end, {}, gap.cost, gap.skipped) for gap in self._gaps.at(start)]
         while drafts:
             draft = drafts.pop()
             found += self._ended(draft, start)
@@ -57,10 +57,10 @@ class NounPhrases:
         return found
 
     def _skipping(self, draft: _Draft) -> list[_Draft]:
-        lattice = self._chart.lattice
+        lattice = self._lattice
         if draft.at >= len(lattice):
             return []
-        cost = self._chart.skip_cost(draft.at)
+        cost = self._gaps.skip_cost(draft.at)
         if lattice.tokens[draft.at].text == "," or (cost and (draft.skipped or draft.at not in lattice.unknown)):
             return []
         return [_Draft(draft.at + 1, draft.known, draft.cost + cost, draft.skipped | (1 << draft.at if cost else 0))]
@@ -84,12 +84,10 @@ class NounPhrases:
         colors = draft.known.get("colors", ())
         at = draft.at
         if colors and any(
-            self._chart.lattice.tokens[at].text == mark
-            for mark in ("and", ",", "&", "+")
-            if at < len(self._chart.lattice)
+            self._lattice.tokens[at].text == mark for mark in ("and", ",", "&", "+") if at < len(self._lattice)
         ):
             at += 1
-            if at < len(self._chart.lattice) and self._chart.lattice.tokens[at].text == "and":
+            if at < len(self._lattice) and self._lattice.tokens[at].text == "and":
                 at += 1
         for edge in self._get(at, "color"):
             found.append(
@@ -125,7 +123,7 @@ class NounPhrases:
         return found
 
     def _thing(self, draft: _Draft, edge: Any, start: int) -> list[Item]:
-        word = self._chart.lattice.tokens[edge.end - 1].text
+        word = self._lattice.tokens[edge.end - 1].text
         noun = None if edge.value == "thing" else edge.value
         known = {**draft.known, "noun": noun, "plural": word.endswith("s") or word in _PLURAL}
         thing = _Draft(edge.end, known, draft.cost + edge.cost, draft.skipped)
@@ -143,7 +141,7 @@ class NounPhrases:
     def _stack(self, draft: _Draft, start: int) -> list[Item]:
         found = [_item(draft, draft.at, 0.0, start, kind="stack")]
         after = draft.at
-        lattice = self._chart.lattice
+        lattice = self._lattice
         for again in self._get(after, "stack"):  # "combination tower"
             found.append(_item(draft, again.end, 0.0, start, kind="stack"))
         if after < len(lattice) and lattice.tokens[after].text in ("of", "with", "made"):

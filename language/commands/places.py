@@ -32,13 +32,18 @@ class Spot(NamedTuple):
 
 
 class Point(NamedTuple):
-    """A place before it is checked: x, y, a cost, and the thing that it must stand on directly, if any."""
+    """A place before it is checked: x, y, a cost, and the thing that it must stand on directly, if any.
+
+    free: whether it should be empty. group: of several places that serve equally, such as those at an edge, the
+    cheapest is taken; 0: a place of its own.
+    """
 
     x: float
     y: float
     cost: float
     on: int | None = None
     free: bool = False
+    group: int = 0
 
 
 def spots(resolver: Resolver, mover: int, relations: tuple[Relation, ...]) -> list[Spot]:
@@ -46,10 +51,10 @@ def spots(resolver: Resolver, mover: int, relations: tuple[Relation, ...]) -> li
     points = _points(resolver, mover, relations[0])
     for relation in relations[1:]:
         points = _also(resolver, mover, points, relation)
-    best: dict[tuple[float, float], Spot] = {}
+    best: dict[tuple, Spot] = {}
     for point in points:
         found = settle(resolver.world, mover, point)
-        key = (round(found.x, 3), round(found.y, 3))
+        key = (point.group,) if point.group else (round(found.x, 3), round(found.y, 3))
         if key not in best or (bool(found.why_not), found.cost) < (bool(best[key].why_not), best[key].cost):
             best[key] = found
     return sorted(best.values(), key=lambda found: (bool(found.why_not), found.cost))
@@ -90,10 +95,12 @@ def _points(resolver: Resolver, mover: int, relation: Relation) -> list[Point]:
     if not relation.anchors:
         return []
     found: list[Point] = []
-    for anchor in _anchors(resolver, relation):
+    for number, anchor in enumerate(_anchors(resolver, relation), 1):
         if mover in anchor.things and (relation.name not in _SIDEWAYS or relation.anchors[0].kind != "it"):
             continue
-        found += [point._replace(cost=point.cost + anchor.cost) for point in _by(world, mover, relation, anchor)]
+        points = _by(world, mover, relation, anchor)
+        group = number if len(points) > 1 else 0
+        found += [point._replace(cost=point.cost + anchor.cost, group=group) for point in points]
     return found
 
 
@@ -111,6 +118,10 @@ def _anchors(resolver: Resolver, relation: Relation) -> list[Ref]:
 def _by(world: World, mover: int, relation: Relation, anchor: Ref) -> list[Point]:
     """Returns the points in a relation to one anchor."""
     name = relation.name
+    if world.cells and relation.measure is not None and name in ("over", "under"):  # "one square above the corner"
+        return _beside(world, mover, anchor, "far" if name == "over" else "near", relation.measure)
+    if name in _SIDEWAYS and anchor.kind == "board":  # "two squares to the left of the board"
+        return _shifted(world, mover, replace(relation, name="direction", value=_SIDEWAYS[name]))
     if name in _SIDEWAYS:
         return _beside(world, mover, anchor, _SIDEWAYS[name], relation.measure)
     if name in ("near", "nearest"):

@@ -1,4 +1,7 @@
-"""Plans of a reading in a world: which things and places its steps mean, with every precondition checked in sequence."""
+"""Plans of a reading in a world.
+
+which things and places its steps mean, with every precondition checked in sequence.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from language.commands import costs
 from language.commands.meanings import Entity, Reading, Relation, Step
 from language.commands.outcomes import CONTROLS, Action
 from language.commands.places import Point, Spot, settle, spots
+from language.commands.plans import Plan, obstacle
 from language.commands.referents import Ref, color_fits
 from language.commands.resolving import Resolver
 from language.commands.world import DEVICES, World
@@ -18,28 +22,12 @@ KEPT = 12  # plans of the steps so far
 Resolvers = dict[tuple, Resolver]
 
 
-@dataclass(frozen=True)
-class Plan:
-    """The actions so far, the world after them, and their cost.
-
-    it: what "it" means next. failure, reason: why the plan cannot be carried out. entity: the phrase that it is about.
-    """
-
-    world: World
-    actions: tuple[Action, ...] = ()
-    cost: float = 0.0
-    it: tuple[int, ...] = ()
-    mentioned: tuple[int, ...] = ()
-    failure: str = ""
-    reason: str = ""
-    entity: Entity | None = None
-    candidates: tuple[int, ...] = ()
-    arbitrary: bool = False
-
-
 @dataclass
 class Planner:
-    """Plans readings in one world. it, mentioned: the things of the dialogue. help: whether the scene helps to select."""
+    """Plans readings in one world. it, mentioned: the things of the dialogue.
+
+    help: whether the scene helps to select.
+    """
 
     world: World
     it: tuple[int, ...] = ()
@@ -169,7 +157,7 @@ class Planner:
         resolver = self.resolver(plan.world, plan.it, None, plan.mentioned)
         refs = resolver.resolve(entity)
         if self.help and step.action in ("take", "move", "push", "remove", "give"):
-            usable = self._usable.setdefault(id(resolver), lambda ref: not _obstacle(plan.world, ref.things[-1:]))
+            usable = self._usable.setdefault(id(resolver), lambda ref: not obstacle(plan.world, ref.things[-1:]))
             free = resolver.resolve(entity, usable)  # type: ignore[arg-type]
             known = {ref.things for ref in refs}
             refs = refs + [ref._replace(cost=ref.cost + costs.ONLY_USABLE) for ref in free if ref.things not in known]
@@ -208,9 +196,9 @@ class Planner:
             if step.action == "drop" and not step.places:
                 yield replace(plan, failure="the gripper is empty", reason="impossible")
                 return
-            obstacle = _obstacle(plan.world, (index,)) or ("the gripper is full" if plan.world.held is not None else "")
-            if obstacle:
-                yield replace(plan, failure=obstacle, reason="impossible", candidates=(index,))
+            why = obstacle(plan.world, (index,)) or ("the gripper is full" if plan.world.held is not None else "")
+            if why:
+                yield replace(plan, failure=why, reason="impossible", candidates=(index,))
                 return
             kind = "take" if step.action != "push" else "push"
             if kind == "take":
@@ -260,8 +248,12 @@ class Planner:
         cost = spot.cost + costs.TAKEN_SOMEWHERE * (step.action == "take")
         if self._same_place(index, spot):
             cost += costs.NO_CHANGE
-        if any(done.object == index and done.kind == "place" for done in plan.actions):
-            cost += costs.MOVED_TWICE
+        moved = [done.object for done in plan.actions if done.kind == "place"]
+        cost += costs.MOVED_TWICE * (index in moved) + costs.ANOTHER_OBJECT * any(other != index for other in moved)
+        if index == self.world.held:
+            thing = self.world.things[index]
+            away = max(abs(thing.x - spot.x), abs(thing.y - spot.y)) > 0.5 * self.world.pitch
+            cost += costs.NOT_BELOW * away
         kind = "push" if step.action == "push" else "place"
         action = Action(kind, index, (spot.x, spot.y), spot.bottom, spot.on)
         world = plan.world.moved(index, spot.x, spot.y, spot.bottom)
@@ -277,17 +269,3 @@ class Planner:
     def _with(self, plan: Plan, action: Action, failure: str = "") -> Plan:
         reason = "impossible" if failure else ""
         return replace(plan, actions=(*plan.actions, action), failure=failure, reason=reason)
-
-
-def _obstacle(world: World, things: tuple[int, ...]) -> str:
-    """Returns why a thing cannot be taken, or ""."""
-    if not things:
-        return "that is no thing"
-    thing = world.things[things[0]]
-    over = world.above[things[0]]
-    if over is not None:
-        upper = world.things[over]
-        return f"the {thing.color} {thing.kind} is under the {upper.color} {upper.kind}"
-    if thing.kind in DEVICES:
-        return f"a {thing.kind} is fixed to the table"
-    return "a see-through object only marks a place" if thing.target else ""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from language.commands.meanings import Entity, Relation
 from language.commands.world import FLAT, World
 
-TIE = 0.25  # pitches: distances and coordinates this close are equal
+TIE = 0.1  # pitches: distances and coordinates this close are equal
 
 
 class Ref(NamedTuple):
@@ -145,8 +145,8 @@ def regions(world: World, entity: Entity) -> list[Ref]:
     if entity.kind == "center":
         return [spot(*world.center, kind="center")]
     if entity.kind in ("robot", "person"):
-        x = x0 - 2 * world.pitch if entity.kind == "robot" else x1 + 2 * world.pitch
-        return [spot(x, world.center[1], kind=entity.kind)]
+        x = x0 - world.pitch if entity.kind == "robot" else x1 + world.pitch
+        return [Ref(entity.kind, (x, x, y0, y1), world.ground)]
     if entity.kind == "board":
         return [Ref("board", world.bounds, world.ground)]
     return []

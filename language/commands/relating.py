@@ -1,4 +1,7 @@
-"""Whether a referent stands in a relation to its anchors, as a cost: 0 where it clearly does, None where it does not."""
+"""Whether a referent stands in a relation to its anchors, as a cost.
+
+0 where it clearly does, None where it does not.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +71,9 @@ def _cost(world: World, ref: Ref, relation: Relation, anchor: Ref) -> float | No
     if name == "opposite":
         return _opposite(world, ref, anchor)
     if anchor.kind in ("thing", "stack"):
-        return _on(world, ref, anchor, inside=name in ("from", "of", "in", "at"))
+        cost = _on(world, ref, anchor, inside=name in ("from", "of", "in", "at"))
+        raised = anchor.kind == "thing" and world.below[anchor.things[0]] is not None
+        return cost if cost is None else cost + costs.ELEVATED * raised
     return _within(world, ref, anchor)
 
 

@@ -1,4 +1,7 @@
-"""Resolves phrases in a world: heads, then relations, then what selects among those left (superlatives, ranks, nearest)."""
+"""Resolves phrases in a world.
+
+heads, then relations, then what selects among those left (superlatives, ranks, nearest).
+"""
 
 from __future__ import annotations
 
@@ -159,13 +162,8 @@ class Resolver:
             sign = -1.0 if name == "largest" else 1.0
             return best(refs, lambda ref: sign * self._width(ref), 0.003)
         sign = 1.0 if name == "nearest" else -1.0
-        if self.origin is None:
-            x0 = self.world.bounds[0]
-            robot = Ref("robot", (x0 - 1, x0 - 1, *self.world.bounds[2:]), 0.0)
-            return best(refs, lambda ref: sign * distance(ref.x, ref.y, robot), tie)
-        at = thing_ref(self.world, self.origin)
-        others = [ref for ref in refs if self.origin not in ref.things]
-        return best(others, lambda ref: sign * distance(ref.x, ref.y, at), tie)
+        robot = heads(self.world, Entity("robot"))[0]
+        return best(refs, lambda ref: sign * distance(ref.x, ref.y, robot), tie)
 
     def _width(self, ref: Ref) -> float:
         return max((self.world.things[i].width for i in ref.things), default=0.0)

@@ -17,7 +17,10 @@ _MOVING = ("move", "push", "drop", "give", "remove", "take")
 
 
 def readings(sentence: str, judge: Judge | None = None) -> tuple[list[Reading], Lattice]:
-    """Returns the readings of a sentence, the cheapest first, and its lattice. Raises NotUnderstood if it is too long."""
+    """Returns the readings of a sentence, the cheapest first, and its lattice.
+
+    Raises NotUnderstood if it is too long.
+    """
     lattice = Lattice(sentence)
     parser = _Sentences(Chart(lattice, judge))
     found = sorted(parser.all(), key=lambda reading: reading.cost)[:KEPT_READINGS]
@@ -45,7 +48,7 @@ class _Sentences:
         cost, unused = item.cost, item.skipped
         for index in range(item.end, len(self.lattice)):
             join = "join" in self.lattice.edges[index] and self.lattice.tokens[index].text in (".", ";", "and", "then")
-            extra = 0.0 if join else self.chart.skip_cost(index)
+            extra = 0.0 if join else self.chart.gaps.skip_cost(index)
             cost += extra
             unused |= (1 << index) if extra else 0
         if cost > 16.0:
@@ -57,7 +60,7 @@ class _Sentences:
     def _conditions(self, start: int) -> list[Item]:
         """Returns "if there is X, steps, otherwise steps"."""
         found = []
-        for item in self.chart.gap(start):
+        for item in self.chart.gaps.at(start):
             for opening in self.lattice.get(item.end, "if"):
                 for there in self.lattice.get(opening.end, "there"):
                     for entity in self.chart.entities(there.end):
@@ -70,7 +73,7 @@ class _Sentences:
             cost, skipped = condition.cost + steps.cost, condition.skipped | steps.skipped
             plain = Reading(steps.value, condition=condition.value)
             found.append(Item(steps.end, plain, cost, skipped))
-            for gap in self.chart.gap(steps.end):
+            for gap in self.chart.gaps.at(steps.end):
                 for word in self.lattice.get(gap.end, "else"):
                     for other in self._sequences(word.end):
                         full = replace(plain, otherwise=other.value)
@@ -114,7 +117,7 @@ class _Sentences:
         """Returns the steps that begin at a token."""
         if start not in self._steps:
             found: list[Item] = []
-            for gap in self.chart.gap(start):
+            for gap in self.chart.gaps.at(start):
                 for item in self._step(gap.end):
                     found.append(Item(item.end, item.value, gap.cost + item.cost, gap.skipped | item.skipped))
             self._steps[start] = _cheapest(found, KEPT_STEPS)

@@ -1,7 +1,7 @@
 """The scene of a command, on a table or on a board with cells: things, what stands on what, and what the arm holds.
 
-One frame serves both: x points away from the robot, y to its left, z up. A table is in metres; a board's unit is the cell,
-and its heights are in blocks.
+One frame serves both: x points away from the robot, y to its left, z up. A table is in metres; a board's unit is the
+cell, and its heights are in blocks.
 """
 
 from __future__ import annotations
@@ -129,7 +129,10 @@ def board(
 
 
 def table(scene: Scene, held: int | None = None, **more) -> World:
-    """Returns the world of a table's scene, in metres. more: other fields of `World`, such as `bounds` and `fixtures`."""
+    """Returns the world of a table's scene, in metres.
+
+    more: other fields of `World`, such as `bounds` and `fixtures`.
+    """
     objects = list(scene)
     things = tuple(
         Thing(

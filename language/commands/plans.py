@@ -1,0 +1,42 @@
+"""A plan: the actions of a reading and the world after them, or why it cannot be carried out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from language.commands.meanings import Entity
+from language.commands.outcomes import Action
+from language.commands.world import DEVICES, World
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The actions so far, the world after them, and their cost.
+
+    it: what "it" means next. failure, reason: why the plan cannot be carried out. entity: the phrase that it is about.
+    """
+
+    world: World
+    actions: tuple[Action, ...] = ()
+    cost: float = 0.0
+    it: tuple[int, ...] = ()
+    mentioned: tuple[int, ...] = ()
+    failure: str = ""
+    reason: str = ""
+    entity: Entity | None = None
+    candidates: tuple[int, ...] = ()
+    arbitrary: bool = False
+
+
+def obstacle(world: World, things: tuple[int, ...]) -> str:
+    """Returns why a thing cannot be taken, or ""."""
+    if not things:
+        return "that is no thing"
+    thing = world.things[things[0]]
+    over = world.above[things[0]]
+    if over is not None:
+        upper = world.things[over]
+        return f"the {thing.color} {thing.kind} is under the {upper.color} {upper.kind}"
+    if thing.kind in DEVICES:
+        return f"a {thing.kind} is fixed to the table"
+    return "a see-through object only marks a place" if thing.target else ""
