@@ -6,6 +6,7 @@ import unicodedata
 from collections.abc import Sequence
 from typing import Any
 
+from language import commands
 from language.errors import NothingFits, NotUnderstood, SeveralFit
 from language.instruction import Command, Correction, Meaning, say
 from language.scene_file import NamedScene
@@ -31,13 +32,31 @@ class Dialogue:
         """
         self._named, self._pointed = named, tuple(pointed)
         self.previous: Understood | None = None
+        self._precise, self._wide = "", commands.Dialogue()
 
     def answer(self, sentence: str) -> Answer:
-        """Returns the steps that the sentence asks for, or the error."""
+        """Returns the steps that the sentence asks for, or the error.
+
+        A sentence outside the precise grammar is interpreted as a command that people write, if there is a scene.
+        """
         try:
-            return self._understood(sentence)
-        except (NotUnderstood, NothingFits, SeveralFit) as error:
+            answer = self._understood(sentence)
+            self._precise = sentence
+            return answer
+        except NotUnderstood as error:
+            hint = "did you mean" in str(error)  # one misspelt word: the precise grammar names the right one
+            return (None if hint else self._widely(sentence)) or _error(error, self._named)
+        except (NothingFits, SeveralFit) as error:
             return _error(error, self._named)
+
+    def _widely(self, sentence: str) -> Answer | None:
+        """Returns the answer of the wide grammar, or None."""
+        if self._named is None:
+            return None
+        if self._precise:  # what the sentence may refer to
+            self._wide.answer(self._precise, self._named.scene, self._pointed)
+            self._precise = ""
+        return outcome_as_answer(self._wide.answer(sentence, self._named.scene, self._pointed), self._named)
 
     def _understood(self, sentence: str) -> Answer:
         if self._named is None:
@@ -45,6 +64,29 @@ class Dialogue:
         understood = parse(sentence, self._named.scene, self._pointed, self.previous)
         self.previous = understood
         return grounded(understood, self._named)
+
+
+def outcome_as_answer(outcome: commands.Outcome, named: NamedScene) -> Answer | None:
+    """Returns the steps or the question of an outcome; None for a refusal."""
+    if isinstance(outcome, commands.Understood) and outcome.steps:
+        answer = {"steps": [_action(step, named) for step in outcome.steps], "confidence": outcome.confidence}
+        return answer | {key: list(said) for key in ("unused", "notes") if (said := getattr(outcome, key))}
+    if isinstance(outcome, commands.Question):
+        names = [named.ids[index] for index in outcome.candidates]
+        return {"error": "question", "message": outcome.text, "position": outcome.span[0], "candidates": names}
+    return None
+
+
+def _action(step: commands.Action, named: NamedScene) -> Answer:
+    place = None if step.position is None else [round(x, 4) for x in step.position]
+    height = None if step.bottom is None else round(step.bottom, 4)
+    return {
+        "kind": step.kind,
+        "object": named.id(step.object),
+        "place": place,
+        "height": height,
+        "on": named.id(step.on),
+    }
 
 
 def grounded(understood: Understood, named: NamedScene) -> Answer:

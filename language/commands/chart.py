@@ -17,7 +17,9 @@ from language.commands.noun_phrases import NounPhrases
 from language.commands.verb_words import FILLERS
 
 MOST_RELATIONS = 3  # of one phrase
-KEPT = 6  # items of the same span
+MOST_WORK = 600  # attachments of one sentence; commands that people wrote take 50 on average
+KEPT = 3  # items of the same span
+WORSE = 5.0  # items are left out that cost this much more than the best of their span
 
 Judge = Callable[[Entity], float]  # the cost of what an entity denotes
 
@@ -29,6 +31,7 @@ class Chart:
         """judge: adds a cost to an entity; None: readings are weighed without a scene."""
         self.lattice, self._judge = lattice, judge
         self.gaps = Gaps(lattice)
+        self.work = 0  # attachments that were weighed
         self._entities: dict[int, list[Item]] = {}
         self._relations: dict[int, list[Item]] = {}
         self._noun_phrases = NounPhrases(self.gaps)
@@ -50,14 +53,26 @@ class Chart:
         for item in items:
             if item.value.kind == "it":
                 continue
-            for relation in self.relations(item.end) + self._bare_regions(item):
+            if self.work > MOST_WORK:  # a sentence without sense; what is found so far has to do
+                break
+            for relation in self.relations(item.end) + self._bare_regions(item) + self._further(item):
                 if relation.value.name == "direction" and relation.value.value in ("up", "down"):
                     continue
                 entity: Entity = item.value
+                self.work += 1
                 cost = item.cost + relation.cost + costs.RELATION
+                if relation.value.name == "direction" and relation.value.value != "top":
+                    cost += costs.BARE_DIRECTION
                 skipped = item.skipped | relation.skipped
                 found.append(Item(relation.end, related(entity, relation.value, relation.end), cost, skipped))
         return found
+
+    def _further(self, item: Item) -> list[Item]:
+        """Returns the relations after "and": "left of the ball and behind the cube"."""
+        end = item.end
+        if not item.value.relations or end >= len(self.lattice) or self.lattice.tokens[end].text not in ("and", "but"):
+            return []
+        return [found._replace(cost=found.cost + 0.2) for found in self.relations(end + 1)]
 
     def _bare_regions(self, item: Item) -> list[Item]:
         """Returns regions that follow a thing without a preposition: "the red cube left edge"."""
@@ -75,14 +90,15 @@ class Chart:
     def _judged(self, item: Item) -> Item:
         if self._judge is None:
             return item
-        return item._replace(cost=item.cost + self._judge(item.value)) if self._judge(item.value) else item
+        cost = self._judge(item.value)
+        return item._replace(cost=item.cost + cost) if cost else item
 
     def _best(self, items: list[Item]) -> list[Item]:
         """Returns the cheapest items of each span."""
         spans: dict[int, list[Item]] = {}
         for item in sorted(items, key=lambda item: item.cost):
             kept = spans.setdefault(item.end, [])
-            if len(kept) < KEPT:
+            if len(kept) < KEPT and (not kept or item.cost <= kept[0].cost + WORSE):
                 kept.append(item)
         return [item for kept in spans.values() for item in kept]
 
@@ -101,7 +117,7 @@ class Chart:
         spans: dict[tuple, list[Item]] = {}
         for item in sorted(items, key=lambda item: item.cost):
             kept = spans.setdefault((item.end, item.value.name), [])
-            if len(kept) < KEPT:
+            if len(kept) < KEPT and (not kept or item.cost <= kept[0].cost + WORSE):
                 kept.append(item)
         return [item for kept in spans.values() for item in kept]
 

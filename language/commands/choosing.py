@@ -28,6 +28,7 @@ class Choices(NamedTuple):
     possible: list[Choice]
     failed: list[Choice]
     tokens: list
+    readings: list[Reading]
 
 
 def choices(sentence: str, planner: Planner, scene_chooses: bool = True) -> Choices:
@@ -43,8 +44,9 @@ def choices(sentence: str, planner: Planner, scene_chooses: bool = True) -> Choi
     failed: list[Choice] = []
     least = math.inf
     for reading in found:
-        if reading.cost > least + 2 * costs.CLOSE:
-            break
+        telling = costs.EMPTY <= reading.cost < least + costs.EMPTY - costs.FAR_BETTER  # why a cheaper reading fails
+        if reading.cost > least + 2 * costs.CLOSE and not telling:
+            continue
         for plan in planner.plans(reading):
             choice = Choice(reading, plan, reading.cost + plan.cost)
             if plan.failure:
@@ -54,7 +56,7 @@ def choices(sentence: str, planner: Planner, scene_chooses: bool = True) -> Choi
                 least = min(least, choice.cost)
     possible.sort(key=lambda choice: choice.cost)
     failed.sort(key=lambda choice: choice.cost)
-    return Choices(_distinct(possible), failed, lattice.tokens)
+    return Choices(_distinct(possible), failed, lattice.tokens, found)
 
 
 def _distinct(possible: list[Choice]) -> list[Choice]:

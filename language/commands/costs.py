@@ -13,8 +13,12 @@ ODD_PREPOSITION = 0.6  # such as "in the cube"
 NO_NOUN = 0.8  # "the blue"
 REGION_WITHOUT_PREPOSITION = 1.0  # "on red cube left edge"
 NO_VERB = 1.0
+NO_VERB_BUT_PLACE = 1.4  # "the red cube on the blue one": rather a thing than a command
 NO_OBJECT = 0.5  # "pick up the cube and place on the red one"
 NEAREST_PLACE = 1.5  # "nearest to" as a place; it mostly says which thing
+BARE_DIRECTION = 0.3  # "the cube left"
+FAR_SIDE = 0.4  # "far left" as two sides
+ANOTHER_KIND = 0.3  # "put the cube on the blue one": rather a cube, too
 ON_TOP_OF_REGION = 0.7  # "on top | right corner"
 SUPERLATIVE_ALONE = 1.6  # "the top" as a thing
 INVERTED = 0.8  # "place on the red cube the blue one"
@@ -31,7 +35,6 @@ ELEVATED = 0.2  # an anchor "the red block" that stands on another block
 TOP_OF_STACK = 0.8  # "the cube on the tower" for the tower's own top
 NOT_DIRECTLY = 1.0  # above, with something between
 NOT_QUITE_THERE = 1.5  # nearest to a corner that nothing is in
-ON_COVERED = 3.0  # on top of what stands on the anchor
 ONLY_USABLE = 0.3  # the best only among what can be taken or bear another thing
 OCCUPIED = 0.6  # beside an anchor, but on top of something else
 
@@ -43,6 +46,6 @@ MOVED_TWICE = 2.0  # the same thing is put down by two steps
 TAKEN_SOMEWHERE = 1.5  # "take X" with a place
 
 # Outcomes.
-FAR_BETTER = 5.0  # a reading that fails is reported if it is this much cheaper than any that can be carried out
+FAR_BETTER = 3.0  # a reading that fails is reported if it is this much cheaper than any that can be carried out
 TOO_MUCH = 7.5  # dearer readings are asked about
 DOUBT = 12.0  # confidence falls by e with this cost

@@ -15,13 +15,14 @@ from language.commands.planning import Planner
 from language.commands.world import World
 from language.errors import NotUnderstood
 
+_TELLING = ("nothing", "impossible", "dialogue")  # failures that are rather reported than another reading chosen
 MOST_CANDIDATES = 6  # of a question
 
 
 def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     """Returns the outcome that the plans of a sentence lead to."""
     world = planner.world
-    if not found.possible or (found.failed and found.failed[0].cost < found.possible[0].cost - costs.FAR_BETTER):
+    if not found.possible or _far_better(found):
         return refused(sentence, found, world)
     top = found.possible[0]
     rivals = [c for c in found.possible[1:] if c.cost <= top.cost + costs.CLOSE]
@@ -31,6 +32,15 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         return _asked(sentence, [top, *rivals][:MOST_CANDIDATES], found.tokens, world)
     following = found.possible[1].cost if len(found.possible) > 1 else math.inf
     return understood(sentence, top, found.tokens, world, following)
+
+
+def _far_better(found: Choices) -> bool:
+    """Returns whether a reading that fails is much cheaper than all others, apart from that nothing fits it."""
+    least = min(
+        (c.cost - costs.EMPTY * (c.plan.reason == "nothing") for c in found.failed if c.plan.reason in _TELLING),
+        default=math.inf,
+    )
+    return least < found.possible[0].cost - costs.FAR_BETTER
 
 
 def understood(
@@ -99,7 +109,8 @@ def _doubted(sentence: str, found: Choices, world: World) -> Outcome:
 
 def refused(sentence: str, found: Choices, world: World) -> Outcome:
     """Returns why no plan of a sentence can be carried out, or a question for what it leaves open."""
-    likely = [choice for choice in found.failed if choice.cost <= costs.TOO_MUCH]
+    limit = costs.TOO_MUCH
+    likely = [c for c in found.failed if c.cost - costs.EMPTY * (c.plan.reason == "nothing") <= limit]
     if not likely:
         return unreadable(sentence, found.tokens, world)
     top = likely[0]
@@ -107,11 +118,12 @@ def refused(sentence: str, found: Choices, world: World) -> Outcome:
     unused = tuple(sentence[found.tokens[i].start : found.tokens[i].end] for i in top.reading.unused)
     part = sentence[slice(*span)]
     if plan.reason == "where":
-        return Question(sentence, 0.0, unused, span, "Where to? Say, for example, 'next to' or 'on top of' something.")
+        text = "Where to? Say, for example, 'next to' or 'on top of' something."
+        return Question(sentence, 0.0, unused, span, text, reading=top.reading)
     if plan.reason == "several":
         text = f"{plan.failure} '{part}'. Which do you mean?"
         return Question(sentence, 0.0, unused, span, text, plan.candidates)
-    if plan.reason == "nothing":
+    if plan.reason in ("nothing", "nowhere"):
         things = dict.fromkeys(f"a {thing.color} {thing.kind}" for thing in world.things)
         text = f"{plan.failure} '{part}'; there is {', '.join(list(things)[:8]) or 'nothing'}"
         return Refusal(sentence, 0.0, unused, span, "nothing", text, examples(world))

@@ -8,7 +8,10 @@ from language.commands import costs
 from language.commands.lattice import Lattice
 from language.commands.verb_words import FILLERS
 
-_CONTENT = frozenset({"noun", "color", "stack", "number", "never", "not", "verb", "ordinal", "if", "else", "region"})
+_CONTENT = frozenset(
+    ("noun", "color", "stack", "region", "number", "ordinal", "verb", "pronoun", "every", "both", "other")
+    + ("never", "not", "if", "else")
+)
 
 
 class Item(NamedTuple):

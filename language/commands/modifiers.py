@@ -60,11 +60,12 @@ RELATIONS: dict[str, str] = {
 }
 # Direction -> phrases that need no anchor.
 DIRECTIONS: dict[str, str] = {
-    "left": "left, to the left, leftwards, leftward, to left, on the left, at the left, towards the left",
-    "right": ("right, to the right, rightwards, rightward, to right, on the right, at the right, towards the right"),
+    "left": "left, to the left, leftwards, leftward, to left, leftways",
+    "right": ("right, to the right, rightwards, rightward, to right, rightways"),
     "forward": "forward, forwards, ahead, straight ahead, away from you, to the front",
     "backward": "backward, backwards, back, towards you, closer to you, toward you, to the back",
     "up": "up, upwards, upward, higher",
+    "top": "on top, at top, on very top",
     "down": "down, downwards, lower",
 }
 # Side of the board or table -> words; before a noun they select ("the left cube").

@@ -114,10 +114,15 @@ class NounPhrases:
             for edge in self._get(at, "pronoun"):
                 found.append(_item(draft, edge.end, edge.cost, start, kind="it"))
         elif not known.keys() - {"sides"}:
-            found.append(_item(draft, at, 0.5, start, kind="side"))
+            far = costs.FAR_SIDE * ("far" in known["sides"] and len(known["sides"]) > 1)
+            found.append(_item(draft, at, 0.5 + far, start, kind="side"))
             found.append(_item(draft, at, 1.2, start, kind="thing"))
         elif known.keys() & {"colors", "ordinal", "other", "every", "number", "single"}:
             found.append(_item(draft, at, costs.NO_NOUN, start, kind="thing"))
+        elif known.get("superlative") in ("left", "right") and len(known) == 1:
+            sides = draft._replace(known={"sides": (known["superlative"],)})
+            found.append(_item(sides, at, 0.5, start, kind="side"))
+            found.append(_item(draft, at, costs.SUPERLATIVE_ALONE, start, kind="thing"))
         elif "superlative" in known:
             found.append(_item(draft, at, costs.SUPERLATIVE_ALONE, start, kind="thing"))
         return found
@@ -134,7 +139,9 @@ class NounPhrases:
             found.append(_item(thing, edge.end, 0.4, start, kind="stack"))
         else:
             found.append(_item(thing, edge.end, 0.0, start, kind="thing"))
-            numbers = [e for e in self._get(edge.end, "number") if 0 < e.value < 100]
+            tokens = self._lattice.tokens
+            at = edge.end + (edge.end < len(tokens) and tokens[edge.end].text in ("number", "no", "nr"))
+            numbers = [e for e in self._get(at, "number") if 0 < e.value < 100]
             found += [_item(thing, e.end, 0.3, start, kind="thing", ordinal=int(e.value)) for e in numbers]
         return found
 

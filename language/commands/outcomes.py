@@ -61,11 +61,13 @@ class Question(Outcome):
     """A sentence with several outcomes that are about as likely, or that leaves something open.
 
     text: the question. candidates: indices of the things that may be meant. choices: what each answer would do.
+    reading: of a sentence that leaves something open.
     """
 
     text: str = ""
     candidates: tuple[int, ...] = ()
     choices: tuple[Understood, ...] = ()
+    reading: Reading | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)

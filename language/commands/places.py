@@ -14,6 +14,7 @@ from language.commands.world import FLAT, World
 
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
 _ONTO = ("on", "over", "in", "to", "at", "of", "with")
+_ASIDE = ("left", "right", "front", "back")  # for these, a free place may also be a little aside
 FARTHEST = 4  # steps to a free place beside an anchor
 
 
@@ -46,9 +47,12 @@ class Point(NamedTuple):
     group: int = 0
 
 
-def spots(resolver: Resolver, mover: int, relations: tuple[Relation, ...]) -> list[Spot]:
-    """Returns the positions that all relations allow, the best first; those that cannot be used say why."""
-    points = _points(resolver, mover, relations[0])
+def spots(resolver: Resolver, mover: int, relations: tuple[Relation, ...], typed: bool = False) -> list[Spot]:
+    """Returns the positions that all relations allow, the best first; those that cannot be used say why.
+
+    typed: whether the moved thing was named with a noun, which "one" then repeats.
+    """
+    points = _points(resolver, mover, relations[0], typed)
     for relation in relations[1:]:
         points = _also(resolver, mover, points, relation)
     best: dict[tuple, Spot] = {}
@@ -72,10 +76,13 @@ def settle(world: World, mover: int, point: Point) -> Spot:
         return Spot(x, y, world.ground, None, cost, why)
     under = world.things[top]
     if point.on is not None and point.on != top:
-        cost += costs.ON_COVERED
-    elif point.on is None:
-        cost += costs.OCCUPIED if point.free else 0.0
+        covered = world.things[point.on]
+        return Spot(
+            x, y, under.top, top, cost, f"the {covered.color} {covered.kind} is under the {under.color} {under.kind}"
+        )
     name = f"the {under.color} {under.kind}"
+    if point.on is None:
+        cost += costs.OCCUPIED if point.free else 0.0
     if under.kind not in FLAT:
         return Spot(x, y, under.top, top, cost, f"nothing can stand on {name}")
     if point.free and not world.cells:
@@ -86,16 +93,19 @@ def settle(world: World, mover: int, point: Point) -> Spot:
     return Spot(under.x, under.y, under.top, top, cost)
 
 
-def _points(resolver: Resolver, mover: int, relation: Relation) -> list[Point]:
+def _points(resolver: Resolver, mover: int, relation: Relation, typed: bool) -> list[Point]:
     world = resolver.world
     if relation.name == "direction":
         return _shifted(world, mover, relation)
+    region = relation.anchors[0] if relation.anchors else Entity()
+    if relation.measure is not None and region.kind == "side" and len(region.sides) == 1:  # "one square on the left"
+        return _shifted(world, mover, replace(relation, value=region.sides[0]))
     if relation.name == "between":
         return _middle(resolver, mover, relation)
     if not relation.anchors:
         return []
     found: list[Point] = []
-    for number, anchor in enumerate(_anchors(resolver, relation), 1):
+    for number, anchor in enumerate(_anchors(resolver, relation, mover if typed else None), 1):
         if mover in anchor.things and (relation.name not in _SIDEWAYS or relation.anchors[0].kind != "it"):
             continue
         points = _by(world, mover, relation, anchor)
@@ -104,10 +114,15 @@ def _points(resolver: Resolver, mover: int, relation: Relation) -> list[Point]:
     return found
 
 
-def _anchors(resolver: Resolver, relation: Relation) -> list[Ref]:
+def _anchors(resolver: Resolver, relation: Relation, mover: int | None) -> list[Ref]:
     """Returns what the anchor denotes, and at a cost what it denotes among the things that can bear another."""
-    entity = relation.anchors[0]
+    entity, things = relation.anchors[0], resolver.world.things
     refs = resolver.resolve(entity)
+    if entity.kind == "thing" and entity.noun is None and mover is not None:
+        kind = things[mover].kind
+        refs = [
+            ref._replace(cost=ref.cost + costs.ANOTHER_KIND * (things[ref.things[-1]].kind != kind)) for ref in refs
+        ]
     if relation.name not in _ONTO or entity.kind not in ("thing", "stack"):
         return refs
     known = {ref.things for ref in refs}
@@ -175,7 +190,7 @@ def _shifted(world: World, mover: int, relation: Relation) -> list[Point]:
     thing = world.things[mover]
     if relation.value in ("up", "down") and world.cells and relation.measure is not None:
         relation = replace(relation, value="far" if relation.value == "up" else "near")
-    if relation.value in ("up", "down"):
+    if relation.value in ("up", "top", "down"):
         return [Point(thing.x, thing.y, 0.0)] if relation.value == "down" else []
     dx, dy = world.toward(relation.value or "left")
     length = _length(world, relation.measure, world.pitch)
@@ -194,7 +209,17 @@ def _beside(world: World, mover: int, anchor: Ref, side: str, measure: Measure |
             ) / 2  # a length in centimetres is the gap between the two
         return [Point(anchor.x + dx * (step + gap), anchor.y + dy * (step + gap), 0.0, free=True)]
     steps = [width + 0.02 + world.pitch * i / 3 for i in range(3 * FARTHEST)]
-    return [Point(anchor.x + dx * step, anchor.y + dy * step, 0.2 * i, free=True) for i, step in enumerate(steps)]
+    aside = [0.0, *(sign * world.pitch * i for i in (1, 2) for sign in (1, -1) if side in _ASIDE)]
+    return [
+        Point(
+            anchor.x + dx * step + dy * off,
+            anchor.y + dy * step + dx * off,
+            0.2 * i + abs(off) / world.pitch,
+            free=True,
+        )
+        for i, step in enumerate(steps)
+        for off in aside
+    ]
 
 
 def _around(world: World, mover: int, anchor: Ref) -> list[Point]:
@@ -225,6 +250,8 @@ def _middle(resolver: Resolver, mover: int, relation: Relation) -> list[Point]:
 def _also(resolver: Resolver, mover: int, points: list[Point], relation: Relation) -> list[Point]:
     """Returns the points that are in a further relation, too."""
     world = resolver.world
+    if relation.name == "direction" and relation.value in ("up", "top", "down"):
+        return points
     if relation.name == "direction":
         sides = Entity("side", sides=(relation.value or "left",))
         relation = Relation("at", (sides,))

@@ -83,7 +83,8 @@ class Planner:
             yield self._each(plan, step)
         else:
             for mover in self._movers(plan, step):
-                yield from [mover] if mover.failure else self._act(mover, step)
+                done = [mover] if mover.failure or mover.mover is None else self._act(mover, step)
+                yield from (replace(each, it=(mover.mover,)) if mover.mover is not None else each for each in done)
 
     def _fixture(self, plan: Plan, step: Step) -> Plan:
         assert step.entity is not None
@@ -119,9 +120,9 @@ class Planner:
             )
         things.sort(key=lambda i: -plan.world.things[i].bottom)
         for index in things:
-            found = [done for done in self._act(replace(plan, it=(index,)), step) if not done.failure]
+            found = [done for done in self._act(replace(plan, mover=index), step) if not done.failure]
             if not found:
-                failed = next(iter(self._act(replace(plan, it=(index,)), step)), plan)
+                failed = next(iter(self._act(replace(plan, mover=index), step)), plan)
                 return replace(
                     failed, failure=failed.failure or "there is no place for all of them", reason="impossible"
                 )
@@ -129,11 +130,11 @@ class Planner:
         return replace(plan, it=tuple(things), mentioned=tuple(things))
 
     def _movers(self, plan: Plan, step: Step) -> Iterator[Plan]:
-        """Yields the plan with each thing that the step may concern as `it`."""
+        """Yields the plan with each thing that the step may concern as its mover."""
         entity, held = step.entity, plan.world.held
         if held is not None and step.action in ("move", "drop", "give", "push", "remove"):
             cost = self._held_cost(plan.world, held, entity)
-            yield replace(plan, it=(held,), cost=plan.cost + cost, mentioned=(held,), entity=entity)
+            yield replace(plan, mover=held, cost=plan.cost + cost, mentioned=(held,), entity=entity)
             return
         if entity is None or entity.kind == "it":
             if not plan.it:
@@ -141,7 +142,7 @@ class Planner:
                     plan, failure="nothing was mentioned that 'it' may mean", reason="dialogue", entity=entity
                 )
             else:
-                yield replace(plan, it=plan.it[:1], entity=entity)
+                yield replace(plan, mover=plan.it[0], entity=entity)
             return
         refs = self._refs(plan, step, entity)
         if not refs:
@@ -150,8 +151,9 @@ class Planner:
             if not ref.things:
                 yield replace(plan, failure="that is a place and no thing", reason="nothing", entity=entity)
                 continue
-            mover = replace(plan, it=(ref.things[-1],), cost=plan.cost + ref.cost, entity=entity)
-            yield replace(mover, mentioned=mover.it, arbitrary=plan.arbitrary or entity.any)
+            index, cost = ref.things[-1], plan.cost + ref.cost
+            arbitrary = plan.arbitrary or entity.any
+            yield replace(plan, mover=index, cost=cost, entity=entity, mentioned=(index,), arbitrary=arbitrary)
 
     def _refs(self, plan: Plan, step: Step, entity: Entity) -> list[Ref]:
         resolver = self.resolver(plan.world, plan.it, None, plan.mentioned)
@@ -174,8 +176,9 @@ class Planner:
         return cost + sum(0.7 for relation in entity.relations if relation.name != "held")
 
     def _act(self, plan: Plan, step: Step) -> Iterator[Plan]:
-        """Yields the plans that carry out a step with the thing `plan.it`."""
-        index, action = plan.it[0], step.action
+        """Yields the plans that carry out a step with the plan's mover."""
+        assert plan.mover is not None
+        index, action = plan.mover, step.action
         device = plan.world.things[index].kind in DEVICES
         if action == "push" and not step.places and device:
             action = "press"
@@ -235,10 +238,14 @@ class Planner:
 
     def _placed(self, plan: Plan, step: Step, index: int, places: tuple[Relation, ...]) -> Iterator[Plan]:
         resolver = self.resolver(plan.world, plan.it, index, plan.mentioned)
-        found = spots(resolver, index, places)
+        if any(anchor.any for place in places for anchor in place.anchors):
+            plan = replace(plan, arbitrary=True)
+        typed = step.entity is not None and step.entity.noun is not None
+        found = spots(resolver, index, places, typed)
         if not found:
             anchor = places[0].anchors[0] if places[0].anchors else step.entity
-            yield replace(plan, failure="no place fits", reason="nothing", entity=anchor)
+            reason = "impossible" if anchor is not None and anchor.kind == "it" else "nowhere"
+            yield replace(plan, failure="no place fits", reason=reason, entity=anchor)
         for spot in found[:KEPT]:
             yield self._put(plan, step, index, spot)
 

@@ -13,12 +13,14 @@ from language.commands.world import DEVICES, World
 class Plan:
     """The actions so far, the world after them, and their cost.
 
-    it: what "it" means next. failure, reason: why the plan cannot be carried out. entity: the phrase that it is about.
+    mover: the thing of the current step. it: what "it" means next.
+    failure, reason: why the plan cannot be carried out. entity: the phrase that it is about.
     """
 
     world: World
     actions: tuple[Action, ...] = ()
     cost: float = 0.0
+    mover: int | None = None
     it: tuple[int, ...] = ()
     mentioned: tuple[int, ...] = ()
     failure: str = ""

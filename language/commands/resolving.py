@@ -11,7 +11,7 @@ from language.commands import costs
 from language.commands.meanings import Entity, Relation
 from language.commands.referents import TIE, Ref, best, distance, heads, spot, thing_ref
 from language.commands.relating import Anchors, relation_cost
-from language.commands.world import FLAT, World
+from language.commands.world import FLAT, SIDES, World
 
 AREAS = ("corner", "edge", "side", "center", "board", "robot", "person")
 _SELECTING = ("nearest", "farthest", "near")
@@ -48,15 +48,9 @@ class Resolver:
     def _resolve(self, entity: Entity, usable: Callable[[Ref], bool] | None) -> list[Ref]:
         if entity.kind == "it":
             return [thing_ref(self.world, index) for index in self.it]
-        refs = self._head(entity)
-        if entity.other:
-            refs = [ref for ref in refs if not set(ref.things) & set(self.mentioned)]
-        selecting = []
-        for relation in entity.relations:
-            if self._selects(entity, relation):
-                selecting.append(relation)
-            else:
-                refs = self._related(refs, relation, entity.ordinal is not None)
+        selecting = tuple(relation for relation in entity.relations if self._selects(entity, relation))
+        filtering = tuple(relation for relation in entity.relations if relation not in selecting)
+        refs = self._filtered(entity, filtering)
         if usable is not None and (kept := [ref for ref in refs if usable(ref)]):
             refs = kept
         for relation in selecting:
@@ -69,12 +63,19 @@ class Resolver:
             self._anchors[entity] = Anchors(self.resolve(entity))
         return self._anchors[entity]
 
-    def _head(self, entity: Entity) -> list[Ref]:
-        """Returns what the phrase denotes without its relations."""
-        number = entity.every, entity.number, entity.single, entity.exposed, entity.plural
-        key = (entity.kind, entity.noun, entity.colors, entity.size, entity.sides, number)
+    def _filtered(self, entity: Entity, relations: tuple[Relation, ...]) -> list[Ref]:
+        """Returns what the phrase denotes with the relations that do not select; phrases share their beginnings."""
+        number = entity.every, entity.number, entity.single, entity.exposed, entity.plural, entity.other
+        counted = entity.ordinal is not None
+        key = (entity.kind, entity.noun, entity.colors, entity.size, entity.sides, number, counted, relations)
         if key not in self._heads:
-            self._heads[key] = heads(self.world, entity)
+            if relations:
+                before = self._filtered(entity, relations[:-1])
+                self._heads[key] = self._related(before, relations[-1], counted)
+            else:
+                refs = heads(self.world, entity)
+                rest = set(self.mentioned) if entity.other else set()
+                self._heads[key] = [ref for ref in refs if not rest & set(ref.things)]
         return self._heads[key]
 
     def _selects(self, entity: Entity, relation: Relation) -> bool:
@@ -146,7 +147,7 @@ class Resolver:
         if "center" in sides:
             middle = spot(*self.world.center)
             return best(refs, lambda ref: distance(ref.x, ref.y, middle), tie)
-        if sides[0] in ("up", "down"):
+        if set(sides) & {"up", "top", "down"}:
             sign = 1.0 if sides[0] == "down" else -1.0
             return best(refs, lambda ref: sign * ref.top, tie)
         vectors = [self.world.toward(side) for side in dict.fromkeys(map(self.world.side, sides))]
@@ -180,7 +181,7 @@ class Resolver:
                     return self._toward(refs, (start,))
             if relation.name == "direction" and relation.value:
                 start = relation.value
-        dx, dy = self.world.toward(start) if start not in ("center", "up", "down") else (0.0, 1.0)
+        dx, dy = self.world.toward(start) if start in (*SIDES, "front", "back", "forward", "backward") else (0.0, 1.0)
         order = sorted(refs, key=lambda ref: -(dx * ref.x + dy * ref.y))
         at = entity.ordinal - 1 if entity.ordinal > 0 else len(order) - 1
         return order[at : at + 1]

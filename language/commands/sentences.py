@@ -11,8 +11,8 @@ from language.commands.lattice import Lattice
 from language.commands.meanings import Entity, Reading, Relation, Step
 
 MOST_PLACES = 3  # relations that are joined to one place
-MOST_STEPS = 6
-KEPT_STEPS, KEPT_READINGS = 60, 150  # of the same span; of the sentence
+MOST_STEPS = 5
+KEPT_STEPS, KEPT_READINGS = 16, 80  # of the same span; of the sentence
 _MOVING = ("move", "push", "drop", "give", "remove", "take")
 
 
@@ -64,7 +64,8 @@ class _Sentences:
             for opening in self.lattice.get(item.end, "if"):
                 for there in self.lattice.get(opening.end, "there"):
                     for entity in self.chart.entities(there.end):
-                        found += self._consequences(entity)
+                        absent = costs.EMPTY if entity.cost >= costs.EMPTY else 0.0  # what is asked for may be absent
+                        found += self._consequences(entity._replace(cost=entity.cost - absent))
         return found
 
     def _consequences(self, condition: Item) -> list[Item]:
@@ -184,7 +185,7 @@ class _Sentences:
             found.append(Item(entity.end, step, entity.cost + costs.NO_VERB, entity.skipped))
             for place in self.places(entity.end):
                 step = Step("move", entity.value, place.value, (at, place.end))
-                cost = entity.cost + place.cost + costs.NO_VERB
+                cost = entity.cost + place.cost + costs.NO_VERB_BUT_PLACE
                 found.append(Item(place.end, step, cost, entity.skipped | place.skipped))
         for place in self.places(at):
             step = Step("fragment", None, place.value, (at, place.end))

@@ -23,11 +23,12 @@ VERBS: dict[str, str] = {
         "drop, release, let go, let go of, put down, place down, lower, set down, drop down, lay down, let fall, "
         "ungrasp, unhand, drop off, deposit"
     ),
-    "remove": "remove, clear, unstack, take away, get rid of, delete, take off",
+    "remove": "remove, clear, take away, take off",
     "give": (
         "bring me, give me, pass me, hand me, get me, fetch me, i want, i need, i would like, i'd like, give, "
         "bring us, hand, pass, hand over, bring over"
     ),
+    "unstack": "unstack",
     "push": "push, shove, nudge, slide, pushing, poke",
     "reach": (
         "reach, reach for, touch, go to, move to, point to, point at, approach, go near, move your hand to, move "
@@ -115,7 +116,6 @@ FILLERS = frozenset(
         "currently",
         "directly",
         "exactly",
-        "first",
         "gently",
         "go",
         "goes",

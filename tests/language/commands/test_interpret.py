@@ -1,0 +1,108 @@
+"""`interpret` on sentences as people write them: their outcomes, dialogues, and robustness."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from language import Object, Scene
+from language.commands import Dialogue, Question, Refusal, Understood, board, interpret
+from language.commands.lattice import vocabulary
+from tests.helpers.people_sentences import CASES, judged
+
+TABLE = Scene(
+    [
+        Object("cube", "red", (0.5, 0.15, 0.025)),
+        Object("cube", "blue", (0.6, 0.0, 0.025)),
+        Object("sphere", "green", (0.45, -0.15, 0.025)),
+    ]
+)
+
+
+def test_nine_of_ten_sentences_of_people_are_understood_as_expected_and_hardly_any_wrongly():
+    results = Counter(judged(*case)[0] for case in CASES)
+    assert len(CASES) == 200
+    assert results["right"] >= 0.97 * len(CASES)
+    assert results["wrong"] <= 0.01 * len(CASES)
+    assert results["unhelpful"] == 0
+
+
+def test_understood_steps_say_what_goes_where_and_on_what():
+    outcome = interpret("put the red cube on the blue one", TABLE)
+    assert isinstance(outcome, Understood)
+    take, place = outcome.steps
+    assert (take.kind, take.object) == ("take", 0)
+    assert (place.kind, place.object, place.position, place.on) == ("place", 0, (0.6, 0.0), 1)
+    assert place.bottom == pytest.approx(0.05)
+    assert outcome.result.below[0] == 1
+
+
+def test_an_ambiguous_phrase_is_asked_about_with_its_candidates():
+    outcome = interpret("take the cube", TABLE)
+    assert isinstance(outcome, Question)
+    assert outcome.candidates == (0, 1)
+    assert [choice.steps[0].object for choice in outcome.choices] == [0, 1]
+    assert "red cube" in outcome.text
+    assert "blue cube" in outcome.text
+
+
+def test_a_refusal_says_why_and_what_could_be_said():
+    outcome = interpret("put the red cube on the green ball", TABLE)
+    assert isinstance(outcome, Refusal)
+    assert (outcome.reason, outcome.text) == ("impossible", "nothing can stand on the green sphere")
+    assert outcome.suggestions
+
+
+def test_the_span_of_a_refusal_is_the_phrase_that_nothing_fits():
+    sentence = "take the purple pyramid"
+    outcome = interpret(sentence, TABLE)
+    assert isinstance(outcome, Refusal)
+    assert sentence[slice(*outcome.span)] == "purple pyramid"
+
+
+def test_words_that_are_not_used_are_told():
+    outcome = interpret("take the red cube frobnicated", TABLE)
+    assert isinstance(outcome, Understood)
+    assert outcome.unused == ("frobnicated",)
+    assert outcome.confidence < interpret("take the red cube now", TABLE).confidence
+
+
+def test_a_loose_colour_is_settled_by_the_scene_and_noted():
+    outcome = interpret("take the purple block", board([("cube", "magenta", 1, 1, 0), ("cube", "blue", 2, 2, 0)]))
+    assert isinstance(outcome, Understood)
+    assert outcome.steps[0].object == 0
+    assert outcome.notes == ("purple is taken for magenta",)
+
+
+def test_the_viewpoint_decides_whose_left_is_meant():
+    first, second = (
+        interpret("put the red cube left of the blue cube", Scene(list(TABLE), viewpoint))
+        for viewpoint in ("robot", "human")
+    )
+    assert first.steps[1].position[1] > 0 > second.steps[1].position[1]
+
+
+def test_undo_brings_everything_back():
+    dialogue = Dialogue()
+    dialogue.answer("put the red cube on the blue cube", TABLE)
+    outcome = dialogue.answer("undo")
+    assert [(step.kind, step.object) for step in outcome.steps] == [("take", 0), ("place", 0)]
+    assert outcome.steps[1].position == (0.5, 0.15)
+
+
+@pytest.mark.parametrize(
+    "sentence", ["", " ", "?!", "a" * 5000, "the " * 300, "take the red cube \0 \U0001f9f1", "\u0130"]
+)
+def test_strange_strings_are_refused_or_understood_without_an_exception(sentence):
+    assert isinstance(interpret(sentence, TABLE), Understood | Question | Refusal)
+
+
+def test_random_words_raise_nothing():
+    rng, words, dialogue = np.random.default_rng(0), sorted(vocabulary()), Dialogue()
+    for _ in range(60):
+        sentence = " ".join(words[i] for i in rng.integers(len(words), size=rng.integers(1, 15)))
+        assert isinstance(dialogue.answer(sentence, TABLE), Understood | Question | Refusal)
+
+
+def test_an_empty_scene_is_no_error():
+    assert isinstance(interpret("take the red cube", board([])), Refusal)
