@@ -167,7 +167,7 @@ def write_video(args: argparse.Namespace) -> None:
     try:
         names = session.object_names()
         interpretation = session.say(_with_names(args.say, names))
-        if interpretation.understood is None:
+        if interpretation.understood is None and not interpretation.actions:
             raise ConfigError(f"--say: {interpretation.message} (the objects are {', '.join(names)})")
         args.headless.parent.mkdir(parents=True, exist_ok=True)
         recorder = VideoRecorder(args.headless)

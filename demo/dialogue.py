@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from language import (
     Command,
@@ -14,6 +15,7 @@ from language import (
     Scene,
     SeveralFit,
     Understood,
+    commands,
     parse,
     say,
 )
@@ -36,8 +38,9 @@ class OpenQuestion:
 class Interpretation:
     """The interpretation of a sentence.
 
-    understood: None if it was not understood. message: the error, or the question to the person. position: index of
-    the first character that does not fit, or of the ambiguous phrase. candidates: the objects that the phrase fits.
+    understood: of an instruction or a correction; else None. actions: of any other sentence that was understood.
+    message: the error, the question to the person, or what the scene settled about the sentence. position: index of the
+    first character that does not fit, or of the ambiguous phrase. candidates: the objects that the phrase fits.
     """
 
     sentence: str
@@ -45,30 +48,50 @@ class Interpretation:
     message: str = ""
     position: int = 0
     candidates: tuple[int, ...] = ()
+    actions: tuple[commands.Action, ...] = ()
 
 
 class Dialogue:
     """A dialogue about one scene. previous: the last understood command, which a correction changes."""
 
-    def __init__(self) -> None:
+    def __init__(self, default: str | None = None, surroundings: dict[str, Any] | None = None) -> None:
+        """default: the kind of step that is meant where only an object is named; None: none. surroundings: of the scene,
+        as `language.commands.Dialogue` takes them."""
+        self._default = default
         self.previous: Understood | None = None
         self._question: OpenQuestion | None = None
+        self._commands = commands.Dialogue(surroundings=surroundings or {})
 
     def preview(self, sentence: str, scene: Scene, pointed: PointedObjects) -> Interpretation:
         """Interprets a sentence without changing the state of the dialogue. Never raises: errors are in the result."""
-        return self._interpret(sentence, scene, pointed)[0]
+        return self._interpret(sentence, scene, pointed, replace(self._commands, history=[*self._commands.history]))[0]
 
     def hear(self, sentence: str, scene: Scene, pointed: PointedObjects) -> Interpretation:
         """Interprets a sentence. Later sentences can correct it, or answer the question that it raises."""
-        interpretation, self._question = self._interpret(sentence, scene, pointed)
+        interpretation, self._question = self._interpret(sentence, scene, pointed, self._commands)
         self.previous = interpretation.understood or self.previous
         return interpretation
 
     def _interpret(
+        self, sentence: str, scene: Scene, pointed: PointedObjects, wide: commands.Dialogue
+    ) -> tuple[Interpretation, OpenQuestion | None]:
+        """The interpretation, and the question that is open after it. wide: remembers every sentence."""
+        sentence = sentence[:MAX_CHARACTERS]
+        found, question = self._interpret_instruction(sentence, scene, pointed)
+        outcome = wide.answer(sentence, scene, _gestures(sentence, pointed))
+        if found.understood is not None or found.candidates:
+            return found, question
+        is_open = isinstance(outcome, commands.Question) and not outcome.choices and len(outcome.candidates) == 1
+        if is_open and self._default:
+            assert isinstance(outcome, commands.Question)
+            action = commands.Action(self._default, outcome.candidates[0])
+            return Interpretation(sentence, None, actions=(action,)), question
+        return _of_outcome(outcome, found), question
+
+    def _interpret_instruction(
         self, sentence: str, scene: Scene, pointed: PointedObjects
     ) -> tuple[Interpretation, OpenQuestion | None]:
-        """The interpretation, and the question that is open after it."""
-        sentence = sentence[:MAX_CHARACTERS]
+        """The interpretation by the instruction grammar, and the question that is open after it."""
         try:
             meaning = parse(sentence)
         except NotUnderstood as error:
@@ -114,6 +137,26 @@ def _phrase_at(command: Command, position: int) -> str:
     """The words of the phrase that starts at this character."""
     phrases = (phrase for phrase in _phrases(command) if phrase.position == position)
     return say(next(phrases, command.steps[-1].phrase))
+
+
+def _gestures(sentence: str, pointed: PointedObjects) -> Sequence[int]:
+    """The objects of the gestures that the sentence needs; () where none was made."""
+    count = sum(word.strip(".,!?") in (*POINTING, *HERE) for word in sentence.lower().split())
+    try:
+        return pointed(count) if count else ()
+    except LanguageError:
+        return ()
+
+
+def _of_outcome(outcome: commands.Outcome, failure: Interpretation) -> Interpretation:
+    """The outcome of a sentence beyond the instruction grammar. failure: of the instruction grammar."""
+    start = outcome.span[0]
+    if isinstance(outcome, commands.Understood):
+        return Interpretation(outcome.sentence, None, "; ".join(outcome.notes), actions=outcome.steps)
+    if isinstance(outcome, commands.Question):
+        return Interpretation(outcome.sentence, None, outcome.text, start, outcome.candidates)
+    assert isinstance(outcome, commands.Refusal)
+    return failure if outcome.reason == "syntax" else Interpretation(outcome.sentence, None, outcome.text, start)
 
 
 def _failure(sentence: str, error: LanguageError) -> Interpretation:

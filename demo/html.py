@@ -8,6 +8,7 @@ from html import escape
 from demo.dialogue import Interpretation
 from demo.planning import verb_words
 from demo.view_state import OUTCOMES, ViewState
+from language.commands import Action
 
 GREEN, RED, ORANGE = "#2b8a3e", "#c92a2a", "#e67700"
 STYLE = "padding:2px 12px;font-size:14px;line-height:1.45;overflow-wrap:anywhere"
@@ -19,6 +20,10 @@ def interpretation(result: Interpretation, names: Sequence[str]) -> str:
         steps = result.understood.steps
         summary = ", then ".join(_step(step.task, step.init, step.goal, names) for step in steps)
         return _box(f"{_colored(result.sentence, GREEN)}<br><small>understood: {escape(summary)}</small>")
+    if result.actions:
+        summary = ", then ".join(_action(action, names) for action in result.actions)
+        note = f"<br><small>{escape(result.message)}</small>" if result.message else ""
+        return _box(f"{_colored(result.sentence, GREEN)}<br><small>understood: {escape(summary)}</small>{note}")
     before, after = result.sentence[: result.position], result.sentence[result.position :]
     color = ORANGE if result.candidates else RED
     rest = f'<u style="color:{color}">{escape(after)}</u>' if after else ""
@@ -28,6 +33,18 @@ def interpretation(result: Interpretation, names: Sequence[str]) -> str:
 def _step(verb: str, init: int | None, goal: int | None, names: Sequence[str]) -> str:
     objects = [names[index] for index in (init, goal) if index is not None]
     return f"{verb_words(verb)} {' to '.join(objects)}"
+
+
+def _action(action: Action, names: Sequence[str]) -> str:
+    """A step in words: "place the red cube at x 0.45, y -0.10"."""
+    words = [action.kind]
+    if action.object is not None:
+        words.append(names[action.object])
+    if action.on is not None:
+        words.append(f"on {names[action.on]}")
+    elif action.position is not None:
+        words.append("at x {:.2f}, y {:.2f}".format(*action.position))
+    return " ".join(words)
 
 
 def status(view: ViewState, note: str, rate: float) -> str:

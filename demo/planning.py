@@ -62,18 +62,19 @@ class Planner:
                 raise LanguageError(f"{name} is see-through; name a real object")
             raise LanguageError(f"{name} is not a target; name one of the see-through objects")
 
-    def policy_sentence(self, instruction: Instruction, referent: int, target: int | None) -> str:
+    def policy_sentence(self, instruction: Instruction | None, referent: int, target: int | None) -> str:
         """The instruction in words that the policy was trained with; "" if the task has no words.
 
-        Kinds of phrase that the policy was not trained with, and words that require a gesture or an earlier sentence,
-        are replaced by others that name the same object.
+        instruction: whose words are kept where the policy knows them; None: words are chosen. Kinds of phrase that the
+        policy was not trained with, and words that require a gesture or an earlier sentence, are replaced by others
+        that name the same object.
         """
         if not self._env.task.speaks:
             return ""
-        phrases = [self._policy_phrase(instruction.phrase, referent)]
+        phrases = [self._policy_phrase(instruction.phrase if instruction else None, referent)]
         if target is not None:
-            phrases.append(self._policy_phrase(instruction.goal, target))
-        return say(Instruction(instruction.task, *phrases))
+            phrases.append(self._policy_phrase(instruction.goal if instruction else None, target))
+        return say(Instruction(self.verb, *phrases))
 
     def _policy_phrase(self, phrase: ObjectPhrase | None, index: int) -> ObjectPhrase:
         if self._env.task.points and not self._config.kinds:  # only the gesture tells the referent

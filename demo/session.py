@@ -13,7 +13,8 @@ from tensordict import TensorDictBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from conf.schema import ConfigError
-from demo.dialogue import Dialogue, Interpretation
+from demo import commands
+from demo.dialogue import Interpretation
 from demo.finger import Finger
 from demo.planning import Planner, Subtask, verb_words
 from demo.session_config import SessionConfig, Setup, build
@@ -72,7 +73,7 @@ class Session:
     def shuffle(self) -> None:
         """Draws another scene, with the arm at rest."""
         self._state = self.env.reset()
-        self._dialogue, self._subtasks = Dialogue(), deque[Subtask]()
+        self._dialogue, self._subtasks = commands.dialogue(self.env), deque[Subtask]()
         self._subtask: Subtask | None = None
         self._actor: Actor | None = None  # None while the gripper returns to its rest position
         self.finger.clear()
@@ -100,14 +101,27 @@ class Session:
     def say(self, sentence: str) -> Interpretation:
         """Interprets a sentence and, if it is understood, replaces the current subtasks by those that it asks for."""
         interpretation = self._dialogue.hear(sentence, self.scene(), self._pointed_objects(sentence))
-        if interpretation.understood is None:
+        if commands.stops(interpretation.actions):
+            self.stop()
+        if interpretation.understood is None and (not interpretation.actions or not self._moves(interpretation)):
             return interpretation
         try:
-            self._subtasks = deque(self._planner.plan(interpretation.understood))
+            self._subtasks = deque(self._plan(interpretation))
         except LanguageError as error:
             return Interpretation(sentence, None, str(error))
         self._start_next_subtask()
         return interpretation
+
+    @staticmethod
+    def _moves(interpretation: Interpretation) -> bool:
+        """Whether a sentence beyond the instruction grammar has steps that move the arm."""
+        return any(action.object is not None for action in interpretation.actions)
+
+    def _plan(self, interpretation: Interpretation) -> list[Subtask]:
+        """The subtasks of an understood sentence. Raises LanguageError for what the task cannot do."""
+        if interpretation.understood is not None:
+            return self._planner.plan(interpretation.understood)
+        return commands.plan(interpretation.actions, self._planner, self.env)
 
     def _pointed_objects(self, sentence: str) -> Callable[[int], Sequence[int]]:
         return lambda count: self.finger.referents(count, sentence)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from language.commands import costs
 from language.commands.choosing import Choice, Choices, choices, result
@@ -20,13 +22,16 @@ from language.commands.world import World, table
 from language.errors import NotUnderstood
 from language.objects import Scene
 
+SAME = 0.3  # of the distance between neighbours: a thing that moved less was only brushed
+
 
 @dataclass
 class Dialogue:
     """What was said and done.
 
     world: the scene after the last outcome. before: the scene before it. last: its reading. outcome: the last one.
-    history: the outcomes, oldest first. it: the things that were spoken of last.
+    history: the outcomes, oldest first. it: the things that were spoken of last. surroundings: of every scene: fields of
+    `World`, such as `bounds` and `little`.
     """
 
     world: World | None = None
@@ -35,10 +40,11 @@ class Dialogue:
     outcome: Outcome | None = None
     it: tuple[int, ...] = ()
     history: list[Outcome] = field(default_factory=list)
+    surroundings: dict[str, Any] = field(default_factory=dict)
 
     def answer(self, sentence: str, scene: Scene | World | None = None, pointed: Sequence[int] = ()) -> Outcome:
         """Returns the outcome of a sentence and remembers it. scene: None: the scene after the last outcome."""
-        world = table(scene) if isinstance(scene, Scene) else scene or self.world
+        world = table(scene, **self.surroundings) if isinstance(scene, Scene) else scene or self.world
         if world is None:
             raise ValueError("the first sentence of a dialogue needs a scene")
         try:
@@ -193,9 +199,10 @@ def restoring(now: World, then: World) -> tuple[Action, ...]:
     order = sorted(range(len(then.things)), key=lambda i: (i != now.held, then.things[i].bottom))
     for index in order:
         old, new = then.things[index], now.things[index]
-        if index == then.held:
+        if index == then.held or old.target:  # a see-through thing marks a place, and the arm cannot take it
             continue
-        if index == now.held or (old.x, old.y, old.bottom) != (new.x, new.y, new.bottom):
+        moved = math.dist((old.x, old.y, old.bottom), (new.x, new.y, new.bottom))
+        if index == now.held or moved > SAME * now.pitch:
             if index != now.held:
                 actions.append(Action("take", index))
             actions.append(Action("place", index, (old.x, old.y), old.bottom, then.below[index]))
