@@ -55,8 +55,10 @@ class Dialogue:
     """A dialogue about one scene. previous: the last understood command, which a correction changes."""
 
     def __init__(self, default: str | None = None, surroundings: dict[str, Any] | None = None) -> None:
-        """default: the kind of step that is meant where only an object is named; None: none. surroundings: of the scene,
-        as `language.commands.Dialogue` takes them."""
+        """default: the kind of step that is meant where only an object is named; None: none.
+
+        surroundings: of the scene, as `language.commands.Dialogue` takes them.
+        """
         self._default = default
         self.previous: Understood | None = None
         self._question: OpenQuestion | None = None

@@ -30,8 +30,8 @@ class Dialogue:
     """What was said and done.
 
     world: the scene after the last outcome. before: the scene before it. last: its reading. outcome: the last one.
-    history: the outcomes, oldest first. it: the things that were spoken of last. surroundings: of every scene: fields of
-    `World`, such as `bounds` and `little`.
+    history: the outcomes, oldest first. it: the things that were spoken of last.
+    surroundings: of every scene: fields of `World`, such as `bounds` and `little`.
     """
 
     world: World | None = None

@@ -242,7 +242,7 @@ def real_and_targets(session):
 
 def test_a_place_that_is_no_object_becomes_one(placing):
     (first, *_), targets = real_and_targets(placing)
-    x0, x1, y0, y1 = placing.env.config.workspace.object_area
+    _, x1, y0, _ = placing.env.config.workspace.object_area
     result = placing.say(f"put {placing.object_names()[first]} in the back right corner please")
     assert result.actions[-1].position == pytest.approx((x1, y0))
     assert min(np.linalg.norm(placing.scene().positions[targets][:, :2] - (x1, y0), axis=1)) < 1e-3
