@@ -20,6 +20,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
+from benchmarks.results import write_section
 from benchmarks.treebank_data import PARTS, Item, read
 from benchmarks.treebank_data import World as Board
 from language.commands.interpreting import interpret_alone
@@ -94,6 +95,8 @@ def main() -> int:
     if options.errors:
         _print_errors(data.items, results)
     _print_table(results)
+    if options.out is not None:
+        _write(options.out, options.part + ("_without_scene" if options.no_scene else ""), results)
     if data.unreadable:
         print(
             f"{len(data.unreadable)} lines could not be read, the first: {data.unreadable[0][:80]!r}", file=sys.stderr
@@ -102,6 +105,15 @@ def main() -> int:
         counts = Counter(result.result for result in results)
         print(json.dumps({**{name: counts[name] for name in RESULTS}, "total": len(results)}))
     return 0
+
+
+def _write(path: Path, section: str, results: list[Judged]) -> None:
+    """Replaces one section of the JSON file."""
+    times = sorted(1000 * result.seconds for result in results) or [0.0]
+    counts = Counter(result.result for result in results)
+    sizes = {**{name: counts[name] for name in RESULTS}, "total": len(results)}
+    figures = {"counts": sizes, "median_ms": round(statistics.median(times), 1), "worst_ms": round(times[-1], 1)}
+    write_section(path, "benchmarks.treebank", section, figures)
 
 
 def _judge_all(tasks: list[tuple[Item, bool]], jobs: int) -> Iterable[Judged]:
@@ -141,6 +153,7 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--errors", action="store_true", help="list the commands that are not right")
     parser.add_argument("--no-scene", action="store_true", help="choose the reading without the scene's help")
     parser.add_argument("--jobs", type=int, default=1, help="processes (1)")
+    parser.add_argument("--out", type=Path, help="JSON file whose section of this part is replaced")
     parser.add_argument("--json", action="store_true", help="print the counts as JSON on the last line")
     return parser
 

@@ -17,7 +17,7 @@ from language.commands.noun_phrases import NounPhrases
 from language.commands.verb_words import FILLERS
 
 MOST_RELATIONS = 3  # of one phrase
-MOST_WORK = 600  # attachments of one sentence; commands that people wrote take 50 on average
+MOST_ATTACHED = 30  # phrases with one more relation that are weighed at one token
 KEPT = 3  # items of the same span
 WORSE = 5.0  # items are left out that cost this much more than the best of their span
 
@@ -31,7 +31,6 @@ class Chart:
         """judge: adds a cost to an entity; None: readings are weighed without a scene."""
         self.lattice, self._judge = lattice, judge
         self.gaps = Gaps(lattice)
-        self.work = 0  # attachments that were weighed
         self._entities: dict[int, list[Item]] = {}
         self._relations: dict[int, list[Item]] = {}
         self._noun_phrases = NounPhrases(self.gaps)
@@ -53,19 +52,16 @@ class Chart:
         for item in items:
             if item.value.kind == "it":
                 continue
-            if self.work > MOST_WORK:  # a sentence without sense; what is found so far has to do
-                break
             for relation in self.relations(item.end) + self._bare_regions(item) + self._further(item):
                 if relation.value.name == "direction" and relation.value.value in ("up", "down"):
                     continue
                 entity: Entity = item.value
-                self.work += 1
                 cost = item.cost + relation.cost + costs.RELATION
                 if relation.value.name == "direction" and relation.value.value != "top":
                     cost += costs.BARE_DIRECTION
                 skipped = item.skipped | relation.skipped
                 found.append(Item(relation.end, related(entity, relation.value, relation.end), cost, skipped))
-        return found
+        return sorted(found, key=lambda item: item.cost)[:MOST_ATTACHED]
 
     def _further(self, item: Item) -> list[Item]:
         """Returns the relations after "and": "left of the ball and behind the cube"."""

@@ -12,6 +12,7 @@ RELATION = 0.10  # each relation that is attached to a phrase
 ODD_PREPOSITION = 0.6  # such as "in the cube"
 NO_NOUN = 0.8  # "the blue"
 REGION_WITHOUT_PREPOSITION = 1.0  # "on red cube left edge"
+TAKEN_SOMEWHERE = 1.5  # "take X" with a place: rather a phrase for X
 NO_VERB = 1.0
 NO_VERB_BUT_PLACE = 1.4  # "the red cube on the blue one": rather a thing than a command
 NO_OBJECT = 0.5  # "pick up the cube and place on the red one"
@@ -27,7 +28,6 @@ STEP_WITHOUT_JOIN = 1.0
 
 # Outcomes.
 EMPTY = 8.0  # a phrase that nothing fits, while the readings are pruned
-NOT_CARRIED_OUT = 50.0  # a reading that no candidate makes possible
 CLOSE = 0.12  # readings this close in cost with other outcomes are asked about
 
 # Referents.
@@ -43,7 +43,6 @@ NO_CHANGE = 4.0  # what is put down stands there already
 ANOTHER_OBJECT = 0.6  # a further step moves something else
 NOT_BELOW = 0.2  # what the gripper holds goes elsewhere than straight down
 MOVED_TWICE = 2.0  # the same thing is put down by two steps
-TAKEN_SOMEWHERE = 1.5  # "take X" with a place
 
 # Outcomes.
 FAR_BETTER = 3.0  # a reading that fails is reported if it is this much cheaper than any that can be carried out

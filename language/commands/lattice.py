@@ -10,13 +10,15 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
+from rapidfuzz import process
 from rapidfuzz.distance import OSA
 
 from language.commands import modifiers, nouns, verb_words
-from language.errors import NotUnderstood
+from language.errors import NotUnderstood, check_known
 
 LONGEST_SENTENCE = 400  # characters
 MOST_WORDS = 60
+MOST_RELATIONS = 10  # tokens where a relation begins; commands that people wrote have up to 8
 DROPPED = frozenset(
     {"the", "teh", "hte", "th", "tha", "-", '"', "\u201c", "\u201d", "*", "(", ")", "/", "_"}
 )  # these are left out before parsing
@@ -69,6 +71,9 @@ class Lattice:
         self.unknown = {i for i, variants in enumerate(self.variants) if not variants}
         self.edges: list[dict[str, list[Edge]]] = [self._edges(i) for i in range(len(self.tokens))]
 
+        if sum("relation" in edges for edges in self.edges) > MOST_RELATIONS:
+            raise NotUnderstood(f"the sentence has more than {MOST_RELATIONS} relations; say it in several sentences")
+
     def __len__(self) -> int:
         return len(self.tokens)
 
@@ -112,14 +117,15 @@ def spellings(word: str) -> tuple[tuple[str, float], ...]:
 @cache
 def _corrected(word: str) -> tuple[tuple[str, float], ...]:
     most = 1 if len(word) < 6 else 2
-    near = []
-    for known in vocabulary():
-        if len(known) > 2 and abs(len(known) - len(word)) <= most:
-            distance = OSA.distance(word, known, score_cutoff=most)
-            if distance <= most and distance < len(known) - 1:
-                near.append((known, distance + 0.3 * (known[0] != word[0])))
+    found = process.extract(word, _choices(), scorer=OSA.distance, processor=None, score_cutoff=most, limit=None)
+    near = [(known, cost + 0.3 * (known[0] != word[0])) for known, cost, _ in found if cost < len(known) - 1]
     best = min((cost for _, cost in near), default=0.0)
     return tuple((known, SPELLING_COST * cost) for known, cost in near if cost <= best + 0.3)[:8]
+
+
+@cache
+def _choices() -> tuple[str, ...]:
+    return tuple(sorted(word for word in vocabulary() if len(word) > 2))
 
 
 def _number(word: str) -> float | None:
@@ -175,3 +181,20 @@ def _entries() -> Iterator[tuple[str, Any, str]]:
         yield "number", float(number), phrase
     for phrase, rank in modifiers.ORDINALS.items():
         yield "ordinal", rank, phrase
+
+
+def teach(category: str, meaning: str, phrase: str) -> None:
+    """Adds a phrase to the lexicon: `teach("verb", "take", "snatch")`.
+
+    category: a key of TABLES. meaning: a key of that table. Raises LanguageError for others.
+    """
+    check_known("category", category, TABLES)
+    check_known(category, meaning, TABLES[category])
+    TABLES[category][meaning] += f", {phrase}"
+    forget_caches()
+
+
+def forget_caches() -> None:
+    """Makes the lexicon be read anew after its tables were changed."""
+    for cached in (trie, vocabulary, _choices, _corrected):
+        cached.cache_clear()

@@ -17,6 +17,14 @@ NEAR_COLORS: dict[str, str] = {
     "blue sky": "cyan, blue",
     "sky": "cyan, blue",
     "aqua": "cyan",
+    "aquamarine": "cyan",
+    "azure": "cyan, blue",
+    "lightblue": "cyan, blue",
+    "skyblue": "cyan, blue",
+    "pale blue": "cyan, blue",
+    "bright blue": "cyan, blue",
+    "darkblue": "blue",
+    "navy blue": "blue",
     "teal": "cyan, green",
     "turquoise": "cyan",
     "dark blue": "blue",
@@ -26,6 +34,9 @@ NEAR_COLORS: dict[str, str] = {
     "pink": "pink, magenta, purple",
     "purple": "purple, magenta, pink",
     "violet": "purple, magenta, pink",
+    "rose": "pink, magenta, purple",
+    "light pink": "pink, magenta, purple",
+    "dark pink": "magenta, pink, purple",
     "lilac": "purple, magenta, pink",
     "light green": "green",
     "dark green": "green",
@@ -42,9 +53,10 @@ NEAR_COLORS: dict[str, str] = {
 # Kind of a scene's things -> nouns. "thing" is any of them.
 THINGS: dict[str, str] = {
     "cube": (
-        "cube, block, brick, box, square, building block, toy block, cubes, blocks, building blocks, bricks, boxes"
+        "cube, block, brick, box, square, cuboid, building block, toy block, cuboids, cubes, blocks, building "
+        "blocks, bricks, boxes"
     ),
-    "pyramid": "pyramid, prism, tetrahedron, triangle, cone, pyramids, prisms, tetrahedra, triangles",
+    "pyramid": "pyramid, prism, tetrahedron, triangle, cone, spike, pyramids, prisms, tetrahedra, triangles",
     "sphere": "orb, globe, balls, spheres",
     "cylinder": "can, cylinders, tubes, tins",
     "button": "buttons",
@@ -54,16 +66,19 @@ THINGS: dict[str, str] = {
 }
 STACKS = (
     "stack, tower, pile, pillar, column, stick, building, parallelipiped, parallelepiped, slab, combination, "
-    "heap, group, towers, stacks, set, parallelopiped, double"
+    "heap, group, towers, stacks, set, parallelopiped, structure, piles, pillars, columns, stacking, stock"
 )
 # Part of a board or table, or participant -> nouns.
 REGIONS: dict[str, str] = {
-    "corner": "corner, corners",
-    "edge": "edge, border, margin, rim",
-    "side": "side, half, end",
+    "corner": "corner, corners, angle, vertex",
+    "edge": "edge, border, margin, rim, boundary, perimeter, edges",
+    "side": "side, half, end, hand side",
     "center": "center, centre, middle",
     "cell": "square, cell, space, field, tile, spot, place, position",
-    "board": ("board, table, floor, grid, ground, table top, tabletop, desk, surface, playing field, chessboard"),
+    "board": (
+        "board, table, floor, grid, playing board, game board, chess board, base, ground, table top, "
+        "tabletop, desk, surface, playing field, chessboard"
+    ),
     "robot": "robot, you, robot arm, arm, yourself, your base, gripper, hand, the robot",
     "person": "me, us, my hand, myself",
     "gap": "gap",

@@ -252,7 +252,7 @@ class Planner:
     def _put(self, plan: Plan, step: Step, index: int, spot: Spot) -> Plan:
         if spot.why_not:
             return replace(plan, failure=spot.why_not, reason="impossible", cost=plan.cost + spot.cost)
-        cost = spot.cost + costs.TAKEN_SOMEWHERE * (step.action == "take")
+        cost = spot.cost
         if self._same_place(index, spot):
             cost += costs.NO_CHANGE
         moved = [done.object for done in plan.actions if done.kind == "place"]

@@ -11,6 +11,7 @@ from language.commands.lattice import Lattice
 from language.commands.meanings import Entity, Reading, Relation, Step
 
 MOST_PLACES = 3  # relations that are joined to one place
+MOST_JOINED = 16  # of the places, and of the relations after each, that are joined
 MOST_STEPS = 5
 KEPT_STEPS, KEPT_READINGS = 16, 80  # of the same span; of the sentence
 _MOVING = ("move", "push", "drop", "give", "remove", "take")
@@ -175,7 +176,8 @@ class _Sentences:
             if action in _MOVING:
                 for place in self.places(at):
                     step = Step(action, entity.value, place.value, (start, place.end))
-                    found.append(Item(place.end, step, base + place.cost, entity.skipped | place.skipped))
+                    total = base + place.cost + costs.TAKEN_SOMEWHERE * (action == "take")
+                    found.append(Item(place.end, step, total, entity.skipped | place.skipped))
         return found
 
     def _without_verb(self, at: int) -> list[Item]:
@@ -198,7 +200,8 @@ class _Sentences:
             layer = [_as_place(item) for item in self.chart.relations(start) if _says_where(item.value)]
             found = layer
             for _ in range(MOST_PLACES - 1):
-                layer = _cheapest([more for item in layer for more in self._joined(item)], 12)
+                likely = sorted(layer, key=lambda item: item.cost)[:MOST_JOINED]
+                layer = _cheapest([more for item in likely for more in self._joined(item)], 6)
                 found = found + layer
             self._placed[start] = _cheapest(found, 12)
         return self._placed[start]
@@ -208,8 +211,8 @@ class _Sentences:
         at, cost = item.end, costs.PLACE_TWICE
         if at < len(self.lattice) and self.lattice.tokens[at].text in ("and", ","):
             at, cost = at + 1, 0.3
-        for more in self.chart.relations(at):
-            if _says_where(more.value) and (more.value.name, more.value.anchors) != ("of", ()):
+        for more in sorted(self.chart.relations(at), key=lambda more: more.cost)[:MOST_JOINED]:
+            if _says_where(more.value) and more.value.name not in {place.name for place in item.value}:
                 total = item.cost + cost + more.cost
                 found.append(Item(more.end, (*item.value, more.value), total, item.skipped | more.skipped))
         return found

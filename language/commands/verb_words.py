@@ -12,12 +12,13 @@ VERBS: dict[str, str] = {
     "take": (
         "take, pick, pick up, pickup, grab, grab hold of, get, grasp, hold, hold on to, lift, lift up, raise, "
         "fetch, collect, catch, select, take up, pull up, choose, take hold of, picking, picking up, taking, "
-        "grabbing, pull out, take out, keep hold of"
+        "grabbing, seize, pull out, take out, keep hold of"
     ),
     "move": (
         "move, put, place, set, shift, transfer, stack, carry, lay, leave, position, relocate, transport, keep, "
         "insert, stick, bring, placed, putted, putting, placing, moving, slide, drag, reposition, pile, add, "
-        "load, hang, get, rest, stand, balance, moved, put back, place back, return"
+        "load, hang, get, rest, stand, balance, moved, put back, place back, return, "
+        "displace, situate, locate, mount, fix, attach, deposit, rearrange"
     ),
     "drop": (
         "drop, release, let go, let go of, put down, place down, lower, set down, drop down, lay down, let fall, "

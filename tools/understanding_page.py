@@ -1,0 +1,160 @@
+"""The page "What it understands": `python -m tools.understanding_page` writes docs/understanding.md.
+
+Words come from the tables of `language/commands`, costs from `costs.py`, figures from docs/treebank.json.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from language.commands import costs, modifiers, nouns, verb_words
+from language.commands.lattice import TABLES
+
+DOCS = Path(__file__).parent.parent / "docs"
+PAGE, FIGURES = DOCS / "understanding.md", DOCS / "treebank.json"
+NOTE = "<!-- Written by `python -m tools.understanding_page`; do not edit. -->"
+TITLES = {
+    "verb": "Verbs",
+    "control": "Whole commands",
+    "relation": "Relations and places",
+    "direction": "Directions",
+    "side": "Sides",
+    "superlative": "Superlatives",
+    "region": "Regions and participants",
+    "fixture": "Fixtures",
+    "unit": "Lengths (in cells or in metres)",
+}
+INTRODUCTION = """\
+# What it understands
+
+The [instruction language](language.md) is precise: what the parser understands, `say` can say. People write more
+freely. A second, wider grammar (`language/commands/`) understands them: typing errors, missing articles, places of
+the table, stacks, ordinals, "both",
+"the other one", corrections, "undo". It is only for understanding; trained policies never read its sentences.
+
+```python
+from language import Object, Scene
+from language.commands import Dialogue, Understood
+
+scene = Scene([Object("cube", "red", (0.5, 0.15, 0.025)), Object("cube", "blue", (0.6, 0.0, 0.025))])
+dialogue = Dialogue()
+outcome = dialogue.answer("pls put teh red cube ontop of the blue one", scene)
+assert isinstance(outcome, Understood)
+assert [(step.kind, step.object, step.on) for step in outcome.steps] == [("take", 0, None), ("place", 0, 1)]
+assert dialogue.answer("undo").steps[1].position == (0.5, 0.15)
+```
+
+`interpret(sentence, scene)` does the same without a dialogue. `scene` is a table's `Scene` in metres, or a
+`World`: `board(...)` has 8 x 8 cells and stacks up to eight high, `table(scene, held=...)` a table with something in
+the gripper.
+
+| outcome | when | fields |
+|---|---|---|
+| `Understood` | one plan is clearly likeliest, and every step can be carried out | `steps`, `result`, \
+`confidence`, `unused`, `notes` |
+| `Question` | several plans are about as likely, or something is left open | `text`, `candidates`, `choices`, `span` |
+| `Refusal` | nothing fits, a precondition fails, or there is no reading | `reason`, `text`, `suggestions`, `span` |
+
+A step has a `kind` (take, place, push, reach, press, switch, turn, open, close, stop, wait, home, faster, slower,
+nothing), the index of its `object`, and for "place" and "push" the `position` of its centre (metres or cells), the
+height of its `bottom` and what it then stands `on`.
+
+## How a reading is chosen
+
+The parser keeps every reading of a sentence. Each is compared with the scene: a covered block cannot be taken,
+nothing stands on a ball or a pyramid, a stack has a greatest height. Of the plans that can be carried out, the one of
+the least cost is chosen; if another one with a different result costs at most `CLOSE` more, it is a question. A plan
+is refused in favour of the reason why a much cheaper reading fails. These are the costs:
+"""
+LEFT = """\
+## Whose left
+
+Left and right are those of the scene's `viewpoint`: "robot" (the default) or "human", who sits across the table.
+"Forward" is away from the viewer. "Front" is the viewer's side of the table (`World.front`); on a board whose arm
+faces away from itself, as in the Treebank, it is the far side, which is also the "top". A thing that is brought to a
+person goes to the far edge.
+"""
+TEACHING = """\
+## How to teach it a phrase
+
+A phrase is one entry of a table, here at run time. The meaning must be known; commas separate phrases in the tables
+themselves.
+
+```python
+from language import Object, Scene
+from language.commands import Understood, interpret
+from language.commands.lattice import teach
+
+scene = Scene([Object("cube", "red", (0.5, 0.15, 0.025)), Object("cube", "blue", (0.6, 0.0, 0.025))])
+teach("verb", "take", "snatch")
+teach("relation", "on", "astride")
+outcome = interpret("snatch the red cube and put it astride the blue one", scene)
+assert isinstance(outcome, Understood)
+assert outcome.steps[1].on == 1
+```
+
+For good, add it to `language/commands/verb_words.py`, `modifiers.py` or `nouns.py`, and write this page again.
+
+## Words
+"""
+
+
+def page() -> str:
+    """Returns the page."""
+    parts = [NOTE, INTRODUCTION, _table(("cost", "value", "of"), _costs()), LEFT, *_coverage(), TEACHING, *_words()]
+    return "\n".join(part.rstrip("\n") + "\n" for part in parts)
+
+
+def _costs() -> Iterator[tuple[str, ...]]:
+    pattern = re.compile(r"^([A-Z_]+) = ([^#\n]+?)(?:\s+# (.*))?$", re.MULTILINE)
+    for name, value, about in pattern.findall(Path(costs.__file__).read_text("utf-8")):
+        yield f"`{name}`", value.replace("|", ","), (about or name.lower().replace("_", " ")).replace("|", "\\|")
+
+
+def _coverage() -> list[str]:
+    """Returns the section of the measured figures; [] if there are none yet."""
+    if not FIGURES.exists():
+        return []
+    about = """\
+## How much of what strangers write
+
+The Robot Commands Treebank has commands that people wrote for a block-stacking arm, each with the board before and
+after. The grammar was developed on four fifths of the boards (groups of scenes that share a board are never divided);
+the other fifth was read once, after the last change of the grammar. A command is right if its block goes where it
+went. `python -m benchmarks.treebank --data FOLDER` measures it; with `--no-scene`, the reading is chosen before it is
+compared with the scene.
+"""
+    rows = []
+    for name, figures in json.loads(FIGURES.read_text("utf-8")).items():
+        counts = figures["counts"]
+        share = [f"{100 * counts[key] / counts['total']:.1f} %" for key in ("right", "wrong", "asked", "refused")]
+        times = f"{figures['median_ms']:.0f} / {figures['worst_ms']:.0f} ms"
+        rows.append((name.replace("_", " "), str(counts["total"]), *share, times))
+    header = ("part", "commands", "right", "wrong", "asked back", "refused", "time: median / worst")
+    return [about, _table(header, rows)]
+
+
+def _words() -> Iterator[str]:
+    """Yields a section for each category of words."""
+    kinds = {kind: ", ".join(words) for kind, words in nouns.nouns().items()}
+    yield "### Things\n"
+    yield _table(("meaning", "understood"), [*kinds.items(), ("stack", nouns.STACKS)])
+    yield "### Colours\n\nThe first of these colours that the scene holds is meant.\n"
+    yield _table(("word", "colours"), [(word, ", ".join(names)) for word, names in nouns.colors().items()])
+    for category, title in TITLES.items():
+        yield f"### {title}\n"
+        yield _table(("meaning", "understood"), TABLES[category].items())
+    yield "### Other words\n"
+    yield _table(("category", "understood"), {**modifiers.SINGLES, **verb_words.SINGLES}.items())
+
+
+def _table(header, rows) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines) + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), "utf-8")
