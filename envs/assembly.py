@@ -17,7 +17,6 @@ from envs.sim.window import Window
 from envs.sim.world import World
 from envs.tasks import TASKS, State, Task
 from human import Person
-from language import SHAPES
 
 PRESS_DEPTH = 0.005  # metres that a magnet may go below the top of an object on the table
 
@@ -28,13 +27,18 @@ def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task
 
 
 def make_chain(config: EnvConfig, task: Task) -> Kinematics:
-    """The kinematics of the arm. Its rest pose depends on whether the task moves objects."""
-    return read_chain(config.robot if task.moves else config.robot.reaching())
+    """The kinematics of the arm. Its rest pose depends on whether the task moves objects, and with a rod on the
+    workspace: the gripper is over the middle of the objects, as high as it may be."""
+    chain = read_chain(config.robot if task.moves else config.robot.reaching())
+    if not (config.gripper.rod and task.moves):
+        return chain
+    x0, x1, y0, y1 = config.workspace.object_area
+    return chain.resting_at(np.array([(x0 + x1) / 2, (y0 + y1) / 2, config.workspace.gripper_box[-1]]))
 
 
 def make_world(config: EnvConfig, task: Task, render: bool = False, window: Window | None = None) -> World:
     """One world with all that the task shows."""
-    objects = PoolSpec(SHAPES, task.bodies, config.task.object_size)
+    objects = PoolSpec(task.shapes, task.bodies, config.task.object_size)
     gripper = config.gripper if task.moves else None
     return World(config.robot, config.workspace, config.physics, objects, render, window, gripper, task.devices)
 

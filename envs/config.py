@@ -45,12 +45,32 @@ def read_env(config: Any) -> EnvConfig:
         raise ConfigError(f"task.name={task.name} is not a task" + did_you_mean(task.name, TASKS))
     gripper = read(GripperConfig, config["gripper"], "gripper")
     gripper.of(robot)
+    workspace = workspace.within_reach(robot.reach) if robot.reach else workspace
+    kind = TASKS[task.name]
+    if gripper.rod and kind.moves:
+        robot = gripper.on_rod(robot)
+    if kind.stacks:
+        _check_board(task, workspace)
     return EnvConfig(
         robot,
         read(ControlConfig, config["control"], "control"),
-        workspace.within_reach(robot.reach) if robot.reach else workspace,
+        workspace,
         task,
         read(PhysicsConfig, config["physics"], "physics"),
         read(GestureConfig, config["gesture"], "gesture"),
         gripper,
     )
+
+
+def _check_board(task: TaskConfig, workspace: WorkspaceConfig) -> None:
+    """Raises ConfigError unless the cells of the task are those of the workspace's board."""
+    board = workspace.board
+    if board is None:
+        raise ConfigError(f"task.name={task.name} needs a board, which workspace={workspace.name} lacks: choose board")
+    if list(workspace.object_area) != board.area:
+        raise ConfigError(f"workspace.object_area={workspace.object_area} must be the board's area={board.area}")
+    for name, value, wanted in (("spacing", task.spacing, board.cell), ("levels", task.levels, board.levels)):
+        if value > wanted if name == "levels" else value != wanted:
+            raise ConfigError(
+                f"task.{name}={value} does not fit the board of workspace={workspace.name}: it must be {wanted}"
+            )

@@ -18,14 +18,7 @@ from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from conf.schema import ConfigError
-from envs.assembly import (
-    make_chain,
-    make_control,
-    make_grips,
-    make_initial_states,
-    make_task,
-    make_world,
-)
+from envs.assembly import make_chain, make_control, make_grips, make_initial_states, make_task, make_world
 from envs.config import EnvConfig
 from envs.mdp.gestures import Gestures, make_person, make_ray_reader
 from envs.mdp.goals import Goal
@@ -244,6 +237,11 @@ class WorkspaceEnv(EnvBase):
     def gripper(self) -> NDArray[np.float64]:
         """(N, 3) gripper centres, metres."""
         return self._state.gripper.copy()
+
+    @property
+    def commanded_gripper(self) -> NDArray[np.float64]:
+        """(N, 3) gripper centres at the joint angles last commanded, metres."""
+        return self.chain.forward(self._arrays.commanded).position
 
     @property
     def fittings(self) -> dict[str, NDArray[np.float64]]:

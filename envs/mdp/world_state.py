@@ -60,14 +60,16 @@ class WorldState:
         self.commanded[i] = joints
         scene, by_slot = episode.scene, np.argsort(slots, kind="stable")
         yaw = np.zeros(len(scene)) if episode.yaw is None else episode.yaw
+        shapes = scene.nouns if episode.shapes is None else episode.shapes
         self._worlds[i].reset(
             joints.tolist(),
             opening,
-            scene.nouns[by_slot].tolist(),
+            shapes[by_slot].tolist(),
             Mobility.of(scene.targets, episode.fixed)[by_slot].tolist(),
             scene.positions[by_slot].tolist(),
             yaw[by_slot].tolist(),
             self.rows[i, np.sort(slots), 7:11],
+            _resting(episode)[by_slot].tolist(),
         )
 
     def _show(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64]) -> None:
@@ -107,3 +109,11 @@ class WorldState:
         self.angles = np.ascontiguousarray(self.joints[:, : self.commanded.shape[1], 0])
         self.pose = self._chain.forward(self.angles)
         self.state.gripper = self.pose.position
+
+
+def _resting(episode: EpisodeSpec) -> NDArray[np.bool_]:
+    """(K,) which objects do not fall as the episode begins, although they are above the table."""
+    if episode.resting is None:
+        return np.zeros(len(episode.scene), bool)
+    held = episode.start is not None and episode.start.held
+    return episode.resting & ~(held & (np.arange(len(episode.scene)) == episode.referent))

@@ -27,7 +27,8 @@ class Furniture:
 
     def __init__(self, workspace: WorkspaceConfig, robot: Robot, client: int, visuals: bool) -> None:
         self._client, self._visuals, self._robot = client, visuals, robot
-        self._boxes = [self._box(box) for box in workspace.furniture.values() if visuals or box.contact]
+        drawn = workspace.board.cells() if workspace.board and visuals else []
+        self._boxes = [self._box(box) for box in [*workspace.furniture.values(), *drawn] if visuals or box.contact]
         self._pass_through(robot.body, robot.fixed_links())
         self._fittings = {self._fitting(fitting): fitting for fitting in workspace.fittings.values()}
         self._base_poses: dict[int, tuple] = {}

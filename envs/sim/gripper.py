@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pybullet as bullet
@@ -26,19 +26,41 @@ Point = Sequence[float] | NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class GripperConfig(Checked):
-    """Forces in N: `pull`, with which a magnet holds on, and `force`, with which each finger closes."""
+    """Forces in N: `pull`, with which a magnet holds on, and `force`, with which each finger closes.
 
-    name: str = one_of("own", "magnet", "fingers")
+    name: own is the robot's first gripper, rod a magnet at the end of a rod. rod: radius and length of that in metres.
+    """
+
+    name: str = one_of("own", "magnet", "fingers", "rod")
     pull: float = within(0.1, 10_000)
     force: float = within(0.1, 1000)
+    rod: list[float] = within(0.001, 0.5)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.rod) != 2 * (self.name == "rod"):
+            wanted = "a radius and a length" if self.name == "rod" else "[]"
+            raise ConfigError(f"rod={self.rod} must be {wanted} with name={self.name}")
 
     def of(self, robot: RobotConfig) -> str:
         """The key of GRIPPERS that this robot grips with. Raises ConfigError where it has no such gripper."""
         if self.name == "own":
             return robot.grippers[0]
-        if self.name not in robot.grippers:
+        name = "magnet" if self.name == "rod" else self.name
+        if name not in robot.grippers:
             raise ConfigError(f"gripper={self.name}: robot={robot.name} grips with {' or '.join(robot.grippers)}")
-        return self.name
+        return name
+
+    def on_rod(self, robot: RobotConfig) -> RobotConfig:
+        """The robot with its magnet at the end of the rod. Raises ConfigError where its gripper tilts."""
+        if robot.position_first:
+            raise ConfigError(
+                f"gripper.rod={self.rod}: robot={robot.name} tilts its gripper (position_first), and a rod must point "
+                "down; choose another robot"
+            )
+        radius, longer = self.rod
+        tip = [offset + longer * way for offset, way in zip(robot.tip_offset, robot.approach, strict=True)]
+        return replace(robot, tip_offset=tip, magnet=[radius, sum(robot.magnet[1:]) + longer])
 
 
 class Gripper(ABC):

@@ -7,6 +7,7 @@ robot's own client (origin at the robot's base on the table top, metres, radians
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from envs.sim.prioritized_ik import prioritized_step
 
 Array = NDArray[np.float64]
+
+RESTING_STEPS = 200  # of inverse kinematics to another rest pose
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -121,6 +124,12 @@ class Kinematics:
         gram = jacobian @ transposed + damping**2 * np.eye(6)
         delta = idle + transposed @ np.linalg.solve(gram, task - jacobian @ idle)
         return delta[..., 0]
+
+    def resting_at(self, position: Array) -> Kinematics:
+        """The same arm with another rest pose: its gripper at position (3,), metres, oriented as it is at rest now."""
+        rotation, moved = self.forward(self.rest[None]).rotation[0], copy(self)
+        moved.rest = self.solve(self.rest[None], position[None], rotation, RESTING_STEPS)[0]
+        return moved
 
     def solve(self, joints: Array, position: Array, rotation: Array, iterations: int = 30) -> Array:
         """Joints (N, J) that bring the gripper to position (N, 3) and rotation (..., 3, 3), from `joints` on."""

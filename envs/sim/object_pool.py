@@ -6,11 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
 
 import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
+
+from envs.sim.collision_hulls import scratch
 
 PARKED = (0.0, 0.0, -5.0)  # metres: where objects sleep that the episode does not show
 MASS = 0.1  # kg
@@ -41,8 +44,8 @@ class Mobility(IntEnum):
 class PoolSpec:
     """The bodies that a pool holds.
 
-    nouns: the shapes ("cube", "sphere", "cylinder"). counts: bodies of each noun, for each `Mobility` in its order.
-    size: width and height of an object, metres.
+    nouns: the shapes ("cube", "sphere", "cylinder", "pyramid"). counts: bodies of each noun, for each `Mobility` in
+    its order. size: width and height of an object, metres.
     """
 
     nouns: Sequence[str]
@@ -81,16 +84,19 @@ class ObjectPool:
         mobilities: Sequence[int],
         positions: Sequence[Sequence[float]],
         yaw: Sequence[float],
+        resting: Sequence[bool] | None = None,
     ) -> None:
         """Place one body of the pool for each object. An object above the table falls; others sleep until touched.
 
-        nouns, mobilities: indices into the pool. positions: (K, 3) metres. yaw: (K,) radians.
+        nouns, mobilities: indices into the pool. positions: (K, 3) metres. yaw: (K,) radians. resting: (K,) what rests
+        on others, and sleeps although it is above the table; None: nothing.
         """
         unused = [[list(reversed(bodies)) for bodies in pool] for pool in self._pool]
         self.shown = [unused[mobility][noun].pop() for mobility, noun in zip(mobilities, nouns, strict=True)]
-        for body, mobility, position, angle in zip(self.shown, mobilities, positions, yaw, strict=True):
+        rests = [False] * len(self.shown) if resting is None else resting
+        for body, mobility, position, angle, still in zip(self.shown, mobilities, positions, yaw, rests, strict=True):
             self._place(body, position, angle)
-            if mobility == Mobility.FREE and position[2] > self._resting_height:
+            if mobility == Mobility.FREE and position[2] > self._resting_height and not still:
                 self._wake(body)
 
     def park(self) -> None:
@@ -115,7 +121,7 @@ class ObjectPool:
         if mobility != Mobility.GHOST:
             shape = bullet.createCollisionShape(kind, **sides, physicsClientId=self._client)
         if self._visuals:
-            if "height" in sides:
+            if kind == bullet.GEOM_CYLINDER:
                 sides = {"radius": sides["radius"], "length": sides["height"]}
             visual = bullet.createVisualShape(kind, **sides, physicsClientId=self._client)
         mass = MASS if mobility == Mobility.FREE else 0
@@ -145,5 +151,20 @@ def _geometry(noun: str, size: float) -> tuple[int, dict]:
         "cube": (bullet.GEOM_BOX, {"halfExtents": [size / 2] * 3}),
         "sphere": (bullet.GEOM_SPHERE, {"radius": size / 2}),
         "cylinder": (bullet.GEOM_CYLINDER, {"radius": size / 2, "height": size}),
+        "pyramid": (bullet.GEOM_MESH, {"fileName": str(_pyramid()), "meshScale": [size] * 3}),
     }
     return shapes[noun]
+
+
+@cache
+def _pyramid() -> Path:
+    """An OBJ file with a square pyramid, 1 wide and 1 high, about the middle of its height."""
+    base = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+    sides = [((*base[i], -0.5), (*base[(i + 1) % 4], -0.5), (0.0, 0.0, 0.5)) for i in range(4)]
+    floor = [((*base[0], -0.5), (*base[i + 1], -0.5), (*base[i], -0.5)) for i in (1, 2)]
+    points = [point for face in (*sides, *floor) for point in face]
+    rows = ["v {} {} {}".format(*point) for point in points]
+    rows += [f"f {i + 1} {i + 2} {i + 3}" for i in range(0, len(points), 3)]
+    target = scratch() / "pyramid.obj"
+    target.write_text("\n".join([*rows, ""]))
+    return target

@@ -37,7 +37,7 @@ class RobotConfig(Checked):
     approach: list[float] = within(-1, 1, count=3)  # unit vector: where the gripper points, in that link's frame
     grippers: list[str] = one_of("magnet", "fingers")  # what it may grip with; the first is its own
     magnet: list[float] = within(
-        0.001, 0.2
+        0.001, 0.5
     )  # radius and length of the cylinder that ends at the gripper centre, if any
     fingers: list[str]  # prismatic finger joints; empty for a magnet
     finger_opening: float = within(0, 0.2)  # of each finger, fully open

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from conf.schema import Checked, ConfigError, one_of, within
 from human import Camera, HumanConfig
 
+PLATE, DRAWN = 0.002, 0.0003  # metres: thickness of what is drawn of a board, and how far it is above the table
 AROUND = 0.02  # metres between objects and the end of a robot's reach, so that the gripper gets around them
 
 
@@ -61,6 +62,45 @@ class Fitting(Checked):
 
 
 @dataclass(frozen=True, kw_only=True)
+class BoardConfig(Checked):
+    """A board of square cells on the table, which is only drawn. Stacks on it are up to `levels` objects high.
+
+    corner: x and y where the board is nearest to the robot and farthest to its right, metres. cell: width, metres.
+    columns, rows: cells along x and along y. light, dark: RGB in [0, 1] of alternate cells.
+    """
+
+    corner: list[float] = within(-5, 5, count=2)
+    cell: float = within(0.01, 1)
+    columns: int = within(1, 100)
+    rows: int = within(1, 100)
+    levels: int = within(1, 100)
+    light: list[float] = within(0, 1, count=3)
+    dark: list[float] = within(0, 1, count=3)
+
+    @property
+    def area(self) -> list[float]:
+        """x0, x1, y0, y1, metres."""
+        x, y = self.corner
+        return [x, round(x + self.columns * self.cell, 6), y, round(y + self.rows * self.cell, 6)]
+
+    def cells(self) -> list[Box]:
+        """What is drawn: a light plate, and each dark cell on it."""
+        x0, x1, y0, y1 = self.area
+        plate = Box(
+            size=[x1 - x0, y1 - y0, PLATE],
+            position=[(x0 + x1) / 2, (y0 + y1) / 2, DRAWN - PLATE / 2],
+            color=self.light,
+            contact=False,
+        )
+        return [plate, *(self._dark(i, j) for i in range(self.columns) for j in range(i % 2, self.rows, 2))]
+
+    def _dark(self, i: int, j: int) -> Box:
+        x, y = (corner + (k + 0.5) * self.cell for corner, k in zip(self.corner, (i, j), strict=True))
+        size = [self.cell, self.cell, PLATE]
+        return Box(size=size, position=[x, y, 2 * DRAWN - PLATE / 2], color=self.dark, contact=False)
+
+
+@dataclass(frozen=True, kw_only=True)
 class WorkspaceConfig(Checked):
     """Areas are (x0, x1, y0, y1[, z0, z1]) in the workspace frame, metres."""
 
@@ -72,6 +112,7 @@ class WorkspaceConfig(Checked):
     bounds: list[float] = within(-10, 10)
     camera: Camera
     human: HumanConfig | None  # the person in the workspace, if any
+    board: BoardConfig | None  # the board on the table, if any
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -36,6 +36,10 @@ class PhysicsConfig(Checked):
     substeps: int = within(1, 1000)
     solver_iterations: int = within(1, 500)
     sleeping: bool  # let objects at rest sleep
+    # Share of a penetration that Bullet corrects in a physics step; None: Bullet's own, with which tall stacks fall.
+    contact_erp: float | None = within(0.01, 1)
+    # Metres at which a contact ends. Objects nearer to each other than twice as much wake together. None: Bullet's own.
+    contact_breaking: float | None = within(1e-4, 0.1)
 
 
 class World:
@@ -107,6 +111,10 @@ class World:
             deterministicOverlappingPairs=1,  # same seed, same bits
             physicsClientId=self.client,
         )
+        contacts = {"contactERP": self._physics.contact_erp, "contactBreakingThreshold": self._physics.contact_breaking}
+        given = {name: value for name, value in contacts.items() if value is not None}
+        if given:
+            bullet.setPhysicsEngineParameter(**given, physicsClientId=self.client)
 
     def _make_person(self) -> PointingArm | None:
         """Nothing touches the person, so a world without visuals needs no body for them.
@@ -128,6 +136,7 @@ class World:
         positions: Sequence[Sequence[float]],
         yaw: Sequence[float],
         colors: NDArray[np.float64],
+        resting: Sequence[bool] | None = None,
     ) -> None:
         """Begin an episode: place the arm, and show K objects. Devices are those that were made, whatever the nouns.
 
@@ -138,6 +147,7 @@ class World:
             positions: (K, 3) of objects, or of the devices' handles. An object above the table falls.
             yaw: (K,) radians.
             colors: (K, 4) RGBA.
+            resting: (K,) what rests on other objects and does not fall; None: nothing.
         """
         self._draw(False)
         self.release()
@@ -150,7 +160,7 @@ class World:
         if self.devices.bodies:
             self.devices.show(positions, yaw, colors.tolist())
         else:
-            self.pool.show(nouns, mobilities, positions, yaw)
+            self.pool.show(nouns, mobilities, positions, yaw, resting)
             if self._visuals:
                 self._color_objects(mobilities, colors.tolist())
         self._draw(True)

@@ -48,13 +48,16 @@ class Task(ABC):
     real_goals = False  # are goals real objects, rather than see-through targets?
     operates = False  # are its objects devices? Their positions are those of their handles
     nouns: tuple[str, ...] = SHAPES  # what its objects can be
+    shapes: tuple[str, ...] = SHAPES  # the bodies that its worlds have, in the order in which episodes count them
+    stacks = False  # do objects stand in the cells of a board, on top of each other?
+    marks = False  # does a column of the objects tell which one is the referent?
     stages = 1  # number of stages that `stage` returns
 
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
     ) -> None:
         _check_terms(config, self.terms)
-        if not config.kinds and config.num_objects > 1 and person is None:
+        if not config.kinds and config.num_objects > 1 and person is None and not self.marks:
             raise ConfigError(
                 f"task.num_objects={config.num_objects} must be 1 in a task without words, "
                 "or nothing would tell which object is meant; try task=nl_reach or task=reach_gesture"

@@ -21,13 +21,14 @@ def length(vectors: Array) -> Array:
     return np.sqrt((vectors * vectors).sum(-1))
 
 
-def funnel(offset: Array, height: float, mouth: float) -> Array:
+def funnel(offset: Array, height: float | Array, mouth: float, slope: float = 1.0) -> Array:
     """(...,) metres from offset (..., 3) to the origin along a funnel, which approaches from above.
 
-    Horizontal distance plus |z - z*|. z* rises 1:1 with the horizontal distance beyond `mouth`, capped at `height`.
+    Horizontal distance plus |z - z*|. z* rises by `slope` with the horizontal distance beyond `mouth`, capped at
+    `height`, one for all or (...,).
     """
     beside = length(offset[..., :2])
-    wanted = np.clip(beside - mouth, 0.0, height)
+    wanted = np.clip(slope * (beside - mouth), 0.0, height)
     return beside + np.abs(offset[..., 2] - wanted)
 
 

@@ -31,8 +31,8 @@ class Manipulation(ReferringTask):
 
     A goal is a see-through target or, with `real_goals`, another real object. Without kinds of sentences there are no
     words: one object, and one target at most. An episode ends as `wrong_object` once another object has moved by
-    `DISTURBED`, as `wrong_target` once the referent was left at another goal, and, if the task `fails`, as `failed`
-    once success has become impossible in another way.
+    `disturbed` metres, as `wrong_target` once the referent was left at another goal, and, if the task `fails`, as
+    `failed` once success has become impossible in another way.
 
     All reward terms except those for the ends of episodes and for time are differences of potentials (potential-based
     shaping, Ng et al. 1999), so a cycle of states earns nothing.
@@ -40,6 +40,7 @@ class Manipulation(ReferringTask):
 
     potentials: tuple[str, ...]  # the names of what `_potentials` returns
     fails = False
+    disturbed = DISTURBED
     ends: tuple[str, ...] = ("success", "wrong_object", "wrong_target", "time")
     moves = True
     stages = 3
@@ -64,7 +65,7 @@ class Manipulation(ReferringTask):
             raise ConfigError(f"task.num_targets={targets} must be {wanted} in task.name={config.name}")
         if self.real_goals and real < 2:
             raise ConfigError(f"task.num_objects={real} must be at least 2 in task.name={config.name}")
-        if not self.speaks and (real > 1 or targets > 1):
+        if not self.speaks and not self.marks and (real > 1 or targets > 1):
             raise ConfigError(
                 f"task.num_objects={real} and task.num_targets={targets} must be 1 at most in a task without words, "
                 "or nothing would tell which is meant; give task.kinds"
@@ -160,7 +161,7 @@ class Manipulation(ReferringTask):
         others[self._rows, state.referent] = False
         if self.real_goals:  # the task itself bounds how far its goals may be moved
             others[self._rows, state.target] = False
-        return np.any(others & (length(state.objects - self._begun) > DISTURBED), axis=1)
+        return np.any(others & (length(state.objects - self._begun) > self.disturbed), axis=1)
 
     def _misplaced(self, state: State) -> NDArray[np.bool_]:
         """(N,) whether the referent has been brought to another goal, and left there."""
@@ -170,7 +171,7 @@ class Manipulation(ReferringTask):
         others[self._rows, state.target] = False
         place = self._referent(state)
         there = others & (length(self._goals(state) - place[:, None]) <= self.config.radius)
-        moved = length(place - self._begun[self._rows, state.referent]) > DISTURBED
+        moved = length(place - self._begun[self._rows, state.referent]) > self.disturbed
         left = (state.held != state.referent) & (self._still >= self.config.hold_steps)
         return there.any(1) & moved & left
 
@@ -232,7 +233,7 @@ class Manipulation(ReferringTask):
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """Names an object that was moved, and a target where it came to rest, moved there if none stood there."""
-        told = find_achieved_goal(moments, DISTURBED, STILL, self.config.radius, rng)
+        told = find_achieved_goal(moments, self.disturbed, STILL, self.config.radius, rng)
         if told is None:
             return None
         return self.episode(placed._replace(scene=placed.scene.moved(told.places)), told.referent, told.target, rng)

@@ -37,8 +37,7 @@ class PickAndPlace(Manipulation):
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         # An episode that begins with the object held or placed requires no lifting.
-        near = length(self._goal(state) - self._referent(state)) <= self.config.radius
-        self._raised[worlds] = ((state.held == state.referent) | near)[worlds]
+        self._raised[worlds] = ((state.held == state.referent) | self._is_near_goal(state))[worlds]
 
     @property
     def memory(self) -> NDArray[np.float64]:
@@ -54,17 +53,26 @@ class PickAndPlace(Manipulation):
         self._raised = np.maximum(self._raised, raised)
 
     def _placed_there(self, state: State) -> NDArray[np.bool_]:
-        near = length(self._goal(state) - self._referent(state)) <= self.config.radius
-        return (self._raised >= LIFT / CLEAR) & near & (state.held == NOTHING)
+        return (self._raised >= LIFT / CLEAR) & self._is_near_goal(state) & (state.held == NOTHING)
+
+    def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
+        return length(self._goal(state) - self._referent(state)) <= self.config.radius
 
     def _potentials(self, state: State) -> dict[str, Array]:
-        place = self._referent(state)
         placed = self._placed_there(state)
         has = (state.held == state.referent) | placed
         return {
-            "approach": np.where(has, 0.0, -funnel(state.gripper - place, ABOVE, MOUTH)),
+            "approach": np.where(has, 0.0, -self._way_to_object(state)),
             "grasp": has.astype(np.float64),
             "lift": self._raised.copy(),
-            "transport": -funnel(place - self._goal(state), OVER_ALL, MOUTH),
+            "transport": -self._way_to_goal(state),
             "release": placed.astype(np.float64),
         }
+
+    def _way_to_object(self, state: State) -> Array:
+        """(N,) metres from the gripper to its object."""
+        return funnel(state.gripper - self._referent(state), ABOVE, MOUTH)
+
+    def _way_to_goal(self, state: State) -> Array:
+        """(N,) metres from the object to its target."""
+        return funnel(self._referent(state) - self._goal(state), OVER_ALL, MOUTH)

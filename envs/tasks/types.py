@@ -29,6 +29,8 @@ from language import (
 
 Array = NDArray[np.float64]
 SLOTS = 8  # at most
+STACKED_SLOTS = 128  # ... where objects may be stacked
+ROUNDING = 1e-9  # metres
 NOTHING = -1  # the slot of what an empty gripper holds
 
 
@@ -150,9 +152,10 @@ class TaskConfig(Checked):
 
     name: str
     objects: ObjectsConfig
-    num_objects: int = within(1, SLOTS)
-    min_objects: int = within(1, SLOTS)  # an episode shows this many to num_objects
+    num_objects: int = within(1, STACKED_SLOTS)
+    min_objects: int = within(1, STACKED_SLOTS)  # an episode shows this many to num_objects
     num_targets: int = within(0, SLOTS)  # see-through places, beside the objects
+    levels: int = within(1, STACKED_SLOTS)  # objects in a stack, at most
     nouns: list[str] = one_of(*NOUNS)  # what objects are drawn as
     kinds: list[str] = one_of(*KINDS)  # of sentences; empty: no words
     viewpoint: str = one_of(*VIEWPOINTS)  # whose left is left
@@ -175,16 +178,18 @@ class TaskConfig(Checked):
             object.__setattr__(self, "min_objects", len(self.objects))
             object.__setattr__(self, "num_targets", 0)
         super().__post_init__()
+        for name in ("num_objects", "min_objects"):
+            if (value := getattr(self, name)) > self.most_slots:
+                raise ConfigError(f"{name}={value} is out of range: it must be in [1, {self.most_slots}]")
         try:
             self.says()
         except LanguageError as error:
             raise ConfigError(str(error)) from None
         if not self.nouns:
             raise ConfigError(f"nouns=[] must name at least one of {', '.join(NOUNS)}")
-        if self.slots > SLOTS:
-            raise ConfigError(
-                f"num_objects={self.num_objects} and num_targets={self.num_targets}: at most {SLOTS} can be shown"
-            )
+        if self.slots > self.most_slots:
+            many = f"num_objects={self.num_objects} and num_targets={self.num_targets}"
+            raise ConfigError(f"{many}: at most {self.most_slots} can be shown")
         if self.min_objects > self.num_objects:
             raise ConfigError(f"min_objects={self.min_objects} must be at most num_objects={self.num_objects}")
         if self.spacing < 2 * self.radius and self.slots > 1:
@@ -192,7 +197,7 @@ class TaskConfig(Checked):
                 f"spacing={self.spacing} must be at least {2 * self.radius:g}, twice the radius, "
                 "or the gripper could be at two objects at once"
             )
-        if self.spacing < 1.5 * self.object_size and self.slots > 1:
+        if self.spacing < 1.5 * self.object_size - ROUNDING and self.slots > 1:
             raise ConfigError(
                 f"spacing={self.spacing} must be at least {1.5 * self.object_size:g}, 1.5 times the object_size, "
                 "or objects would stand in each other"
@@ -202,6 +207,11 @@ class TaskConfig(Checked):
     def slots(self) -> int:
         """The largest number of objects and targets in an episode."""
         return self.num_objects + self.num_targets
+
+    @property
+    def most_slots(self) -> int:
+        """How many objects and targets an episode can show."""
+        return SLOTS if self.levels == 1 else STACKED_SLOTS
 
     def says(self) -> Split:
         """The split, with what it holds out. Raises LanguageError if no sentence is left."""
@@ -232,6 +242,8 @@ class EpisodeSpec:
     target: int | None = None  # slot of the target that the referent is to be brought to; none: to none
     start: GripperStart | None = None  # where the gripper begins; none: at rest
     goals: NDArray[np.bool_] | None = None  # (K,) what the referent could be brought to; none: the see-through targets
+    shapes: NDArray[np.int64] | None = None  # (K,) indices into the task's `shapes`; none: the nouns of the scene
+    resting: NDArray[np.bool_] | None = None  # (K,) what stays at rest on top of others as it begins; none: nothing
 
 
 @dataclass(frozen=True)

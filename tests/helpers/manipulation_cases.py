@@ -45,7 +45,8 @@ def based(state, offset, lean=0.0):
     return replace(state, objects=objects, quaternions=quaternions)
 
 
-WITH_TARGETS = ("pick_and_place", "nl_pick_and_place", "push", "nl_push", "swipe", "throw")
+BOARD = ("rearrange", "nl_rearrange")
+WITH_TARGETS = ("pick_and_place", "nl_pick_and_place", "push", "nl_push", "swipe", "throw", *BOARD)
 
 
 def four(name):
@@ -94,8 +95,12 @@ DONE = {
     "placed": (["pick_and_place"], CARRIED + LEFT, "success"),
     "placed 4.9 cm beside": (["pick_and_place"], CARRIED + [moment(GOAL + [0, 0.049, 0])] * 4, "success"),
     "placed 5.1 cm beside": (["pick_and_place"], CARRIED + [moment(GOAL + [0, 0.051, 0])] * 4, None),
-    "held at the target": (["pick_and_place", "swipe"], DRAWN + [moment(GOAL, held=0)] * 9, None),
-    "only pushed there": (["pick_and_place", "swipe"], PUSHED + LEFT, None),
+    "moved on the board": (["rearrange", "nl_rearrange"], CARRIED + LEFT, "success"),
+    "moved to 1.8 cm beside it": (["rearrange"], CARRIED + [moment(GOAL + [0.018, 0.018, 0])] * 4, "success"),
+    "moved to 1.9 cm beside it": (["rearrange"], CARRIED + [moment(GOAL + [0.019, 0, 0])] * 4, None),
+    "moved to the level above": (["rearrange"], CARRIED + [moment(GOAL + REST * UP)] * 4, None),
+    "held at the target": (["pick_and_place", "swipe", "rearrange"], DRAWN + [moment(GOAL, held=0)] * 9, None),
+    "only pushed there": (["pick_and_place", "swipe", "rearrange"], PUSHED + LEFT, None),
     "pushed there": (["push"], PUSHED + LEFT, "success"),
     "pushed through": (["push"], [moment(place) for place in between(THING, 1.6 * GOAL - 0.6 * THING, 12)], None),
     "pushed out of reach": (["push"], [moment(place) for place in between(THING, 2 * GOAL - THING, 12)], "failed"),

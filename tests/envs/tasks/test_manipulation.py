@@ -7,6 +7,7 @@ import pytest
 
 from tests.helpers.manipulation_cases import (
     AWAY,
+    BOARD,
     DONE,
     MOVING,
     OTHER,
@@ -28,8 +29,9 @@ def test_what_is_done_ends_as_it_should(what):
 
 
 @pytest.mark.parametrize("name", MOVING)
-def test_another_object_moved_by_5_cm_is_the_wrong_object(name):
-    for moved, end in ((0.049, []), (0.051, ["wrong_object"])):
+def test_another_object_moved_by_5_cm_or_half_a_cell_is_the_wrong_object(name):
+    bound = 0.01875 if name in BOARD else 0.05
+    for moved, end in ((bound - 0.001, []), (bound + 0.001, ["wrong_object"])):
         assert ends(judged(name, [moment(other=OTHER + [0, moved, 0])])) == end
 
 

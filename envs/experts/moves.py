@@ -1,0 +1,105 @@
+"""Carries out a list of moves in one world: which object goes where, and whether it is left there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+
+from conf.schema import ConfigError
+from envs.experts.rearrange import Carrier
+from envs.workspace_env import WorkspaceEnv
+
+MAX_STEPS = 200  # control steps of a move
+RISE = 0.03  # metres that the gripper goes up from what it has left before the next move
+HELD_THERE = 0.006  # metres from its place, along each axis, at which an object that is held is there
+
+
+@dataclass(frozen=True)
+class Move:
+    """Brings an object to a place.
+
+    thing: its number among the objects that are shown, as in `InteractiveEnv.scene`. place: (3,) its centre in the end,
+    metres. release: whether it is left there; else it stays in the gripper, in the air.
+    """
+
+    thing: int
+    place: Sequence[float]
+    release: bool = True
+
+
+class MoveRunner:
+    """Gives the actions that carry out moves one after another in world 0 of an environment with one world.
+
+    A move that is not done after `max_steps` control steps is given up, and so are those after it.
+
+    done: for each move, whether it was carried out, as far as they have been tried.
+
+    Raises:
+        ConfigError: for an environment of several worlds, or whose task does not grip.
+    """
+
+    def __init__(self, env: WorkspaceEnv, moves: Iterable[Move], max_steps: int = MAX_STEPS) -> None:
+        if len(env.gripper) != 1 or not env.task.grips:
+            raise ConfigError(f"task.name={env.config.task.name}: moves need one world, and a task that grips")
+        self._env, self._moves, self._carrier = env, list(moves), Carrier(env)
+        self._max_steps, self._steps = max_steps, 0
+        self.done: list[bool] = []
+
+    def __call__(self) -> Tensor | None:
+        """The next action (1, A); None once all moves are done, or one was given up."""
+        while len(self.done) < len(self._moves) and all(self.done):
+            move = self._moves[len(self.done)]
+            if self._is_done(move):
+                self.done.append(True)
+            elif self._steps >= self._max_steps:
+                self.done.append(False)
+            else:
+                self._steps += 1
+                return self._carrier.act(*self._where(move), np.array([move.release]))
+            self._steps = 0
+        return None
+
+    def _where(self, move: Move) -> tuple[np.ndarray, np.ndarray]:
+        """(1,) the slot of the object, and (1, 3) its place."""
+        slot = np.flatnonzero(self._env.state.shown[0])[move.thing]
+        return np.array([slot]), np.array([move.place], np.float64)
+
+    def _is_done(self, move: Move) -> bool:
+        (slots, places), state = self._where(move), self._env.state
+        thing = state.objects[0, slots[0]]
+        if not move.release:
+            return bool(state.held[0] == slots[0] and np.abs(thing - places[0]).max() < HELD_THERE)
+        height = self._env.gripper[0, 2] - self._env.below - thing[2]
+        return bool(self._carrier.is_put_down(slots, places)[0]) and height > RISE
+
+
+def carry_out(
+    env: WorkspaceEnv,
+    moves: Iterable[Move],
+    max_steps: int = MAX_STEPS,
+    watch: Callable[[TensorDictBase], None] | None = None,
+) -> list[bool]:
+    """Carries out moves in the only world of an environment whose episode has begun.
+
+    Args:
+        env: with one world and a task that grips, such as `rearrange`. Ends of its episode are ignored.
+        moves: in their order.
+        max_steps: control steps after which a move is given up, with those that follow.
+        watch: is called after every control step with what the environment returned.
+
+    Returns:
+        Whether each move was carried out, up to the first one that was not.
+
+    Raises:
+        ConfigError: for an environment of several worlds, or whose task does not grip.
+    """
+    runner = MoveRunner(env, moves, max_steps)
+    while (action := runner()) is not None:
+        after = env.step(TensorDict({"action": action}, env.batch_size))["next"]
+        if watch is not None:
+            watch(after)
+    return runner.done

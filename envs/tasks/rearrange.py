@@ -1,0 +1,162 @@
+"""Rearrange: move one object of a board from the top of its stack to a free place, up to the height of stacks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from conf.schema import ConfigError
+from envs.tasks.geometry import funnel, length, with_object_at
+from envs.tasks.grid import Grid, above
+from envs.tasks.manipulation import SCENES
+from envs.tasks.pick_and_place import PickAndPlace
+from envs.tasks.registry import register_task
+from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
+from human import Person
+from language import COLORS, NOUNS, Placed, Scene
+
+SHAPES = ("cube", "pyramid")
+PYRAMIDS = 0.15  # share of the objects on top of stacks that are pyramids, where no words name the objects
+CLEARANCE = 0.012  # metres between what is carried and the tops of stacks
+LEAST_HEIGHT = 0.03  # metres above its end at which a way over the board is rewarded, at least
+MOUTH, SLOPE = 0.005, 6.0  # of the funnels: between stacks only straight up and down
+BESIDE = 0.003  # metres beside its object at which an episode begins over it, at most
+LOWERED = 0.4  # share of the episodes with a held object in which it is straight over its target, at any height
+
+
+@register_task("rearrange", "nl_rearrange", verb="pick_and_place")
+class Rearrange(PickAndPlace):
+    """Any object on top of a stack goes to any free place of the board: an empty cell, or the top of another stack.
+
+    A see-through target marks the place. Without words, a column of the objects tells which one is the referent.
+    Success: the referent has been held, and lies within half a cell of its target along x and along y, at the same
+    level, released and at rest, for `hold_steps` steps. An episode ends as `wrong_object` once another object has moved
+    by half a cell.
+    Potentials: those of pick and place, along funnels over the highest stack of the board.
+    """
+
+    nouns = ("cube",)
+    shapes = SHAPES
+    stacks = True
+    marks = True
+    columns = (Column("is the one to be moved", 0.0, 1.0),)
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        self.disturbed = config.spacing / 2
+        self._grid = Grid(object_area, config.spacing, config.object_size)
+        super().__init__(config, object_area, num_worlds, person)
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._travel = np.zeros(worlds)  # height of an object's centre at which it is carried over all others, metres
+
+    def seen(self, state: State) -> Array:
+        return (np.arange(state.shown.shape[1]) == state.referent[:, None])[..., None].astype(np.float64)
+
+    # ---- judging
+
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
+        super()._reset_memory(worlds, state)
+        others = state.movable.copy()
+        others[self._rows, state.referent] = False
+        highest = np.where(others, state.objects[..., 2], 0.0).max(1) + self.config.object_size + CLEARANCE
+        self._travel[worlds] = highest[worlds]
+
+    def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
+        offset = np.abs(self._goal(state) - self._referent(state))
+        level = offset[:, 2] < self.config.object_size / 2
+        return (offset[:, :2].max(1) <= self.config.radius) & level
+
+    def _way_to_object(self, state: State) -> Array:
+        place = self._referent(state)
+        return funnel(state.gripper - place, self._height_above(place), MOUTH, SLOPE)
+
+    def _way_to_goal(self, state: State) -> Array:
+        goal = self._goal(state)
+        return funnel(self._referent(state) - goal, self._height_above(goal), MOUTH, SLOPE)
+
+    def _height_above(self, place: Array) -> Array:
+        """(N,) metres above place (N, 3) at which the gripper and what it holds pass over all stacks."""
+        return np.maximum(self._travel - place[:, 2], LEAST_HEIGHT)
+
+    # ---- drawing
+
+    def _scene(self, rng: Generator) -> Scene:
+        config = self.config
+        count = int(rng.integers(config.min_objects, config.num_objects + 1))
+        places = self._grid.draw(rng, count, config.num_targets, config.levels)
+        colors = rng.integers(len(COLORS), size=len(places))
+        nouns = np.full(len(places), list(NOUNS).index("cube"))
+        targets = np.arange(len(places)) >= count
+        return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
+
+    def _draw_scene(self, rng: Generator) -> tuple[Placed, NDArray[np.bool_]]:
+        """As in other tasks, but only one object that can be moved and its target need a name."""
+        for _ in range(SCENES):
+            placed = self._placed(rng)
+            nameable = self._describer.nameable(placed.scene) if self.speaks else np.ones(len(placed.scene), bool)
+            if (self._movable(placed) & nameable).any() and (self._possible_goals(placed) & nameable).any():
+                return placed, nameable
+        raise ConfigError(f"task.kinds={list(self.config.kinds)} names no object on top of a stack, and no target")
+
+    def _movable(self, placed: Placed) -> NDArray[np.bool_]:
+        """(K,) what is on top of a stack to which no target belongs."""
+        return super()._movable(placed) & ~above(placed.scene.positions, self.config.object_size).any(1)
+
+    def _is_feasible(self, placed: Placed) -> bool:
+        return bool(self._movable(placed).any())
+
+    def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> EpisodeSpec:
+        """As in other tasks. Where there are no words, some objects on top of stacks are pyramids."""
+        pyramids = self._movable(placed) & (rng.random(len(placed.scene)) < (0.0 if self.speaks else PYRAMIDS))
+        shapes = np.where(pyramids, SHAPES.index("pyramid"), SHAPES.index("cube"))
+        episode = super().episode(placed, referent, target, rng)
+        return replace(episode, shapes=shapes, resting=np.ones(len(placed.scene), bool))
+
+    def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
+        """As in other tasks; the target is moved to the level where the object was left, too."""
+        episode = super().relabel(placed, moments, rng)
+        if episode is None or episode.target is None:
+            return None
+        target = episode.scene.positions[episode.target]
+        ways = moments.objects[:, episode.referent]
+        when = int(length(ways[:, :2] - target[:2]).argmin())
+        if moments.held[when] == episode.referent:
+            return None  # no target is in the air
+        goal = np.append(target[:2], ways[when, 2])
+        return replace(episode, scene=with_object_at(episode.scene, episode.target, goal))
+
+    def _near_offset(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Array:
+        """Straight over the referent, up to where the gripper passes over all stacks."""
+        most = max(self._over_all(scene, referent) - scene.positions[referent, 2], LEAST_HEIGHT)
+        return rng.uniform([-BESIDE, -BESIDE, 0.0], [BESIDE, BESIDE, most])
+
+    def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
+        """Over all stacks, or straight over the target."""
+        highest = self._over_all(scene, referent)
+        place = rng.uniform(self._low, self._high)
+        place[2] = highest
+        if target is not None and rng.random() < LOWERED:
+            goal = scene.positions[target]
+            place = np.append(goal[:2], rng.uniform(goal[2], max(highest, goal[2])))
+        return with_object_at(scene, referent, place)
+
+    def _over_all(self, scene: Scene, referent: int) -> float:
+        """Metres above the table at which the middle of what is carried passes over all others."""
+        others = ~scene.targets & (np.arange(len(scene)) != referent)
+        top = float(scene.positions[others, 2].max(initial=0.0))
+        return top + self.config.object_size + CLEARANCE
+
+    @property
+    def _low(self) -> Array:
+        return self._grid.place(0, 0, 0)
+
+    @property
+    def _high(self) -> Array:
+        return self._grid.place(self._grid.columns - 1, self._grid.rows - 1, 0)
