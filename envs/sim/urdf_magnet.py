@@ -41,10 +41,11 @@ def with_magnet(urdf: Path, link: str, end: Numbers, way: Numbers, radius: float
     middle = [a - length / 2 * b for a, b in zip(end, way, strict=True)]
     pitch, yaw = math.atan2(math.hypot(way[0], way[1]), way[2]), math.atan2(way[1], way[0])
     ElementTree.SubElement(joint, "origin", xyz=" ".join(map(str, middle)), rpy=f"0 {pitch} {yaw}")
-    return _written(tree, urdf)
+    return _written(tree, urdf, "_".join(f"{number:g}" for number in (*end, radius, length)))
 
 
-def _written(tree: Any, urdf: Path) -> Path:
-    target = scratch() / f"{urdf.stem}_with_magnet.urdf"
+def _written(tree: Any, urdf: Path, lengths: str) -> Path:
+    """The file; the same robot has one of its own for each magnet."""
+    target = scratch() / f"{urdf.stem}_with_magnet_{lengths}.urdf"
     tree.write(target)
     return target

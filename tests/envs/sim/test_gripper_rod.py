@@ -8,7 +8,7 @@ from conf.overrides import compose
 from conf.schema import ConfigError
 from envs import read_env
 from envs.assembly import make_chain, make_task
-from envs.sim.robot import Robot
+from envs.sim.robot import Robot, read_chain
 from envs.tasks.grid import Grid
 from tests.helpers.env_cases import LONG_ARMS
 
@@ -87,3 +87,17 @@ def test_a_rod_without_lengths_or_lengths_without_a_rod_are_refused():
 def test_robots_are_as_they_were_where_nothing_is_to_be_moved():
     plain, rod = (read_env(compose(["task=nl_reach", f"gripper={name}"])).robot for name in ("own", "rod"))
     assert plain == rod
+
+
+def test_worlds_with_and_without_a_rod_live_in_one_process():
+    lengths = []
+    for overrides in (["task=nl_stack"], ["task=rearrange"], ["task=nl_stack"]):
+        config = read_env(compose(overrides))
+        client = bullet.connect(bullet.DIRECT)
+        robot = Robot(config.robot, client, visuals=False, magnet=True)
+        robot.place(config.robot.rest, 0.0)
+        low, _ = bullet.getAABB(robot.body, robot.hand, client)
+        gripper = read_chain(config.robot)
+        lengths.append(gripper.forward(gripper.rest[None]).position[0, 2] - low[2])
+        bullet.disconnect(client)
+    np.testing.assert_allclose(lengths, 0.0, atol=0.01)  # the magnet ends at the gripper centre
