@@ -237,18 +237,8 @@ class _Builder:
         if superlative is not None and side is not None:
             message = f"{superlative!r} and {side!r} are said of one object: say one of them"
             raise NotUnderstood(message, determiner.start_pos)
-        return ObjectPhrase(
-            noun,
-            color,
-            relation,
-            anchors,
-            size,
-            role,
-            superlative or side,
-            excluded,
-            str(determiner),
-            determiner.start_pos,
-        )
+        side, position = superlative or side, determiner.start_pos
+        return ObjectPhrase(noun, color, relation, anchors, size, role, side, excluded, str(determiner), position)
 
     def superlative_alone(self, children: list) -> ObjectPhrase:
         the, superlative, where = children
