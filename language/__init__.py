@@ -5,6 +5,7 @@ the robot's base on the table top, x away from the robot, y to the robot's left,
 """
 
 from language.colors import COLORS, RGBA, SEE_THROUGH, Color, color_name, color_table, draw_colors, rgba
+from language.commands import Dialogue, interpret
 from language.counting import count
 from language.describing import DEFAULT_KINDS, Describer, describe
 from language.errors import LanguageError, NothingFits, NotUnderstood, SeveralFit
@@ -46,6 +47,7 @@ __all__ = [
     "Command",
     "Correction",
     "Describer",
+    "Dialogue",
     "GeneratedTask",
     "GroundedStep",
     "HeldOut",
@@ -79,6 +81,7 @@ __all__ = [
     "from_pairs",
     "generate_tasks",
     "ground",
+    "interpret",
     "matches",
     "parse",
     "relation",

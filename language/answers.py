@@ -67,11 +67,11 @@ class Dialogue:
 
 
 def outcome_as_answer(outcome: commands.Outcome, named: NamedScene) -> Answer | None:
-    """Returns the steps or the question of an outcome; None for a refusal."""
+    """Returns the steps or the question of an outcome; None for a refusal, and for a question that omits words."""
     if isinstance(outcome, commands.Understood) and outcome.steps:
         answer = {"steps": [_action(step, named) for step in outcome.steps], "confidence": outcome.confidence}
         return answer | {key: list(said) for key in ("unused", "notes") if (said := getattr(outcome, key))}
-    if isinstance(outcome, commands.Question):
+    if isinstance(outcome, commands.Question) and not outcome.unused:
         names = [named.ids[index] for index in outcome.candidates]
         return {"error": "question", "message": outcome.text, "position": outcome.span[0], "candidates": names}
     return None

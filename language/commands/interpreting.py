@@ -81,7 +81,13 @@ def _asked(sentence: str, rivals: list[Choice], tokens: list[Token], world: Worl
         text = f"Shall I {' or '.join(dict.fromkeys(said(world, o.steps) for o in outcomes))}?"
         candidates = _differing(outcomes) or candidates
     return Question(
-        sentence, round(1 / len(rivals), 3), (), _span(rivals[0].plan.entity, tokens), text, candidates, outcomes
+        sentence,
+        round(1 / len(rivals), 3),
+        outcomes[0].unused,
+        _span(rivals[0].plan.entity, tokens),
+        text,
+        candidates,
+        outcomes,
     )
 
 
