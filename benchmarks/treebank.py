@@ -52,6 +52,13 @@ def world_of(before: Board) -> World:
 def judged(task: tuple[Item, bool]) -> Judged:
     """Returns the result of one command. task: the command, and whether the scene helps to choose the reading."""
     item, scene_chooses = task
+    try:
+        return _judged(item, scene_chooses)
+    except Exception as error:  # a defect in one command must not hide the result of the others
+        return Judged("refused", "exception", "exception", 0.0, f"{type(error).__name__}: {error}")
+
+
+def _judged(item: Item, scene_chooses: bool) -> Judged:
     if item.before is None or item.after is None:
         return Judged("refused", "no scene", "no scene", 0.0, "the configuration has no such scene")
     started = time.perf_counter()
@@ -89,7 +96,11 @@ def _reached(outcome: Understood, before: Board, after: Board) -> bool:
 def main() -> int:
     """Prints the results by kind and reason."""
     options = _arguments().parse_args()
-    data = read(options.data, options.part)
+    try:
+        data = read(options.data, options.part)
+    except OSError as error:
+        print(f"error: --data {options.data}: {error}", file=sys.stderr)
+        return 2
     tasks = [(item, not options.no_scene) for item in data.items]
     results = list(_judge_all(tasks, options.jobs))
     if options.errors:

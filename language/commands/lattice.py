@@ -18,7 +18,7 @@ from language.errors import NotUnderstood, check_known
 
 LONGEST_SENTENCE = 400  # characters
 MOST_WORDS = 60
-MOST_RELATIONS = 10  # tokens where a relation begins; commands that people wrote have up to 8
+MOST_RELATIONS = 9  # tokens where a relation begins; commands that people wrote have up to 8
 DROPPED = frozenset(
     {"the", "teh", "hte", "th", "tha", "-", '"', "\u201c", "\u201d", "*", "(", ")", "/", "_"}
 )  # these are left out before parsing
