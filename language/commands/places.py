@@ -56,7 +56,10 @@ def spots(resolver: Resolver, mover: int, relations: tuple[Relation, ...], typed
     for relation in relations[1:]:
         points = _also(resolver, mover, points, relation)
     best: dict[tuple, Spot] = {}
-    for point in points:
+    for point in sorted(points, key=lambda point: point.cost):
+        known = best.get((point.group,))
+        if known is not None and not known.why_not and not resolver.world.cells:
+            continue  # on a table, the cheapest free place of a group is taken
         found = settle(resolver.world, mover, point)
         key = (point.group,) if point.group else (round(found.x, 3), round(found.y, 3))
         if key not in best or (bool(found.why_not), found.cost) < (bool(best[key].why_not), best[key].cost):
@@ -208,8 +211,8 @@ def _beside(world: World, mover: int, anchor: Ref, side: str, measure: Measure |
                 width + world.things[anchor.things[-1]].width
             ) / 2  # a length in centimetres is the gap between the two
         return [Point(anchor.x + dx * (step + gap), anchor.y + dy * (step + gap), 0.0, free=True)]
-    steps = [width + 0.02 + world.pitch * i / 3 for i in range(3 * FARTHEST)]
-    aside = [0.0, *(sign * world.pitch * i for i in (1, 2) for sign in (1, -1) if side in _ASIDE)]
+    steps = [width + 0.02 + world.pitch * i / 2 for i in range(2 * FARTHEST)]
+    aside = [0.0, world.pitch, -world.pitch] if side in _ASIDE else [0.0]
     return [
         Point(
             anchor.x + dx * step + dy * off,
