@@ -126,8 +126,8 @@ after. The grammar was developed on four fifths of the boards (groups of scenes 
 the other fifth was first read on 22 November 2026, once. After that came bounds on the search only (one relation word
 less in a sentence, fewer places tried beside a thing on a table); they left the other four fifths as they were, and the
 fifth was not read again. A command is right if its block goes where it went.
-`python -m benchmarks.treebank --data FOLDER` measures it; with `--no-scene`, the reading is chosen before it is compared
-with the scene. The data show each pair of worlds in both directions; the even scene of a pair leads back.
+`python -m benchmarks.treebank --data FOLDER` measures it; with `--no-scene`, the reading is chosen before it is seen
+beside the scene. The data show each pair of worlds in both directions; the even scene of a pair leads back.
 
 Of [200 sentences](../tests/language/commands/people.txt) that were written before the grammar, 199 lead to the expected
 outcome and one to another. The grammar was mended by them, and six expectations too: they are a test, no measurement.
