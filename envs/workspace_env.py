@@ -68,6 +68,7 @@ class WorkspaceEnv(EnvBase):
             if value < least:
                 raise ConfigError(f"{name}={value} must be at least {least}")
         super().__init__(batch_size=[num_worlds])
+        self.is_closed = False  # TorchRL's collectors close what they own only where this is said
         self.config, self.tokenizer = config, Tokenizer.default()
         config.task.objects.check(config.workspace.bounds)
         self._person = make_person(config.workspace.human, config.gesture)
