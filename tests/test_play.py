@@ -35,8 +35,9 @@ def test_headless_writes_a_video_of_a_pretrained_policy(tmp_path, capsys):
 @pytest.mark.slow
 def test_a_bad_sentence_raises_and_writes_no_video(tmp_path):
     video = tmp_path / "said.mp4"
-    for sentence in ("reach the elephant", "reach {9}", "{"):
-        with pytest.raises(ConfigError, match=r"--say: .* is not understood"):
+    unknown = r"--say: .* is not understood"
+    for sentence, message in (("reach the elephant", unknown), ("reach {9}", "--say: 3 things fit"), ("{", unknown)):
+        with pytest.raises(ConfigError, match=message):
             play.main(["--headless", str(video), "--say", sentence])
     assert not video.exists()
 
