@@ -26,6 +26,7 @@ from language import SEE_THROUGH
 SLEEP_STEPS = 3  # physics steps until a body told to sleep is asleep
 CONE = (1.0, 1.0, 1.0, SEE_THROUGH)  # RGBA of the cone along a pointing finger
 INVISIBLE = (0.0, 0.0, 0.0, 0.0)
+CONTACT_BREAKING = 0.02  # metres, Bullet's own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +60,8 @@ class World:
     Raises:
         ConfigError: for a robot or gripper that cannot be built.
     """
+
+    _contact_breaking_in_force = CONTACT_BREAKING  # Bullet has one value for all clients of a process
 
     def __init__(
         self,
@@ -111,10 +114,9 @@ class World:
             deterministicOverlappingPairs=1,  # same seed, same bits
             physicsClientId=self.client,
         )
-        contacts = {"contactERP": self._physics.contact_erp, "contactBreakingThreshold": self._physics.contact_breaking}
-        given = {name: value for name, value in contacts.items() if value is not None}
-        if given:
-            bullet.setPhysicsEngineParameter(**given, physicsClientId=self.client)
+        if self._physics.contact_erp is not None:
+            bullet.setPhysicsEngineParameter(contactERP=self._physics.contact_erp, physicsClientId=self.client)
+        self._contact_breaking = self._physics.contact_breaking or CONTACT_BREAKING
 
     def _make_person(self) -> PointingArm | None:
         """Nothing touches the person, so a world without visuals needs no body for them.
@@ -247,9 +249,15 @@ class World:
 
     def step_physics(self) -> None:
         """One physics step, and the person's next posture."""
+        if World._contact_breaking_in_force != self._contact_breaking:
+            self._enforce_contact_breaking()
         self._step_simulation()
         if self.person is not None and self.person.moving:
             self.person.advance()
+
+    def _enforce_contact_breaking(self) -> None:
+        value = World._contact_breaking_in_force = self._contact_breaking
+        bullet.setPhysicsEngineParameter(contactBreakingThreshold=value, physicsClientId=self.client)
 
     # ---- what is where
 
