@@ -66,29 +66,29 @@ class Dialogue:
 
     def preview(self, sentence: str, scene: Scene, pointed: PointedObjects) -> Interpretation:
         """Interprets a sentence without changing the state of the dialogue. Never raises: errors are in the result."""
-        return self._interpret(sentence, scene, pointed, replace(self._commands, history=[*self._commands.history]))[0]
+        sentence = sentence[:MAX_CHARACTERS]
+        found, _ = self._interpret_instruction(sentence, scene, pointed)
+        if _is_settled(found):  # a page asks at every key: what would be dropped is not computed
+            return found
+        wide = replace(self._commands, history=[*self._commands.history])
+        return self._beyond(found, wide.answer(sentence, scene, _gestures(sentence, pointed)))
 
     def hear(self, sentence: str, scene: Scene, pointed: PointedObjects) -> Interpretation:
         """Interprets a sentence. Later sentences can correct it, or answer the question that it raises."""
-        interpretation, self._question = self._interpret(sentence, scene, pointed, self._commands)
-        self.previous = interpretation.understood or self.previous
-        return interpretation
-
-    def _interpret(
-        self, sentence: str, scene: Scene, pointed: PointedObjects, wide: commands.Dialogue
-    ) -> tuple[Interpretation, OpenQuestion | None]:
-        """The interpretation, and the question that is open after it. wide: remembers every sentence."""
         sentence = sentence[:MAX_CHARACTERS]
-        found, question = self._interpret_instruction(sentence, scene, pointed)
-        outcome = wide.answer(sentence, scene, _gestures(sentence, pointed))
-        if found.understood is not None or found.candidates:
-            return found, question
+        found, self._question = self._interpret_instruction(sentence, scene, pointed)
+        outcome = self._commands.answer(sentence, scene, _gestures(sentence, pointed))  # it remembers every sentence
+        self.previous = found.understood or self.previous
+        return found if _is_settled(found) else self._beyond(found, outcome)
+
+    def _beyond(self, found: Interpretation, outcome: commands.Outcome) -> Interpretation:
+        """The interpretation of a sentence that the instruction grammar does not settle."""
         is_open = isinstance(outcome, commands.Question) and not outcome.choices and len(outcome.candidates) == 1
         if is_open and self._default:
             assert isinstance(outcome, commands.Question)
             action = commands.Action(self._default, outcome.candidates[0])
-            return Interpretation(sentence, None, actions=(action,)), question
-        return _of_outcome(outcome, found), question
+            return Interpretation(found.sentence, None, actions=(action,))
+        return _of_outcome(outcome, found)
 
     def _interpret_instruction(
         self, sentence: str, scene: Scene, pointed: PointedObjects
@@ -148,6 +148,11 @@ def _gestures(sentence: str, pointed: PointedObjects) -> Sequence[int]:
         return pointed(count) if count else ()
     except LanguageError:
         return ()
+
+
+def _is_settled(found: Interpretation) -> bool:
+    """Whether the instruction grammar understood the sentence, or knows what to ask."""
+    return found.understood is not None or bool(found.candidates)
 
 
 def _of_outcome(outcome: commands.Outcome, failure: Interpretation) -> Interpretation:
