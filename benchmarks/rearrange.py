@@ -1,10 +1,15 @@
 """The moves of the Robot Commands Treebank on real physics: does the arm get from each board to the next?
 
     python -m benchmarks.rearrange --data FOLDER --robot kuka --jobs 2
+    python -m benchmarks.rearrange --data FOLDER --words --part develop
 
 FOLDER has `commands.txt` and `configuration.txt`. Each scene is laid out as the board before, the scripted expert
 carries out the move that leads to the board after, and the scene counts as right if every block is then within half a
-cell of where that board has it, at the right level, and held or not as there. Words are not read.
+cell of where that board has it, at the right level, and held or not as there.
+
+With `--words`, the expert carries out the steps that `language.commands` understands, for each command of the part.
+Commands of one scene that are understood alike are carried out once. Where a block is held in the air makes no
+difference then.
 """
 
 from __future__ import annotations
@@ -23,16 +28,19 @@ from pathlib import Path
 import numpy as np
 from tensordict import TensorDict
 
-from benchmarks.treebank_data import PARTS, Block, World, read
+from benchmarks.treebank import world_of
+from benchmarks.treebank_data import PARTS, Block, Item, World, read
 from conf.overrides import compose
 from envs import read_env
-from envs.experts.moves import Move, carry_out
+from envs.experts.moves import Move, carry_out, moves_of
 from envs.tasks import EpisodeSpec
 from envs.tasks.grid import Grid
 from envs.tasks.rearrange import SHAPES
 from envs.tasks.types import GripperStart
 from envs.workspace_env import WorkspaceEnv
-from language import COLORS, NOUNS, Scene
+from language import COLORS, NOUNS, LanguageError, Scene
+from language.commands import Action, Understood
+from language.commands.interpreting import interpret_alone
 
 SIZES = (16, 40, 120)  # blocks: a world is made for as many, since parked ones cost time as well
 SETTLING = 10  # control steps after the move
@@ -54,6 +62,19 @@ class Board:
     def kind(self) -> str:
         """move, take or drop."""
         return "take" if self.after.closed else "drop" if self.before.closed else "move"
+
+
+@dataclass(frozen=True)
+class Job:
+    """A board, and the steps that are carried out on it; None: the move that leads to the board after."""
+
+    board: Board
+    steps: tuple[Action, ...] | None = None
+
+    @property
+    def number(self) -> int:
+        """The scene's number."""
+        return self.board.number
 
 
 def boards(folder: Path, part: str) -> list[Board]:
@@ -87,67 +108,124 @@ def episode(board: Board, grid: Grid) -> EpisodeSpec:
     return EpisodeSpec(scene, board.moved, 0, "", shapes=shapes, resting=everything, start=start)
 
 
-def error(env: WorkspaceEnv, board: Board) -> str:
-    """What is wrong after the move was carried out; "" if nothing is."""
+def begin(env: WorkspaceEnv, board: Board) -> tuple[Grid, Sequence[int]]:
+    """Lays out the board before. Returns its cells, and the number of each block among the objects that are shown."""
     task = env.config.task
     grid = Grid(env.config.workspace.object_area, task.spacing, task.object_size)
     env.start([episode(board, grid)], seed=board.number)
     shown = env.state.objects[0, env.state.shown[0]]
-    wanted = np.array([grid.place(x, y, z) for x, y, z, *_ in board.before.blocks])
-    order = np.linalg.norm(shown[None] - wanted[:, None], axis=2).argmin(1)  # number of each block among those shown
-    wanted[board.moved] = grid.place(*board.goal[:3])
-    carry_out(env, [Move(int(order[board.moved]), wanted[board.moved], release=not board.after.closed)])
+    places = np.array([grid.place(x, y, z) for x, y, z, *_ in board.before.blocks])
+    return grid, np.linalg.norm(shown[None] - places[:, None], axis=2).argmin(1).tolist()
+
+
+def moves(job: Job, grid: Grid, order: Sequence[int]) -> list[Move]:
+    """The moves of a job. order: as `begin` returns it."""
+    board = job.board
+    if job.steps is None:
+        return [Move(order[board.moved], grid.place(*board.goal[:3]), release=not board.after.closed)]
+    return moves_of(job.steps, world_of(board.before), order, grid)
+
+
+def error(env: WorkspaceEnv, job: Job) -> str:
+    """What is wrong after the job was carried out; "" if nothing is."""
+    grid, order = begin(env, job.board)
+    try:
+        carry_out(env, moves(job, grid, order))
+    except LanguageError as problem:
+        return str(problem)
     for _ in range(SETTLING):
         env.step(TensorDict({"action": env.towards(env.commanded_gripper)}, env.batch_size))
-    offset = np.abs(env.state.objects[0, env.state.shown[0]][order] - wanted)
+    return difference(env, job, grid, order)
+
+
+def difference(env: WorkspaceEnv, job: Job, grid: Grid, order: Sequence[int]) -> str:
+    """What is otherwise now than on the board after; "" if nothing is."""
+    board, task, state = job.board, env.config.task, env.state
+    wanted = np.array([grid.place(x, y, z) for x, y, z, *_ in board.before.blocks])
+    wanted[board.moved] = grid.place(*board.goal[:3])
+    slots = np.flatnonzero(state.shown[0])[order]
+    offset = np.abs(state.objects[0, slots] - wanted)
     wrong = (offset[:, :2].max(1) > task.spacing / 2) | (offset[:, 2] > task.object_size / 2)
-    held = env.state.held[0] >= 0
+    if board.after.closed and job.steps is not None:
+        wrong[board.moved] = state.held[0] != slots[board.moved]
+    held = state.held[0] >= 0
     if held != board.after.closed:
         return "held" if held else "not held"
     return "the block" if wrong[board.moved] else f"{wrong.sum()} other blocks" if wrong.any() else ""
 
 
-def results(given: Sequence[Board], robot: str) -> Iterator[tuple[Board, str]]:
-    """Each board with its error."""
+def results(given: Sequence[Job], robot: str) -> Iterator[tuple[Job, str]]:
+    """Each job with its error."""
     config = read_env(compose(["task=rearrange", f"robot={robot}", "task.curriculum={near: 0, held: 1, placed: 0}"]))
     for few, many in zip((0, *SIZES), SIZES, strict=False):
-        chosen = [board for board in given if few < len(board.before.blocks) <= many]
+        chosen = [job for job in given if few < len(job.board.before.blocks) <= many]
         if chosen:
             sized = replace(config, task=replace(config.task, num_objects=many))
             with closing(WorkspaceEnv(sized)) as env:
-                yield from ((board, error(env, board)) for board in chosen)
+                yield from ((job, error(env, job)) for job in chosen)
 
 
-def _results(work: tuple[Sequence[Board], str]) -> list[tuple[Board, str]]:
+def _results(work: tuple[Sequence[Job], str]) -> list[tuple[Job, str]]:
     return list(results(*work))
+
+
+def understood(folder: Path, part: str) -> Iterator[tuple[Item, Job | None]]:
+    """Each command with what is to be done for it; None if it is not understood. Raises OSError."""
+    known = {board.number: board for board in boards(folder, part)}
+    for item in read(folder, part).items:
+        if item.scene in known:
+            outcome = interpret_alone(item.text, world_of(known[item.scene].before))
+            steps = outcome.steps if isinstance(outcome, Understood) else None
+            yield item, None if steps is None else Job(known[item.scene], steps)
 
 
 def main() -> int:
     """Prints how many moves were carried out. Returns 1 if those are too few."""
     options = _arguments().parse_args()
-    given = boards(options.data, options.part)
-    random.Random(0).shuffle(given)
-    given = given[: options.count]
+    if options.words:
+        commands = [job for _, job in understood(options.data, options.part)]
+    else:
+        commands = [Job(board) for board in boards(options.data, options.part)]
+    random.Random(0).shuffle(commands)
+    commands = commands[: options.count]
+    given = [job for job in commands if job is not None]
+    found = _carry_out_all(list(dict.fromkeys(given)), options)
+    right = _print_by_kind(given, found)
+    if options.errors:
+        for job, wrong in sorted(
+            ((job, wrong) for job, wrong in found.items() if wrong), key=lambda pair: pair[0].number
+        ):
+            blocks = len(job.board.before.blocks)
+            print(f"scene {job.number}, {job.board.kind}, {blocks} blocks: wrong is {wrong}")
+    share = right / max(len(given), 1)
+    if options.words:
+        print(f"{len(given)} of {len(commands)} commands are understood; {len(found)} of them differ")
+    print(f"{options.robot}: {right} of {len(given)} boards reached, {share:.3f}")
+    if options.json:
+        figures = {"right": right, "total": len(given), "success": round(share, 4), "robot": options.robot}
+        print(json.dumps(figures | ({"commands": len(commands)} if options.words else {})))
+    return int(share < ENOUGH)
+
+
+def _carry_out_all(given: Sequence[Job], options: argparse.Namespace) -> dict[Job, str]:
+    """The error of each job."""
     parts = [(given[i :: options.jobs], options.robot) for i in range(options.jobs)]
     with get_context("spawn").Pool(options.jobs) as pool:
-        found = [pair for part in pool.imap_unordered(_results, parts) for pair in part]
-    right = sum(not wrong for _, wrong in found)
-    for kind, count in sorted(Counter(board.kind for board, _ in found).items()):
-        print(f"{kind}: {sum(not wrong for board, wrong in found if board.kind == kind)} of {count}")
-    if options.errors:
-        for board, wrong in sorted((pair for pair in found if pair[1]), key=lambda pair: pair[0].number):
-            print(f"scene {board.number}, {board.kind}, {len(board.before.blocks)} blocks: wrong is {wrong}")
-    share = right / max(len(found), 1)
-    print(f"{options.robot}: {right} of {len(found)} boards reached, {share:.3f}")
-    if options.json:
-        print(json.dumps({"right": right, "total": len(found), "success": round(share, 4), "robot": options.robot}))
-    return int(share < ENOUGH)
+        return dict(pair for part in pool.imap_unordered(_results, parts) for pair in part)
+
+
+def _print_by_kind(given: Sequence[Job], found: dict[Job, str]) -> int:
+    """Returns how many are right."""
+    for kind, count in sorted(Counter(job.board.kind for job in given).items()):
+        print(f"{kind}: {sum(not found[job] for job in given if job.board.kind == kind)} of {count}")
+    return sum(not found[job] for job in given)
 
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--data", type=Path, required=True, help="folder with commands.txt and configuration.txt")
     parser.add_argument("--part", choices=PARTS, default="all", help="which scenes (all)")
+    parser.add_argument("--words", action="store_true", help="carry out what is understood of each command")
     parser.add_argument("--robot", default="kuka", help="an option of robot= (kuka)")
     parser.add_argument("--count", type=int, help="this many scenes, drawn by a fixed seed (all of them)")
     parser.add_argument("--jobs", type=int, default=2, help="processes (2)")

@@ -12,6 +12,7 @@ import numpy as np
 
 from demo.dialogue import Dialogue
 from demo.planning import Planner, Subtask, verb_words
+from envs.experts.moves import without_takes
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name
 from language import LanguageError
@@ -58,7 +59,7 @@ def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv) -> li
 
     Raises LanguageError for what the task cannot do, and then nothing moves.
     """
-    steps = _without_takes(actions)
+    steps = without_takes(actions)
     for action in steps:
         if action.kind not in DOES.get(planner.verb, ()) or action.object is None:
             task = f"task={env.config.task.name}, which does '{verb_words(planner.verb)}'"
@@ -79,16 +80,6 @@ def _within_reach(position: tuple[float, float], env: InteractiveEnv) -> tuple[f
     """The nearest place where objects may be, metres: "the corner" is the corner of the area that the arm serves."""
     x0, x1, y0, y1 = env.config.workspace.object_area
     return float(np.clip(position[0], x0, x1)), float(np.clip(position[1], y0, y1))
-
-
-def _without_takes(actions: Sequence[Action]) -> list[Action]:
-    """The steps without each "take" whose object the next step places: to place includes to take."""
-    following = [*actions[1:], None]
-    return [
-        action
-        for action, after in zip(actions, following, strict=True)
-        if not (action.kind == "take" and after and after.kind in ("place", "push") and after.object == action.object)
-    ]
 
 
 def _targets(steps: Sequence[Action], env: InteractiveEnv) -> list[int | None]:

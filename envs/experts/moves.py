@@ -1,21 +1,30 @@
-"""Carries out a list of moves in one world: which object goes where, and whether it is left there."""
+"""Carries out a list of moves in one world: which object goes where, and whether it is left there.
+
+`moves_of` makes them from the steps of a command that was understood on a board.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from conf.schema import ConfigError
 from envs.experts.rearrange import Carrier
+from envs.tasks.grid import Grid
 from envs.workspace_env import WorkspaceEnv
+from language import LanguageError
+from language.commands import Action
+from language.commands.world import BOARD_HEIGHT, World
 
 MAX_STEPS = 200  # control steps of a move
 RISE = 0.03  # metres that the gripper goes up from what it has left before the next move
 HELD_THERE = 0.006  # metres from its place, along each axis, at which an object that is held is there
+CARRIED = ("place", "push")  # kinds of steps that bring an object to a place
 
 
 @dataclass(frozen=True)
@@ -27,8 +36,51 @@ class Move:
     """
 
     thing: int
-    place: Sequence[float]
+    place: Sequence[float] | NDArray[np.float64]
     release: bool = True
+
+
+def without_takes(actions: Sequence[Action]) -> list[Action]:
+    """The steps without each "take" whose object the next step places: to place includes to take."""
+    following = [*actions[1:], None]
+    return [
+        action
+        for action, after in zip(actions, following, strict=True)
+        if not (action.kind == "take" and after and after.kind in CARRIED and after.object == action.object)
+    ]
+
+
+def moves_of(actions: Sequence[Action], world: World, numbers: Sequence[int], grid: Grid) -> list[Move]:
+    """The moves that carry out the steps of a command on a board.
+
+    An object that is taken and not placed by the next step is held over its stack, at the height of a full stack.
+
+    Args:
+        actions: the steps, which were checked in this world.
+        world: of a board, before the first step.
+        numbers: of the world's things among the objects that are shown.
+        grid: the board's cells.
+
+    Raises:
+        LanguageError: for a step that moves nothing on a board, such as "press".
+    """
+    return list(_moves(without_takes(actions), world, numbers, grid))
+
+
+def _moves(actions: Sequence[Action], world: World, numbers: Sequence[int], grid: Grid) -> Iterator[Move]:
+    cells = {index: (thing.x, thing.y) for index, thing in enumerate(world.things)}
+    for action in actions:
+        if action.kind == "nothing":
+            continue
+        if action.object is None or action.kind not in (*CARRIED, "take"):
+            raise LanguageError(f"'{action.kind}' moves nothing on a board: say what to take, or where to put it")
+        if action.kind == "take":
+            over = grid.place(*cells[action.object], BOARD_HEIGHT - 1)
+            yield Move(int(numbers[action.object]), over, release=False)
+        else:
+            assert action.position is not None
+            cells[action.object] = action.position
+            yield Move(int(numbers[action.object]), grid.place(*action.position, action.bottom or 0.0))
 
 
 class MoveRunner:
