@@ -13,17 +13,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from conf.safe_files import FileError, read_yaml
 from language.colors import COLORS
 from language.errors import LanguageError, check_known
 from language.objects import NOUNS, ROLES, Object, Scene
 
 MAX_OBJECTS = 64  # time and memory to distinguish objects grow with the third power of their number
+MAX_BYTES = 64 * 1024  # of a file; MAX_OBJECTS take a quarter of it
+MAX_NODES = 4096  # keys and values of a file
 MAX_COORDINATE = 1000.0  # metres; also the largest size
 REQUIRED, OPTIONAL = ("noun", "color", "position"), ("id", "size", "role")
 _CHOICES: dict[str, Iterable[str]] = {"noun": NOUNS, "color": COLORS, "role": ROLES}
 _FORM = "{id, noun, color, position: [x, y, z], size, role}"
-# Raised by PyYAML for invalid syntax, for invalid values (a 13th month) and for excessive nesting.
-_UNREADABLE = (ValueError, LookupError, AttributeError, TypeError, RecursionError)
 
 
 class SceneFileError(LanguageError):
@@ -77,20 +78,10 @@ def as_entries(named: NamedScene) -> list[dict[str, Any]]:
 
 
 def _load(path: Path) -> list:
-    import yaml  # imported only when a file is read
-
     try:
-        loaded = yaml.safe_load(path.read_bytes())
-    except OSError as error:
-        raise SceneFileError(f"cannot be read: {error.strerror or error}") from None
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        raise SceneFileError(f"is not YAML: {where}{error.problem}") from None
-    except yaml.YAMLError as error:
-        raise SceneFileError(f"is not YAML: {' '.join(str(error).split())}") from None
-    except _UNREADABLE as error:
-        raise SceneFileError(f"is not YAML that can be read: {' '.join(str(error).split())[:200]}") from None
+        loaded = read_yaml(path, MAX_BYTES, MAX_NODES)
+    except FileError as error:
+        raise SceneFileError(str(error)) from None
     if not isinstance(loaded, list):
         raise SceneFileError(f"must be a list of objects {_FORM}, not {_shown(loaded)}")
     if not 0 < len(loaded) <= MAX_OBJECTS:

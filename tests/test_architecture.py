@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = {  # package -> the packages that it may import beside itself
     "conf": set(),
-    "language": set(),
+    "language": {"conf"},
     "human": {"conf", "language"},
     "envs": {"conf", "language", "human"},
     "trainers": {"conf"},

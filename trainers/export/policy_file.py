@@ -16,8 +16,12 @@ from safetensors import safe_open
 from safetensors.torch import save
 from torch import Tensor
 
+from conf.safe_files import FileError, check_size
+
 NAME = "policy.safetensors"  # in the directory of a policy
 METADATA_KEYS = ("config", "vocabulary", "widths")
+MAX_BYTES = 2**30  # of a file
+MAX_HEADER_BYTES = 2**20  # the library accepts a hundred times as many, and reads them into as much memory again
 ENTRY = "deixis"  # the only metadata entry: the order of several would differ between runs
 
 
@@ -35,6 +39,11 @@ def pack(payload: dict[str, Any], form: int) -> bytes:
 
 def unpack(path: Path) -> dict[str, Any]:
     """A checkpoint payload with the policy only, on the CPU. Raises ValueError, or an error of safetensors."""
+    check_size(path, MAX_BYTES)
+    with open(path, "rb") as file:
+        header = int.from_bytes(file.read(8), "little")
+    if header > MAX_HEADER_BYTES:
+        raise FileError(f"is damaged: it names a header of {header:,} bytes; at most {MAX_HEADER_BYTES:,} are accepted")
     with safe_open(path, "pt") as file:
         metadata = json.loads((file.metadata() or {}).get(ENTRY, "{}"))
         if not isinstance(metadata, dict) or "sha256" not in metadata:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import shutil
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import torch
 
+from conf.safe_files import FileError
 from conf.schema import ConfigError
 from trainers.export import policy_file, pretrained
+from trainers.run.checkpoint_content import check_content
 from trainers.utils.atomic_io import atomic_file
 from trainers.utils.observation_keys import public_keys
+from trainers.utils.tensor_archive import read_tensors
 
 FORMAT = 2
 OLDEST_FORMAT = 2  # format 1 has other names for the parameters
@@ -71,16 +73,13 @@ def load(path: Path, to_train: bool = False) -> dict[str, Any]:
     try:
         if is_policy:
             return _validated(path, policy_file.unpack(path), POLICY_KEYS)
-        with zipfile.ZipFile(path) as archive:
-            damaged = archive.testzip()  # torch ignores the checksums: a flipped bit would load as a weight
-        if damaged is not None:
-            raise CheckpointError(f"checkpoint {path} is damaged (in {damaged})")
-        payload = torch.load(path, map_location="cpu", weights_only=True)
+        return _validated(path, read_tensors(path))
     except CheckpointError:
         raise
+    except FileError as error:
+        raise CheckpointError(f"checkpoint {path} {error}") from None
     except Exception as error:  # torch, zipfile and safetensors raise many types for a bad file
         raise CheckpointError(f"{path} is damaged or not a checkpoint of this project: {_first_line(error)}") from None
-    return _validated(path, payload)
 
 
 def find(path: Path, name: str = "last") -> Path:
@@ -149,7 +148,7 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
 
 
 def _validated(path: Path, payload: Any, keys: Sequence[str] = KEYS) -> dict[str, Any]:
-    """The payload, if it has a known format and all keys. Raises CheckpointError."""
+    """The payload, if it has a known format and all keys with good values. Raises CheckpointError or FileError."""
     if not isinstance(payload, dict) or not isinstance(payload.get("format"), int):
         raise CheckpointError(f"{path} is not a checkpoint of this project")
     if payload["format"] > FORMAT:
@@ -162,6 +161,7 @@ def _validated(path: Path, payload: Any, keys: Sequence[str] = KEYS) -> dict[str
     missing = [key for key in keys if key not in payload]
     if missing:
         raise CheckpointError(f"{path} is not a checkpoint of this project: it lacks {', '.join(missing)}")
+    check_content(payload)
     return payload
 
 
