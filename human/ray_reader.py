@@ -5,7 +5,6 @@ Weights are a NumPy archive without pickles, in 16 bits; the zip format carries 
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from conf.safe_files import FileError
 from conf.schema import ConfigError
+from human.array_file import read_arrays
 from human.body.person_camera import CameraFrame, FurnitureBox, PersonCamera, Picture, camera_of
 from human.config import Camera, GestureConfig, HumanConfig
 from human.pointing_ik import Array
@@ -87,16 +88,17 @@ def load(path: Path, human: HumanConfig) -> RayNetwork:
     if not path.is_file():
         raise ConfigError(f"{KEY}={path} is not a file; train it: python -m human.camera train out={path}")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
+        arrays = read_arrays(path)
         _check_camera(path, arrays.pop("lens"), arrays.pop("stand"), human)
         network = _with_parameters(RayNetwork(camera_of(human).width), arrays).eval()
         # Pictures are stored channels last; this layout is a third faster.
         return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
+    except FileError as error:
+        raise ConfigError(f"{KEY}={path} is damaged, or holds other weights: it {error}") from None
     except ConfigError:
         raise
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError, EOFError, zipfile.BadZipFile) as error:
-        why = str(error).splitlines()[0] if str(error) else type(error).__name__
+    except Exception as error:  # numpy, zipfile, zlib and ast raise many types for a bad file
+        why = (str(error).splitlines() or [type(error).__name__])[0][:200]
         raise ConfigError(f"{KEY}={path} is damaged, or holds other weights: {why}") from None
 
 
@@ -112,6 +114,8 @@ def _with_parameters(network: RayNetwork, arrays: dict[str, Any]) -> RayNetwork:
 
 def _check_camera(path: Path, intrinsics: Array, pose: Array, human: HumanConfig) -> None:
     """Raises ConfigError if this person's camera differs from the one of the training."""
+    if intrinsics.shape != (3,) or pose.shape != (6,) or not np.isfinite([*intrinsics, *pose]).all():
+        raise FileError("has a camera that is not three and six finite numbers")
     camera = camera_of(human)
     if not np.array_equal(intrinsics, _intrinsics(camera)):
         wanted, given = ("{:g} x {:g} pixels, {:g} degrees".format(*each) for each in (intrinsics, _intrinsics(camera)))

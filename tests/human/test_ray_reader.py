@@ -107,3 +107,22 @@ def test_weights_fit_if_person_and_camera_move_together(camera_setup, weights):
         camera=replace(camera_setup.human.camera, target=[1.0, 1.04, 0.26]),
     )
     load(weights, there)
+
+
+def test_weights_that_describe_more_than_they_hold_are_refused_before_they_are_read(weights, camera_setup):
+    with np.load(weights) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    np.savez_compressed(weights, **arrays, bomb=np.zeros(2**27, np.uint8))
+    assert weights.stat().st_size < 2**20
+    with pytest.raises(ConfigError, match="describes more than 200 arrays or 32 MiB"):
+        load(weights, camera_setup.human)
+
+
+@pytest.mark.parametrize("name", ["lens", "stand"])
+@pytest.mark.parametrize("value", [np.zeros(0), np.zeros((3, 2)), np.full(6, np.inf), np.array("text")])
+def test_weights_with_another_camera_array_are_refused(weights, camera_setup, name, value):
+    with np.load(weights) as archive:
+        arrays = {each: archive[each] for each in archive.files}
+    np.savez(weights, **(arrays | {name: value}))
+    with pytest.raises(ConfigError, match=r"gesture\.weights"):
+        load(weights, camera_setup.human)
