@@ -54,26 +54,29 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
 
     from trainers.algorithms.build import find_device
     from trainers.run.checkpoint import find
+    from trainers.run.run_folder import FolderLock, name_semaphores
     from trainers.run.train_loop import fit
+    from trainers.utils.checked_files import write_checked_yaml
 
     find_device(plan.run.device)
     plain: Any = OmegaConf.to_container(config, resolve=True)
-    folder.mkdir(parents=True, exist_ok=True)
-    OmegaConf.save(config, folder / "config.yaml", resolve=True)
-    return fit(
-        plan,
-        make_env=partial(build_env, env_config),
-        make_eval_env=partial(build_env, env_config.without_curriculum()),
-        folder=folder,
-        config=plain,
-        vocabulary=list(Tokenizer.default().vocabulary),
-        resume=find(folder) if config.resume else None,
-        make_video_env=partial(build_env, env_config.without_curriculum(), 1, plan.run.seed, True),
-    )
+    name_semaphores()
+    with FolderLock(folder):
+        write_checked_yaml(folder / "config.yaml", OmegaConf.to_yaml(config, resolve=True))
+        return fit(
+            plan,
+            make_env=partial(build_env, env_config),
+            make_eval_env=partial(build_env, env_config.without_curriculum()),
+            folder=folder,
+            config=plain,
+            vocabulary=list(Tokenizer.default().vocabulary),
+            resume=find(Path(config.resume)) if config.resume else None,
+            make_video_env=partial(build_env, env_config.without_curriculum(), 1, plan.run.seed, True),
+        )
 
 
-def resumed(path: str, overrides: list[str]) -> tuple[Any, Path]:
-    """The config and the folder of a run to resume.
+def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
+    """The config of a run to resume, and its folder; None for a file that lies in no run's checkpoints/.
 
     Args:
         path: the run's directory or checkpoint.
@@ -88,7 +91,7 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path]:
     overrides = [word for word in overrides if not word.startswith("resume=")]
     config = apply(load(file, to_train=True)["config"], overrides)
     config.resume = path
-    return config, file.parent.parent
+    return config, file.parent.parent if file.parent.name == "checkpoints" else None
 
 
 @hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")
@@ -106,7 +109,8 @@ def main(config: Any) -> dict[str, Any] | None:
         return None
     try:
         if config.resume:
-            config, folder = resumed(config.resume, list(job.overrides.task))
+            config, own_folder = resumed(config.resume, list(job.overrides.task))
+            folder = own_folder or hydra_folder
         else:
             config = with_choices(config, job.runtime.choices)
         result = run(config, folder)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
 from trainers.sweeps.runs import RunRecord
+from trainers.utils.atomic_io import atomic_path
 
 Groups = Mapping[str, Sequence[RunRecord]]
 MAIN_TASKS = ("nl_reach", "nl_pick_and_place", "nl_reach_gesture")
@@ -134,4 +135,5 @@ def _save(figure: Figure, all_axes: Sequence[Any], target: Path) -> None:
         figure.set_figheight(figure.get_figheight() + LEGEND_ROW_HEIGHT * -(-len(named) // LEGEND_COLUMNS))
         columns = min(LEGEND_COLUMNS, len(named))
         figure.legend(named.values(), named, loc="outside lower center", ncols=columns, frameon=False)
-    figure.savefig(target, dpi=120)
+    with atomic_path(target) as temporary:
+        figure.savefig(temporary, dpi=120)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from trainers.run.metrics import read_metrics
+from trainers.utils.atomic_io import atomic_path
 
 
 def learning_curve(metrics: Path, target: Path) -> None:
@@ -37,7 +38,8 @@ def learning_curve(metrics: Path, target: Path) -> None:
     axes.grid(alpha=0.3)
     if axes.lines:
         axes.legend(loc="lower right")
-    figure.savefig(target, dpi=120, bbox_inches="tight")
+    with atomic_path(target) as temporary:
+        figure.savefig(temporary, dpi=120, bbox_inches="tight")
 
 
 PANELS = {  # measure in a result's "by_pointing" -> label of its axis
@@ -68,7 +70,8 @@ def pointing_plot(by_pointing: Mapping[str, Sequence[Mapping[str, Any]]], target
     for axes in list(panels)[len(names) :]:
         axes.set_axis_off()
     figure.suptitle(f"{title}\n95 % intervals, and the number of episodes above", fontsize="medium")
-    figure.savefig(target, dpi=120)
+    with atomic_path(target) as temporary:
+        figure.savefig(temporary, dpi=120)
 
 
 def _panel(axes: Any, name: str, bins: Sequence[Mapping[str, Any]]) -> None:

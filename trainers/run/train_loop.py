@@ -26,7 +26,8 @@ from trainers.run import checkpoint
 from trainers.run.metrics import EVALUATION_NAMES, MetricsWriter
 from trainers.run.progress import Progress
 from trainers.run.signals import StopSignal
-from trainers.utils.atomic_io import write_json
+from trainers.utils.atomic_io import atomic_path
+from trainers.utils.checked_files import write_checked_json
 
 TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/total", "time/frames_per_s")
 SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn scenes
@@ -193,11 +194,10 @@ class TrainingRun:
         frames, seconds = self.counters["frames"], self.seconds()
         result |= {"frames": frames, "wall_s": seconds, "frames_per_s": frames / max(seconds, 1e-9)}
         result["seed"] = self.plan.run.seed
-        write_json(self.folder / "eval.json", result)
+        write_checked_json(self.folder / "eval.json", result)
         learning_curve(self.folder / "metrics.csv", self.folder / "learning_curve.png")
         if make_video_env is not None and self.plan.eval.video_episodes:
-            with closing(make_video_env()) as env:
-                video = self.folder / "evaluation.mp4"
+            with closing(make_video_env()) as env, atomic_path(self.folder / "evaluation.mp4") as video:
                 record_video(env, _on_cpu(self.policy), video, self.plan.eval.video_episodes)
         return result
 

@@ -6,7 +6,6 @@ This code runs in a worker process of Hydra's launcher. Its main thread waits fo
 from __future__ import annotations
 
 import ctypes
-import json
 import os
 import signal
 import subprocess
@@ -19,7 +18,9 @@ from omegaconf import DictConfig
 from conf.schema import ConfigError, read
 from trainers.config import CollectorConfig, cores, workers
 from trainers.sweeps.arguments import NON_JOB_PREFIXES, quote_path
-from trainers.utils.atomic_io import write_json
+from trainers.sweeps.runs import read_overrides, read_result
+from trainers.utils.atomic_io import write_text
+from trainers.utils.checked_files import write_checked_json
 
 PR_SET_PDEATHSIG = 1  # of prctl(2)
 ENVIRONMENT = {"PYTHONUNBUFFERED": "1", "HYDRA_FULL_ERROR": "1"}
@@ -64,7 +65,7 @@ class JobWorker:
             The exit status; negative for a signal.
         """
         self.busy = True
-        with open(errors, "w") as file:
+        with open(errors, "x") as file:
             job = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
@@ -101,19 +102,20 @@ def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder:
     place = find_job_folder(folder, own)
     if place != folder and not any(folder.iterdir()):
         folder.rmdir()
-    if (place / "eval.json").exists():
+    if _finished(place):
         print(f"[{place.name}] has finished already", flush=True)
         return
     if WORKER.signal:
         return WORKER.exit_if_orphaned()
     place.mkdir(exist_ok=True)
-    write_json(place / "job.json", {"overrides": own})
+    write_checked_json(place / "job.json", {"overrides": own})
     (place / "error.txt").unlink(missing_ok=True)
     errors = place / ".stderr"
+    errors.unlink(missing_ok=True)  # created new below
     code = WORKER.run(job_command(program, config, own, place), errors, place.name)
     if code and not WORKER.signal:
         message = failure_message(code, errors.read_text(errors="replace"))
-        (place / "error.txt").write_text(message + "\n")
+        write_text(place / "error.txt", message + "\n")
         print(f"[{place.name}] failed: {message.splitlines()[-1]}", flush=True)
     errors.unlink()
     WORKER.exit_if_orphaned()
@@ -131,11 +133,32 @@ def find_job_folder(folder: Path, overrides: Sequence[str]) -> Path:
         another job has that.
     """
     for place in (folder, *sorted(folder.parent.iterdir())):
-        file = place / "job.json"
-        if file.is_file() and sorted(json.loads(file.read_text())["overrides"]) == sorted(overrides):
+        if (place / "job.json").exists() and sorted(_known_overrides(place) or ()) == sorted(overrides):
             return place
     names = (folder, *(folder.with_name(f"{folder.name}-{i}") for i in range(2, 10_000)))
     return next(name for name in names if not (name / "job.json").exists())
+
+
+def _known_overrides(place: Path) -> list[str] | None:
+    """The overrides in a job.json; None for a damaged one, whose job is run again in another folder."""
+    try:
+        return read_overrides(place)
+    except ConfigError as error:
+        print(f"[{place.name}] {error}", flush=True)
+        return None
+
+
+def _finished(place: Path) -> bool:
+    """Whether the job has a result. A damaged one is removed, so that the job is finished again."""
+    if not (place / "eval.json").exists():
+        return False
+    try:
+        read_result(place)
+    except ConfigError as error:
+        print(f"[{place.name}] {error}; the run is finished again", flush=True)
+        (place / "eval.json").unlink()
+        return False
+    return True
 
 
 def job_command(program: Path, config: DictConfig, overrides: Sequence[str], place: Path) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import math
 import re
 import shlex
 from collections.abc import Mapping, Sequence
@@ -11,10 +11,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from conf.safe_files import FileError, check_plain, read_bytes
 from conf.schema import ConfigError
 from trainers.run.metrics import read_metrics
+from trainers.utils.checked_files import read_checked_json, read_checked_yaml
 
 # Keys that do not identify a configuration: the seed, and how or on what hardware it was run. `choices` repeats values.
 NOT_CONFIGURATION = (
@@ -30,6 +30,7 @@ NOT_CONFIGURATION = (
 )
 NAME_KEYS = ("scenario", "robot.name", "control.name", "task.name", "algo.name", "policy.name")  # they name a group
 RESULT_KEYS = ("success_at_end", "ci95", "episodes", "wrong_object", "frames", "wall_s")  # required in eval.json
+MAX_BYTES = 256 * 1024  # of a record of a run
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,12 @@ class RunRecord:
 
     @cached_property
     def rows(self) -> list[dict[str, float]]:
-        """metrics.csv. Raises ConfigError for a damaged file."""
-        return read_metrics(self.folder / "metrics.csv")
+        """metrics.csv. Raises ConfigError for a damaged file, and for one that ends before its run."""
+        path, wanted = self.folder / "metrics.csv", (self.result or {}).get("frames")
+        rows = read_metrics(path)
+        if rows and wanted is not None and rows[-1]["frames"] < wanted:
+            raise ConfigError(f"{path} is damaged: it ends at frames={rows[-1]['frames']:.0f} of {wanted}")
+        return rows
 
     @property
     def evaluations(self) -> list[dict[str, float]]:
@@ -103,25 +108,65 @@ def _load(place: Path) -> RunRecord:
     result, error = place / "eval.json", place / "error.txt"
     return RunRecord(
         place,
-        config=_read_mapping(place / "config.yaml"),
-        overrides=list(_read_mapping(place / "job.json").get("overrides", [])),
-        result=_read_mapping(result, RESULT_KEYS) if result.is_file() else None,
-        error=(error.read_text(errors="replace").strip() or "unknown") if error.is_file() else None,
+        config=read_config(place),
+        overrides=read_overrides(place),
+        result=read_result(place) if result.exists() else None,
+        error=_read_error(error) if error.exists() else None,
     )
+
+
+def read_config(place: Path) -> dict[str, Any]:
+    """The config of the run in `place`; {} if it was refused. Raises ConfigError for a damaged config.yaml."""
+    values = _read_mapping(place / "config.yaml")
+    try:
+        check_plain(values)
+    except FileError as error:
+        raise ConfigError(f"{place / 'config.yaml'} is damaged: it {error}") from None
+    return values
+
+
+def read_overrides(place: Path) -> list[str]:
+    """The overrides of the job in `place`; [] if it is no job. Raises ConfigError for a damaged job.json."""
+    file = place / "job.json"
+    words = _read_mapping(file, ("overrides",) if file.exists() else ()).get("overrides", [])
+    if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
+        raise ConfigError(f"{file} is damaged: overrides={words} must be a list of key=value")
+    return words
+
+
+def read_result(place: Path) -> dict[str, Any]:
+    """The result of the run in `place`. Raises ConfigError for a damaged eval.json."""
+    values = _read_mapping(place / "eval.json", RESULT_KEYS)
+    numbers = [*(values[name] for name in RESULT_KEYS if name != "ci95"), *_pair(values["ci95"])]
+    if not all(type(number) in (int, float) and math.isfinite(number) for number in numbers):
+        raise ConfigError(f"{place / 'eval.json'} is damaged: {', '.join(RESULT_KEYS)} must be numbers")
+    return values
+
+
+def _pair(values: Any) -> list[Any]:
+    return values if isinstance(values, list) and len(values) == 2 else [None]
+
+
+def _read_error(file: Path) -> str:
+    try:
+        return read_bytes(file, MAX_BYTES).decode(errors="replace").strip() or "unknown"
+    except FileError as error:
+        return f"unknown: {file.name} {error}"
 
 
 def _read_mapping(file: Path, required: Sequence[str] = ()) -> dict[str, Any]:
     """The mapping in a YAML or JSON file; {} if there is no file. Raises ConfigError."""
-    if not file.is_file():
+    if not file.exists():
         return {}
     try:
-        text = file.read_text()
-        values = json.loads(text) if file.suffix == ".json" else yaml.safe_load(text) or {}
-        missing = [name for name in required if name not in values]
-    except (ValueError, TypeError, yaml.YAMLError):
-        raise ConfigError(f"{file} is damaged") from None
-    if not isinstance(values, dict) or missing:
-        raise ConfigError(f"{file} is damaged" + f": it has no {', '.join(missing)}" * bool(missing))
+        values = read_checked_json(file) if file.suffix == ".json" else read_checked_yaml(file, MAX_BYTES)
+    except FileError as error:
+        raise ConfigError(f"{file} is damaged: it {error}") from None
+    if not isinstance(values, dict) or not values:
+        raise ConfigError(f"{file} is damaged: it holds no keys")
+    missing = [name for name in required if name not in values]
+    if missing:
+        raise ConfigError(f"{file} is damaged: it has no {', '.join(missing)}")
     return values
 
 

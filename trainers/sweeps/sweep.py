@@ -10,7 +10,6 @@ a job that crashes or is killed leaves its error message, and the other jobs con
 
 from __future__ import annotations
 
-import fcntl
 import multiprocessing
 import shlex
 import signal
@@ -25,6 +24,7 @@ from hydra.experimental.callback import Callback
 
 from conf.schema import ConfigError, read
 from trainers.config import SweepConfig
+from trainers.run.run_folder import FolderLock
 from trainers.sweeps.arguments import register_resolvers
 from trainers.sweeps.runs import RunRecord, distinct_overrides, find_runs
 from trainers.sweeps.sweep_file import add_start
@@ -63,12 +63,7 @@ class SweepCallback(Callback):
         overrides = list(config.hydra.overrides.task)
         if any(word.startswith("resume=") for word in overrides):
             raise ConfigError("resume=<run dir> resumes a single run; a sweep is resumed with sweep.resume=<sweep dir>")
-        folder.mkdir(parents=True, exist_ok=True)
-        self.lock = open(folder / ".lock", "w")  # noqa: SIM115  held until this process ends
-        try:
-            fcntl.flock(self.lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise ConfigError(f"a sweep is running in {folder} already") from None
+        self.lock = FolderLock(folder, "sweep").__enter__()  # held until this process ends
         add_start(folder, overrides)
 
     def _stop(self, number: int, _frame: object) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
+from conf.schema import ConfigError
 from tests.helpers.run_folders import add_run, config
 from trainers.run.metrics import MetricsWriter, read_metrics
 from trainers.sweeps.runs import find_runs
@@ -30,3 +33,58 @@ def test_a_truncated_last_line_is_ignored(tmp_path):
 
 def test_a_missing_file_has_no_rows(tmp_path):
     assert read_metrics(tmp_path / "metrics.csv") == []
+
+
+def written(folder, rows=20):
+    metrics = MetricsWriter(folder, ["frames", "a", "b"])
+    for frames in range(1, rows + 1):
+        metrics.write({"frames": frames, "a": frames / 3} | ({"b": 1.5} if frames % 3 else {}))
+    metrics.close()
+    return folder / "metrics.csv"
+
+
+def test_no_damage_gives_other_numbers(tmp_path):
+    path = written(tmp_path)
+    content, rows = path.read_bytes(), read_metrics(path)
+    rng = random.Random(0)
+    for _ in range(300):
+        damaged, place = bytearray(content), rng.randrange(len(content))
+        damaged[place : place + rng.choice([0, 1, 1, 1, 40])] = bytes([rng.randrange(256)] * rng.choice([0, 1]))
+        path.write_bytes(bytes(damaged))
+        try:
+            found = read_metrics(path)
+        except ConfigError as error:
+            assert "\n" not in str(error)  # noqa: PT017
+            continue
+        assert repr(found) == repr(rows[: len(found)])
+
+
+def test_a_damaged_file_costs_the_curve_not_the_resume(tmp_path, capsys):
+    path = written(tmp_path)
+    path.write_bytes(path.read_bytes().replace(b"1.5", b"2.5", 1))
+    with pytest.raises(ConfigError, match="the checksum of line 2 does not fit"):
+        read_metrics(path)
+    metrics = MetricsWriter(tmp_path, ["frames", "a", "b"], after=10)
+    metrics.write({"frames": 11})
+    metrics.close()
+    assert [row["frames"] for row in read_metrics(path)] == [11]
+    assert "checksum" in capsys.readouterr().err
+    assert (tmp_path / "metrics.csv.damaged").exists()
+
+
+def test_rows_are_never_written_through_a_link(tmp_path):
+    (tmp_path / "others").write_text("precious")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "metrics.csv").symlink_to(tmp_path / "others")
+    written(tmp_path / "run")
+    (tmp_path / "run" / "metrics.csv").unlink()
+    (tmp_path / "run" / "metrics.csv").hardlink_to(tmp_path / "others")
+    assert len(read_metrics(written(tmp_path / "run"))) == 20
+    assert (tmp_path / "others").read_text() == "precious"
+
+
+def test_a_full_disk_is_named(tmp_path, monkeypatch):
+    metrics = MetricsWriter(tmp_path, ["frames"])
+    monkeypatch.setattr("trainers.run.metrics.os.write", lambda *_: 3)
+    with pytest.raises(ConfigError, match=r"metrics\.csv cannot be written: No space left on device"):
+        metrics.write({"frames": 1})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -21,6 +20,7 @@ from trainers.algorithms.algorithm import DivergedError
 from trainers.rollout.evaluation import evaluate
 from trainers.run import checkpoint
 from trainers.run.metrics import read_metrics
+from trainers.utils.checked_files import read_checked_json
 
 ROOT = Path(__file__).parents[3]
 
@@ -41,7 +41,7 @@ def test_a_run_learns_the_instructions_and_writes_its_report(tmp_path):
     result = train(tmp_path, overrides=overrides, make_video_env=partial(make_env, 1, 9))
     assert result["success_at_end"] > 0.8
     assert result["episodes"] == 60
-    assert json.loads((tmp_path / "eval.json").read_text()) == result
+    assert read_checked_json(tmp_path / "eval.json") == result
     assert {"success_once", "wrong_object", "ci95", "frames", "wall_s", "frames_per_s", "by_kind"} <= set(result)
     left = {path.name for path in tmp_path.iterdir()}
     assert left == {"checkpoints", "metrics.csv", "eval.json", "learning_curve.png", "evaluation.mp4", "tensorboard"}

@@ -1,0 +1,80 @@
+"""The folder of a run: one process at a time, nothing left of killed ones, and no links that lead out of it."""
+
+from __future__ import annotations
+
+import fcntl
+import multiprocessing
+import os
+import re
+from pathlib import Path
+
+from conf.schema import ConfigError
+from trainers.utils.atomic_io import NO_FOLLOW, remove_temporary_files
+
+LOCK = ".lock"
+SUBFOLDERS = ("", "checkpoints", "tensorboard")  # that a run writes to
+SEMAPHORES = Path("/dev/shm")
+SEMAPHORE_NAME = re.compile(r"sem\.mp-deixis-(\d+)-.*")
+
+
+class FolderLock:
+    """Keeps other processes out of a run's folder while the block runs. The system releases it if the process dies.
+
+    Args:
+        folder: created if it is missing.
+        name: of what uses the folder, for the error message.
+    """
+
+    def __init__(self, folder: Path, name: str = "run") -> None:
+        self.folder, self.name = folder, name
+
+    def __enter__(self) -> FolderLock:
+        """Lock the folder, and remove what killed processes have left. Raises ConfigError."""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            flags = os.O_RDWR | os.O_CREAT | NO_FOLLOW | getattr(os, "O_NONBLOCK", 0)
+            self._descriptor = os.open(self.folder / LOCK, flags, 0o666)
+        except OSError as error:
+            raise ConfigError(f"{self.folder} cannot be the folder of a {self.name}: {error.strerror}") from None
+        try:
+            self._lock()
+            for each in SUBFOLDERS:
+                _refuse_links(self.folder, self.folder / each)
+                remove_temporary_files(self.folder / each)
+        except BaseException:
+            os.close(self._descriptor)
+            raise
+        return self
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ConfigError(f"a {self.name} is running in {self.folder} already") from None
+        except OSError:
+            pass  # a file system without locks
+
+    def __exit__(self, *error: object) -> None:
+        os.close(self._descriptor)
+
+
+def _refuse_links(folder: Path, place: Path) -> None:
+    """Raises ConfigError if `place`, or a file in it, is a symbolic link that leads out of the run's folder."""
+    inside = folder.resolve()
+    for path in (place, *(place.iterdir() if place.is_dir() else ())):
+        if path != folder and path.is_symlink() and not path.resolve().is_relative_to(inside):
+            raise ConfigError(f"{path} is a symbolic link out of the run's folder, which a run does not write through")
+
+
+def name_semaphores() -> None:
+    """Give the semaphores of this process a name that tells whose they are, and remove those of dead processes."""
+    config = getattr(multiprocessing.current_process(), "_config", None)
+    if isinstance(config, dict):
+        config["semprefix"] = f"/mp-deixis-{os.getpid()}"
+    for path in SEMAPHORES.glob("sem.mp-deixis-*") if SEMAPHORES.is_dir() else ():
+        match = SEMAPHORE_NAME.fullmatch(path.name)
+        if match and not Path(f"/proc/{match[1]}").exists():
+            try:
+                path.unlink()
+            except OSError:
+                continue  # of another user
