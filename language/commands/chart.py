@@ -17,7 +17,7 @@ from language.commands.noun_phrases import NounPhrases
 from language.commands.verb_words import FILLERS
 
 MOST_RELATIONS = 3  # of one phrase
-MOST_ATTACHED = 30  # phrases with one more relation that are weighed at one token
+MOST_ATTACHED = 12  # phrases with one more relation that are weighed at one token
 KEPT = 3  # items of the same span
 WORSE = 5.0  # items are left out that cost this much more than the best of their span
 
@@ -48,20 +48,22 @@ class Chart:
         return self._entities[start]
 
     def _with_relation(self, items: list[Item], start: int) -> list[Item]:
-        found = []
+        pairs = []
         for item in items:
             if item.value.kind == "it":
                 continue
             for relation in self.relations(item.end) + self._bare_regions(item) + self._further(item):
-                if relation.value.name == "direction" and relation.value.value in ("up", "down"):
+                bare = relation.value.name == "direction"
+                if bare and relation.value.value in ("up", "down"):
                     continue
-                entity: Entity = item.value
                 cost = item.cost + relation.cost + costs.RELATION
-                if relation.value.name == "direction" and relation.value.value != "top":
-                    cost += costs.BARE_DIRECTION
-                skipped = item.skipped | relation.skipped
-                found.append(Item(relation.end, related(entity, relation.value, relation.end), cost, skipped))
-        return sorted(found, key=lambda item: item.cost)[:MOST_ATTACHED]
+                cost += costs.BARE_DIRECTION * (bare and relation.value.value != "top")
+                pairs.append((cost, item, relation))
+        pairs.sort(key=lambda pair: pair[0])
+        return [
+            Item(after.end, related(item.value, after.value, after.end), cost, item.skipped | after.skipped)
+            for cost, item, after in pairs[:MOST_ATTACHED]
+        ]
 
     def _further(self, item: Item) -> list[Item]:
         """Returns the relations after "and": "left of the ball and behind the cube"."""

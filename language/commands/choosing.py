@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from language.commands import costs
 from language.commands.meanings import Reading
-from language.commands.planning import Plan, Planner
+from language.commands.planning import ENOUGH_EFFORT, Plan, Planner
 from language.commands.sentences import readings
 
 
@@ -35,7 +35,7 @@ def choices(sentence: str, planner: Planner, scene_chooses: bool = True) -> Choi
     """Returns the plans of a sentence.
 
     scene_chooses: False: the reading is chosen by its cost alone, before it is compared with the scene.
-    Raises NotUnderstood if the sentence is too long.
+    Raises NotUnderstood if the sentence is too long or can be read in too many ways.
     """
     found, lattice = readings(sentence, planner.judge if scene_chooses else None)
     if not scene_chooses:
@@ -44,6 +44,8 @@ def choices(sentence: str, planner: Planner, scene_chooses: bool = True) -> Choi
     failed: list[Choice] = []
     least = math.inf
     for reading in found:
+        if possible and planner.effort > ENOUGH_EFFORT:
+            break
         telling = costs.EMPTY <= reading.cost < least + costs.EMPTY - costs.FAR_BETTER  # why a cheaper reading fails
         if reading.cost > least + 2 * costs.CLOSE and not telling:
             continue

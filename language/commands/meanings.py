@@ -1,6 +1,7 @@
 """Meanings of people's commands: what each phrase says, before it is compared with a scene.
 
-Every meaning is immutable and compared by identity; `span` is its range of tokens.
+Meanings are compared by identity and never changed after they were made (a frozen dataclass takes three times as long
+to make); `span` is its range of tokens.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from dataclasses import dataclass, field
 Span = tuple[int, int]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(eq=False, slots=True)
 class Measure:
     """A length. unit: "cell", "bit" (a small step), or metres per unit as text."""
 
@@ -18,7 +19,7 @@ class Measure:
     unit: str
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(eq=False, slots=True)
 class Relation:
     """A relation to an anchor, such as "left of the red cube".
 
@@ -33,7 +34,7 @@ class Relation:
     span: Span = (0, 0)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(eq=False, slots=True)
 class Entity:
     """A phrase for things, stacks, regions of the board or a participant.
 
@@ -62,7 +63,7 @@ class Entity:
     span: Span = (0, 0)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(eq=False, slots=True)
 class Step:
     """One action: a key of `verb_words.VERBS` or `verb_words.CONTROLS`, "fragment" (no verb) or "nothing".
 
@@ -75,7 +76,7 @@ class Step:
     span: Span = (0, 0)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(eq=False, slots=True)
 class Reading:
     """A parse of a whole sentence with its cost, the lower the better.
 

@@ -52,6 +52,13 @@ def spots(resolver: Resolver, mover: int, relations: tuple[Relation, ...], typed
 
     typed: whether the moved thing was named with a noun, which "one" then repeats.
     """
+    key = (mover, relations, typed)
+    if key not in resolver.spots:
+        resolver.spots[key] = _spots(resolver, mover, relations, typed)
+    return resolver.spots[key]
+
+
+def _spots(resolver: Resolver, mover: int, relations: tuple[Relation, ...], typed: bool) -> list[Spot]:
     points = _points(resolver, mover, relations[0], typed)
     for relation in relations[1:]:
         points = _also(resolver, mover, points, relation)

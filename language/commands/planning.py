@@ -16,8 +16,12 @@ from language.commands.plans import Plan, obstacle
 from language.commands.referents import Ref, color_fits
 from language.commands.resolving import Resolver
 from language.commands.world import DEVICES, World
+from language.errors import NotUnderstood
 
 KEPT = 12  # plans of the steps so far
+# Effort: phrases that are judged and actions that are tried for one sentence, of about 0.03 ms each.
+ENOUGH_EFFORT = 700  # after this, no further readings are weighed if one can be carried out
+MOST_EFFORT = 900  # after this, the sentence is refused
 
 Resolvers = dict[tuple, Resolver]
 
@@ -26,16 +30,19 @@ Resolvers = dict[tuple, Resolver]
 class Planner:
     """Plans readings in one world. it, mentioned: the things of the dialogue.
 
-    help: whether the scene helps to select.
+    help: whether the scene helps to select. effort: phrases judged and actions tried so far.
     """
 
     world: World
     it: tuple[int, ...] = ()
     mentioned: tuple[int, ...] = ()
     help: bool = True
+    effort: int = 0
     _resolvers: Resolvers = field(default_factory=dict)
     _usable: dict[int, object] = field(default_factory=dict)
     _taken: dict[tuple[int, int], tuple[World, World]] = field(default_factory=dict)
+    _sequences: dict[tuple, list[Plan]] = field(default_factory=dict)
+    _moved: dict[tuple[int, int, Spot], tuple[World, World]] = field(default_factory=dict)
 
     def plans(self, reading: Reading) -> list[Plan]:
         """Returns the plans of a reading, the cheapest first; those that fail come last and say why."""
@@ -45,14 +52,21 @@ class Planner:
         elif reading.condition is not None:
             refs = self.resolver(self.world, self.it, None).resolve(reading.condition)
             self.it = refs[0].things
-        layer = [Plan(self.world, it=self.it, mentioned=self.mentioned)]
-        for number, step in enumerate(steps, 1):
-            if step.action == "move" and not step.places and number < len(steps):
+        return self._sequence(steps, last=True)
+
+    def _sequence(self, steps: tuple[Step, ...], last: bool) -> list[Plan]:
+        """Returns the plans of steps, which readings share. last: whether no step follows."""
+        if not steps:
+            return [Plan(self.world, it=self.it, mentioned=self.mentioned)]
+        key = (steps, last, self.it)
+        if key not in self._sequences:
+            step = steps[-1]
+            if step.action == "move" and not step.places and not last:
                 step = replace(step, action="take")  # "move the cube and put it there"
-            layer = [after for plan in layer for after in self._after(plan, step)]
+            layer = [after for plan in self._sequence(steps[:-1], False) for after in self._after(plan, step)]
             layer.sort(key=lambda plan: (bool(plan.failure), plan.cost))
-            layer = layer[:KEPT]
-        return layer
+            self._sequences[key] = layer[:KEPT]
+        return self._sequences[key]
 
     def resolver(
         self, world: World, it: tuple[int, ...], origin: int | None, mentioned: tuple[int, ...] = ()
@@ -65,12 +79,19 @@ class Planner:
 
     def judge(self, entity: Entity) -> float:
         """Returns the cost of what a phrase denotes in the first world; for the chart."""
+        self._spend()
         if entity.kind in ("it", "robot", "person", "board", "cell", "gap", "fixture", "side", "center", "edge"):
             return 0.0
         if self.world.held is not None or entity.other:
             return 0.0
         refs = self.resolver(self.world, self.it, None).resolve(entity)
         return refs[0].cost if refs else costs.EMPTY
+
+    def _spend(self) -> None:
+        """Raises NotUnderstood if a sentence takes too much effort."""
+        self.effort += 1
+        if self.effort > MOST_EFFORT:
+            raise NotUnderstood("the sentence can be read in too many ways; say it in several shorter sentences")
 
     def _after(self, plan: Plan, step: Step) -> Iterator[Plan]:
         if plan.failure:
@@ -178,6 +199,7 @@ class Planner:
     def _act(self, plan: Plan, step: Step) -> Iterator[Plan]:
         """Yields the plans that carry out a step with the plan's mover."""
         assert plan.mover is not None
+        self._spend()
         index, action = plan.mover, step.action
         device = plan.world.things[index].kind in DEVICES
         if action == "push" and not step.places and device:
@@ -228,6 +250,13 @@ class Planner:
             self._taken[key] = (world, world.taken(index))
         return self._taken[key][1]
 
+    def _with_moved(self, world: World, index: int, spot: Spot) -> World:
+        """Returns the world with the thing at a place; the same object every time."""
+        key = (id(world), index, spot)
+        if key not in self._moved:
+            self._moved[key] = (world, world.moved(index, spot.x, spot.y, spot.bottom))
+        return self._moved[key][1]
+
     def _implied(self, step: Step) -> tuple[Relation, ...]:
         """Returns the place that a verb implies."""
         if step.action == "give":
@@ -263,8 +292,7 @@ class Planner:
             cost += costs.NOT_BELOW * away
         kind = "push" if step.action == "push" else "place"
         action = Action(kind, index, (spot.x, spot.y), spot.bottom, spot.on)
-        world = plan.world.moved(index, spot.x, spot.y, spot.bottom)
-        return replace(plan, world=world, actions=(*plan.actions, action), cost=plan.cost + cost)
+        return replace(plan, world=self._with_moved(plan.world, index, spot), actions=(*plan.actions, action), cost=plan.cost + cost)
 
     def _same_place(self, index: int, spot: Spot) -> bool:
         """Returns whether a thing that was not held stands there at the beginning."""

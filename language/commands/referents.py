@@ -38,7 +38,9 @@ class Ref(NamedTuple):
 def distance(x: float, y: float, ref: Ref) -> float:
     """Returns the distance of a point to a referent's box."""
     x0, x1, y0, y1 = ref.box
-    return math.hypot(max(x0 - x, 0.0, x - x1), max(y0 - y, 0.0, y - y1))
+    dx = x0 - x if x < x0 else x - x1 if x > x1 else 0.0
+    dy = y0 - y if y < y0 else y - y1 if y > y1 else 0.0
+    return math.hypot(dx, dy)
 
 
 def spot(

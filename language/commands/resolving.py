@@ -32,6 +32,7 @@ class Resolver:
         self._known: dict[tuple[Entity, int], list[Ref]] = {}
         self._heads: dict[tuple, list[Ref]] = {}
         self._anchors: dict[Entity, Anchors] = {}
+        self.spots: dict[tuple, list] = {}  # of `places.spots`
 
     def bears(self, ref: Ref) -> bool:
         """Returns whether something can be put on a referent."""
@@ -123,11 +124,12 @@ class Resolver:
         if not anchors:
             return []
         most = min(ref.cost for ref in anchors) + 1.0
-        anchors = [ref for ref in anchors if ref.cost <= most]
+        near = [(ref, frozenset(ref.things)) for ref in anchors if ref.cost <= most]
 
         def score(ref: Ref) -> float:
-            others = [other for other in anchors if not (set(other.things) & set(ref.things))]
-            return min((sign * distance(ref.x, ref.y, other) for other in others), default=1e9)
+            x, y, things = ref.x, ref.y, ref.things
+            others = [sign * distance(x, y, other) for other, its in near if its.isdisjoint(things)]
+            return min(others, default=1e9)
 
         return best(refs, score, TIE * self.world.pitch)
 

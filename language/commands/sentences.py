@@ -13,6 +13,7 @@ from language.commands.meanings import Entity, Reading, Relation, Step
 MOST_PLACES = 3  # relations that are joined to one place
 MOST_JOINED = 16  # of the places, and of the relations after each, that are joined
 MOST_STEPS = 5
+MOST_COST = 16.0  # dearer readings leave out most of the sentence
 KEPT_STEPS, KEPT_READINGS = 16, 80  # of the same span; of the sentence
 _MOVING = ("move", "push", "drop", "give", "remove", "take")
 
@@ -23,9 +24,7 @@ def readings(sentence: str, judge: Judge | None = None) -> tuple[list[Reading], 
     Raises NotUnderstood if it is too long.
     """
     lattice = Lattice(sentence)
-    parser = _Sentences(Chart(lattice, judge))
-    found = sorted(parser.all(), key=lambda reading: reading.cost)[:KEPT_READINGS]
-    return found, lattice
+    return _Sentences(Chart(lattice, judge)).likeliest(), lattice
 
 
 class _Sentences:
@@ -34,29 +33,34 @@ class _Sentences:
         self._steps: dict[int, list[Item]] = {}
         self._placed: dict[int, list[Item]] = {}
 
-    def all(self) -> list[Reading]:
-        found = []
-        rejecting = [Item(edge.end, None, edge.cost) for edge in self.lattice.get(0, "not_meant")]
-        for opening in [Item(0, None, 0.0), *rejecting]:
-            for item in [*self._sequences(opening.end), *self._conditions(opening.end)]:
-                reading = self._finished(item, rejects=opening in rejecting)
-                if reading is not None:
-                    found.append(reading)
-        return found
+    def likeliest(self) -> list[Reading]:
+        """Returns the readings of the least cost."""
+        rests = self._rests()
+        found: list[tuple[Item, bool]] = []
+        openings = [(0, False), *((edge.end, True) for edge in self.lattice.get(0, "not_meant"))]
+        for start, rejects in openings:
+            for item in [*self._sequences(start), *self._conditions(start)]:
+                rest = rests[item.end]
+                whole = item._replace(cost=item.cost + rest.cost, skipped=item.skipped | rest.skipped)
+                if whole.cost <= MOST_COST:
+                    found.append((whole, rejects))
+        found.sort(key=lambda each: each[0].cost)
+        return [self._reading(item, rejects) for item, rejects in found[:KEPT_READINGS]]
 
-    def _finished(self, item: Item, rejects: bool) -> Reading | None:
-        """Returns the reading if the rest of the sentence can be left out."""
-        cost, unused = item.cost, item.skipped
-        for index in range(item.end, len(self.lattice)):
+    def _rests(self) -> list[Item]:
+        """Returns, for each token, what it costs to leave out the rest of the sentence from there on."""
+        rests = [Item(len(self.lattice), None, 0.0)]
+        for index in range(len(self.lattice) - 1, -1, -1):
             join = "join" in self.lattice.edges[index] and self.lattice.tokens[index].text in (".", ";", "and", "then")
-            extra = 0.0 if join else self.chart.gaps.skip_cost(index)
-            cost += extra
-            unused |= (1 << index) if extra else 0
-        if cost > 16.0:
-            return None
+            cost = 0.0 if join else self.chart.gaps.skip_cost(index)
+            rest = rests[-1]
+            rests.append(Item(index, None, rest.cost + cost, rest.skipped | (1 << index if cost else 0)))
+        return rests[::-1]
+
+    def _reading(self, item: Item, rejects: bool) -> Reading:
         reading = item.value if isinstance(item.value, Reading) else Reading(item.value)
-        words = tuple(i for i in range(len(self.lattice)) if unused >> i & 1)
-        return replace(reading, cost=cost, rejects=rejects, unused=words)
+        words = tuple(i for i in range(len(self.lattice)) if item.skipped >> i & 1)
+        return replace(reading, cost=item.cost, rejects=rejects, unused=words)
 
     def _conditions(self, start: int) -> list[Item]:
         """Returns "if there is X, steps, otherwise steps"."""

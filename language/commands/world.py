@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 from language.objects import Scene
@@ -57,15 +58,38 @@ class World:
     front: str = "near"
     cells: bool = False
     fixtures: tuple[str, ...] = ()
-    below: tuple[int | None, ...] = field(init=False, repr=False, compare=False)
-    above: tuple[int | None, ...] = field(init=False, repr=False, compare=False)
-    colors: frozenset[str] = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
-        below, above = _supports(self)
-        object.__setattr__(self, "below", below)
-        object.__setattr__(self, "above", above)
-        object.__setattr__(self, "colors", frozenset(thing.color for thing in self.things))
+    @cached_property
+    def below(self) -> tuple[int | None, ...]:
+        """The index of what is directly below each thing, or None."""
+        return self._supports[0]
+
+    @cached_property
+    def above(self) -> tuple[int | None, ...]:
+        """The index of what is directly above each thing, or None."""
+        return self._supports[1]
+
+    @cached_property
+    def colors(self) -> frozenset[str]:
+        """The colours of the things."""
+        return frozenset(thing.color for thing in self.things)
+
+    @cached_property
+    def _supports(self) -> tuple[tuple[int | None, ...], tuple[int | None, ...]]:
+        return _supports(self)
+
+    @cached_property
+    def _standing(self) -> dict[tuple[int, int] | None, list[int]]:
+        """What stands on the ground or on other things: on a board, by cell."""
+        found: dict[tuple[int, int] | None, list[int]] = {}
+        for i, thing in enumerate(self.things):
+            if i != self.held and not thing.target:
+                found.setdefault(self._cell(thing.x, thing.y), []).append(i)
+        return found
+
+    def _cell(self, x: float, y: float) -> tuple[int, int] | None:
+        """Returns the cell of a position; None on a table, which has none."""
+        return (round(x / self.pitch), round(y / self.pitch)) if self.cells else None
 
     def toward(self, side: str) -> tuple[float, float]:
         """Returns the unit vector of a side: "left", "right", "far", "near", "front", "back", "forward", "backward"."""
@@ -90,10 +114,9 @@ class World:
         reach = 0.5 if self.cells else 0.8
         found = [
             (thing.bottom, i)
-            for i, thing in enumerate(self.things)
-            if i not in (self.held, without)
-            and not thing.target
-            and max(abs(thing.x - x), abs(thing.y - y)) < reach * thing.width
+            for i in self._standing.get(self._cell(x, y), ())
+            for thing in [self.things[i]]
+            if i != without and max(abs(thing.x - x), abs(thing.y - y)) < reach * thing.width
         ]
         return [i for _, i in sorted(found)]
 
@@ -163,12 +186,7 @@ def _supports(world: World) -> tuple[tuple[int | None, ...], tuple[int | None, .
     """Returns what is directly below and above each thing, or None."""
     below: list[int | None] = [None] * len(world.things)
     above: list[int | None] = [None] * len(world.things)
-    places: dict[tuple[int, int], list[int]] = {}
-    for i, thing in enumerate(world.things):
-        if i != world.held and not thing.target:
-            key = (round(thing.x / world.pitch), round(thing.y / world.pitch)) if world.cells else (0, 0)
-            places.setdefault(key, []).append(i)
-    for together in places.values():
+    for together in world._standing.values():
         for i in together:
             for j in together:
                 if _stands_on(world.things[i], world.things[j]):
