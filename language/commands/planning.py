@@ -292,7 +292,12 @@ class Planner:
             cost += costs.NOT_BELOW * away
         kind = "push" if step.action == "push" else "place"
         action = Action(kind, index, (spot.x, spot.y), spot.bottom, spot.on)
-        return replace(plan, world=self._with_moved(plan.world, index, spot), actions=(*plan.actions, action), cost=plan.cost + cost)
+        return replace(
+            plan,
+            world=self._with_moved(plan.world, index, spot),
+            actions=(*plan.actions, action),
+            cost=plan.cost + cost,
+        )
 
     def _same_place(self, index: int, spot: Spot) -> bool:
         """Returns whether a thing that was not held stands there at the beginning."""
