@@ -16,6 +16,7 @@ from language.commands.plans import Plan, obstacle
 from language.commands.referents import Ref, color_fits
 from language.commands.resolving import Resolver
 from language.commands.world import DEVICES, World
+from language.commands.worlds import Worlds
 from language.errors import NotUnderstood
 
 KEPT = 12  # plans of the steps so far
@@ -40,9 +41,8 @@ class Planner:
     effort: int = 0
     _resolvers: Resolvers = field(default_factory=dict)
     _usable: dict[int, object] = field(default_factory=dict)
-    _taken: dict[tuple[int, int], tuple[World, World]] = field(default_factory=dict)
     _sequences: dict[tuple, list[Plan]] = field(default_factory=dict)
-    _moved: dict[tuple[int, int, Spot], tuple[World, World]] = field(default_factory=dict)
+    _worlds: Worlds = field(default_factory=Worlds)
 
     def plans(self, reading: Reading) -> list[Plan]:
         """Returns the plans of a reading, the cheapest first; those that fail come last and say why."""
@@ -228,7 +228,7 @@ class Planner:
             kind = "take" if step.action != "push" else "push"
             if kind == "take":
                 plan = replace(plan, actions=(*plan.actions, Action("take", index)))
-            plan = replace(plan, world=self._without(plan.world, index))
+            plan = replace(plan, world=self._worlds.taken(plan.world, index))
         places = step.places or self._implied(step)
         if step.action in ("take", "remove") and not step.places:
             if held:
@@ -242,20 +242,6 @@ class Planner:
             yield replace(plan, failure="it is not said where to", reason="where", entity=step.entity)
         else:
             yield from self._placed(plan, step, index, places)
-
-    def _without(self, world: World, index: int) -> World:
-        """Returns the world with the thing in the gripper; the same object every time."""
-        key = (id(world), index)
-        if key not in self._taken:
-            self._taken[key] = (world, world.taken(index))
-        return self._taken[key][1]
-
-    def _with_moved(self, world: World, index: int, spot: Spot) -> World:
-        """Returns the world with the thing at a place; the same object every time."""
-        key = (id(world), index, spot)
-        if key not in self._moved:
-            self._moved[key] = (world, world.moved(index, spot.x, spot.y, spot.bottom))
-        return self._moved[key][1]
 
     def _implied(self, step: Step) -> tuple[Relation, ...]:
         """Returns the place that a verb implies."""
@@ -294,7 +280,7 @@ class Planner:
         action = Action(kind, index, (spot.x, spot.y), spot.bottom, spot.on)
         return replace(
             plan,
-            world=self._with_moved(plan.world, index, spot),
+            world=self._worlds.moved(plan.world, index, spot),
             actions=(*plan.actions, action),
             cost=plan.cost + cost,
         )
