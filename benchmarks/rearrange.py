@@ -19,7 +19,7 @@ import json
 import random
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -123,7 +123,7 @@ def moves(job: Job, grid: Grid, order: Sequence[int]) -> list[Move]:
     board = job.board
     if job.steps is None:
         return [Move(order[board.moved], grid.place(*board.goal[:3]), release=not board.after.closed)]
-    return moves_of(job.steps, world_of(board.before), order, grid)
+    return moves_of(job.steps, [block[:2] for block in board.before.blocks], order, grid)
 
 
 def error(env: WorkspaceEnv, job: Job) -> str:
@@ -169,11 +169,14 @@ def _results(work: tuple[Sequence[Job], str]) -> list[tuple[Job, str]]:
     return list(results(*work))
 
 
-def understood(folder: Path, part: str) -> Iterator[tuple[Item, Job | None]]:
-    """Each command with what is to be done for it; None if it is not understood. Raises OSError."""
+def understood(folder: Path, part: str, numbers: Collection[str] | None = None) -> Iterator[tuple[Item, Job | None]]:
+    """Each command with what is to be done for it; None if it is not understood. Raises OSError.
+
+    numbers: of the commands; None: all of the part.
+    """
     known = {board.number: board for board in boards(folder, part)}
     for item in read(folder, part).items:
-        if item.scene in known:
+        if item.scene in known and (numbers is None or item.number in numbers):
             outcome = interpret_alone(item.text, world_of(known[item.scene].before))
             steps = outcome.steps if isinstance(outcome, Understood) else None
             yield item, None if steps is None else Job(known[item.scene], steps)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from demo import board
 from demo.dialogue import Dialogue
 from demo.planning import Planner, Subtask, verb_words
 from envs.experts.moves import without_takes
@@ -43,6 +44,8 @@ def dialogue(env: InteractiveEnv) -> Dialogue:
     Where only an object is named, what the task does is meant, unless it needs a place. "A bit" is farther than the
     distance within which the task counts an object as being at its place.
     """
+    if env.task.stacks:
+        return board.BoardDialogue(env)
     task = env.task
     default = None if task.places else DOES.get(task.verb, (None,))[0]
     little = BIT * env.config.task.radius
@@ -54,11 +57,20 @@ def stops(actions: Sequence[Action]) -> bool:
     return any(action.kind in STOPS for action in actions)
 
 
-def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv) -> list[Subtask]:
+def moves(actions: Sequence[Action]) -> bool:
+    """Whether a sentence has steps that move the arm to an object."""
+    return any(action.object is not None for action in actions)
+
+
+def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_policy: bool) -> list[Subtask]:
     """A subtask for each step that moves the arm. Moves see-through objects to the places that are meant.
+
+    for_policy: whether a policy drives, which may need other words than the person's.
 
     Raises LanguageError for what the task cannot do, and then nothing moves.
     """
+    if env.task.stacks:
+        return board.plan(actions, env, planner if for_policy else None)
     steps = without_takes(actions)
     for action in steps:
         if action.kind not in DOES.get(planner.verb, ()) or action.object is None:

@@ -88,7 +88,7 @@ class Dialogue:
             assert isinstance(outcome, commands.Question)
             action = commands.Action(self._default, outcome.candidates[0])
             return Interpretation(found.sentence, None, actions=(action,))
-        return _of_outcome(outcome, found)
+        return of_outcome(outcome, found)
 
     def _interpret_instruction(
         self, sentence: str, scene: Scene, pointed: PointedObjects
@@ -155,7 +155,7 @@ def _is_settled(found: Interpretation) -> bool:
     return found.understood is not None or bool(found.candidates)
 
 
-def _of_outcome(outcome: commands.Outcome, failure: Interpretation) -> Interpretation:
+def of_outcome(outcome: commands.Outcome, failure: Interpretation) -> Interpretation:
     """The outcome of a sentence beyond the instruction grammar. failure: of the instruction grammar."""
     start = outcome.span[0]
     if isinstance(outcome, commands.Understood):

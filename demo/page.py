@@ -65,6 +65,7 @@ class Page:
         self._typed.on_update(lambda _: self._preview())
         form.on_submit(self._say)
         do.on_click(self._say)
+        self._whose_left = gui.add_html("")
         buttons = gui.add_button_group("", ("Stop", "Shuffle", "Go where I point"))
         buttons.on_click(lambda event: self._press(event.target.value))
         with gui.add_folder("Attention and rewards"):
@@ -241,6 +242,7 @@ class Page:
         for name, dropdown in self._choices.items():
             dropdown.value = getattr(config, name)
         self._driver.value, self._objects.value = config.driver, session.env.config.task.num_objects
+        self._put("whose left", self._whose_left, html.hint(session.whose_left))
         self._put("interpretation", self._interpretation, html.message(f"Try: {session.example()}"))
 
     # ---- Pictures and video

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from envs.experts.moves import Move
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name, object_names
 from language import (
@@ -23,11 +24,16 @@ from language.verbs import BASE, GOAL, OBJECT, has_goal
 
 @dataclass(frozen=True)
 class Subtask:
-    """One step of a command. sentence: what the policy is given. referent, target: indices in the scene."""
+    """One step of a command.
+
+    sentence: what the policy is given. referent, target: indices in the scene. move: on a board, where the referent
+    goes; the target then marks that place.
+    """
 
     sentence: str
     referent: int
     target: int | None = None
+    move: Move | None = None
 
 
 class Planner:

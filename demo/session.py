@@ -13,23 +13,19 @@ from tensordict import TensorDictBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from conf.schema import ConfigError
-from demo import commands
+from demo import board, commands
+from demo.actors import Actor, actor_of, ending_of, is_move_of_expert
 from demo.dialogue import Interpretation
 from demo.finger import Finger
 from demo.planning import Planner, Subtask, verb_words
+from demo.returning import Return
 from demo.session_config import SessionConfig, Setup, build
-from demo.view_state import ViewState
-from envs.experts import expert
+from demo.view_state import WHOSE_LEFT, ViewState
 from envs.interactive.object_names import object_names
 from human import Unreachable
 from language import Instruction, LanguageError, ObjectPhrase, Scene
-from trainers.rollout.video import outcome_of
 
 Array = NDArray[np.float64]
-Actor = Callable[[TensorDictBase], TensorDictBase]
-LOW = 0.15  # metres: below this height, the gripper first goes straight up
-NEAR = 0.06  # metres from the rest position at which the gripper counts as there
-MAX_RETURN_STEPS = 60  # control steps of the way back to the rest position
 NUDGE = 0.02  # metres by which a key moves the finger, or the gripper if driven by hand
 
 
@@ -50,6 +46,7 @@ class Session:
         self.config, self.env, self._policy, self.note = setup.config, setup.env, setup.policy, setup.note
         self.view = ViewState()
         self.finger = Finger(self.env)
+        self._return = Return(self.env)
         self._planner = Planner(self.env, self._rng)
         self.gripper_closed = False
         self.shuffle()
@@ -73,6 +70,7 @@ class Session:
     def shuffle(self) -> None:
         """Draws another scene, with the arm at rest."""
         self._state = self.env.reset()
+        board.mark(self.env, None)
         self._dialogue, self._subtasks = commands.dialogue(self.env), deque[Subtask]()
         self._subtask: Subtask | None = None
         self._actor: Actor | None = None  # None while the gripper returns to its rest position
@@ -88,11 +86,16 @@ class Session:
 
     def object_names(self) -> list[str]:
         """The name of each object."""
-        return object_names(self.scene())
+        return board.object_names(self.env) if self.env.task.stacks else object_names(self.scene())
 
     def example(self) -> str:
         """A sentence that is possible in this scene."""
-        return self._planner.example()
+        return board.example(self.env) if self.env.task.stacks else self._planner.example()
+
+    @property
+    def whose_left(self) -> str:
+        """Whose left and right are meant in sentences, in words."""
+        return WHOSE_LEFT[self.env.config.task.viewpoint]
 
     def preview(self, sentence: str) -> Interpretation:
         """Interprets a sentence without acting on it."""
@@ -103,25 +106,21 @@ class Session:
         interpretation = self._dialogue.hear(sentence, self.scene(), self._pointed_objects(sentence))
         if commands.stops(interpretation.actions):
             self.stop()
-        if interpretation.understood is None and (not interpretation.actions or not self._moves(interpretation)):
+        if interpretation.understood is None and not commands.moves(interpretation.actions):
             return interpretation
         try:
             self._subtasks = deque(self._plan(interpretation))
         except LanguageError as error:
             return Interpretation(sentence, None, str(error))
+        self.view.sentence = sentence
         self._start_next_subtask()
         return interpretation
-
-    @staticmethod
-    def _moves(interpretation: Interpretation) -> bool:
-        """Whether a sentence beyond the instruction grammar has steps that move the arm."""
-        return any(action.object is not None for action in interpretation.actions)
 
     def _plan(self, interpretation: Interpretation) -> list[Subtask]:
         """The subtasks of an understood sentence. Raises LanguageError for what the task cannot do."""
         if interpretation.understood is not None:
             return self._planner.plan(interpretation.understood)
-        return commands.plan(interpretation.actions, self._planner, self.env)
+        return commands.plan(interpretation.actions, self._planner, self.env, self.config.driver == "policy")
 
     def _pointed_objects(self, sentence: str) -> Callable[[int], Sequence[int]]:
         return lambda count: self.finger.referents(count, sentence)
@@ -164,7 +163,8 @@ class Session:
             raise LanguageError("devices cannot be moved; press Shuffle for others")
         x0, x1, y0, y1 = self.env.config.workspace.object_area
         x, y = np.clip(place, (x0, y0), (x1, y1))
-        self.env.put_object(index, (float(x), float(y), self.env.config.task.object_size / 2))
+        on_table = float(x), float(y), self.env.config.task.object_size / 2
+        self.env.put_object(index, board.free_place(self.env, index, x, y) if self.env.task.stacks else on_table)
 
     # ---- Who drives
 
@@ -199,33 +199,29 @@ class Session:
         self.view.status, self.view.highlighted = "Stopped.", ()
 
     def _end_subtasks(self) -> None:
+        board.mark(self.env, None)
         self._subtasks.clear()
         self._subtask = self._actor = None
 
     def _start_next_subtask(self) -> None:
         """Policies are trained to start at the rest position, so the gripper returns there first.
 
-        Exception: a correction while the gripper is above LOW takes effect at once.
+        Exceptions: a correction while the gripper is high takes effect at once; the expert of moves starts anywhere.
         """
-        is_correction = self._actor is not None and self.env.gripper[0, 2] > LOW
+        is_correction = self._actor is not None and self._return.is_high
         self._subtask, self._actor = self._subtasks.popleft(), None
         self._show_subtask(self._subtask)
-        self._return_steps = 0 if is_correction or self._is_at_rest() else MAX_RETURN_STEPS
-        if not self._return_steps:
+        self._return.start()
+        if is_correction or is_move_of_expert(self._subtask, self.config.driver):
+            self._return.skip()
+        if self._return.is_over:
             self._begin(self._subtask)
-
-    def _is_at_rest(self) -> bool:
-        return bool(np.linalg.norm(self.env.gripper[0] - self.env.rest_position) < NEAR)
-
-    def _next_return_position(self) -> Array:
-        """(3,) metres: straight up at first, so that the gripper drags no object along; then the rest position."""
-        gripper = self.env.gripper[0]
-        return self.env.rest_position if gripper[2] > LOW else gripper + [0.0, 0.0, LOW]
 
     def _show_subtask(self, subtask: Subtask) -> None:
         names = self.object_names()
-        goal = "" if subtask.target is None else f" to {names[subtask.target]}"
-        self.view.status = f"Doing: {verb_words(self._planner.verb)} {names[subtask.referent]}{goal}"
+        goal = "" if subtask.target is None or subtask.move else f" to {names[subtask.target]}"
+        verb = self._planner.verb if subtask.move is None else "place" if subtask.move.release else "take"
+        self.view.status = f"Doing: {verb_words(verb)} {names[subtask.referent]}{goal}"
         self.view.policy_sentence = subtask.sentence
         objects = (subtask.referent, subtask.target)
         self.view.highlighted = tuple(index for index in objects if index is not None)
@@ -234,8 +230,9 @@ class Session:
         if self.env.task.points and not (self.finger.is_new and subtask.referent == self.finger.last_referent):
             self._show_referent(subtask.referent)
         self.finger.is_new = False
+        board.mark(self.env, subtask.move.place if subtask.move and subtask.move.release else None)
         self._state = self.env.give_instruction(subtask.sentence, subtask.referent, subtask.target)
-        self._actor = expert(self.env) if self.config.driver == "expert" else self._policy
+        self._actor = actor_of(subtask, self.env, self.config.driver, self._policy)
         self.view.rewards = dict.fromkeys(self.env.reward_names, 0.0)
 
     def _show_referent(self, index: int) -> None:
@@ -263,8 +260,8 @@ class Session:
         if self._actor is not None:
             self._update_subtask(after)
         elif self._subtask is not None:
-            self._return_steps -= 1
-            if self._return_steps <= 0 or self._is_at_rest():
+            self._return.step()
+            if self._return.is_over:
                 self._begin(self._subtask)
 
     def _action(self) -> torch.Tensor:
@@ -273,7 +270,7 @@ class Session:
         if self._subtask is None:
             return self.env.hold_action()
         if self._actor is None:
-            return self.env.towards(self._next_return_position()[None])
+            return self.env.towards(self._return.next_position()[None])
         output = self._actor(self._state.exclude("privileged"))
         if "attention_logits" in output.keys():
             shown = self._state["objects_mask"][0]
@@ -284,9 +281,9 @@ class Session:
         """Adds up rewards; at the end of the episode, starts the next subtask or reports the outcome."""
         for name, value in zip(self.env.reward_names, after["reward_terms"][0].tolist(), strict=True):
             self.view.rewards[name] += value
-        if not (after["terminated"] | after["truncated"])[0]:
+        ending = ending_of(self._actor, after)
+        if ending is None:
             return
-        ending = outcome_of(after)
         self.view.outcome_counts[ending] += 1
         seconds = self.env.elapsed[0] * self.period
         if ending == "success" and self._subtasks:

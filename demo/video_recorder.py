@@ -1,4 +1,4 @@
-"""Video of a session, with the sentence and the status below the picture."""
+"""Video of a session, with the sentence, the status and whose left is meant below the picture."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ class VideoRecorder:
             return
         view = session.view
         ending = "success" if view.status.startswith("Done") else view.status
-        self._writer.append_data(add_caption(session.env.render(), view.policy_sentence or view.status, ending))
+        sentence = view.sentence or view.policy_sentence or view.status
+        self._writer.append_data(add_caption(session.env.render(), sentence, ending, session.whose_left))
 
     def close(self) -> bytes:
         """Ends the video. Returns the content of the mp4."""

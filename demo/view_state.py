@@ -8,6 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+# Whose left is meant, by `task.viewpoint`.
+WHOSE_LEFT = {
+    "robot": "left and right are the robot's; the front is its side of the table",
+    "human": "left and right are yours, opposite the robot; the front is your side of the table",
+}
 OUTCOMES = ("success", "wrong object", "wrong target", "failed", "out of time")
 
 
@@ -16,6 +21,7 @@ class ViewState:
     """The state that is shown; K is the number of objects in the scene.
 
     status: what the robot does, or how the last instruction ended.
+    sentence: what the person said last that is or was done, or "".
     policy_sentence: the sentence that the policy is given, or "".
     highlighted: index of the referent, then of the target if there is one; () if nothing is being done.
     attention: (K,) in [0, 1], the policy's attention over the objects.
@@ -26,6 +32,7 @@ class ViewState:
     """
 
     status: str = "Say what to do, or point at something."
+    sentence: str = ""
     policy_sentence: str = ""
     highlighted: tuple[int, ...] = ()
     attention: Array | None = None

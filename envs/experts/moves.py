@@ -19,11 +19,12 @@ from envs.tasks.grid import Grid
 from envs.workspace_env import WorkspaceEnv
 from language import LanguageError
 from language.commands import Action
-from language.commands.world import BOARD_HEIGHT, World
+from language.commands.world import BOARD_HEIGHT
 
 MAX_STEPS = 200  # control steps of a move
 RISE = 0.03  # metres that the gripper goes up from what it has left before the next move
 HELD_THERE = 0.006  # metres from its place, along each axis, at which an object that is held is there
+Cells = Sequence[tuple[float, float]]
 CARRIED = ("place", "push")  # kinds of steps that bring an object to a place
 
 
@@ -50,25 +51,26 @@ def without_takes(actions: Sequence[Action]) -> list[Action]:
     ]
 
 
-def moves_of(actions: Sequence[Action], world: World, numbers: Sequence[int], grid: Grid) -> list[Move]:
+def moves_of(actions: Sequence[Action], cells: Cells, numbers: Sequence[int], grid: Grid) -> list[Move]:
     """The moves that carry out the steps of a command on a board.
 
     An object that is taken and not placed by the next step is held over its stack, at the height of a full stack.
 
     Args:
-        actions: the steps, which were checked in this world.
-        world: of a board, before the first step.
-        numbers: of the world's things among the objects that are shown.
+        actions: the steps; places are in cells.
+        cells: column and row of each object that a step may name, before the first step.
+        numbers: of these objects among those that are shown.
         grid: the board's cells.
 
     Raises:
         LanguageError: for a step that moves nothing on a board, such as "press".
     """
-    return list(_moves(without_takes(actions), world, numbers, grid))
+    return list(_moves(without_takes(actions), dict(enumerate(cells)), numbers, grid))
 
 
-def _moves(actions: Sequence[Action], world: World, numbers: Sequence[int], grid: Grid) -> Iterator[Move]:
-    cells = {index: (thing.x, thing.y) for index, thing in enumerate(world.things)}
+def _moves(
+    actions: Sequence[Action], cells: dict[int, tuple[float, float]], numbers: Sequence[int], grid: Grid
+) -> Iterator[Move]:
     for action in actions:
         if action.kind == "nothing":
             continue

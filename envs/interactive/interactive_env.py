@@ -47,6 +47,10 @@ class InteractiveEnv(WorkspaceEnv):
         """PyBullet's body number of each object; [] for devices, which have several bodies."""
         return list(self._single_world.pool.shown)
 
+    def shapes(self) -> list[str]:
+        """The shape of each object: a noun of the scene, or "pyramid"; [] for devices."""
+        return list(self._single_world.pool.nouns)
+
     @property
     def all_bodies(self) -> list[int]:
         """Every body that `bodies` returns in any episode."""

@@ -59,7 +59,7 @@ class ObjectPool:
     A body never changes its mobility. Bullet moves a body whose mobility changes to the end of its lists, and the
     same seed would give other bits than in a fresh world.
 
-    bodies: all bodies. shown: the bodies of the current episode, in the order of its objects.
+    bodies: all bodies. shown: the bodies of the current episode, in the order of its objects. nouns: their shapes.
 
     Args:
         spec: which bodies to make.
@@ -70,6 +70,8 @@ class ObjectPool:
 
     def __init__(self, spec: PoolSpec, client: int, visuals: bool, sleeping: bool) -> None:
         self._client, self._visuals, self._sleeping = client, visuals, sleeping
+        self._spec = spec
+        self.nouns: list[str] = []
         self._pool = [
             [[self._make(noun, spec.size, mobility) for _ in range(count)] for noun in spec.nouns]
             for mobility, count in zip(Mobility, spec.counts, strict=True)
@@ -93,6 +95,7 @@ class ObjectPool:
         """
         unused = [[list(reversed(bodies)) for bodies in pool] for pool in self._pool]
         self.shown = [unused[mobility][noun].pop() for mobility, noun in zip(mobilities, nouns, strict=True)]
+        self.nouns = [self._spec.nouns[noun] for noun in nouns]
         rests = [False] * len(self.shown) if resting is None else resting
         for body, mobility, position, angle, still in zip(self.shown, mobilities, positions, yaw, rests, strict=True):
             self._place(body, position, angle)

@@ -40,6 +40,12 @@ class Grid:
         x, y = self.area[0] + (column + 0.5) * self.cell, self.area[2] + (row + 0.5) * self.cell
         return np.array([x, y, (level + 0.5) * self.size])
 
+    def cells(self, places: Array) -> NDArray[np.int64]:
+        """(K, 3) column, row and level of the cells on the grid nearest to places (K, 3), metres."""
+        offset = places - self.place(0, 0, 0)
+        cells = np.rint(offset / [self.cell, self.cell, self.size]).astype(np.int64)
+        return np.clip(cells, 0, [self.columns - 1, self.rows - 1, np.iinfo(np.int64).max])
+
     def draw(self, rng: Generator, count: int, targets: int, levels: int) -> Array:
         """(count + targets, 3) places of objects in random stacks, then free places for targets in as many cells.
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from conf.schema import ConfigError
-from demo.session import LOW, Session
+from demo.returning import LOW
+from demo.session import Session
 from demo.session_config import make_config
 from human import Unreachable
 from language import LanguageError
@@ -275,3 +276,11 @@ def test_a_place_above_the_table_is_refused_by_a_task_that_does_not_stack(placin
     result = placing.say(f"stick {names[first]} onto {names[second]} pls")
     assert not placing.busy
     assert "nl_stack" in result.message
+
+
+def test_the_session_tells_whose_left_is_meant(reaching):
+    assert reaching.config.workspace == "collabtable"
+    assert "robot's" in reaching.whose_left
+    session = Session(make_config(task="reach_gesture", objects=3), seed=5)
+    assert "yours" in session.whose_left
+    session.close()

@@ -63,10 +63,14 @@ def outcome_of(state: TensorDictBase) -> str:
     return "out of time" if state["truncated"][0] else "failed"
 
 
-def add_caption(frame: np.ndarray, sentence: str, outcome: str = "") -> np.ndarray:
-    """The frame (H, W, 3) uint8 with lines of text below it. H.264 requires the even height and width."""
+def add_caption(frame: np.ndarray, sentence: str, outcome: str = "", note: str = "") -> np.ndarray:
+    """The frame (H, W, 3) uint8 with lines of text below it. H.264 requires the even height and width.
+
+    note: a last line in small grey letters.
+    """
     height, width = frame.shape[0], frame.shape[1]
-    size = (width + width % 2, height + height % 2 + (SENTENCE_LINES + 1) * LINE_HEIGHT)
+    rows = SENTENCE_LINES + 1 + bool(note)
+    size = (width + width % 2, height + height % 2 + rows * LINE_HEIGHT)
     image = Image.new("RGB", size, "black")
     image.paste(Image.fromarray(frame), (0, 0))
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=14)
@@ -75,6 +79,9 @@ def add_caption(frame: np.ndarray, sentence: str, outcome: str = "") -> np.ndarr
         draw.text((MARGIN, height + row * LINE_HEIGHT), text, fill="white", font=font)
     colour = "lightgreen" if outcome == "success" else "orange"
     draw.text((MARGIN, height + SENTENCE_LINES * LINE_HEIGHT), outcome, fill=colour, font=font)
+    if note:
+        place = (MARGIN, height + (SENTENCE_LINES + 1) * LINE_HEIGHT)
+        draw.text(place, note, fill="#a0a0a0", font=ImageFont.load_default(size=11))
     return np.asarray(image)
 
 

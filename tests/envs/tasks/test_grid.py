@@ -53,3 +53,10 @@ def test_above_tells_what_stands_over_what_in_the_same_stack():
     expected = np.zeros((4, 4), bool)
     expected[0, [1, 2]] = expected[1, 2] = True
     np.testing.assert_array_equal(above(places, GRID.size), expected)
+
+
+def test_the_nearest_cells_of_places_are_found_and_lie_on_the_grid():
+    cells = [(0, 0, 0), (7, 3, 5), (2, 6, 1)]
+    places = np.array([GRID.place(*cell) for cell in cells])
+    np.testing.assert_array_equal(GRID.cells(places + [0.01, -0.01, 0.005]), cells)
+    np.testing.assert_array_equal(GRID.cells(np.array([[0.0, 9.0, -1.0]])), [(0, 7, 0)])

@@ -1,0 +1,52 @@
+"""What drives the robot during a subtask: the policy, or a scripted expert."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from tensordict import TensorDictBase
+
+from demo.planning import Subtask
+from envs.experts import expert
+from envs.experts.moves import Move, MoveRunner
+from envs.interactive.interactive_env import InteractiveEnv
+from trainers.rollout.video import outcome_of
+
+Actor = Callable[[TensorDictBase], TensorDictBase]
+
+
+class MoveActor:
+    """Gives the actions of one move of the scripted expert, as a policy does.
+
+    outcome: how it ended; None until then.
+    """
+
+    def __init__(self, env: InteractiveEnv, move: Move) -> None:
+        self._env, self._runner = env, MoveRunner(env, [move])
+        self.outcome: str | None = None
+
+    def __call__(self, state: TensorDictBase) -> TensorDictBase:
+        """The state with an action."""
+        action = self._runner()
+        if action is None:
+            self.outcome = "success" if all(self._runner.done) else "out of time"
+        return state.set("action", self._env.hold_action() if action is None else action)
+
+
+def is_move_of_expert(subtask: Subtask, driver: str) -> bool:
+    """Whether the expert carries out a move: policies have not learned to keep what they hold."""
+    return subtask.move is not None and (driver == "expert" or not subtask.move.release)
+
+
+def actor_of(subtask: Subtask, env: InteractiveEnv, driver: str, policy: Actor | None) -> Actor | None:
+    """What acts in a subtask that has just begun."""
+    if subtask.move is not None and is_move_of_expert(subtask, driver):
+        return MoveActor(env, subtask.move)
+    return expert(env) if driver == "expert" else policy
+
+
+def ending_of(actor: Actor | None, after: TensorDictBase) -> str | None:
+    """How a subtask ended, one of `view_state.OUTCOMES`; None while it lasts. after: its last control step."""
+    if isinstance(actor, MoveActor):
+        return actor.outcome
+    return outcome_of(after) if (after["terminated"] | after["truncated"])[0] else None
