@@ -25,6 +25,7 @@ DYNAMICS = {
     "angularDamping": 0.3,
 }
 RESTING_GAP = 1e-3  # metres above the table that an object may be placed and still be at rest
+DYNAMIC_FILTER, STATIC_FILTER = (1, -1), (2, -3)  # Bullet's own collision group and mask of a body that moves, or not
 
 
 class Mobility(IntEnum):
@@ -97,6 +98,7 @@ class ObjectPool:
         self.shown = [unused[mobility][noun].pop() for mobility, noun in zip(mobilities, nouns, strict=True)]
         self.nouns = [self._spec.nouns[noun] for noun in nouns]
         rests = [False] * len(self.shown) if resting is None else resting
+        self._forget_neighbours(mobilities)
         for body, mobility, position, angle, still in zip(self.shown, mobilities, positions, yaw, rests, strict=True):
             self._place(body, position, angle)
             if mobility == Mobility.FREE and position[2] > self._resting_height and not still:
@@ -131,6 +133,19 @@ class ObjectPool:
         body = bullet.createMultiBody(mass, shape, visual, PARKED, physicsClientId=self._client)
         bullet.changeDynamics(body, -1, **DYNAMICS, physicsClientId=self._client)
         return body
+
+    def _forget_neighbours(self, mobilities: Sequence[int]) -> None:
+        """Let Bullet find anew what is near the shown bodies.
+
+        Bullet notices some steps late that bodies have parted. Until then it keeps their place in the order in which
+        contacts are solved, and the same seed would give other bits than in a fresh world. Setting a body's collision
+        filter, even to what it is, makes Bullet forget all that it takes to be near the body. The bodies' order is that
+        in which they were made.
+        """
+        for body, mobility in sorted(zip(self.shown, mobilities, strict=True)):
+            if mobility != Mobility.GHOST:
+                group = DYNAMIC_FILTER if mobility == Mobility.FREE else STATIC_FILTER
+                bullet.setCollisionFilterGroupMask(body, -1, *group, self._client)
 
     def _place(self, body: int, position: Sequence[float], yaw: float = 0.0) -> None:
         quaternion = (0, 0, math.sin(yaw / 2), math.cos(yaw / 2))

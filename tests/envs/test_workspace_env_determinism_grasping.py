@@ -70,12 +70,7 @@ def test_a_world_with_a_grasp_is_not_changed_by_the_reset_of_another(robot):
     assert differences(*ends) == []
 
 
-NOT_SO_ARM = pytest.mark.xfail(
-    reason="contacts of a link with several shapes: Bullet's order of them depends on what was before", strict=False
-)
-
-
-@pytest.mark.parametrize("robot", [pytest.param(r, marks=[NOT_SO_ARM] * (r == "so_arm")) for r in ROBOTS])
+@pytest.mark.parametrize("robot", ROBOTS)
 def test_a_seed_gives_the_same_bits_after_wild_grasps(robot):
     env = make(
         robot,
