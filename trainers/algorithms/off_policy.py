@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import torch
 from tensordict import TensorDictBase
@@ -84,9 +84,10 @@ class OffPolicyAlgorithm(Algorithm):
                 self.grounding.add(scenes.select(*self.grounding.keys))
 
     def learn(self, steps: int) -> list[dict[str, Tensor]]:
-        """Take so many gradient steps. Frames and scenes are drawn once for all steps, which saves overhead."""
-        if self.replay.prioritised:  # priorities change with every step
-            frames = [self.replay.sample(self.config.batch) for _ in range(steps)]
+        """Take so many gradient steps. Scenes, and frames without priorities, are drawn once for all of them."""
+        frames: Iterable[TensorDictBase]
+        if self.replay.prioritised:  # drawn one by one: priorities change with every step
+            frames = (self.replay.sample(self.config.batch) for _ in range(steps))
         else:
             frames = self.replay.sample(steps * self.config.batch).split(self.config.batch)
         if not self.grounding.active:

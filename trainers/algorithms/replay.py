@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import torch
 from tensordict import TensorDictBase
-from torchrl.data import LazyTensorStorage, TensorDictPrioritizedReplayBuffer, TensorDictReplayBuffer
+from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
-from conf.schema import ConfigError
+from trainers.algorithms.priorities import ProportionalSampler
 from trainers.models.grounding import REFERENT
 from trainers.models.policy import Policy
 
@@ -44,11 +44,8 @@ class Replay:
         critic = [] if critic_key == policy.context_key else [critic_key]
         self.state_keys = list(dict.fromkeys([*policy.actor_keys, *context, *critic]))
         storage = LazyTensorStorage(capacity, device=device)
-        self.frames: TensorDictReplayBuffer
-        if self.prioritised:
-            self.frames = _prioritised(storage, alpha, beta)
-        else:
-            self.frames = TensorDictReplayBuffer(storage=storage)
+        sampler = ProportionalSampler(capacity, alpha, beta, device) if self.prioritised else None
+        self.frames = TensorDictReplayBuffer(storage=storage, sampler=sampler)
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -75,15 +72,4 @@ class Replay:
     def update_priorities(self, frames: TensorDictBase) -> None:
         """Take the temporal-difference errors of sampled frames as their priorities, where frames are drawn by them."""
         if self.prioritised:
-            self.frames.update_tensordict_priority(frames)
-
-
-def _prioritised(storage: LazyTensorStorage, alpha: float, beta: float) -> TensorDictPrioritizedReplayBuffer:
-    try:
-        return TensorDictPrioritizedReplayBuffer(alpha=alpha, beta=beta, storage=storage, priority_key=PRIORITY)
-    except RuntimeError as error:
-        reason = str(error).splitlines()[0]
-        raise ConfigError(
-            f"algo.priority_alpha={alpha} needs TorchRL's C++ extension, which cannot be loaded here ({reason}); "
-            "algo.priority_alpha=0 draws frames evenly"
-        ) from None
+            self.frames.update_priority(frames["index"], frames[PRIORITY].flatten())
