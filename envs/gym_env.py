@@ -16,8 +16,8 @@ import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
-from torchrl.data import Binary, Bounded, TensorSpec
 
+from conf.gym_spaces import action_space, space_of
 from conf.schema import ConfigError
 from envs.mdp.observations import OBSERVATIONS
 from envs.registration import make_env
@@ -59,11 +59,11 @@ class GymEnv(gym.Env):
         spec = self._env.observation_spec
         self._keys = [term.key for term in OBSERVATIONS if term.gymnasium and term.key in spec.keys()]
         boxes: dict[str, spaces.Space] = {
-            key: _space(spec[key]) for key in self._keys if spec[key].dtype == torch.float32
+            key: space_of(spec[key]) for key in self._keys if spec[key].dtype == torch.float32
         }
-        others: dict[str, Any] = {key: _space(spec[key]) for key in self._keys if key not in boxes}
+        others: dict[str, Any] = {key: space_of(spec[key]) for key in self._keys if key not in boxes}
         self.observation_space = spaces.Dict(boxes, **others)
-        self.action_space = spaces.Box(-1.0, 1.0, (self._env.action_spec.shape[-1],), np.float32)
+        self.action_space = action_space(self._env.action_spec)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -119,13 +119,3 @@ class GymEnv(gym.Env):
 
 def _as_tensordict(action: NDArray[np.float32]) -> TensorDict:
     return TensorDict({"action": torch.as_tensor(action, dtype=torch.float32)[None]}, [1])
-
-
-def _space(spec: TensorSpec) -> spaces.Space:
-    """The space of one world's values. spec: of N worlds."""
-    if isinstance(spec, Bounded):
-        return spaces.Box(spec.space.low[0].numpy(), spec.space.high[0].numpy(), dtype=np.float32)
-    if isinstance(spec, Binary):
-        return spaces.MultiBinary(spec.shape[-1])
-    count = int(spec.space.n)
-    return spaces.MultiDiscrete([count] * spec.shape[-1]) if len(spec.shape) > 1 else spaces.Discrete(count)

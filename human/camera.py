@@ -40,10 +40,10 @@ from human.pointing_arm import Unreachable
 from human.ray_reader import RayNetwork, RayReader, save
 from human.synthetic_frames import FrameGenerator, LabelledFrames
 from human.train_reader import error_summary, fit
+from language import spacing
 
 VALIDATION_BODIES = 8  # people outside the training set
 VALIDATION_FRAMES = 100  # of each of them
-TRIES = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,14 +221,9 @@ def _pointed_or_none(ray: tuple[Array, Array], positions: Array) -> int | None:
 
 def scatter(setup: Setup, count: int, rng: Generator) -> Array:
     """Returns centres (count, 3) of objects on the table, metres, at least the spacing apart. Raises ConfigError."""
-    x0, x1, y0, y1 = setup.objects.object_area
-    for _ in range(TRIES):
-        places: list[Array] = []
-        for place in rng.uniform([x0, y0], [x1, y1], (8 * count, 2)):
-            if all(np.linalg.norm(place - other) >= setup.objects.spacing for other in places):
-                places.append(place)
-        if len(places) >= count:
-            return np.column_stack((places[:count], np.full(count, setup.objects.object_size / 2)))
+    places = spacing.scatter(rng, count, setup.objects.object_area, setup.objects.spacing)
+    if places:
+        return np.column_stack((places, np.full(count, setup.objects.object_size / 2)))
     raise ConfigError(
         f"objects={count} do not fit workspace.object_area={setup.objects.object_area}, "
         f"task.spacing={setup.objects.spacing} apart"

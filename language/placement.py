@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from language.colors import COLORS, draw_colors
 from language.errors import LanguageError, check_known
 from language.objects import NOUNS, ROLES, SHAPES, Scene
+from language.spacing import keep_apart
 
 TRIES = 200  # layouts of all objects
 TRIES_PER_OBJECT = 20  # places for one object before the layout starts again
-ROUNDING = 1e-9  # metres, tolerance of the spacing for rounding errors
 
 Place = tuple[float, float, float]
 
@@ -197,10 +197,8 @@ def _draw_places(rng: Generator, specs: Sequence[ObjectSpec], spacing: float) ->
 
 def _draw_place(rng: Generator, area: Sequence[float], placed: Sequence[Place], spacing: float) -> Place | None:
     low, high = np.reshape(area, (3, 2)).T
-    for x, y, z in (low + rng.random((TRIES_PER_OBJECT, 3)) * (high - low)).tolist():
-        if all(math.hypot(x - a, y - b) >= spacing - ROUNDING for a, b, _ in placed):
-            return x, y, z
-    return None
+    drawn = (low + rng.random((TRIES_PER_OBJECT, 3)) * (high - low)).tolist()
+    return next(((x, y, z) for x, y, z in keep_apart(drawn, 1, spacing, placed)), None)
 
 
 def _one_of(rng: Generator, indices: Sequence[int]) -> int | None:

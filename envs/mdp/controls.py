@@ -23,14 +23,6 @@ MAX_YAW = np.pi / 2  # radians that the gripper may be turned about the vertical
 MAX_YAW_STEP = 0.1  # ... in one control step
 
 
-@dataclass(frozen=True, kw_only=True)
-class ControlConfig(Checked):
-    """name: a key of CONTROLS. max_move: greatest motion of the gripper in one control step, metres."""
-
-    name: str = one_of("joints", "absolute", "step")
-    max_move: float = within(0.001, 0.2)
-
-
 class Control(ABC):
     """Turns actions into joint targets.
 
@@ -233,3 +225,11 @@ CONTROLS: dict[str, type[Control]] = {
     "absolute": AbsoluteControl,
     "step": StepControl,
 }
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlConfig(Checked):
+    """name: a key of CONTROLS. max_move: greatest motion of the gripper in one control step, metres."""
+
+    name: str = one_of(*CONTROLS)
+    max_move: float = within(0.001, 0.2)

@@ -71,16 +71,25 @@ def lifted(
     The place lies on a line from a random place above the table to the target.
     area: x0, x1, y0, y1. size: of objects. All in metres.
     """
-    x0, x1, y0, y1 = area
-    rest = size / 2
     others = scene.positions[~scene.targets & (np.arange(len(scene)) != referent)]
-    places = rng.uniform([x0, y0, rest], [x1, y1, rest + AIR], (TRIES, 3))
-    if target is not None:
-        places += rng.random((TRIES, 1)) * (scene.positions[target] - places)
-    for place in places:
+    for place in places_in_air(area, size, None if target is None else scene.positions[target], rng):
         if (np.linalg.norm((others - place)[:, :2], axis=1) >= spacing).all():
             return with_object_at(scene, referent, place)
     return None
+
+
+def places_in_air(
+    area: Sequence[float], size: float, goal: NDArray[np.float64] | None, rng: Generator
+) -> NDArray[np.float64]:
+    """(TRIES, 3) random places above the table, each drawn on a line from there to the goal (3,), if there is one.
+
+    area: x0, x1, y0, y1. size: of objects. All in metres.
+    """
+    x0, x1, y0, y1 = area
+    places = rng.uniform([x0, y0, size / 2], [x1, y1, size / 2 + AIR], (TRIES, 3))
+    if goal is not None:
+        places += rng.random((TRIES, 1)) * (goal - places)
+    return places
 
 
 def with_object_at(scene: Scene, index: int, place: NDArray[np.float64]) -> Scene:

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from numpy.random import Generator
 
 from conf.schema import ConfigError
+from language.spacing import keep_apart
+from language.spacing import scatter as scatter_places
 
 TRIES = 200
 GROUP = 0.06  # metres from a group's middle to its farthest centres
@@ -19,17 +21,11 @@ def scatter(
 ) -> list[tuple[float, float, float]]:
     """`count` places in area (x0, x1, y0, y1), no two centres nearer than spacing; metres.
 
-    Rejection sampling, restarted if too few of the candidates fit. Raises ConfigError if the area is too small.
+    Raises ConfigError if the area is too small.
     """
-    x0, x1, y0, y1 = area
-    for _ in range(TRIES):
-        placed: list[tuple[float, float, float]] = []
-        for u, v in rng.random((8 * count, 2)).tolist():
-            x, y = x0 + u * (x1 - x0), y0 + v * (y1 - y0)
-            if all((x - a) ** 2 + (y - b) ** 2 >= spacing**2 for a, b, _ in placed):
-                placed.append((x, y, height))
-                if len(placed) == count:
-                    return placed
+    places = scatter_places(rng, count, area, spacing)
+    if places:
+        return [(x, y, height) for x, y in places]
     raise ConfigError(
         f"task.num_objects={count} objects with task.spacing={spacing} do not fit workspace.object_area={list(area)}"
     )
@@ -60,12 +56,7 @@ def _around(
 ) -> list[tuple[float, float]]:
     """`count` places around a middle; empty if too few of the candidates fit."""
     x0, x1, y0, y1 = area
-    placed: list[tuple[float, float]] = []
-    for dx, dy in rng.uniform(-GROUP, GROUP, (20 * count, 2)).tolist():
-        x, y = middle[0] + dx, middle[1] + dy
-        inside = x0 <= x <= x1 and y0 <= y <= y1 and math.hypot(dx, dy) <= GROUP
-        if inside and all(math.dist((x, y), other) >= spacing for other in placed):
-            placed.append((x, y))
-            if len(placed) == count:
-                return placed
-    return []
+    drawn = [(middle[0] + dx, middle[1] + dy) for dx, dy in rng.uniform(-GROUP, GROUP, (20 * count, 2)).tolist()]
+    inside = [(x, y) for x, y in drawn if x0 <= x <= x1 and y0 <= y <= y1 and math.dist((x, y), middle) <= GROUP]
+    places = keep_apart(inside, count, spacing)
+    return places if len(places) == count else []

@@ -7,7 +7,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from envs.tasks.achieved_goal import first_moved
-from envs.tasks.geometry import AIR, TRIES, length, with_object_at
+from envs.tasks.geometry import length, places_in_air, with_object_at
 from envs.tasks.manipulation import DISTURBED
 from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.registry import register_task
@@ -60,13 +60,10 @@ class Stack(PickAndPlace):
     def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
         """On a line from anywhere above the table to the top of the base, beside or above all objects."""
         assert target is not None
-        x0, x1, y0, y1 = self._area
         size = self.config.object_size
         goal = scene.positions[target] + [0.0, 0.0, size]
         others = scene.positions[np.arange(len(scene)) != referent]
-        places = rng.uniform([x0, y0, size / 2], [x1, y1, size / 2 + AIR], (TRIES, 3))
-        places += rng.random((TRIES, 1)) * (goal - places)
-        for place in places:
+        for place in places_in_air(self._area, size, goal, rng):
             beside = length((others - place)[:, :2]) >= self.config.spacing
             if (beside | (place[2] >= others[:, 2] + size + CLEARANCE)).all():
                 return with_object_at(scene, referent, place)

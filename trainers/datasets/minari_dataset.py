@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from torchrl.data import Binary, Bounded
 from torchrl.envs import EnvBase
 
+from conf import gym_spaces
 from trainers.datasets.demonstrations import Demonstration
 from trainers.utils.observation_keys import public_keys
 from trainers.utils.optional_imports import import_optional
@@ -47,7 +47,7 @@ class MinariWriter:
         self._storage = MinariStorage.new(
             folder.absolute() / "data",  # absolute: Minari prefixes a relative path twice when it computes its size
             observation_space=_observation_space(env, shape),
-            action_space=spaces.Box(-1.0, 1.0, (env.action_spec.shape[-1],), np.float32),
+            action_space=gym_spaces.action_space(env.action_spec),
             env_spec=about["gym"],
         )
         self._storage.update_metadata(
@@ -108,18 +108,8 @@ def read_minari(folder: Path) -> Iterator[Demonstration]:
 def _observation_space(env: EnvBase, shape: tuple[int, ...] | None) -> spaces.Dict:
     """The Gymnasium space of one world's observations. shape: of the images, if any."""
     members: dict[str, spaces.Space] = {
-        key: _space(env.observation_spec[key]) for key in public_keys(env.observation_spec)
+        key: gym_spaces.space_of(env.observation_spec[key]) for key in public_keys(env.observation_spec)
     }
     if shape is not None:
         members[CAMERA] = spaces.Box(0, 255, shape, np.uint8)
     return spaces.Dict(members)
-
-
-def _space(spec: Any) -> spaces.Space:
-    """The Gymnasium space of one world's values."""
-    if isinstance(spec, Bounded):
-        return spaces.Box(spec.space.low[0].numpy(), spec.space.high[0].numpy(), dtype=np.float32)
-    if isinstance(spec, Binary):
-        return spaces.MultiBinary(spec.shape[-1])
-    count = int(spec.space.n)
-    return spaces.MultiDiscrete([count] * spec.shape[-1]) if len(spec.shape) > 1 else spaces.Discrete(count)
