@@ -25,10 +25,11 @@ def keep_apart(
         spacing: smallest distance in the table's plane, metres.
     """
     kept: list[Place] = []
+    taken = list(others)
     for place in candidates:
-        x, y = place[0], place[1]
-        if all(math.hypot(x - other[0], y - other[1]) >= spacing - ROUNDING for other in (*others, *kept)):
+        if all(math.hypot(place[0] - other[0], place[1] - other[1]) >= spacing - ROUNDING for other in taken):
             kept.append(place)
+            taken.append(place)
             if len(kept) == count:
                 break
     return kept
