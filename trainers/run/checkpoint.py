@@ -130,13 +130,7 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
         CheckpointError: the checkpoint was trained with other words or shapes.
     """
     any_slots = payload["config"].get("policy", {}).get("name") == "grounded"
-    theirs = payload["vocabulary"]
-    if list(theirs) != list(vocabulary):
-        extra, missing = sorted(set(theirs) - set(vocabulary)), sorted(set(vocabulary) - set(theirs))
-        what = (
-            f"it has {extra or 'no others'} and lacks {missing or 'none'}" if extra or missing else "in another order"
-        )
-        raise CheckpointError(f"the checkpoint was trained with another vocabulary: {what}")
+    _check_vocabulary(list(payload["vocabulary"]), list(vocabulary))
     for name, theirs in payload["widths"].items():
         shape = shapes.get(name, [])
         skipped = any_slots and name.startswith("objects")  # dimensions that may differ
@@ -145,6 +139,20 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
                 f"the checkpoint was trained for another environment: {name} is {theirs} there "
                 f"and {shape} here; use the robot, control, task and gesture it was trained with"
             )
+
+
+def _check_vocabulary(theirs: list[str], ours: list[str]) -> None:
+    """Raises CheckpointError, which says what to do, unless both are equal."""
+    if theirs == ours:
+        return
+    extra, missing = sorted(set(theirs) - set(ours)), sorted(set(ours) - set(theirs))
+    if theirs == ours[: len(theirs)]:
+        raise CheckpointError(
+            f"the run was trained before {missing} were added to the vocabulary, and continues only without them; its "
+            "policy can still be evaluated: evaluate.py checkpoint=<run dir>"
+        )
+    what = f"it has {extra or 'no others'} and lacks {missing or 'none'}" if extra or missing else "in another order"
+    raise CheckpointError(f"the checkpoint was trained with another vocabulary: {what}")
 
 
 def _validated(path: Path, payload: Any, keys: Sequence[str] = KEYS) -> dict[str, Any]:

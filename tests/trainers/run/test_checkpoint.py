@@ -116,6 +116,8 @@ def test_find_takes_a_run_its_checkpoints_folder_or_a_file(path, tmp_path):
 def test_check_fits_names_the_other_vocabulary_or_width():
     checkpoint.check_fits(PAYLOAD, ["<pad>", "red"], PAYLOAD["widths"])
     with pytest.raises(CheckpointError, match=r"vocabulary.*lacks \['blue'\]"):
+        checkpoint.check_fits(PAYLOAD, ["<pad>", "blue", "red"], PAYLOAD["widths"])
+    with pytest.raises(CheckpointError, match=r"before \['blue'\] were added to the vocabulary.* evaluate.py"):
         checkpoint.check_fits(PAYLOAD, ["<pad>", "red", "blue"], PAYLOAD["widths"])
     with pytest.raises(CheckpointError, match=r"robot is \[4\] there and \[9\] here"):
         checkpoint.check_fits(PAYLOAD, ["<pad>", "red"], {**PAYLOAD["widths"], "robot": [9]})
