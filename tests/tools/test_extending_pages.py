@@ -19,7 +19,8 @@ from conf.overrides import compose
 torch.set_num_threads(1)
 small = ["total_frames=128", "collector.workers=1", "collector.worlds=4", "eval.episodes=2", "eval.worlds=2"]
 small += ["eval.interval_episodes=2", "eval.video_episodes=0", "logger=[]", "task.max_steps=8"]
-result = train.run(compose(["robot=ur10", "task=hover", "algo=awr", "algo.minibatch=64", *small]), Path("run"))
+added = ["robot=ur10", "control=joint_step", "task=hover", "algo=awr", "algo.minibatch=64"]
+result = train.run(compose([*added, *small]), Path("run"))
 assert result["frames"] == 128 and Path("run/checkpoints/last.pt").is_file()
 """
 
@@ -46,15 +47,29 @@ def run(folder, code):
 @pytest.mark.slow
 def test_the_added_files_run_and_train(copy):
     examples = [block for kind, block in BLOCKS if kind == "python" and not FILE_HEADER.match(block)]
-    assert len(examples) == 7  # three of the tutorial; a robot, a task, an observation, a relation
+    assert (
+        len(examples) == 9
+    )  # three of the tutorial; a robot, a control, a task, a reward term, an observation, a relation
     run(copy, "\n".join([*examples, TRAIN]))
 
 
-def test_the_pages_add_a_robot_a_task_a_relation_and_an_algorithm():
-    added = {FILE_HEADER.match(block)[1] for kind, block in BLOCKS if FILE_HEADER.match(block)}
-    assert {path.split("/")[0] for path in added} == {"conf", "envs", "language", "trainers"}
-    for kind in ("robot", "task", "observation", "relation", "algorithm"):
-        assert re.search(rf"^## An? {kind}$", EXTENDING, re.MULTILINE)
+@pytest.mark.parametrize(
+    ("kind", "files"),
+    [
+        ("robot", {"conf/robot/ur10.yaml"}),
+        ("control mode", {"envs/mdp/controls.py", "conf/control/joint_step.yaml"}),
+        ("task", {"envs/tasks/hover.py", "conf/task/hover.yaml", "envs/experts/hover.py"}),
+        ("reward term", {"envs/tasks/hover.py", "conf/task/hover.yaml"}),
+        ("observation", {"envs/mdp/observations.py"}),
+        ("relation", {"language/relations.py"}),
+        # A loss of TorchRL is one YAML; one that it lacks is a file more.
+        ("algorithm", {"conf/algo/ddpg.yaml", "trainers/algorithms/awr.py", "conf/algo/awr.yaml"}),
+    ],
+)
+def test_an_addition_touches_these_files_only(kind, files):
+    section = re.search(rf"^## An? {kind}$(.*?)(?=^## )", EXTENDING, re.MULTILINE | re.DOTALL)[1]
+    touched = {header[1] for _, block in FENCE.findall(section) if (header := FILE_HEADER.match(block))}
+    assert touched == files
 
 
 def test_the_added_files_pass_ruff(copy):
