@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,16 +13,12 @@ UNKNOWN_ROW = 1  # the embedding of words that are not in the vocabulary
 def extend_vocabulary(payload: dict[str, Any], vocabulary: Sequence[str]) -> dict[str, Any]:
     """The payload of a checkpoint, with its policy's word embeddings extended to a vocabulary that begins with its own.
 
-    The policy reads the added words as unknown ones, and all others as before; a warning names them. Returns the
-    payload itself where its vocabulary is not a proper beginning of this one.
+    The policy reads the added words as unknown ones, and all others as before. Returns the payload itself where its
+    vocabulary is not a proper beginning of this one.
     """
     known = list(payload["vocabulary"])
     if len(known) >= len(vocabulary) or known != list(vocabulary[: len(known)]):
         return payload
-    added = ", ".join(vocabulary[len(known) :])
-    warnings.warn(
-        f"the policy was trained before these words were added, and reads them as unknown: {added}", stacklevel=2
-    )
     weights = {
         name: _extended(weight, len(vocabulary)) if _is_word_embedding(name, weight, len(known)) else weight
         for name, weight in payload["algorithm"]["policy"].items()
