@@ -23,6 +23,7 @@ TITLES = {
     "direction": "Directions",
     "side": "Sides",
     "superlative": "Superlatives",
+    "role": "Solid and see-through things",
     "region": "Regions and participants",
     "fixture": "Fixtures",
     "unit": "Lengths (in cells or in metres)",
@@ -61,6 +62,23 @@ the gripper.
 A step has a `kind` (take, place, push, reach, press, switch, turn, open, close, stop, wait, home, faster, slower,
 nothing), the index of its `object`, and for "place" and "push" the `position` of its centre (metres or cells), the
 height of its `bottom` and what it then stands `on`.
+
+## Gestures
+
+"This", "that", "here" and "there" take what a person points at, in the order of the words; `human.pointing` finds what
+a ray points at. A gesture is an index, several indices where it may show any of them, or a `Gesture` with a free place.
+If there are more such words than gestures, the last one serves for the rest.
+
+```python
+from language import Object, Scene, interpret
+from language.commands import Gesture
+
+scene = Scene([Object("cube", "red", (0.5, 0.15, 0.025)), Object("cube", "blue", (0.6, 0.0, 0.025))])
+outcome = interpret("pls put that one over there", scene, pointed=[0, Gesture(place=(0.4, 0.0))])
+assert outcome.steps[1].position == (0.4, 0.0)
+assert interpret("pls grab that cube", scene, pointed=[(0, 1)]).candidates == (0, 1)
+assert interpret("pls grab that red cube", scene, pointed=[(0, 1)]).steps[0].object == 0
+```
 
 ## How a reading is chosen
 

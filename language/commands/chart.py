@@ -135,7 +135,10 @@ class Chart:
                 found.append(Item(anchor.end, relation, cost, anchor.skipped))
         for category in ("held", "bare", "here"):
             for edge in get(start, category):
-                found.append(Item(edge.end, Relation(category, span=(start, edge.end), value=edge.value), edge.cost))
+                span = (start, edge.end)
+                shown = category == "here" and self.lattice.gestures
+                anchors = (Entity("spot", pointed=start, span=span),) if shown else ()
+                found.append(Item(edge.end, Relation(category, anchors, value=edge.value, span=span), edge.cost))
         for edge in get(start, "direction"):
             measures = [item for item in self.measure(edge.end) if item.value.unit != "bit" or item.end > edge.end]
             for item in [Item(edge.end, None, 0.0), *measures]:
@@ -212,6 +215,8 @@ def related(entity: Entity, relation: Relation, end: int) -> Entity:
         entity.other,
         entity.plural,
         entity.exposed,
+        entity.pointed,
+        entity.role,
         (*entity.relations, relation),
         (entity.span[0], end),
     )

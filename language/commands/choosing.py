@@ -37,7 +37,7 @@ def choices(sentence: str, planner: Planner, scene_chooses: bool = True) -> Choi
     scene_chooses: False: the reading is chosen by its cost alone, before it is compared with the scene.
     Raises NotUnderstood if the sentence is too long or can be read in too many ways.
     """
-    found, lattice = readings(sentence, planner.judge if scene_chooses else None)
+    found, lattice = readings(sentence, planner.judge if scene_chooses else None, planner.gestures)
     if not scene_chooses:
         found = found[:1]
     possible: list[Choice] = []

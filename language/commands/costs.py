@@ -13,6 +13,8 @@ ODD_PREPOSITION = 0.6  # such as "in the cube"
 NO_NOUN = 0.8  # "the blue"
 REGION_WITHOUT_PREPOSITION = 1.0  # "on red cube left edge"
 TAKEN_SOMEWHERE = 1.5  # "take X" with a place: rather a phrase for X
+POINTED = -0.05  # "this cube" with a gesture: rather what it shows
+UNUSED_GESTURE = 3.5  # a gesture that goes with no word, where it goes with one of another reading
 NO_VERB = 1.0
 NO_VERB_BUT_PLACE = 1.4  # "the red cube on the blue one": rather a thing than a command
 NO_OBJECT = 0.5  # "pick up the cube and place on the red one"
@@ -31,6 +33,7 @@ EMPTY = 8.0  # a phrase that nothing fits, while the readings are pruned
 CLOSE = 0.12  # readings this close in cost with other outcomes are asked about
 
 # Referents.
+SEE_THROUGH = 0.5  # a thing that only marks a place, which the words do not say
 ELEVATED = 0.2  # an anchor "the red block" that stands on another block
 TOP_OF_STACK = 0.8  # "the cube on the tower" for the tower's own top
 NOT_DIRECTLY = 1.0  # above, with something between

@@ -9,8 +9,9 @@ from typing import Any
 
 from language.commands import costs
 from language.commands.choosing import Choice, Choices, choices, result
+from language.commands.gestures import Pointed, gestures
 from language.commands.interpreting import refused, settled, unreadable
-from language.commands.meanings import Entity, Reading, Relation
+from language.commands.meanings import Entity, Gesture, Reading, Relation
 from language.commands.naming import examples, name
 from language.commands.outcomes import CONTROLS, Action, Outcome, Question, Refusal, Understood
 from language.commands.planning import Planner
@@ -42,13 +43,24 @@ class Dialogue:
     history: list[Outcome] = field(default_factory=list)
     surroundings: dict[str, Any] = field(default_factory=dict)
 
-    def answer(self, sentence: str, scene: Scene | World | None = None, pointed: Sequence[int] = ()) -> Outcome:
-        """Returns the outcome of a sentence and remembers it. scene: None: the scene after the last outcome."""
+    def answer(self, sentence: str, scene: Scene | World | None = None, pointed: Pointed = ()) -> Outcome:
+        """Returns the outcome of a sentence and remembers it.
+
+        Args:
+            sentence: as a person writes it.
+            scene: None: the scene after the last outcome.
+            pointed: what gestures show, in the order of the words that need one: indices of objects, several for a
+                gesture that may show either, or a `Gesture`.
+
+        Raises:
+            LanguageError: `pointed` has an index that the scene lacks.
+        """
         world = table(scene, **self.surroundings) if isinstance(scene, Scene) else scene or self.world
         if world is None:
             raise ValueError("the first sentence of a dialogue needs a scene")
+        made = gestures(pointed, world)
         try:
-            outcome = self._answer(sentence, world, scene if isinstance(scene, Scene) else None, pointed)
+            outcome = self._answer(sentence, world, scene if isinstance(scene, Scene) else None, made)
         except NotUnderstood as error:
             outcome = Refusal(sentence, span=(0, len(sentence)), text=str(error), suggestions=examples(world))
         self._remember(outcome, world)
@@ -67,11 +79,11 @@ class Dialogue:
             self.world = world
         self.outcome = outcome
 
-    def _answer(self, sentence: str, world: World, scene: Scene | None, pointed: Sequence[int]) -> Outcome:
-        planner = Planner(world, self.it, self.it)
+    def _answer(self, sentence: str, world: World, scene: Scene | None, made: tuple[Gesture, ...]) -> Outcome:
+        planner = Planner(world, self.it, self.it, gestures=made)
         found = choices(sentence, planner)
         likeliest = min(found.readings, key=lambda reading: reading.cost, default=None)
-        exact = None if scene is None else precise_plan(sentence, scene, world, pointed)
+        exact = None if scene is None else precise_plan(sentence, scene, world, _certain(made))
         if exact is not None and not _shifts(found):
             return self._exact(sentence, exact, found, world)
         if likeliest is not None and likeliest.cost <= costs.TOO_MUCH:
@@ -168,6 +180,12 @@ class Dialogue:
                     return replace(outcome, steps=(*actions, *outcome.steps))
                 last = last if isinstance(last, Question) else outcome
         return last or unreadable(sentence, found.tokens, world)
+
+
+def _certain(made: Sequence[Gesture]) -> tuple[int, ...]:
+    """Returns the things that gestures show if each shows one thing; else ()."""
+    certain = all(len(each.things) == 1 and each.place is None for each in made)
+    return tuple(each.things[0] for each in made) if certain else ()
 
 
 def _shifts(found: Choices) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from language.commands import costs
 from language.commands.choosing import Choice, Choices, choices
 from language.commands.lattice import Token
-from language.commands.meanings import Entity
+from language.commands.meanings import Entity, Gesture
 from language.commands.naming import examples, name, said
 from language.commands.outcomes import Outcome, Question, Refusal, Understood
 from language.commands.planning import Planner
@@ -49,7 +49,7 @@ def understood(
     """Returns the outcome of a plan. following: the cost of the next best one."""
     unused = tuple(sentence[tokens[i].start : tokens[i].end] for i in choice.reading.unused)
     gap = 1.0 if choice.plan.arbitrary else 1.0 - 0.5 * math.exp(-(following - choice.cost) / costs.CLOSE)
-    confidence = round(gap * math.exp(-choice.cost / costs.DOUBT), 3)
+    confidence = min(1.0, round(gap * math.exp(-choice.cost / costs.DOUBT), 3))
     steps = choice.plan.actions
     notes = tuple(_notes(choice, sentence, tokens, world))
     span = (0, len(sentence))
@@ -130,6 +130,9 @@ def refused(sentence: str, found: Choices, world: World) -> Outcome:
         text = f"{plan.failure} '{part}'. Which do you mean?"
         return Question(sentence, 0.0, unused, span, text, plan.candidates)
     if plan.reason in ("nothing", "nowhere"):
+        if plan.entity is not None and isinstance(plan.entity.pointed, Gesture) and plan.entity.pointed.things:
+            shown = " or ".join(name(world, i) for i in plan.entity.pointed.things)
+            return Refusal(sentence, 0.0, unused, span, "nothing", f"'{part}': the gesture shows {shown}")
         things = dict.fromkeys(f"a {thing.color} {thing.kind}" for thing in world.things)
         text = f"{plan.failure} '{part}'; there is {', '.join(list(things)[:8]) or 'nothing'}"
         return Refusal(sentence, 0.0, unused, span, "nothing", text, examples(world))

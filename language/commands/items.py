@@ -9,7 +9,7 @@ from language.commands.lattice import Lattice
 from language.commands.verb_words import FILLERS
 
 _CONTENT = frozenset(
-    ("noun", "color", "stack", "region", "number", "ordinal", "verb", "pronoun", "every", "both", "other")
+    ("noun", "color", "role", "stack", "region", "number", "ordinal", "verb", "pronoun", "every", "both", "other")
     + ("never", "not", "if", "else")
 )
 

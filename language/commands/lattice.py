@@ -25,6 +25,7 @@ DROPPED = frozenset(
 TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
     "fixture": nouns.FIXTURES,
     "region": nouns.REGIONS,
+    "role": nouns.ROLES,
     "relation": modifiers.RELATIONS,
     "direction": modifiers.DIRECTIONS,
     "side": modifiers.SIDES,
@@ -58,12 +59,14 @@ class Lattice:
     """The tokens of a sentence and, for each, the edges that begin there, by category.
 
     unknown: indices of tokens that are no words of the lexicon, however spelt.
+    gestures: the number that go with the sentence; without any, no word needs one.
     """
 
-    def __init__(self, sentence: str) -> None:
+    def __init__(self, sentence: str, gestures: int = 0) -> None:
         """Raises NotUnderstood if the sentence is too long."""
         if len(sentence) > LONGEST_SENTENCE:
             raise NotUnderstood(f"the sentence has {len(sentence)} characters; use at most {LONGEST_SENTENCE}")
+        self.gestures = gestures
         self.tokens = tokens(sentence)
         if len(self.tokens) > MOST_WORDS:
             raise NotUnderstood(f"the sentence has {len(self.tokens)} words; use at most {MOST_WORDS}")
@@ -92,6 +95,10 @@ class Lattice:
                 for word, extra in self.variants[at]:
                     if word in node:
                         open_nodes.append((at + 1, node[word], cost + extra))
+        if not self.gestures:
+            found.pop("pointing", None)
+        elif "pointing" in found:
+            found.pop("control", None)  # "that one", otherwise for "yes"
         number = _number(self.tokens[start].text)
         if number is not None:
             found.setdefault("number", []).append(Edge(start + 1, "number", number, 0.0))

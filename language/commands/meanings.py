@@ -11,6 +11,17 @@ from dataclasses import dataclass, field
 Span = tuple[int, int]
 
 
+@dataclass(frozen=True, slots=True)
+class Gesture:
+    """What a person points at.
+
+    things: indices of the things that may be meant. place: x and y of a place, in the world's unit, or None.
+    """
+
+    things: tuple[int, ...] = ()
+    place: tuple[float, float] | None = None
+
+
 @dataclass(eq=False, slots=True)
 class Measure:
     """A length. unit: "cell", "bit" (a small step), or metres per unit as text."""
@@ -38,11 +49,14 @@ class Relation:
 class Entity:
     """A phrase for things, stacks, regions of the board or a participant.
 
-    kind: "thing", "stack", a key of `nouns.REGIONS`, "fixture" or "it". noun: the kind of thing, or None for any.
+    kind: "thing", "stack", a key of `nouns.REGIONS`, "fixture", "it" or "spot" (what a gesture shows).
+    noun: the kind of thing, or None for any.
     colors: each a tuple of the colours that it may mean. sides: words such as "left" and "back".
     superlative: a key of `modifiers.SUPERLATIVES`. ordinal: a rank from 1, or -1 for the last. number: a count.
     every: all that fit. any: any one that fits. single: not in a stack. other: not the one that was mentioned.
-    plural: whether the noun is a plural.
+    role: one of `language.objects.ROLES`: "target" for what is see-through; None: any.
+    plural: whether the noun is a plural. pointed: the gesture that shows it, or, before it is known, the index of the
+    word that needs one.
     """
 
     kind: str = "thing"
@@ -59,6 +73,8 @@ class Entity:
     other: bool = False
     plural: bool = False
     exposed: bool = False
+    pointed: int | Gesture | None = None
+    role: str | None = None
     relations: tuple[Relation, ...] = ()
     span: Span = (0, 0)
 

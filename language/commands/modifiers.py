@@ -137,6 +137,7 @@ SINGLES: dict[str, str] = {
         "you just picked up, in the robot's hand, that you are holding"
     ),
     "bare": "nothing on it, nothing on top, nothing on top of it, nothing above it, no block on top",
+    "pointing": "this, that",
     "last": "last",
     "not": "not, isn't, aren't, other than, except, excluding, but not, besides, without, is not, are not",
     "between": "between, in between",

@@ -15,6 +15,7 @@ from language.commands.nouns import REGIONS
 _PLURAL = frozenset({"tetrahedra", "boxes"})
 _MODIFIERS = (
     "size",
+    "role",
     "single",
     "other",
     "every",
@@ -68,6 +69,8 @@ class NounPhrases:
     def _extended(self, draft: _Draft) -> list[_Draft]:
         """Returns the drafts with one more modifier."""
         found = []
+        for edge in self._get(draft.at, "pointing") if not draft.known else ():
+            found.append(_Draft(edge.end, {"pointed": draft.at}, draft.cost + costs.POINTED, draft.skipped))
         for category in _MODIFIERS:
             for edge in self._get(draft.at, category):
                 more = _modified(draft.known, category, edge.value)
@@ -113,11 +116,13 @@ class NounPhrases:
         if not known:
             for edge in self._get(at, "pronoun"):
                 found.append(_item(draft, edge.end, edge.cost, start, kind="it"))
+        elif known.keys() == {"pointed"}:
+            found.append(_item(draft, at, 0.0, start, kind="thing"))
         elif not known.keys() - {"sides"}:
             far = costs.FAR_SIDE * ("far" in known["sides"] and len(known["sides"]) > 1)
             found.append(_item(draft, at, 0.5 + far, start, kind="side"))
             found.append(_item(draft, at, 1.2, start, kind="thing"))
-        elif known.keys() & {"colors", "ordinal", "other", "every", "number", "single"}:
+        elif known.keys() & {"colors", "ordinal", "other", "every", "number", "single", "role"}:
             found.append(_item(draft, at, costs.NO_NOUN, start, kind="thing"))
         elif known.get("superlative") in ("left", "right") and len(known) == 1:
             sides = draft._replace(known={"sides": (known["superlative"],)})
@@ -165,7 +170,14 @@ def _modified(known: dict[str, Any], category: str, value: Any) -> dict[str, Any
     key = {"both": "number", "last": "ordinal", "vacant": "exposed"}.get(category, category)
     if key in known:
         return None
-    values: dict[str, Any] = {"both": 2, "last": -1, "ordinal": value, "superlative": value, "size": value}
+    values: dict[str, Any] = {
+        "both": 2,
+        "last": -1,
+        "ordinal": value,
+        "superlative": value,
+        "size": value,
+        "role": value,
+    }
     if category == "number":
         return {**known, "number": int(value)} if value == int(value) and 0 < value < 100 else None
     return {**known, key: values.get(category, True), **({"every": True} if category == "both" else {})}

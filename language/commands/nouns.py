@@ -64,6 +64,11 @@ THINGS: dict[str, str] = {
     "wheel": "",
     "thing": "one, object, thing, piece, item, shape, ones, objects, things, pieces, items",
 }
+# Role of a thing -> adjectives. See-through things mark places.
+ROLES: dict[str, str] = {
+    "real": "solid, opaque, real",
+    "target": "transparent, translucent, see through, seethrough, glassy, ghostly",
+}
 STACKS = (
     "stack, tower, pile, pillar, column, stick, building, parallelipiped, parallelepiped, slab, combination, "
     "heap, group, towers, stacks, set, parallelopiped, structure, piles, pillars, columns, stacking, stock"

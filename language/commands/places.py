@@ -13,7 +13,7 @@ from language.commands.resolving import Resolver
 from language.commands.world import FLAT, World
 
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
-_ONTO = ("on", "over", "in", "to", "at", "of", "with")
+_ONTO = ("on", "over", "in", "to", "at", "of", "with", "here")
 _ASIDE = ("left", "right", "front", "back")  # for these, a free place may also be a little aside
 FARTHEST = 4  # steps to a free place beside an anchor
 
@@ -154,7 +154,8 @@ def _by(world: World, mover: int, relation: Relation, anchor: Ref) -> list[Point
     if anchor.things:
         if name == "farthest":
             return []
-        return [Point(anchor.x, anchor.y, 0.0, anchor.things[-1])] if name in _ONTO else []
+        onto = None if world.things[anchor.things[-1]].target else anchor.things[-1]  # a see-through thing is a place
+        return [Point(anchor.x, anchor.y, 0.0, onto)] if name in _ONTO else []
     if name == "opposite":
         x, y = world.center
         return [Point(2 * x - anchor.x, 2 * y - anchor.y, 0.0)]

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from language.commands import costs
-from language.commands.meanings import Entity, Reading, Relation, Step
+from language.commands.meanings import Entity, Gesture, Reading, Relation, Step
 from language.commands.outcomes import CONTROLS, Action
 from language.commands.places import Point, Spot, settle, spots
 from language.commands.plans import Plan, obstacle
@@ -31,13 +31,15 @@ Resolvers = dict[tuple, Resolver]
 class Planner:
     """Plans readings in one world. it, mentioned: the things of the dialogue.
 
-    help: whether the scene helps to select. effort: phrases judged and actions tried so far.
+    help: whether the scene helps to select. gestures: those of the sentence, in order.
+    effort: phrases judged and actions tried so far.
     """
 
     world: World
     it: tuple[int, ...] = ()
     mentioned: tuple[int, ...] = ()
     help: bool = True
+    gestures: tuple[Gesture, ...] = ()
     effort: int = 0
     _resolvers: Resolvers = field(default_factory=dict)
     _usable: dict[int, object] = field(default_factory=dict)
@@ -82,7 +84,7 @@ class Planner:
         self._spend()
         if entity.kind in ("it", "robot", "person", "board", "cell", "gap", "fixture", "side", "center", "edge"):
             return 0.0
-        if self.world.held is not None or entity.other:
+        if self.world.held is not None or entity.other or isinstance(entity.pointed, int):
             return 0.0
         refs = self.resolver(self.world, self.it, None).resolve(entity)
         return refs[0].cost if refs else costs.EMPTY
@@ -159,9 +161,8 @@ class Planner:
             return
         if entity is None or entity.kind == "it":
             if not plan.it:
-                yield replace(
-                    plan, failure="nothing was mentioned that 'it' may mean", reason="dialogue", entity=entity
-                )
+                why = "nothing was mentioned that 'it' may mean; name it, or point at it and say 'this'"
+                yield replace(plan, failure=why, reason="dialogue", entity=entity)
             else:
                 yield replace(plan, mover=plan.it[0], entity=entity)
             return
@@ -207,7 +208,8 @@ class Planner:
         if action in ("reach", "press", "switch", "turn"):
             wrong = action in ("press", "switch") and not device
             failure = f"a {plan.world.things[index].kind} cannot be {action}ed" if wrong else ""
-            yield self._with(plan, Action(action, index), failure=failure)
+            reason = "impossible" if failure else ""
+            yield replace(plan, actions=(*plan.actions, Action(action, index)), failure=failure, reason=reason)
         elif action in ("take", "move", "push", "remove", "give", "drop", "unstack"):
             yield from self._handled(plan, step, index)
         else:
@@ -235,7 +237,9 @@ class Planner:
                 yield replace(plan, failure="the gripper holds it already", reason="impossible")
             else:
                 yield plan
-        elif (step.action == "drop" and not places) or (held and places and places[0].name == "here"):
+        elif (step.action == "drop" and not places) or (
+            held and places and places[0].name == "here" and not places[0].anchors
+        ):
             thing = plan.world.things[index]
             yield self._put(plan, step, index, settle(plan.world, index, Point(thing.x, thing.y, 0.0)))
         elif not places:
@@ -257,7 +261,9 @@ class Planner:
             plan = replace(plan, arbitrary=True)
         typed = step.entity is not None and step.entity.noun is not None
         found = spots(resolver, index, places, typed)
-        if not found:
+        if places[0].name == "here" and not places[0].anchors:
+            yield replace(plan, failure="no gesture shows the place", reason="where", entity=step.entity)
+        elif not found:
             anchor = places[0].anchors[0] if places[0].anchors else step.entity
             reason = "impossible" if anchor is not None and anchor.kind == "it" else "nowhere"
             yield replace(plan, failure="no place fits", reason=reason, entity=anchor)
@@ -291,7 +297,3 @@ class Planner:
         close = 0.3 * self.world.pitch
         away = max(abs(thing.x - spot.x), abs(thing.y - spot.y), abs(thing.bottom - spot.bottom))
         return index != self.world.held and away < close
-
-    def _with(self, plan: Plan, action: Action, failure: str = "") -> Plan:
-        reason = "impossible" if failure else ""
-        return replace(plan, actions=(*plan.actions, action), failure=failure, reason=reason)

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from language.commands.meanings import Entity, Relation
+from language.commands import costs
+from language.commands.meanings import Entity, Gesture, Relation
 from language.commands.world import FLAT, World
 
 TIE = 0.1  # pitches: distances and coordinates this close are equal
@@ -63,6 +64,17 @@ def color_fits(world: World, index: int, meant: tuple[str, ...]) -> bool:
 
 def heads(world: World, entity: Entity) -> list[Ref]:
     """Returns the referents of a phrase without its relations, superlatives and ranks."""
+    found = _unshown(world, entity)
+    if isinstance(entity.pointed, Gesture) and entity.kind in ("thing", "stack"):
+        shown = set(entity.pointed.things)
+        return [ref for ref in found if shown & set(ref.things)]
+    return found
+
+
+def _unshown(world: World, entity: Entity) -> list[Ref]:
+    """Returns the referents of a phrase, whatever a gesture shows."""
+    if entity.kind == "spot":
+        return _shown(world, entity)
     if entity.kind == "thing" and entity.plural and not entity.every and not entity.number and entity.colors:
         return [*stacks(world, entity), *(ref._replace(cost=1.0) for ref in _things(world, entity))]
     if entity.kind == "thing":
@@ -72,6 +84,14 @@ def heads(world: World, entity: Entity) -> list[Ref]:
     return regions(world, entity)
 
 
+def _shown(world: World, entity: Entity) -> list[Ref]:
+    """Returns what a gesture shows: things or a place; before it is known, all things."""
+    if not isinstance(entity.pointed, Gesture):
+        return [thing_ref(world, index) for index in range(len(world.things))]
+    things = [thing_ref(world, index) for index in entity.pointed.things]
+    return things if entity.pointed.place is None else [*things, spot(*entity.pointed.place)]
+
+
 def _things(world: World, entity: Entity) -> list[Ref]:
     found = []
     for index, thing in enumerate(world.things):
@@ -79,6 +99,9 @@ def _things(world: World, entity: Entity) -> list[Ref]:
             continue
         if not all(color_fits(world, index, color) for color in entity.colors):
             continue
+        if entity.role is not None and thing.target != (entity.role == "target"):
+            continue
+        unsaid = costs.SEE_THROUGH * (thing.target and entity.role is None)
         cost = 0.0
         if entity.single:
             alone = (world.below[index] is None) + (world.above[index] is None)
@@ -87,7 +110,7 @@ def _things(world: World, entity: Entity) -> list[Ref]:
             continue
         if entity.size is not None and not _sized(world, thing.width, entity.size):
             continue
-        found.append(thing_ref(world, index, cost))
+        found.append(thing_ref(world, index, cost + unsaid))
     return found
 
 

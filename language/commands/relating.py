@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from language.commands import costs
@@ -25,6 +26,9 @@ def relation_cost(world: World, ref: Ref, relation: Relation, anchors: Sequence[
         return _between(world, ref, anchors)
     if not anchors:
         return None
+    if relation.name == "here":
+        away = min((distance(ref.x, ref.y, shown) for shown in anchors[0].refs), default=math.inf)
+        return 0.0 if away < 0.5 * world.pitch else None
     near = anchors[0].candidates(world, ref, relation.name)
     found = (_cost(world, ref, relation, anchor) for anchor in near)
     pairs = [cost + anchor.cost for anchor, cost in zip(near, found, strict=True) if cost is not None]

@@ -68,7 +68,8 @@ class Resolver:
         """Returns what the phrase denotes with the relations that do not select; phrases share their beginnings."""
         number = entity.every, entity.number, entity.single, entity.exposed, entity.plural, entity.other
         counted = entity.ordinal is not None
-        key = (entity.kind, entity.noun, entity.colors, entity.size, entity.sides, number, counted, relations)
+        what = entity.kind, entity.noun, entity.colors, entity.size, entity.sides, entity.pointed, entity.role
+        key = (*what, number, counted, relations)
         if key not in self._heads:
             if relations:
                 before = self._filtered(entity, relations[:-1])

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from language.commands import costs
 from language.commands.chart import Chart, Judge
+from language.commands.gestures import bound, needs_gesture, pointing_words
 from language.commands.items import Item
 from language.commands.lattice import Lattice
-from language.commands.meanings import Entity, Reading, Relation, Step
+from language.commands.meanings import Entity, Gesture, Reading, Relation, Step
 
 MOST_PLACES = 3  # relations that are joined to one place
 MOST_JOINED = 16  # of the places, and of the relations after each, that are joined
@@ -18,13 +20,31 @@ KEPT_STEPS, KEPT_READINGS = 16, 80  # of the same span; of the sentence
 _MOVING = ("move", "push", "drop", "give", "remove", "take")
 
 
-def readings(sentence: str, judge: Judge | None = None) -> tuple[list[Reading], Lattice]:
+def readings(sentence: str, judge: Judge | None = None, made: Sequence[Gesture] = ()) -> tuple[list[Reading], Lattice]:
     """Returns the readings of a sentence, the cheapest first, and its lattice.
 
+    judge: of phrases in the scene. made: the gestures that go with the sentence, in order.
     Raises NotUnderstood if it is too long.
     """
-    lattice = Lattice(sentence)
-    return _Sentences(Chart(lattice, judge)).likeliest(), lattice
+    lattice = Lattice(sentence, len(made))
+    found = _Sentences(Chart(lattice, judge)).likeliest()
+    return (_with_gestures(found, made, judge) if made else found), lattice
+
+
+def _with_gestures(found: list[Reading], made: Sequence[Gesture], judge: Judge | None) -> list[Reading]:
+    """Returns the readings with their gestures, whose phrases can only now be judged."""
+    changed = []
+    used = [min(len(pointing_words(reading)), len(made)) for reading in found]
+    for reading, its in zip(found, used, strict=True):
+        cost = reading.cost + costs.UNUSED_GESTURE * (max(used) - its)
+        shown = bound(reading, made)
+        pairs = zip(reading.steps, shown.steps, strict=True)
+        phrases = [
+            after.entity for before, after in pairs if before.entity is not None and needs_gesture(before.entity)
+        ]
+        cost += sum(judge(phrase) for phrase in phrases if phrase is not None) if judge else 0.0
+        changed.append(replace(shown, cost=cost))
+    return sorted(changed, key=lambda reading: reading.cost)
 
 
 class _Sentences:

@@ -1,0 +1,57 @@
+"""See-through things in people's sentences: they mark places."""
+
+import pytest
+
+from language import Object, Scene
+from language.commands import Dialogue, Refusal, Understood, interpret
+
+TABLE = Scene(
+    [
+        Object("cube", "red", (0.5, 0.15, 0.025)),
+        Object("cube", "blue", (0.6, 0.0, 0.025)),
+        Object("cube", "yellow", (0.6, -0.25, 0.025), role="target"),
+        Object("cube", "orange", (0.4, 0.25, 0.025), role="target"),
+    ]
+)
+MIDDLE = pytest.approx((0.5, 0.0))
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "between the see-through ones",
+        "between the two transparent cubes",
+        "between transparent ones",
+        "in between both see through blocks",
+        "between those two translucent things",
+    ],
+)
+def test_a_place_between_see_through_things_is_their_middle(place):
+    outcome = interpret(f"put the red cube {place}", TABLE)
+    assert isinstance(outcome, Understood)
+    assert outcome.steps[1].position == MIDDLE
+
+
+def test_it_is_put_between_see_through_things_in_a_dialogue():
+    dialogue = Dialogue()
+    dialogue.answer("take the red cube", TABLE)
+    outcome = dialogue.answer("put it between the two transparent cubes")
+    assert [(step.kind, step.object) for step in outcome.steps] == [("place", 0)]
+    assert outcome.steps[0].position == MIDDLE
+
+
+def test_a_see_through_thing_is_a_place_to_put_things_on():
+    outcome = interpret("plz put the red cube on the yellow transparent one", TABLE)
+    assert (outcome.steps[1].position, outcome.steps[1].on) == ((0.6, -0.25), None)
+
+
+def test_a_thing_that_is_not_called_see_through_is_rather_solid():
+    outcome = interpret("put the red cube on top of the other cube", TABLE)
+    assert isinstance(outcome, Understood)
+    assert outcome.steps[1].on == 1
+
+
+def test_a_see_through_thing_cannot_be_taken():
+    outcome = interpret("pls take the orange see-through block", TABLE)
+    assert isinstance(outcome, Refusal)
+    assert outcome.text == "a see-through object only marks a place"
