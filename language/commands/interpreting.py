@@ -36,11 +36,13 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
 
 def _far_better(found: Choices) -> bool:
     """Returns whether a reading that fails is much cheaper than all others, apart from that nothing fits it."""
-    least = min(
-        (c.cost - costs.EMPTY * (c.plan.reason == "nothing") for c in found.failed if c.plan.reason in _TELLING),
-        default=math.inf,
-    )
+    least = min((_telling_cost(c) for c in found.failed if c.plan.reason in _TELLING), default=math.inf)
     return least < found.possible[0].cost - costs.FAR_BETTER
+
+
+def _telling_cost(choice: Choice) -> float:
+    """Returns the cost of a plan that fails, apart from that nothing fits it."""
+    return choice.cost - costs.EMPTY * (choice.plan.reason == "nothing")
 
 
 def understood(
@@ -116,7 +118,7 @@ def _doubted(sentence: str, found: Choices, world: World) -> Outcome:
 def refused(sentence: str, found: Choices, world: World) -> Outcome:
     """Returns why no plan of a sentence can be carried out, or a question for what it leaves open."""
     limit = costs.TOO_MUCH
-    likely = [c for c in found.failed if c.cost - costs.EMPTY * (c.plan.reason == "nothing") <= limit]
+    likely = sorted((c for c in found.failed if _telling_cost(c) <= limit), key=_telling_cost)
     if not likely:
         return unreadable(sentence, found.tokens, world)
     top = likely[0]
