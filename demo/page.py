@@ -18,7 +18,8 @@ from demo.dialogue import Interpretation
 from demo.real_time_loop import RealTimeLoop
 from demo.scene_view import SceneView
 from demo.session import Session
-from demo.session_config import DRIVERS, SessionConfig, pretrained_policies
+from demo.session_config import DRIVERS, MOST_OBJECTS, SessionConfig, default_workspace, pretrained_policies
+from demo.splash_page import set_camera
 from demo.video_recorder import VideoRecorder
 
 Array = NDArray[np.float64]
@@ -48,6 +49,7 @@ class Page:
         self._shown_html: dict[str, str] = {}
         self._recorder: VideoRecorder | None = None
         self._finger: Any = None
+        self._shows_board = False  # from near by
         self._scene_view = SceneView(server, self._on_click, self._on_drag)
         self._gui.reset()
         self._build(session)
@@ -96,7 +98,7 @@ class Page:
                 name: gui.add_dropdown(name.capitalize(), options[name], initial_value=getattr(config, name))
                 for name in ("robot", "control", "task", "workspace")
             }
-            self._objects = gui.add_slider("Objects", 1, 6, 1, objects)
+            self._objects = gui.add_slider("Objects", 1, MOST_OBJECTS, 1, min(objects, MOST_OBJECTS))
             policies = [AUTO, *(policy.name for policy in pretrained_policies())]
             self._policies = gui.add_dropdown("Policy", policies, initial_value=AUTO)
             self._run_folder = gui.add_text("or a run folder", config.checkpoint or "")
@@ -221,18 +223,27 @@ class Page:
         def change(session: Session) -> None:
             self._show_message("One moment.")
             objects = int(self._objects.value)
-            unchanged = objects == session.env.config.task.num_objects  # then another task keeps its own number
+            unchanged = objects == self._shown_objects(session)  # then another task keeps its own number
             values["objects"] = session.config.objects if unchanged else objects
+            if values["workspace"] == session.config.workspace == default_workspace(session.config.task):
+                values["workspace"] = None  # another task has its own
             session.change(replace(session.config, **values))
             self._show_message("")
             self._show_env(session)
 
         self.loop.ask(change, "change")
 
+    @staticmethod
+    def _shown_objects(session: Session) -> int:
+        return min(session.env.config.task.num_objects, MOST_OBJECTS)
+
     def _show_env(self, session: Session) -> None:
         """Shows a new environment and its config."""
         config = session.config
         self._scene_view.show_env(session.env)
+        if session.env.task.stacks != self._shows_board:
+            self._shows_board = session.env.task.stacks
+            set_camera(self._server, self._shows_board)
         self._finger = None
         if session.env.has_person:
             self._finger = self._server.scene.add_transform_controls(
@@ -241,7 +252,7 @@ class Page:
             self._finger.on_update(lambda _: self.loop.ask(self._follow_finger, "finger"))
         for name, dropdown in self._choices.items():
             dropdown.value = getattr(config, name)
-        self._driver.value, self._objects.value = config.driver, session.env.config.task.num_objects
+        self._driver.value, self._objects.value = config.driver, self._shown_objects(session)
         self._put("whose left", self._whose_left, html.hint(session.whose_left))
         self._put("interpretation", self._interpretation, html.message(f"Try: {session.example()}"))
 

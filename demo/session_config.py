@@ -20,11 +20,12 @@ from trainers.run import checkpoint
 
 DRIVERS = ("policy", "expert", "hand")  # who drives the robot
 GROUPS = ("task", "robot", "control", "workspace")  # config groups that a person chooses
+MOST_OBJECTS = 6  # that a person can choose
 DEFAULTS: dict[str, Any] = {
     "task": "nl_reach",
     "robot": "kuka",
     "control": "step",
-    "workspace": "collabtable",
+    "workspace": None,
     "objects": None,
     "driver": "policy",
     "checkpoint": None,
@@ -36,7 +37,8 @@ DEFAULTS: dict[str, Any] = {
 class SessionConfig(Checked):
     """What a person chooses.
 
-    task, robot, control, workspace: options of the config groups.
+    task, robot, control, workspace: options of the config groups. Without a workspace: a board for tasks with stacks,
+        else a table with a person.
     objects: number of objects that can be the referent; None: as many as the task has.
     driver: who drives the robot, one of DRIVERS.
     checkpoint: run directory, checkpoint file or pretrained policy; None: the pretrained policy that fits, if any.
@@ -46,8 +48,8 @@ class SessionConfig(Checked):
     task: str
     robot: str
     control: str
-    workspace: str
-    objects: int | None = within(1, 6)
+    workspace: str | None
+    objects: int | None = within(1, MOST_OBJECTS)
     driver: str = one_of(*DRIVERS)
     checkpoint: str | None
     overrides: list[str]
@@ -56,8 +58,13 @@ class SessionConfig(Checked):
         super().__post_init__()
         for group in GROUPS:
             option, options = getattr(self, group), groups()[group]
-            if option not in options:
+            if option not in options and (group, option) != ("workspace", None):
                 raise ConfigError(f"{group}={option} is not known{did_you_mean(option, options)}")
+
+
+def default_workspace(task: str) -> str:
+    """The workspace of a task, unless a person chooses another one."""
+    return "board" if TASKS[task].stacks else "collabtable"
 
 
 def make_config(**values: Any) -> SessionConfig:
@@ -112,6 +119,7 @@ class Setup:
 def build(config: SessionConfig, seed: int, gui: bool = False) -> Setup:
     """Builds environment and policy. gui: in PyBullet's window. Raises ConfigError for what cannot be built."""
     payload, config, note = _find_policy(config)
+    config = replace(config, workspace=config.workspace or default_workspace(config.task))
     if payload is None:
         options = [f"{group}={getattr(config, group)}" for group in ("task", "robot", "control")]
         composed = compose([*options, *_changes(config, compose(options))])

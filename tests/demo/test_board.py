@@ -14,7 +14,7 @@ FEW = ["task.num_objects=7", "task.min_objects=7"]
 
 @pytest.fixture(scope="module")
 def session():
-    session = Session(make_config(task="rearrange", workspace="board", driver="expert", overrides=FEW), seed=3)
+    session = Session(make_config(task="rearrange", driver="expert", overrides=FEW), seed=3)
     yield session
     session.close()
 
@@ -54,6 +54,10 @@ def cells(session):
     """(K, 3) column, row and level of each thing, as fractions."""
     numbers, grid = board.movable(session.env), board.grid_of(session.env)
     return (session.scene().positions[numbers] - grid.place(0, 0, 0)) / [grid.cell, grid.cell, grid.size]
+
+
+def test_a_task_with_stacks_takes_place_on_the_board(session):
+    assert session.config.workspace == session.env.config.workspace.name == "board"
 
 
 def test_a_cube_is_put_on_another_and_brought_back(session):
@@ -137,7 +141,7 @@ def test_the_example_is_possible_in_every_scene(session):
 
 
 def test_pyramids_are_named_as_pyramids():
-    session = Session(make_config(task="rearrange", workspace="board", driver="expert"), seed=0)
+    session = Session(make_config(task="rearrange", driver="expert"), seed=0)
     seen = set()
     for _ in range(6):
         session.shuffle()

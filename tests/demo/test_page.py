@@ -158,3 +158,14 @@ def test_a_reload_keeps_the_state(page):
 
 def test_the_clock_runs(page):
     assert 0.2 < page.clock() <= 1.05  # 1.00 on an idle machine: python -m benchmarks.page start
+
+
+def test_commands_on_the_board_are_carried_out_and_the_page_tells_whose_left_is_meant(browser):
+    server = PlayServer("--seed", "3", "driver=expert", "task=rearrange")
+    page = PageTab(browser, server.address)
+    page.wait_for_text("left and right are the robot's")
+    assert page.say_and_wait("put the red cube on the blue cube") == "Done in"
+    page.wait_for_text("understood: take")
+    page.say("reach the red cube")
+    page.wait_for_text("moves nothing on a board")
+    assert "Traceback" not in server.close()
