@@ -3,8 +3,8 @@
     python -m benchmarks.experts --episodes 200
     python -m benchmarks.experts --episodes 200 --tasks nl_push,swipe --robots kuka --oracle
 
-Judged are episodes from their start, without a curriculum. `--oracle` has each told nothing but the words and finger,
-which it reads with the parser. What is measured is added to docs/experts.json.
+Episodes begin at their start, without a curriculum. With `--oracle` each expert is given the words and the gesture
+only, which it reads with the parser. The results are added to docs/experts.json.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ENOUGH = 0.95
 
 
 def measured(task: str, robot: str, control: str, episodes: int, seed: int, oracle: bool) -> dict[str, Any]:
-    """What one expert came to."""
+    """The result of one expert."""
     config = read_env(compose([f"task={task}", f"robot={robot}", f"control={control}"]))
     with closing(WorkspaceEnv(config.without_curriculum(), WORLDS, seed)) as env:
         actor = Oracle(env) if oracle and env.task.speaks else expert(env)
@@ -50,7 +50,7 @@ def main() -> None:
         parser.add_argument(f"--{option}", default=",".join(default), help="separated by commas")
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--seed", type=int, default=100)
-    parser.add_argument("--oracle", action="store_true", help="told nothing but the words and the finger")
+    parser.add_argument("--oracle", action="store_true", help="experts are given the words and the gesture only")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "experts.json")
     given = parser.parse_args()
     short = []

@@ -1,7 +1,7 @@
 """Sentences beyond the instruction grammar: from the steps that `language.commands` understands to subtasks.
 
-A place that is no object becomes one: a see-through object of the scene is moved there, and the policy is told to
-bring the referent to it.
+A place that is no object becomes one: a see-through object of the scene is moved there, and the policy is given the
+sentence that brings the referent to it.
 """
 
 from __future__ import annotations

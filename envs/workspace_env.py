@@ -145,7 +145,7 @@ class WorkspaceEnv(EnvBase):
             self._set_goal(i, replace(self._arrays.goals[i], referent=slot))
 
     def _set_goal(self, i: int, goal: Goal) -> None:
-        """What world i is asked for from now on, within an episode."""
+        """Set the goal of world i within an episode."""
         self._arrays.set_goal(i, goal)
         self.task.reset(np.array([i]), self._state)
 
@@ -280,7 +280,7 @@ class WorkspaceEnv(EnvBase):
     ) -> Tensor:
         """The action (N, A) that brings each gripper nearer to position (N, 3), metres: for scripted experts.
 
-        close: (N,) whether it is to grip; None: as it is told now. yaw: (N,) radians about the vertical that it is to
+        close: (N,) whether it is to grip; None: as commanded now. yaw: (N,) radians about the vertical that it is to
         be turned, where the task turns things; None: as it is.
         """
         arm = self.control.towards(position, self._arrays.commanded, yaw)

@@ -55,7 +55,7 @@ class DeviceExpert(Expert):
 
 @register_expert("press")
 class PressExpert(DeviceExpert):
-    """Down on the button, and on."""
+    """Moves down onto the button and goes on until it is pressed."""
 
     def _operate(self, place: Array, turn: Array, way: Array) -> Array:
         below = place.copy()
@@ -65,7 +65,7 @@ class PressExpert(DeviceExpert):
 
 @register_expert("switch")
 class SwitchExpert(DeviceExpert):
-    """Down behind the lever's knob, and along the way that it goes."""
+    """Moves down behind the lever's knob, then along the knob's path."""
 
     def _operate(self, place: Array, turn: Array, way: Array) -> Array:
         ahead, level = _flat(facing(turn)), place - [0.0, 0.0, LOW]
@@ -79,7 +79,7 @@ class SwitchExpert(DeviceExpert):
 
 @register_expert("turn")
 class TurnExpert(DeviceExpert):
-    """Down beside the wheel's peg, and round with it."""
+    """Moves down beside the wheel's peg, then around the axis with it."""
 
     def __init__(self, env: WorkspaceEnv) -> None:
         super().__init__(env)

@@ -18,7 +18,7 @@ CAMERA_DEG = 2.0  # error in degrees of a ray that is read from a picture
 class Oracle:
     """Parses each sentence in its scene, combines it with the gesture, and drives the expert to the result.
 
-    It uses public observations only, and knows the error of the person's finger: the success of full understanding.
+    It uses public observations only, and knows the aiming noise: its success is that of a complete understanding.
     """
 
     def __init__(self, env: WorkspaceEnv) -> None:

@@ -31,7 +31,7 @@ class Pusher(Expert):
 
     def __init__(self, env: WorkspaceEnv) -> None:
         super().__init__(env)
-        self._over = env.config.robot.name in HEIGHTS  # are parts of the gripper beyond the object?
+        self._over = env.config.robot.name in HEIGHTS  # whether parts of the gripper extend beyond the object
         self._height = HEIGHTS.get(env.config.robot.name, HEIGHT)
         self._apart = env.config.task.object_size / 2 + TOOL  # metres between the centres as they touch
 
@@ -62,7 +62,8 @@ class Pusher(Expert):
     def _back(self, thing: Array, way: Array) -> Array:
         """Where the gripper goes (N, 3) from the object that it touches: back, and then up.
 
-        Rising at once, it would take the object along; but one that is beyond it as well would draw it back.
+        A gripper that rises at once would lift the object. One with parts beyond the object rises at once all the same,
+        since going back would drag it.
         """
         near = (length((self._env.gripper - thing)[:, :2]) < self._apart + CLEAR) & (not self._over)
         high = self._env.gripper[:, 2] > HOVER - 0.04

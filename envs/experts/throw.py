@@ -1,4 +1,4 @@
-"""Throw: pick the referent up, accelerate towards its target, and release it where it would fly there."""
+"""Throw: pick the referent up, accelerate towards its target, and release it so that it lands there."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ WINDOW = 1.2  # control steps' worth of distance within which it releases, so th
 class Style(NamedTuple):
     """How a gripper throws.
 
-    height: metres above the table at which it carries. run: metres from the target at which it begins to run. stride:
-    metres that it runs in a control step. flight: control steps for which what is let go of goes on as fast, in all.
-    lead: control steps from the command until it lets go.
+    height: metres above the table at which it carries the object. run: metres from the target at which the run-up
+    begins. stride: metres of run-up in a control step. flight: distance from release to rest, in strides. lead: control
+    steps between the command to open and the release.
     """
 
     height: float
@@ -42,7 +42,7 @@ STYLES = {"magnet": Style(0.18, 0.31, 0.024, 10.0, 0), "fingers": Style(0.22, 0.
 
 @register_expert("throw")
 class ThrowExpert(Fetch):
-    """Runs along y, where there is most room, towards the target's side of the table."""
+    """Accelerates along y, where there is most room, towards the target's side of the table."""
 
     def __init__(self, env: WorkspaceEnv) -> None:
         super().__init__(env)

@@ -13,7 +13,7 @@ from language import LanguageError, Tokenizer
 
 @dataclass(frozen=True)
 class Goal:
-    """What one world is asked for.
+    """The goal of one world's episode.
 
     referent, target: slots; without a target, that of the referent. sentence: as a person says it.
     policy_sentence: as the policy reads it. kind: index into the task's kind_names.

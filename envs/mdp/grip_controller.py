@@ -21,7 +21,7 @@ MAX_DISTANCE = 0.1  # metres from the gripper centre to the centre of an object 
 
 
 class GripController:
-    """closed: (N,) which grippers are told to close. held: (N,) of `state`, the slots that they hold, or NOTHING.
+    """closed: (N,) which grippers are commanded to close. held: (N,) of `state`, the slots that they hold, or NOTHING.
 
     below: metres from the gripper centre down to the centre of an object that it holds.
     grips: whether anything can be gripped.
@@ -103,7 +103,7 @@ class GripController:
             self.held[i] = NOTHING if world.held is None else slots[world.held]
 
     def observation(self, joints: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 1 or 3) in [0, 1]: how far the fingers are open; where it can grip, also how far they are told to be
+        """(N, 1 or 3) in [0, 1]: how far the fingers are open; where it can grip, also how far they are commanded to be
         closed, and whether anything is held. joints: (N, J + F), metres of the fingers last."""
         opening = np.zeros((len(joints), 1))
         if self._num_fingers:

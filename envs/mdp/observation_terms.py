@@ -45,7 +45,7 @@ class GoalSource:
 
 @dataclass(frozen=True)
 class Source(GoalSource):
-    """What all other observations are computed from, as well."""
+    """What all other observations are computed from, beside `GoalSource`."""
 
     worlds: WorldState
     grips: GripController

@@ -142,7 +142,7 @@ OBSERVATIONS = (
         "robot",
         "(R,): joint angles (rad) and speeds (rad/s), gripper centre (m), the first two columns of its rotation "
         "matrix (Zhou et al. 2019: continuous, where quaternions jump), and how far the fingers are open, in [0, 1]. "
-        "Where the task grips: also how far they are told to be closed, and whether anything is held",
+        "Where the task grips: also how far they are commanded to be closed, and whether anything is held",
         spec=_robot_spec,
         compute=_robot,
         gymnasium=True,

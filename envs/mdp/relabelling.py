@@ -1,9 +1,9 @@
 """Relabels episodes with the goal they achieved: hindsight experience replay, for places and for words.
 
-A see-through target touches nothing, and neither does a sentence. So a recorded episode would have gone the same way
-had its target stood where the object ended up, or had another object been named. `Task.relabel` says what could have
-been asked for. The sentence is generated for the changed scene, and the task itself evaluates what was recorded, so
-that rewards and terminations are defined once, and those that depend on the past are right as well.
+See-through targets and sentences have no physical effect. So the recorded motion stays valid if the target stood where
+the object ended up, or if another object was named. `Task.relabel` returns such a goal. A sentence is generated for the
+changed scene, and the task evaluates the recorded states again: rewards and terminations are defined once, also those
+that depend on earlier steps.
 
 Source: Andrychowicz et al. 2017 (arXiv:1707.01495).
 """
@@ -37,7 +37,7 @@ class RelabelledEpisode:
     """An episode of T control steps with another goal.
 
     frames: (T,) as recorded. states: the T + 1 states with the new goal, in the place of worlds. rows: (T + 1, K, D)
-    the rows of `objects` with the new goal. episode: what is asked for.
+    the rows of `objects` with the new goal. episode: the new goal.
     """
 
     frames: TensorDictBase

@@ -26,7 +26,7 @@ class WorldState:
     state: what tasks see; its positions and quaternions are views of `rows`. rows: (N, K, OBJECT_WIDTH), the rows of
     the observation `objects`, but for slots that are not shown. joints: (N, J + F, 2) angle and speed, fingers last.
     commanded, angles: (N, J) joint angles last commanded and measured. pose: of the grippers. slots: for each world,
-    the slots of its objects in their order. goals: what each world is asked for; `set_goal` writes it, and also
+    the slots of its objects in their order. goals: of each world; `set_goal` writes it, and also
     instruction (N, L), kind (N,) and sentence (N, B). steps: (N,) control steps since an episode began.
     """
 
@@ -86,7 +86,7 @@ class WorldState:
             mask[i, slots] = values
 
     def set_goal(self, i: int, goal: Goal) -> None:
-        """What world i is asked for from now on. The task must be reset for that world then."""
+        """Set the goal of world i. The task must be reset for that world afterwards."""
         self.goals[i] = goal
         self.state.referent[i], self.state.target[i] = goal.referent, goal.target
         self.instruction[i] = self._tokenizer.encode(goal.policy_sentence)

@@ -1,6 +1,6 @@
 """Grippers in one PyBullet client: a magnet on the flange, or two fingers that hold by friction.
 
-`Gripper.release` lets go before a control step. `Gripper.update` takes hold after it. `Gripper.held` only tells.
+`Gripper.release` releases before a control step, `Gripper.update` grips after it, and `Gripper.held` is a query.
 """
 
 from __future__ import annotations

@@ -135,12 +135,11 @@ class ObjectPool:
         return body
 
     def _forget_neighbours(self, mobilities: Sequence[int]) -> None:
-        """Let Bullet find anew what is near the shown bodies.
+        """Drop the pairs of near bodies that Bullet has recorded for the shown bodies; it finds the present ones again.
 
-        Bullet notices some steps late that bodies have parted. Until then it keeps their place in the order in which
-        contacts are solved, and the same seed would give other bits than in a fresh world. Setting a body's collision
-        filter, even to what it is, makes Bullet forget all that it takes to be near the body. The bodies' order is that
-        in which they were made.
+        Bullet drops a pair some steps after its bodies have parted. Until then the pair keeps its place in the order in
+        which contacts are solved, and the same seed would give other bits than in a fresh world. Setting the collision
+        filter of a body, even to its present value, drops all its pairs. The bodies go in the order of their creation.
         """
         for body, mobility in sorted(zip(self.shown, mobilities, strict=True)):
             if mobility != Mobility.GHOST:

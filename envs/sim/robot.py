@@ -70,7 +70,7 @@ class RobotConfig(Checked):
             raise ConfigError(f"reach={self.reach} must be 6 numbers (x0, x1, y0, y1, z0, z1), or [] for no limit")
 
     def reaching(self) -> RobotConfig:
-        """As it begins where nothing is to be moved: with its fingers, if any, beside its way, and none ahead."""
+        """The robot for reaching tasks: the last joint is turned by 90 degrees, so that no finger leads."""
         if not self.fingers:
             return self
         return replace(self, rest=[*self.rest[:-1], self.rest[-1] - math.copysign(math.pi / 2, self.rest[-1])])
@@ -120,7 +120,7 @@ class Robot:
         self._bind(self._forces)
 
     def _check(self, info: list[tuple]) -> None:
-        """PyBullet loads masses and limits that are no numbers without a word."""
+        """Raises ConfigError for masses and limits that are not numbers, which PyBullet loads silently."""
         config = self.config
         for j in range(len(info)):
             mass = bullet.getDynamicsInfo(self.body, j, self._client)[0]
@@ -151,7 +151,7 @@ class Robot:
         self._states = partial(bullet.getJointStates, self.body, motors, physicsClientId=self._client)
 
     def limit_fingers(self, force: float) -> None:
-        """Let each finger close with so many N."""
+        """Limit the force with which each finger closes, N."""
         self._bind(self._forces[: len(self.arm)] + [force] * len(self.fingers))
 
     def drive(self, targets: Sequence[float]) -> None:

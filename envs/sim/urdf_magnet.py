@@ -45,7 +45,7 @@ def with_magnet(urdf: Path, link: str, end: Numbers, way: Numbers, radius: float
 
 
 def _written(tree: Any, urdf: Path, lengths: str) -> Path:
-    """The file; the same robot has one of its own for each magnet."""
+    """Writes the URDF and returns its path, which differs for each magnet of a robot."""
     target = scratch() / f"{urdf.stem}_with_magnet_{lengths}.urdf"
     tree.write(target)
     return target

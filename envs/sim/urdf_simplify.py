@@ -23,7 +23,7 @@ STL = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "
 
 @cache
 def simplified(urdf: Path, joints: tuple[str, ...]) -> Path:
-    """The copy's place; the URDF itself where there is nothing to simplify.
+    """The path of the copy; that of the URDF itself if there is nothing to simplify.
 
     joints: those that the robot uses. All others are fixed at 0.
     """

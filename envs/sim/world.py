@@ -23,7 +23,7 @@ from envs.sim.workspace import WorkspaceConfig
 from human import Body, Camera, PointingArm, read_arm
 from language import SEE_THROUGH
 
-SLEEP_STEPS = 3  # physics steps until a body told to sleep is asleep
+SLEEP_STEPS = 3  # physics steps until a body that is put to sleep is asleep
 CONE = (1.0, 1.0, 1.0, SEE_THROUGH)  # RGBA of the cone along a pointing finger
 INVISIBLE = (0.0, 0.0, 0.0, 0.0)
 CONTACT_BREAKING = 0.02  # metres, Bullet's own
@@ -87,7 +87,7 @@ class World:
     def _build(
         self, robot: RobotConfig, gripper: GripperConfig | None, objects: PoolSpec, devices: Sequence[str]
     ) -> None:
-        """The order in which bodies are made is part of what a seed gives: Bullet solves contacts in that order."""
+        """Builds the bodies. Their order must not change: Bullet solves contacts in this order."""
         self._set_up_physics()
         self._step_simulation = partial(bullet.stepSimulation, self.client)
         name = gripper and gripper.of(robot)
@@ -223,7 +223,7 @@ class World:
         return self.pool.shown.index(self._gripper.held)
 
     def release(self, after: int = 0) -> None:
-        """Let go of what is held: now, or so many physics steps into the next control step."""
+        """Release what is held: now, or `after` physics steps into the next control step."""
         self._release_after = after
         if self._gripper is not None and not after:
             self._gripper.release()
@@ -241,7 +241,7 @@ class World:
         self._finger_targets = targets[len(self.robot.arm) :]
 
     def _advance_holding(self, targets: Sequence[float], steps: int) -> None:
-        """Move the arm for so many physics steps before the gripper lets go."""
+        """Move the arm for this number of physics steps, then release."""
         self.robot.drive([*targets[: len(self.robot.arm)], *self._finger_targets])
         for _ in range(steps):
             self.step_physics()

@@ -233,10 +233,12 @@ class Manipulation(ReferringTask):
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """Names an object that was moved, and a target where it came to rest, moved there if none stood there."""
-        told = find_achieved_goal(moments, self.disturbed, STILL, self.config.radius, rng)
-        if told is None:
+        achieved = find_achieved_goal(moments, self.disturbed, STILL, self.config.radius, rng)
+        if achieved is None:
             return None
-        return self.episode(placed._replace(scene=placed.scene.moved(told.places)), told.referent, told.target, rng)
+        return self.episode(
+            placed._replace(scene=placed.scene.moved(achieved.places)), achieved.referent, achieved.target, rng
+        )
 
     def _draw_scene(self, rng: Generator) -> tuple[Placed, NDArray[np.bool_]]:
         if self.speaks:

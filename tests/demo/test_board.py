@@ -96,7 +96,7 @@ def test_several_steps_are_done_in_order(session):
     np.testing.assert_allclose(cells(session)[[first, second], :2], [(7, 7), (7, 7)], atol=0.2)
 
 
-def test_a_policy_carries_out_places_and_the_expert_what_it_shall_hold(session):
+def test_the_policy_places_objects_and_the_expert_holds_them(session):
     (first, one), (second, other), *_ = scene_with_loose_cubes(session)
     session._policy = expert(session.env)
     session.set_driver("policy")

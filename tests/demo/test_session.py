@@ -241,7 +241,7 @@ def real_and_targets(session):
     return np.flatnonzero(~targets).tolist(), np.flatnonzero(targets).tolist()
 
 
-def test_a_place_that_is_no_object_becomes_one(placing):
+def test_a_place_without_an_object_is_marked_by_a_see_through_one(placing):
     (first, *_), targets = real_and_targets(placing)
     _, x1, y0, _ = placing.env.config.workspace.object_area
     result = placing.say(f"put {placing.object_names()[first]} in the back right corner please")
@@ -278,7 +278,7 @@ def test_a_place_above_the_table_is_refused_by_a_task_that_does_not_stack(placin
     assert "nl_stack" in result.message
 
 
-def test_the_session_tells_whose_left_is_meant(reaching):
+def test_the_session_says_whose_left_is_meant(reaching):
     assert reaching.config.workspace == "collabtable"
     assert "robot's" in reaching.whose_left
     session = Session(make_config(task="reach_gesture", objects=3), seed=5)

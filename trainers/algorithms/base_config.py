@@ -37,7 +37,7 @@ class AlgorithmConfig(Checked):
         return False
 
     def check_batch(self, frames: int) -> None:
-        """Raise ConfigError if batches of so many frames do not fit the other settings."""
+        """Raise ConfigError if batches of this number of frames do not fit the other settings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +70,7 @@ class OffPolicyConfig(AlgorithmConfig):
     updates_per_frame: float = within(0.0, 100.0)  # gradient steps per collected frame
     buffer: int = within(100)  # capacity of the replay buffer in frames
     learning_starts: int = within(0)  # frames collected before the first gradient step
-    grounding_every: int = within(1)  # one of so many gradient steps includes the grounding loss
+    grounding_every: int = within(1)  # gradient steps for each one that includes the grounding loss
     hindsight: float = within(0.0, 100.0)  # relabelled copies of each episode; 0 = none, a fraction is a probability
 
     def check_batch(self, frames: int) -> None:

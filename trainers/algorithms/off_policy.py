@@ -84,7 +84,7 @@ class OffPolicyAlgorithm(Algorithm):
                 self.grounding.add(scenes.select(*self.grounding.keys))
 
     def learn(self, steps: int) -> list[dict[str, Tensor]]:
-        """Take so many gradient steps. Scenes, and frames without priorities, are drawn once for all of them."""
+        """Take gradient steps. Scenes, and frames without priorities, are drawn once for all of them."""
         frames: Iterable[TensorDictBase]
         if self.replay.prioritised:  # drawn one by one: priorities change with every step
             frames = (self.replay.sample(self.config.batch) for _ in range(steps))

@@ -118,7 +118,7 @@ def test_the_steps_of_a_command_become_moves_to_cells():
     np.testing.assert_allclose(second.place, GRID.place(4, 4, 7))
 
 
-def test_what_was_moved_before_is_taken_where_it_is_then():
+def test_a_moved_object_is_taken_from_its_new_place():
     actions = [Action("take", 0), Action("place", 0, (5.0, 6.0), 0.0), Action("take", 0)]
     moves = moves_of(actions, [(1, 2)], [0], GRID)
     assert [move.release for move in moves] == [True, False]

@@ -84,7 +84,7 @@ def test_a_rod_without_lengths_or_lengths_without_a_rod_are_refused():
             read_env(compose(overrides))
 
 
-def test_robots_are_as_they_were_where_nothing_is_to_be_moved():
+def test_a_rod_is_ignored_by_tasks_that_move_nothing():
     plain, rod = (read_env(compose(["task=nl_reach", f"gripper={name}"])).robot for name in ("own", "rod"))
     assert plain == rod
 

@@ -48,7 +48,7 @@ def test_more_objects_than_places_are_refused():
         GRID.draw(np.random.default_rng(0), 64 * LEVELS, targets=1, levels=LEVELS)
 
 
-def test_above_tells_what_stands_over_what_in_the_same_stack():
+def test_above_holds_for_objects_over_others_in_the_same_stack():
     places = np.array([GRID.place(*cell) for cell in ((0, 0, 0), (0, 0, 1), (0, 0, 3), (1, 0, 1))])
     expected = np.zeros((4, 4), bool)
     expected[0, [1, 2]] = expected[1, 2] = True

@@ -21,7 +21,7 @@ from tests.helpers.manipulation_cases import (
 
 
 @pytest.mark.parametrize("what", DONE)
-def test_what_is_done_ends_as_it_should(what):
+def test_each_course_of_events_has_its_outcome(what):
     names, moments, end = DONE[what]
     for name in names:
         outcomes = judged(name, moments)
@@ -51,12 +51,12 @@ def test_evaluating_a_state_changes_no_memory(what):
 
 
 @pytest.mark.parametrize("name", MOVING)
-def test_doing_nothing_ends_nothing(name):
+def test_an_episode_without_motion_does_not_terminate(name):
     assert ends(judged(name, [moment()] * 10)) == []
 
 
 @pytest.mark.parametrize("name", MOVING)
-def test_a_new_episode_forgets_what_was_done(name):
+def test_a_reset_clears_the_memory_of_the_task(name):
     plain = name.removeprefix("nl_")
     moments = next(
         moments
@@ -75,7 +75,7 @@ def test_a_new_episode_forgets_what_was_done(name):
 
 
 @pytest.mark.parametrize("name", MOVING)
-def test_going_to_and_fro_pays_nothing(name):
+def test_moving_to_and_fro_earns_no_reward(name):
     task, rng = four(name), np.random.default_rng(0)
     loop = [
         moment(THING + 0.01 * rng.uniform(-1, 1, 3) * [1, 1, 0], gripper=AWAY + 0.1 * rng.uniform(-1, 1, 3))

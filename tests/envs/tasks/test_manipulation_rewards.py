@@ -40,13 +40,13 @@ def lacking(name):
 
 
 @pytest.mark.parametrize("name", MOVING)
-def test_an_episode_that_never_finishes_never_beats_one_that_does(name):
+def test_an_episode_that_never_finishes_earns_less_than_one_that_does(name):
     weights = four(name).config.reward
     assert lacking(name) < weights["success"]  # the one that finishes is the shorter one, and time costs
 
 
 @pytest.mark.parametrize("name", MOVING)
-def test_an_episode_that_is_spoilt_at_once_does_not_beat_one_that_finishes_at_last(name):
+def test_an_early_failure_earns_less_than_a_late_success(name):
     config = four(name).config
     time = -config.reward["time"] * config.max_steps
     for end in {"wrong_object", "wrong_target", "failed"} & set(config.reward):
@@ -54,7 +54,7 @@ def test_an_episode_that_is_spoilt_at_once_does_not_beat_one_that_finishes_at_la
 
 
 @pytest.mark.parametrize("name", MOVING)
-def test_potentials_never_exceed_the_most_that_they_are_said_to_be(name):
+def test_potentials_never_exceed_their_declared_maximum(name):
     task, rng = four(name), np.random.default_rng(0)
     task.reset(np.array([0]), state_for(task, moment()))
     for _ in range(300):
@@ -73,7 +73,7 @@ def test_every_term_has_a_weight_of_its_sign(name):
 
 
 @pytest.mark.parametrize("name", MOVING)
-def test_success_is_paid_once(name):
+def test_success_is_rewarded_once(name):
     outcomes = judged(name, way_to_success(name))
     assert [float(outcome.terms["success"][0]) for outcome in outcomes[:-1]][-1] in (0.0, 1.0)
     assert float(outcomes[-1].terms["success"][0]) == 1.0

@@ -90,7 +90,7 @@ def test_from_the_humans_side_left_is_right():
         ),
     ],
 )
-def test_bad_splits_are_told_in_one_sentence(override, said):
+def test_bad_splits_are_refused_in_one_sentence(override, said):
     from shlex import split
 
     with pytest.raises(ConfigError, match=said) as caught:
@@ -113,7 +113,7 @@ def test_drawn_scenes_are_what_episodes_begin_with():
         assert scenes[key].shape[1:] == spec[key].shape[1:]
 
 
-def test_started_episodes_differ_in_nothing_but_the_words():
+def test_started_episodes_differ_only_in_their_words():
     env = make(task="nl_reach_large", worlds=6)
     episodes = env.task.each_in_turn(np.random.default_rng(0))
     begun = env.start(episodes, seed=3)

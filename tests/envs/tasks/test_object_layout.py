@@ -95,14 +95,14 @@ def test_one_listed_object_may_be_reached_without_words():
         env.close()
 
 
-def test_nothing_tells_which_listed_object_is_meant_but_the_words():
+def test_only_the_words_identify_a_listed_referent():
     task = task_of("nl_reach", *listed([CUBE, POST], [MARK]))
     rng = np.random.default_rng(0)
     referents = np.bincount([task.draw(rng).referent for _ in range(900)])
     assert referents.min() > 240
 
 
-def test_without_lists_the_draws_are_the_same_as_ever():
+def test_without_listed_objects_the_draws_are_unchanged():
     task = task_of("nl_reach", "task.num_objects=5", "task.min_objects=2")
     one, other = np.random.default_rng(3), np.random.default_rng(3)
     for _ in range(20):
@@ -139,7 +139,7 @@ def cube_in(td):
 
 
 @pytest.mark.parametrize("sleeping", [True, False])
-def test_a_free_cube_is_pushed_a_fixed_one_is_in_the_way_a_target_neither(sleeping):
+def test_free_cubes_are_pushed_fixed_ones_stay_and_targets_do_not_collide(sleeping):
     env = three(f"physics.sleeping={sleeping}", *LONG)
     reached = {}
     for kind in (FREE, FIXED, TARGET, FREE):
@@ -167,7 +167,7 @@ def test_a_fixed_cube_and_a_target_hang_where_a_free_cube_falls():
     env.close()
 
 
-def test_every_kind_of_episode_is_forgotten_bit_for_bit():
+def test_a_seed_gives_the_same_bits_after_every_kind_of_episode():
     fresh = {}
     for kind in (FREE, FIXED, TARGET):
         env = three(*LONG)
@@ -238,7 +238,7 @@ def test_a_bad_list_is_named(init, message):
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_no_list_is_named():
+def test_a_value_that_is_not_a_list_is_named():
     with pytest.raises(ConfigError, match=r"task.objects.init=cube must be a list of groups"):
         make("kuka", "step", "nl_reach", "task.objects.init=cube")
 

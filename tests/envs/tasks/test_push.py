@@ -23,7 +23,7 @@ def pushed():
     return *(np.stack(each) for each in zip(*seen, strict=True)), radius
 
 
-def test_objects_tell_how_far_they_slid_in_the_last_step(pushed):
+def test_rows_of_objects_hold_their_motion_in_the_last_step(pushed):
     rows, places, _, movable, _ = pushed
     slid = np.diff(places, axis=0)[..., :2]
     assert np.abs(slid).max() > 0.005
@@ -32,7 +32,7 @@ def test_objects_tell_how_far_they_slid_in_the_last_step(pushed):
     assert not rows[0, ..., -3:-1].any()
 
 
-def test_objects_tell_whether_they_lie_at_a_target(pushed):
+def test_rows_of_objects_hold_whether_they_lie_at_a_target(pushed):
     rows, places, targets, movable, radius = pushed
     apart = np.linalg.norm(places[:, :, :, None] - places[:, :, None], axis=-1)
     nearest = np.where(targets[:, :, None], apart, np.inf).min(-1)[movable]

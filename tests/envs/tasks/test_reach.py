@@ -42,7 +42,7 @@ def test_success_needs_hold_steps_running_at_the_referent(name):
 
 
 @pytest.mark.parametrize("name", REACHING)
-def test_as_long_at_another_object_is_the_wrong_object(name):
+def test_hold_steps_at_another_object_are_the_wrong_object(name):
     outcomes = judged(task_of(name, "task.hold_steps=4"), [OTHER] * 4)
     assert flags(outcomes, "wrong_object") == [False, False, False, True]
     assert not any(flags(outcomes, "success") + flags(outcomes, "at_goal"))
@@ -57,12 +57,12 @@ def test_as_long_at_another_object_is_the_wrong_object(name):
         (OTHER, TARGET, "wrong_object"),
     ],
 )
-def test_leaving_in_between_starts_the_count_anew(place, elsewhere, flag):
+def test_leaving_the_referent_restarts_the_count(place, elsewhere, flag):
     outcomes = judged(task_of("nl_reach", "task.hold_steps=4"), [place] * 3 + [elsewhere] + [place] * 4)
     assert flags(outcomes, flag) == [False] * 7 + [True]
 
 
-def test_a_new_episode_starts_the_count_anew_in_its_own_world_alone():
+def test_a_reset_restarts_the_count_in_its_own_world_only():
     task = task_of("nl_reach", "task.hold_steps=4", worlds=2)
     both = state(TARGET)
     both = State(*(np.concatenate((a, a)) for a in (both.gripper, both.objects, both.shown, both.referent)))
@@ -81,7 +81,7 @@ def test_near_is_within_the_radius_in_every_direction(distance, direction):
     assert bool(outcome.at_goal[0]) == (distance < 0.05)
 
 
-def test_between_two_objects_that_were_pushed_together_the_nearer_one_counts():
+def test_of_two_touching_objects_the_nearer_one_counts():
     pushed = (TARGET, TARGET + np.array([0.0, 0.05, 0.0]))
     task = task_of("nl_reach", "task.hold_steps=2")
     nearer_other = TARGET + np.array([0.0, 0.03, 0.0])
@@ -90,7 +90,7 @@ def test_between_two_objects_that_were_pushed_together_the_nearer_one_counts():
     assert not any(flags(outcomes, "at_goal"))
 
 
-def test_slots_that_show_nothing_are_never_reached():
+def test_empty_slots_are_never_reached():
     task = task_of("nl_reach", "task.hold_steps=1")
     (outcome,) = judged(task, [OTHER], shown=[True, False])
     assert not outcome.wrong_object[0]
@@ -163,7 +163,7 @@ def test_holding_at_an_object_ends_the_episode(right, flag):
 
 
 @pytest.mark.parametrize(("name", "opening"), [("nl_reach", 1), ("nl_push", 0)])
-def test_fingers_let_what_is_reached_between_them_and_push_while_they_are_shut(name, opening):
+def test_fingers_are_open_to_reach_and_closed_to_push(name, opening):
     env = make("panda", task=name)
     td = env.reset()
     for _ in range(3):

@@ -51,7 +51,7 @@ def test_in_reach_gesture_the_goal_is_the_object_nearest_to_the_ray():
     env.close()
 
 
-def test_in_reach_gesture_the_words_tell_nothing():
+def test_in_reach_gesture_the_words_carry_no_information():
     task = task_of("reach_gesture")
     rng = np.random.default_rng(0)
     sentences = {task.draw(rng).sentence for _ in range(100)}
@@ -72,7 +72,7 @@ def test_in_nl_reach_gesture_the_words_fit_two_objects_that_stand_apart_and_one_
         assert phrase_of(episode.sentence).determiner in ("this", "that")
 
 
-def test_of_the_two_that_the_words_fit_nothing_but_the_finger_tells_which():
+def test_only_the_finger_distinguishes_the_two_candidates():
     """Nearer to the robot, nearer to the person, more to a side, or with more neighbours: each about as often meant."""
     task, rng, guesses, count = task_of("nl_reach_gesture"), np.random.default_rng(1), Counter(), 600
     for _ in range(count):
@@ -97,7 +97,7 @@ def test_the_ray_observed_is_that_of_the_persons_fingertip_and_goes_through_what
     assert (ray[:, 0] > 0.6).all()  # on the person's side of the objects
 
 
-def test_what_is_meant_and_how_far_the_ray_strays_is_told_to_losses_alone(shown):
+def test_referent_and_aiming_error_are_privileged(shown):
     pointing = rows(shown, ("privileged", "pointing"))
     assert np.rad2deg(pointing[:, 0]).max() < 0.5
     distance = np.linalg.norm(rows(shown, ("privileged", "goal")) - rows(shown, "gesture")[:, :3], axis=1)
@@ -106,7 +106,7 @@ def test_what_is_meant_and_how_far_the_ray_strays_is_told_to_losses_alone(shown)
 
 
 @pytest.mark.parametrize("noise", [2.0, 6.0])
-def test_the_finger_strays_as_far_as_it_is_told_to(noise):
+def test_the_aiming_error_has_the_configured_deviation(noise):
     env = make("kuka", "step", "nl_reach_gesture", f"gesture.noise_deg={noise}", worlds=50)
     angles = np.concatenate([env.reset()["privileged", "pointing"][:, 0].numpy() for _ in range(12)])
     env.close()
@@ -121,7 +121,7 @@ def test_every_style_puts_its_own_line_through_what_is_meant(style):
     env.close()
 
 
-def test_without_a_gesture_nothing_that_anyone_may_see_tells_which_of_the_two_is_meant():
+def test_without_a_gesture_no_public_observation_identifies_the_referent():
     env = make("kuka", "step", "nl_reach_gesture", "gesture.dropout=1", worlds=2)
     for seed in range(5):
         td = env.start(env.task.each_in_turn(np.random.default_rng(seed)), seed)
@@ -141,7 +141,7 @@ def test_dropout_is_the_share_of_episodes_without_a_gesture():
     assert 0.2 < without.mean() < 0.4
 
 
-def test_a_finger_that_moves_on_takes_the_goal_with_it_and_really_moves():
+def test_a_gesture_switch_moves_the_arm_and_changes_the_goal():
     env = make("kuka", "step", "nl_reach_gesture", "gesture.switch=1", "gesture.frames=30", worlds=8)
     td = env.reset()
     rays, referents = [td["gesture"].numpy()], [td["privileged", "referent"].numpy()]
@@ -161,7 +161,7 @@ def test_a_finger_that_moves_on_takes_the_goal_with_it_and_really_moves():
 
 
 @pytest.mark.parametrize("task", GESTURE_TASKS)
-def test_who_follows_the_finger_succeeds_and_who_goes_on_to_the_first_goal_does_not(task):
+def test_after_a_gesture_switch_only_the_new_referent_is_a_success(task):
     env = make("kuka", "step", task, "gesture.switch=1", worlds=16)
     assert run_to_end(env, Oracle(env), env.reset()).all()
     expert = ReachExpert(env)
@@ -221,7 +221,7 @@ def test_the_same_seed_gives_the_same_bits_whatever_the_number_of_worlds(task):
 
 
 @pytest.mark.parametrize("task", GESTURE_TASKS)
-def test_the_same_bits_whether_somebody_looks_or_not(task):
+def test_rendering_does_not_change_the_bits(task):
     """The person has a body where somebody looks, and is an arm of numbers where nobody does."""
     seen = []
     for render in (True, False):
@@ -231,7 +231,7 @@ def test_the_same_bits_whether_somebody_looks_or_not(task):
     assert differences(*seen) == []
 
 
-def test_a_history_in_which_the_robot_ran_into_the_person_is_forgotten():
+def test_a_seed_gives_the_same_bits_after_the_robot_met_the_person():
     near = "workspace.human.position=[1.2,-0.15,-0.74]"
     env = make("kuka", "joints", "reach_gesture", near, "gesture.switch=1", worlds=2, seed=5, render=True)
     fresh = rollout(env, 40, Poker(env))
@@ -262,7 +262,7 @@ def test_a_history_in_which_the_robot_ran_into_the_person_is_forgotten():
         (["task=nl_reach_gesture", "task.spacing=0.2"], r"do not fit in two groups"),
     ],
 )
-def test_what_cannot_be_pointed_at_is_told_in_one_line(words, message):
+def test_unreachable_pointing_targets_are_refused_in_one_line(words, message):
     with pytest.raises(ConfigError, match=message) as caught:
         make_env(words)
     assert "\n" not in str(caught.value)

@@ -46,7 +46,7 @@ def test_without_words_some_objects_on_top_are_pyramids_and_nothing_stands_on_th
     assert seen > 10
 
 
-def test_a_column_of_the_objects_tells_which_one_is_meant():
+def test_a_column_of_the_objects_marks_the_referent():
     env = make("kuka", "step", "rearrange", worlds=3, seed=5)
     rows = env.reset()["objects"].numpy()
     np.testing.assert_array_equal(rows[..., -1].argmax(1), env.state.referent)

@@ -50,7 +50,7 @@ def test_the_words_are_those_of_the_language(name):
 
 
 @pytest.mark.parametrize("name", SPOKEN)
-def test_who_understands_the_words_does_what_they_say(name):
+def test_the_oracle_succeeds_from_public_observations(name):
     env = make(
         "kuka",
         "step",

@@ -60,7 +60,7 @@ def test_the_span_of_a_refusal_is_the_phrase_that_nothing_fits():
     assert sentence[slice(*outcome.span)] == "purple pyramid"
 
 
-def test_words_that_are_not_used_are_told():
+def test_unused_words_are_reported():
     outcome = interpret("take the red cube frobnicated", TABLE)
     assert isinstance(outcome, Understood)
     assert outcome.unused == ("frobnicated",)

@@ -18,7 +18,7 @@ def test_success_in_training_is_the_mean_of_many_episodes_not_the_last_rows(caps
     assert lines == ["20 of 1000 frames, 1 s: success 0.50, in training 0.25"]
 
 
-def test_what_was_long_ago_does_not_count(capsys):
+def test_only_the_last_episodes_count(capsys):
     rows = [row(10, WINDOW, 0.0), row(20, WINDOW, 0.75, **{"eval/success_at_end": 0.5})]
     assert said(capsys, rows) == ["20 of 1000 frames, 1 s: success 0.50, in training 0.75"]
 
