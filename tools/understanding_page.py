@@ -95,6 +95,17 @@ Left and right are those of the scene's `viewpoint`: "robot" (the default) or "h
 faces away from itself, as in the Treebank, it is the far side, which is also the "top". A thing that is brought to a
 person goes to the far edge.
 """
+FILM = """\
+## Carried out
+
+![Twelve commands, one after another: an arm moves blocks of a board as the subtitle says](commands.gif)
+
+Twelve commands that people wrote, each understood in its own scene and carried out by the scripted expert on real
+physics, in real time. The sentences are quoted from the Robot Commands Treebank (Dukes 2014, SemEval-2014 task 6).
+`python -m benchmarks.rearrange_film --data FOLDER --out docs/commands.gif` makes the film;
+[manipulation](manipulation.md#the-board) has the figures. On the page of `play.py task=rearrange`, you
+[say such commands yourself](play.md#on-a-board).
+"""
 TEACHING = """\
 ## How to teach it a phrase
 
@@ -122,7 +133,16 @@ For good, add it to `language/commands/verb_words.py`, `modifiers.py` or `nouns.
 
 def page() -> str:
     """Returns the page."""
-    parts = [NOTE, INTRODUCTION, _table(("cost", "value", "of"), _costs()), LEFT, *_coverage(), TEACHING, *_words()]
+    parts = [
+        NOTE,
+        INTRODUCTION,
+        _table(("cost", "value", "of"), _costs()),
+        LEFT,
+        *_coverage(),
+        FILM,
+        TEACHING,
+        *_words(),
+    ]
     return "\n".join(part.rstrip("\n") + "\n" for part in parts)
 
 
