@@ -5,7 +5,7 @@
     python -m benchmarks.page motion                       # time to motion without a browser
     python -m benchmarks.page said --count 100             # success of sentences that are typed into the page
     python -m benchmarks.page hostile --minutes 30         # random and hostile text, clicks, choices, reloads; memory
-    python -m benchmarks.page film --out docs/demo.gif     # a sentence and its correction, for README
+    python -m benchmarks.page film --seed 7 --out docs/demo.gif  # a sentence and its correction, for README
 
 Arguments after `--` go to play.py. `start` counts from the start of the process. A motion counts from the press of
 Enter to the status that the page shows after the step, by which time the arm has moved.
@@ -213,7 +213,7 @@ def film(args: argparse.Namespace) -> dict[str, Any]:
         step(5)
         page.type_sentence(f"no, {names[-1]}")
         page.say(f"no, {names[-1]}")
-        step(11)
+        step(14)
     server.close()
     small = [picture.convert("RGB").resize((WIDE[0] * 3 // 4, WIDE[1] * 3 // 4)) for picture in pictures]
     palette = small[-1].quantize(256, Image.Quantize.MAXCOVERAGE)  # so that small objects keep their colours
