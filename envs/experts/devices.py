@@ -23,8 +23,8 @@ LOW = 0.004  # metres below the middle of a handle at which it is pushed: a wide
 ASIDE = 0.015  # metres beside the line that it pushes along at which a gripper goes back for another try
 LEAD = 0.35  # radians that a gripper goes ahead of itself round a wheel
 APART = 1.15  # radians round a wheel from the peg at which a gripper goes down
-SLOWLY = 0.03  # metres that a gripper goes down in a control step: joints that hurry leave the line
-REACHED = 0.012  # metres above the height that it pushes at at which a gripper begins to push
+SLOWLY = 0.03  # metres that a gripper goes down in a control step: faster joints leave the line
+REACHED = 0.012  # metres above the pushing height from which a gripper pushes
 
 
 class DeviceExpert(Expert):

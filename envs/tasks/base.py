@@ -39,18 +39,18 @@ class Task(ABC):
     terms: tuple[str, ...]
     columns: tuple[Column, ...] = ()
     kind_names: tuple[str, ...] = ("none",)
-    speaks = False  # does it have sentences?
-    grips = False  # is closing the gripper one more number of the action?
-    turns = False  # is turning the gripper about the vertical one as well?
+    speaks = False  # episodes have sentences
+    grips = False  # one more number of the action closes the gripper
+    turns = False  # one more number of the action turns the gripper about the vertical
     lag = 0  # physics steps from the command to open until the gripper releases
-    moves = False  # does it move objects, rather than only the gripper?
-    places = False  # is there a goal that the referent is to be brought to?
-    real_goals = False  # are goals real objects, rather than see-through targets?
-    operates = False  # are its objects devices? Their positions are those of their handles
+    moves = False  # it moves objects, not only the gripper
+    places = False  # the referent is to be brought to a goal
+    real_goals = False  # goals are real objects, not see-through targets
+    operates = False  # its objects are devices; their positions are those of their handles
     nouns: tuple[str, ...] = SHAPES  # what its objects can be
     shapes: tuple[str, ...] = SHAPES  # the bodies that its worlds have, in the order in which episodes count them
-    stacks = False  # do objects stand in the cells of a board, on top of each other?
-    marks = False  # does a column of the objects tell which one is the referent?
+    stacks = False  # objects stand in the cells of a board, on top of each other
+    marks = False  # a column of the objects marks the referent
     stages = 1  # number of stages that `stage` returns
 
     def __init__(

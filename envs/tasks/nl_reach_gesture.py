@@ -16,7 +16,7 @@ from envs.tasks.types import EpisodeSpec, TaskConfig
 from human import Gesture, Person, visibility
 from language import COLORS, NOUNS, SHAPES, Instruction, ObjectPhrase, Scene
 
-SAID = {"color": [False, True], "shape": [True, False], "color_shape": [True, True]}  # are noun and colour said?
+SAID = {"color": [False, True], "shape": [True, False], "color_shape": [True, True]}  # whether noun and colour are said
 SHOWING = ("this", "that")
 
 

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 SLOTS = 8  # at most
 STACKED_SLOTS = 128  # ... where objects may be stacked
 ROUNDING = 1e-9  # metres
-NOTHING = -1  # the slot of what an empty gripper holds
+NOTHING = -1  # in place of a slot: the gripper is empty
 
 
 @dataclass(frozen=True, kw_only=True)
