@@ -130,8 +130,8 @@ def _evaluate(
     from envs.interactive.by_hand import ByHandEnv
     from train import build_env
     from trainers.algorithms.build import fitted_policy
-    from trainers.rollout.collection import derive_seed
     from trainers.rollout.evaluation import evaluate
+    from trainers.rollout.seeds import derive_seed
     from trainers.rollout.video import record_video
     from trainers.utils.atomic_io import atomic_path
 

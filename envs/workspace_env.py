@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,11 +14,11 @@ from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import Binary, Bounded, Composite, Unbounded
-from torchrl.envs import EnvBase
 
 from conf.schema import ConfigError
 from envs.assembly import make_chain, make_control, make_grips, make_initial_states, make_task, make_world
 from envs.config import EnvConfig
+from envs.episode_replay import EpisodeReplayEnv
 from envs.mdp.gestures import Gestures, make_person, make_ray_reader
 from envs.mdp.goals import Goal
 from envs.mdp.grip_controller import ACTION_UNIT
@@ -37,7 +36,7 @@ RELABELLED = 16  # episodes that are relabelled at once
 ENDS = ("terminated", "truncated", "done")  # (N, 1) bool each
 
 
-class WorkspaceEnv(EnvBase):
+class WorkspaceEnv(EpisodeReplayEnv):
     """N worlds that step together, and are reset one by one.
 
     World i draws all randomness from its own generator, seeded with (seed, i): its rollouts are the same, bit for bit,
@@ -156,10 +155,7 @@ class WorkspaceEnv(EnvBase):
         truncated = out_of_time & ~outcome["terminated"]
         return outcome | {"truncated": truncated, "done": truncated | outcome["terminated"]}
 
-    def _reset(self, tensordict: TensorDictBase | None, **_: Any) -> TensorDictBase:
-        worlds = self._arrays.index
-        if tensordict is not None and "_reset" in tensordict.keys():
-            worlds = np.flatnonzero(tensordict["_reset"].numpy().reshape(len(self._arrays.index), -1).any(1))
+    def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
         for i in worlds.tolist():
             self._begin(i, self.task.draw(self._generators[i]))
         if len(worlds):
@@ -220,10 +216,6 @@ class WorkspaceEnv(EnvBase):
         have ended. What a policy wrote to the frames is kept.
         """
         return self._relabeller(episodes, seed)
-
-    def _set_seed(self, seed: int | None) -> None:
-        seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(len(self._worlds))]
-        self._generators = [np.random.default_rng(sequence) for sequence in seeds]
 
     @property
     def elapsed(self) -> NDArray[np.int64]:

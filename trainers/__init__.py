@@ -16,7 +16,4 @@ This file imports no torch, so that the command line starts quickly.
 
 import os
 
-# TorchRL reads this on its first import: seconds that a worker and its parent wait for each other. By default they
-# wait forever, so that a worker that is stuck would hang the run.
-os.environ.setdefault("MAX_IDLE_COUNT", "600")
-os.environ.setdefault("RL_LOGGING_LEVEL", "WARNING")  # no messages about buffers
+os.environ.setdefault("RL_LOGGING_LEVEL", "WARNING")  # no messages about buffers; TorchRL reads it when imported

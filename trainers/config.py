@@ -50,6 +50,9 @@ class MLPConfig(NetworkConfig):
 class CollectorConfig(Checked):
     workers: int = within(0, 256)  # processes; 0 = one per core if worlds divide evenly, 1 = only the main process
     worlds: int = within(1, 4096)  # over all workers
+    # Seconds to wait for a batch of a worker process; None = twice the slowest of the latest batches, and 4 s more.
+    timeout: float | None = within(0.1, default=None)
+    restarts: int = within(0, default=3)  # worker processes that are replaced in a run, before it gives up
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -73,12 +76,23 @@ class EvalConfig(Checked):
 
 
 @dataclass(frozen=True)
+class CheckpointConfig(Checked):
+    """Checkpoints beside those of evaluations."""
+
+    every: float | None = within(0.001, default=10.0)  # minutes from one to the next; None = at evaluations alone
+    keep: int = within(0, 10_000, default=0)  # how many of the latest ones are kept beside last and best
+
+
+@dataclass(frozen=True)
 class RunConfig(Checked):
     device: str  # of the updates: cpu, cuda, cuda:1; worlds stay on the CPU
     total_frames: int = within(1)  # control steps over all worlds
     seed: int = within(0, 2**31 - 1)
     update_threads: int = within(0, 1024)  # CPU threads of an update; 0 = one per core
     logger: list[str] = one_of("tensorboard", "wandb")
+    # Frames over which learning rate and exploration are annealed; None = total_frames. A run that ends earlier can be
+    # resumed with a larger total_frames, as if it had never stopped.
+    schedule_frames: int | None = within(1, default=None)
 
 
 PolicyConfig = GroundedConfig | MLPConfig
@@ -93,16 +107,23 @@ class Plan:
     eval: EvalConfig
     policy: PolicyConfig
     algo: AlgorithmConfig
+    checkpoint: CheckpointConfig = CheckpointConfig()
+
+    @property
+    def schedule_frames(self) -> int:
+        """Frames over which learning rate and exploration are annealed."""
+        return self.run.schedule_frames or self.run.total_frames
 
 
 def read_plan(config: Any) -> Plan:
-    """The keys run, collector, eval, policy and algo of a composed config. Raises ConfigError."""
+    """The keys run, collector, eval, checkpoint, policy and algo of a composed config. Raises ConfigError."""
     plan = Plan(
-        run=read(RunConfig, {name: config[name] for name in RunConfig.__dataclass_fields__}, ""),
+        run=read(RunConfig, {name: config[name] for name in RunConfig.__dataclass_fields__ if name in config}, ""),
         collector=read(CollectorConfig, config["collector"], "collector"),
         eval=read(EvalConfig, config["eval"], "eval"),
         policy=_by_name(config["policy"], "policy", {"grounded": GroundedConfig, "mlp": MLPConfig}),
         algo=read_algorithm(config["algo"]),
+        checkpoint=read(CheckpointConfig, config.get("checkpoint") or {}, "checkpoint"),
     )
     _check_together(plan)
     return plan
@@ -145,3 +166,8 @@ def _check_together(plan: Plan) -> None:
             "adds noise of policy.initial_std to a deterministic move"
         )
     plan.algo.check_batch(frames_per_batch(plan))
+    if plan.schedule_frames < plan.run.total_frames:
+        raise ConfigError(
+            f"schedule_frames={plan.schedule_frames} must be at least total_frames={plan.run.total_frames}: nothing is "
+            "learned after the end of the schedule"
+        )

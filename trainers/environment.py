@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import torch
 from tensordict import TensorDictBase
+from torch import Tensor
 from torchrl.data import Composite, TensorSpec
 
 # Episodes (T,) and a seed, to those of them that achieved another goal, relabelled and cut where they then end.
@@ -58,6 +59,17 @@ class TrainingEnv(Protocol):
     def set_seed(self, seed: int) -> Any: ...
 
     def close(self) -> Any: ...
+
+    @property
+    def beginnings(self) -> Sequence[Mapping[str, Any]]:
+        """For each world, the state of its generator when its present episode began: plain values."""
+
+    def continue_episodes(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> None:
+        """The next reset of all worlds continues these episodes, bit for bit, instead of beginning new ones.
+
+        actions: (N, T, A), those of the latest T steps. lengths: (N,) how many of them, the last ones, belong to the
+        present episode.
+        """
 
     def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
         """Scenes (count,) with their sentences and labels, drawn but not simulated."""

@@ -6,10 +6,13 @@ import time
 from collections.abc import Sequence
 from types import SimpleNamespace
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
-from torchrl.envs import EnvBase
+
+from envs.episode_replay import EpisodeReplayEnv
 
 SLOTS, ROW, LENGTH = 3, 13, 6
 COLOURS = torch.tensor([[1.0, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]])
@@ -18,7 +21,7 @@ SENTENCES = ["touch the red", "touch the green", "touch the blue"]
 NEAR, MOVE, MAX_STEPS = 0.25, 0.2, 20
 
 
-class FakeEnv(EnvBase):
+class FakeEnv(EpisodeReplayEnv):
     """poison: the reward becomes NaN after so many steps. nap: seconds each step takes."""
 
     kind_names = ("odd", "even")
@@ -35,33 +38,25 @@ class FakeEnv(EnvBase):
         flag = Categorical(2, (worlds, 1), dtype=torch.bool)
         self.done_spec = Composite(done=flag, terminated=flag.clone(), truncated=flag.clone(), shape=[worlds])
         self.set_seed(seed)
-        self.world = self._fresh()
-
-    def _set_seed(self, seed: int | None) -> None:
-        self.generator = torch.Generator().manual_seed(seed or 0)
-
-    def _fresh(self) -> dict[str, torch.Tensor]:
-        n, g = self.batch_size[0], self.generator
-        return {
-            "hand": torch.rand(n, 3, generator=g) * 0.4 - 0.2,
-            "places": torch.rand(n, SLOTS, 3, generator=g) * 1.6 - 0.8,
-            "order": torch.stack([torch.randperm(SLOTS, generator=g) for _ in range(n)]),
-            "referent": torch.randint(SLOTS, (n,), generator=g),
-            "step": torch.zeros(n, dtype=torch.int64),
+        self.world = {
+            "hand": torch.zeros(worlds, 3),
+            "places": torch.zeros(worlds, SLOTS, 3),
+            "order": torch.zeros(worlds, SLOTS, dtype=torch.int64),
+            "referent": torch.zeros(worlds, dtype=torch.int64),
+            "step": torch.zeros(worlds, dtype=torch.int64),
         }
 
     def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
-        scenes = FakeEnv(count, seed).reset()
+        scenes = FakeEnv(count, seed).reset()  # a world for each scene
         return scenes.select("objects", "objects_mask", "instruction", ("privileged", "referent"))
 
-    def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: object) -> TensorDictBase:
-        fresh = self._fresh()
-        mask = torch.ones(self.batch_size, dtype=torch.bool)
-        if tensordict is not None and "_reset" in tensordict.keys():
-            mask = tensordict["_reset"].squeeze(-1)
-        for name, value in fresh.items():
-            choose = mask.reshape(-1, *[1] * (value.ndim - 1))
-            self.world[name] = torch.where(choose, value, self.world[name])
+    def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
+        for i in worlds.tolist():
+            draw, world = self._generators[i], self.world
+            world["hand"][i] = torch.from_numpy(draw.uniform(-0.2, 0.2, 3))
+            world["places"][i] = torch.from_numpy(draw.uniform(-0.8, 0.8, (SLOTS, 3)))
+            world["order"][i] = torch.from_numpy(draw.permutation(SLOTS))
+            world["referent"][i], world["step"][i] = int(draw.integers(SLOTS)), 0
         none = torch.zeros(*self.batch_size, 1, dtype=torch.bool)
         out = self._observe(none, none, none, none.float())
         return out.update({name: none.clone() for name in ("done", "terminated", "truncated")})
@@ -128,8 +123,6 @@ class FakeEnv(EnvBase):
         )
 
     def render(self) -> torch.Tensor:
-        import numpy as np
-
         return np.full((96, 128, 3), 200, np.uint8)  # type: ignore[return-value]
 
 
@@ -180,5 +173,5 @@ def _observations(n: int) -> Composite:
     )
 
 
-def make_env(worlds: int, seed: int) -> EnvBase:
+def make_env(worlds: int, seed: int) -> FakeEnv:
     return FakeEnv(worlds, seed)

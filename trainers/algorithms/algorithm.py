@@ -9,6 +9,7 @@ from typing import Any
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
+from torchrl.data import ReplayBuffer
 
 from conf.schema import RunError
 from trainers.algorithms.base_config import AlgorithmConfig
@@ -86,6 +87,18 @@ class Algorithm(ABC):
         """Continue from `state_dict`. Raises KeyError, RuntimeError or ValueError where the networks differ."""
         for name in self.saved:
             getattr(self, name).load_state_dict(state[name])
+
+    @property
+    def memories(self) -> dict[str, ReplayBuffer]:
+        """The ring buffers that updates learn from, by name. A checkpoint keeps their rows in files beside it."""
+        return {"scenes": self.grounding.scenes} if self.grounding.active else {}
+
+    def running_state(self) -> dict[str, Any]:
+        """What later updates depend on beside `state_dict` and `memories`: plain values and tensors."""
+        return {}
+
+    def load_running_state(self, state: dict[str, Any]) -> None:  # noqa: B027
+        """Continue from `running_state`, with the same worlds."""
 
 
 def anneal_learning_rate(optimizer: torch.optim.Optimizer, lr: float, anneal: bool, progress: float) -> float:

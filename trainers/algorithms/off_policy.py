@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor, nn
+from torchrl.data import ReplayBuffer
 
 from trainers.algorithms.algorithm import (
     Algorithm,
@@ -53,6 +55,23 @@ class OffPolicyAlgorithm(Algorithm):
         self.starts: Tensor | None = None  # (worlds, 1) whether the next frame begins an episode
         self.pending_steps = 0.0  # gradient steps that the frames so far call for and that are not taken yet
         self.steps_taken = 0
+
+    @property
+    def memories(self) -> dict[str, ReplayBuffer]:
+        return super().memories | {"frames": self.replay.frames}
+
+    def running_state(self) -> dict[str, Any]:
+        counts = {"pending_steps": self.pending_steps, "steps_taken": self.steps_taken}
+        priorities = self.replay.frames.sampler.state_dict() if self.replay.prioritised else {}
+        episodes = {"starts": self.starts, "unfinished": self.relabelling.state_dict()}
+        return counts | episodes | {"priorities": priorities}
+
+    def load_running_state(self, state: dict[str, Any]) -> None:
+        self.pending_steps, self.steps_taken = state["pending_steps"], state["steps_taken"]
+        self.starts = state["starts"]
+        self.relabelling.load_state_dict(state["unfinished"])
+        if self.replay.prioritised:
+            self.replay.frames.sampler.load_state_dict(state["priorities"])
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
         """Add a batch (worlds, steps) to the replay buffer, then take the gradient steps that it calls for.

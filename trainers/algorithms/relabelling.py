@@ -11,8 +11,11 @@ three reasons:
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
-from tensordict import TensorDictBase
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
 
 from trainers.environment import Relabel
 
@@ -49,6 +52,30 @@ class Relabelling:
         oldest = min(begins)
         self.unfinished, self.begins = frames[:, oldest:], [step - oldest for step in begins]
         return ended
+
+    def state_dict(self) -> dict[str, Any] | None:
+        """The frames of the unfinished episodes, as plain values and tensors; None if there are none."""
+        if self.unfinished is None:
+            return None
+        worlds, steps = self.unfinished.shape
+        frames = self.unfinished[self._is_unfinished(worlds, steps)].clone()
+        return {"frames": frames.to_dict(), "begins": list(self.begins), "steps": steps}
+
+    def load_state_dict(self, state: dict[str, Any] | None) -> None:
+        """Continue the unfinished episodes of a `state_dict`."""
+        if state is None:
+            self.unfinished, self.begins = None, []
+            return
+        self.begins = list(state["begins"])
+        worlds, steps = len(self.begins), int(state["steps"])
+        chosen = self._is_unfinished(worlds, steps)
+        frames = TensorDict(state["frames"], [int(chosen.sum())])
+        self.unfinished = frames.apply(lambda x: x.new_zeros(worlds, steps, *x.shape[1:]), batch_size=[worlds, steps])
+        self.unfinished[chosen] = frames
+
+    def _is_unfinished(self, worlds: int, steps: int) -> Tensor:
+        """(worlds, steps) bool: which frames belong to an unfinished episode."""
+        return torch.arange(steps).expand(worlds, steps) >= torch.tensor(self.begins)[:, None]
 
     def _draw_copies(self) -> int:
         return int(self.copies) + (float(torch.rand(())) < self.copies % 1.0 if self.copies % 1.0 else 0)

@@ -75,6 +75,15 @@ class TorchRLOffPolicy(OffPolicyAlgorithm):
             self.updater.step()
         self.replay.update_priorities(frames)
 
+    def running_state(self) -> dict[str, Any]:
+        counter = self.updater.counter if isinstance(self.updater, HardUpdate) else 0
+        return super().running_state() | {"steps_since_copy": counter}
+
+    def load_running_state(self, state: dict[str, Any]) -> None:
+        super().load_running_state(state)
+        if isinstance(self.updater, HardUpdate):
+            self.updater.counter = state["steps_since_copy"]
+
     def state_dict(self) -> dict[str, Any]:
         return super().state_dict() | {"steps_taken": self.steps_taken}
 

@@ -12,7 +12,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from trainers.rollout.collection import derive_seed
+from trainers.rollout.seeds import derive_seed
 from trainers.rollout.video import sentence_of
 from trainers.utils.observation_keys import public_keys
 

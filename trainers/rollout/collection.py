@@ -1,104 +1,107 @@
-"""Collection of batches with TorchRL's collectors, in this process or in several."""
+"""Collection of batches, in this process or in several."""
 
 from __future__ import annotations
 
 import copy
-import multiprocessing
-import signal
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
-import numpy as np
 import torch
 from tensordict import TensorDictBase
-from torchrl.collectors import Collector, MultiSyncCollector
 
 from trainers.config import CollectorConfig, workers
-from trainers.environment import TrainingEnv
 from trainers.models.policy import Policy
-from trainers.rollout.worker_monitor import WORKER_DIED, CollectionError, WorkerMonitor
-
-MakeEnv = Callable[[int, int], TrainingEnv]  # (number of worlds, seed)
-
-
-def derive_seed(seed: int, index: int, evaluation: bool = False) -> int:
-    """A seed of 31 bits for worker or evaluation `index` of a run.
-
-    Bit 30 separates evaluation from training, so that an evaluation never uses a seed of training.
-    """
-    word = int(np.random.SeedSequence([seed, index, int(evaluation)]).generate_state(1)[0])
-    return (word & 0x3FFFFFFF) | (int(evaluation) << 30)
+from trainers.rollout.episode_log import EpisodeLog, Episodes
+from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
+from trainers.rollout.worker_pool import CollectionError, WorkerPool
 
 
 class Rollouts:
     """Batches (worlds of all workers, horizon), collected with the policy that `sync` was last given.
 
     The policy acts on the CPU, where the worlds are, whatever device it learns on. `close` must be called at the end.
+    The batches depend on the arguments alone: whether a worker is lost and replaced on the way changes no bit.
+
+    Args:
+        make_env: `make_env(worlds, seed)` builds the environment; picklable.
+        policy: its present weights.
+        config: how many worlds and workers.
+        horizon: steps of a batch.
+        seed: of the workers.
+        iteration: number of the first batch: it seeds the noise.
+        state: a `state_dict` to go on from; it replaces `seed`.
     """
 
-    def __init__(self, make_env: MakeEnv, policy: Policy, config: CollectorConfig, horizon: int, seed: int) -> None:
+    def __init__(
+        self,
+        make_env: MakeEnv,
+        policy: Policy,
+        config: CollectorConfig,
+        horizon: int,
+        seed: int,
+        iteration: int = 0,
+        state: dict[str, Any] | None = None,
+    ) -> None:
         self.cpu_policy = copy.deepcopy(policy).cpu()
+        self.iteration = iteration
+        self.seed = seed if state is None else state["seed"]
+        self.log = EpisodeLog(None if state is None else Episodes(**state["episodes"]))
         count = workers(config)
-        worlds = config.worlds // count
-        common: dict[str, Any] = {
-            "frames_per_batch": config.worlds * horizon,
-            "total_frames": -1,
-            "auto_register_policy_transforms": False,
-        }
-        act = self.cpu_policy.act
+        specs = [WorkerSpec(i, config.worlds // count, horizon, self.seed) for i in range(count)]
+        self.worker: Worker | None = None
+        self.pool: WorkerPool | None = None
         if count == 1:
-            make = partial(make_env, worlds, derive_seed(seed, 0))
-            self.collector = Collector(make, act, use_buffers=False, **common)
+            self.worker = Worker(make_env, self.cpu_policy.act, specs[0], self.log.episodes)
         else:
-            makes = [partial(_make_in_worker, make_env, worlds, derive_seed(seed, i)) for i in range(count)]
-            self.collector = MultiSyncCollector(makes, act, cat_results=0, use_buffers=True, num_threads=1, **common)
-        self.processes = list(getattr(self.collector, "procs", []))
-        self.batches = iter(self.collector)
-        self.monitor = WorkerMonitor(self.processes) if self.processes else None
+            act = self.cpu_policy.share_memory().act  # written here, read by all workers
+            self.pool = WorkerPool(make_env, act, specs, config, self.log.episodes)
+
+    @property
+    def processes(self) -> list[Any]:
+        """The worker processes at this moment; none where this process collects."""
+        return [] if self.pool is None else [worker.process for worker in self.pool.workers]
+
+    @property
+    def restarts(self) -> int:
+        """How many workers have been replaced."""
+        return 0 if self.pool is None else self.pool.restarts
 
     def sync(self, policy: Policy) -> None:
         """Copy the policy's weights; the following batches are collected with them."""
         self.cpu_policy.load_state_dict(policy.state_dict())
-        if self.processes:
-            self.collector.update_policy_weights_()
 
-    def next(self) -> TensorDictBase:
+    def next(self, stop: Callable[[], bool] = lambda: False) -> TensorDictBase:
         """The next batch. The batch after it reuses its memory.
 
+        Args:
+            stop: called while worker processes collect; True gives up the batch.
+
         Raises:
-            CollectionError: a worker process has died or hangs.
+            Interrupted: `stop` returned True.
+            CollectionError: a worker raised, or more than collector.restarts processes were lost.
         """
         torch.set_num_threads(1)  # the networks are too small for several cores at one batch of worlds
-        if not self.processes:
-            return next(self.batches)
-        try:
-            return next(self.batches)
-        except ValueError as error:  # from TorchRL's cleanup, if another worker is slow to end
-            raise CollectionError(f"{WORKER_DIED}: {error}") from error
-        except (RuntimeError, OSError, EOFError) as error:
-            raise CollectionError(f"collecting in worker processes failed: {error}") from error
+        if self.pool is not None:
+            batch, began = self.pool.collect(self.iteration, self.log.episodes, stop)
+        else:
+            assert self.worker is not None
+            try:
+                batch, began = self.worker.collect(self.iteration)
+            except Exception as error:
+                text = (str(error).splitlines() or [""])[0]
+                raise CollectionError(f"collecting a batch raised {type(error).__name__}: {text}") from error
+        self.log.add(batch, began)
+        self.iteration += 1
+        return batch
+
+    def state_dict(self) -> dict[str, Any] | None:
+        """What it takes to go on with the same bits after the latest batch; None before the first one."""
+        episodes = self.log.episodes
+        return None if episodes is None else {"seed": self.seed, "episodes": episodes.state_dict()}
 
     def close(self) -> None:
-        """End every worker process; kill those that do not end."""
-        if self.monitor is None:
-            return self.collector.shutdown()
-        self.monitor.close()
-        try:
-            self.collector.shutdown(raise_on_error=False)
-        finally:
-            for child in multiprocessing.active_children():
-                if child in self.processes:
-                    child.kill()
-                    child.join()
-
-
-def _make_in_worker(make_env: MakeEnv, worlds: int, seed: int) -> TrainingEnv:
-    """The environment of a worker process, with one thread and its own noise.
-
-    The process ignores SIGINT: a terminal sends it to all processes, but the main one decides how to stop.
-    """
-    torch.set_num_threads(1)
-    torch.manual_seed(seed)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return make_env(worlds, seed)
+        """End every worker process."""
+        if self.pool is not None:
+            self.pool.close()
+        if self.worker is not None:
+            self.worker.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from tensordict import TensorDictBase
@@ -23,6 +24,14 @@ class EpisodeStatistics:
         """The names that `measure` returns."""
         names = ("success", "wrong_object", "return", "length", "episodes")
         return (*(f"train/{name}" for name in names), *(f"reward/{name}" for name in self.reward_names))
+
+    def state_dict(self) -> dict[str, Any]:
+        """The returns and lengths of the running episodes, as plain values."""
+        return {"running": None if self._running is None else self._running.tolist()}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Continue the episodes of a `state_dict`."""
+        self._running = None if state["running"] is None else np.array(state["running"])
 
     def measure(self, batch: TensorDictBase) -> dict[str, float]:
         """Means over the episodes that end in a batch (worlds, steps), and over all steps for the reward terms.

@@ -12,7 +12,7 @@ from conf.schema import ConfigError
 from trainers.utils.atomic_io import NO_FOLLOW, remove_temporary_files
 
 LOCK = ".lock"
-SUBFOLDERS = ("", "checkpoints", "tensorboard")  # that a run writes to
+SUBFOLDERS = ("", "checkpoints", "checkpoints/memory", "tensorboard")  # that a run writes to
 SEMAPHORES = Path("/dev/shm")
 SEMAPHORE_NAME = re.compile(r"sem\.mp-deixis-(\d+)-.*")
 

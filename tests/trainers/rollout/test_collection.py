@@ -1,54 +1,117 @@
-"""Collection of batches in worker processes, and seeds."""
+"""Collection of batches in worker processes, which may be lost at any time."""
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
+import time
 
 import pytest
 import torch
 
-from tests.helpers.fake_env import make_env
+from tests.helpers.fake_env import FakeEnv, make_env
 from tests.helpers.plans import plan
 from trainers.models.policy import build_policy
-from trainers.rollout.collection import CollectionError, Rollouts, derive_seed
+from trainers.rollout.collection import CollectionError, Rollouts
+from trainers.rollout.evaluation import Interrupted
+from trainers.rollout.worker import Worker, WorkerSpec
+
+HORIZON = 4
 
 
-def test_seeds_of_training_and_evaluation_are_disjoint():
-    trained = {derive_seed(s, i) for s in range(50) for i in range(50)}
-    evaluated = {derive_seed(s, i, evaluation=True) for s in range(50) for i in range(50)}
-    assert len(trained) == len(evaluated) == 2500
-    assert max(trained) < min(evaluated) < 2**31
+def policy_of(env):
+    torch.manual_seed(0)
+    return build_policy(plan().policy, env.observation_spec, env.action_unit)
+
+
+def two_workers(make, policy, *overrides):
+    return Rollouts(make, policy, plan(overrides=("collector.workers=2", *overrides)).collector, HORIZON, 0)
+
+
+def expected(policy, batches):
+    """The batches of two workers, collected by this process alone."""
+    workers = [Worker(make_env, policy.act, WorkerSpec(i, 4, HORIZON, 0)) for i in range(2)]
+    return [torch.cat([worker.collect(k)[0] for worker in workers]) for k in range(batches)]
+
+
+def same(one, other):
+    keys = one.keys(include_nested=True, leaves_only=True)
+    return all(torch.equal(one[key], other[key]) for key in keys)
+
+
+def test_a_batch_does_not_depend_on_other_use_of_the_global_generator():
+    policy = policy_of(make_env(4, 0))
+    spec = WorkerSpec(0, 4, HORIZON, 0)
+    one, other = Worker(make_env, policy.act, spec), Worker(make_env, policy.act, spec)
+    torch.manual_seed(1)
+    before = torch.get_rng_state()
+    first = one.collect(0)[0]
+    assert torch.equal(torch.get_rng_state(), before)
+    torch.rand(7)
+    assert same(first, other.collect(0)[0])
+    assert not torch.equal(other.collect(1)[0]["move"], one.collect(2)[0]["move"])
 
 
 @pytest.mark.slow
-def test_workers_receive_new_weights_and_a_killed_one_ends_the_collection():
-    env = make_env(4, 0)
-    policy = build_policy(plan().policy, env.observation_spec, env.action_unit)
-    rollouts = Rollouts(make_env, policy, plan(overrides=("collector.workers=2",)).collector, 4, 0)
+def test_a_worker_that_is_lost_is_replaced_and_changes_no_bit(capfd):
+    policy = policy_of(make_env(4, 0))
+    wanted = expected(policy, 6)
+    rollouts = two_workers(make_env, policy, "collector.timeout=3.0")
     try:
-        batch = rollouts.next().clone()
-        assert batch.shape == (8, 4)
-        assert not torch.equal(batch["robot"][:4], batch["robot"][4:])
+        assert same(wanted[0], rollouts.next())
+        rollouts.sync(policy)
+        os.kill(rollouts.processes[1].pid, signal.SIGKILL)
+        assert same(wanted[1], rollouts.next())
+        assert same(wanted[2], rollouts.next())
+        os.kill(rollouts.processes[0].pid, signal.SIGSTOP)  # as if swapped out: only a deadline tells
+        start = time.monotonic()
+        assert same(wanted[3], rollouts.next())
+        assert time.monotonic() - start < 60
+        assert rollouts.restarts == 2
+        assert same(wanted[4], rollouts.next())
         with torch.no_grad():
             policy.actor.log_std.fill_(-4.0)
             policy.actor.net[-1].bias.fill_(0.5)
         rollouts.sync(policy)
-        rollouts.next()
         assert rollouts.next()["action"].mean() == pytest.approx(0.5, abs=0.05)
-        pids = [process.pid for process in rollouts.processes]
-        os.kill(pids[1], signal.SIGKILL)
-        with pytest.raises(CollectionError, match="exit code -9"):
-            drain(rollouts)
     finally:
         rollouts.close()
-    for pid in pids:
-        with pytest.raises(ProcessLookupError):
-            os.kill(pid, 0)
+    told = capfd.readouterr().err
+    assert "collector worker 1 was killed by signal 9 (SIGKILL); it is replaced" in told
+    assert "collector worker 0 did not answer for 3.0 s; it is replaced" in told
+    assert not multiprocessing.active_children()
 
 
-def drain(rollouts, policy=None):
-    if policy is not None:
-        rollouts.sync(policy)  # TorchRL would wait forever for the acknowledgement of a dead worker
-    for _ in range(3):  # batches that a worker sent before its end may still arrive
+class Crashing(FakeEnv):
+    """Raises in its sixth step in a worker process."""
+
+    def _step(self, tensordict):
+        if self.steps == 5:
+            raise ArithmeticError("the arm is on fire")
+        return super()._step(tensordict)
+
+
+def make_crashing(worlds, seed):
+    return Crashing(worlds, seed)
+
+
+@pytest.mark.slow
+def test_the_exception_of_a_worker_is_in_the_message():
+    rollouts = two_workers(make_crashing, policy_of(make_env(4, 0)), "collector.restarts=0")
+    try:
         rollouts.next()
+        with pytest.raises(CollectionError, match=r"collector worker [01] raised ArithmeticError: the arm is on fire"):
+            rollouts.next()
+        with pytest.raises(Interrupted):
+            rollouts.next(stop=lambda: True)
+    finally:
+        rollouts.close()
+
+
+def test_an_exception_in_this_process_is_in_the_message_too():
+    rollouts = Rollouts(make_crashing, policy_of(make_env(4, 0)), plan().collector, HORIZON, 0)
+    rollouts.next()
+    with pytest.raises(CollectionError, match="collecting a batch raised ArithmeticError: the arm is on fire"):
+        rollouts.next()
+    rollouts.close()

@@ -109,7 +109,7 @@ def test_a_signal_during_an_evaluation_loses_no_row(tmp_path, monkeypatch):
         signal.raise_signal(signal.SIGINT)
         return evaluate(*arguments, **options)
 
-    monkeypatch.setattr("trainers.run.train_loop.evaluate", stopped)
+    monkeypatch.setattr("trainers.run.training_run.evaluate", stopped)
     with pytest.raises(SystemExit) as left:
         train(tmp_path, overrides=["eval.interval=256"])
     assert left.value.code == 130

@@ -1,0 +1,104 @@
+"""Environments whose running episodes can be continued in another process, bit for bit.
+
+PyBullet's `saveState` cannot do this: it leaves out motors, constraints and which bodies sleep. A world whose generator
+is set gives the same bits after every reset, so a running episode is what its generator was at the reset and the
+actions since. To continue it, the world is reset with that generator and the actions are taken again.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.random import Generator
+from numpy.typing import NDArray
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torchrl.envs import EnvBase
+
+
+@dataclass(frozen=True)
+class RunningEpisodes:
+    """The episodes that N worlds are in.
+
+    beginnings: for each world, the state of its generator when its episode began. actions: (N, T, A), those of the
+    latest T steps. lengths: (N,) how many of them, the last ones, belong to the present episode.
+    """
+
+    beginnings: Sequence[Mapping[str, Any]]
+    actions: Tensor
+    lengths: Tensor
+
+
+class EpisodeReplayEnv(EnvBase):
+    """N worlds, each with a generator of its own, whose episodes can be continued from `RunningEpisodes`.
+
+    beginnings: for each world, the state of its generator when its present episode began. Subclasses define
+    `_begin_episodes` in the place of `_reset`, and call `_set_seed` before the first reset.
+    """
+
+    beginnings: list[Mapping[str, Any]]
+    _generators: list[Generator]
+    _continued: RunningEpisodes | None = None
+
+    @abstractmethod
+    def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
+        """Begin a new episode in each of these worlds. Returns the observation (N,) of all worlds."""
+
+    def _set_seed(self, seed: int | None) -> None:
+        seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(self.batch_size[0])]
+        self._generators = [np.random.default_rng(sequence) for sequence in seeds]
+        self.beginnings = [generator.bit_generator.state for generator in self._generators]
+
+    def continue_episodes(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> None:
+        """The next reset of all worlds continues these episodes instead of beginning new ones.
+
+        Args:
+            beginnings: for each world, the state of its generator when the episode began.
+            actions: (N, T, A), those of the latest T steps.
+            lengths: (N,) how many of them, the last ones, belong to the present episode.
+        """
+        self._continued = RunningEpisodes(beginnings, actions, lengths)
+
+    def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDictBase:
+        if self._continued is not None:
+            episodes, self._continued = self._continued, None
+            return self._replay(episodes)
+        worlds = np.arange(self.batch_size[0])
+        if tensordict is not None and "_reset" in tensordict.keys():
+            worlds = np.flatnonzero(tensordict["_reset"].numpy().reshape(len(worlds), -1).any(1))
+        for i in worlds.tolist():
+            self.beginnings[i] = self._generators[i].bit_generator.state
+        return self._begin_episodes(worlds)
+
+    def _replay(self, episodes: RunningEpisodes) -> TensorDictBase:
+        """The observation (N,) after the last of the actions.
+
+        All worlds take their last actions together. Those whose episodes are shorter begin them later, and hold still
+        until then: what happens in a world before a reset changes nothing after it.
+        """
+        steps = episodes.actions.shape[1]
+        starts = steps - episodes.lengths.numpy()
+        observed = self._begin_episodes(np.arange(len(starts)))
+        for t in range(int(starts.min()), steps + 1):
+            due = np.flatnonzero(starts == t)
+            if len(due):
+                for i in due.tolist():
+                    self.beginnings[i] = episodes.beginnings[i]
+                    self._generators[i].bit_generator.state = episodes.beginnings[i]
+                observed = _merged(self._begin_episodes(due), observed, torch.from_numpy(starts == t))
+            if t < steps:
+                waits = torch.from_numpy(starts > t)[:, None]
+                action = torch.where(waits, observed["hold"], episodes.actions[:, t])
+                stepped = self._step(TensorDict({"action": action}, self.batch_size))
+                observed = stepped.exclude("reward")
+        return observed
+
+
+def _merged(new: TensorDictBase, old: TensorDictBase, chosen: Tensor) -> TensorDictBase:
+    """(N,) `new` where `chosen` (N,) is true, `old` elsewhere."""
+    return new.apply(lambda a, b: torch.where(chosen.reshape(-1, *[1] * (a.ndim - 1)), a, b), old)

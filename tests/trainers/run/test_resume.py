@@ -1,0 +1,143 @@
+"""A run that was stopped and resumed is the run that was never stopped, bit for bit."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+import torch
+
+from tests.helpers.fake_env import make_env
+from tests.helpers.short_training import train, untimed_rows
+from trainers.rollout.evaluation import evaluate
+from trainers.rollout.worker import Worker
+from trainers.run import checkpoint
+
+LONG = ["total_frames=512", "eval.interval=192", "eval.episodes=8", "algo.grounding_scenes=8"]
+OFF_POLICY = ["algo.updates_per_frame=0.1", "algo.learning_starts=100", "algo.buffer=300"]  # overwritten before the end
+
+
+def overrides_of(algo):
+    return [*LONG, *(OFF_POLICY if algo in ("sac", "td3") else ["algo.epochs=1"])]
+
+
+def weights(folder):
+    """All numbers of the networks and optimizers."""
+    return dict(leaves("", checkpoint.load(folder / "checkpoints" / "last.pt")["algorithm"]))
+
+
+def leaves(name, value):
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from leaves(f"{name}/{key}", item)
+    elif isinstance(value, list | tuple):
+        for key, item in enumerate(value):
+            yield from leaves(f"{name}/{key}", item)
+    else:
+        yield name, value
+
+
+def assert_same_run(one, other):
+    assert untimed_rows(one) == untimed_rows(other)
+    a, b = weights(one), weights(other)
+    assert a.keys() == b.keys()
+    different = [key for key in a if not (torch.equal(a[key], b[key]) if torch.is_tensor(a[key]) else a[key] == b[key])]
+    assert different == []
+
+
+def stop_in_collection(monkeypatch, iteration):
+    """A signal arrives while the batch of this iteration is collected."""
+    collect = Worker.collect
+
+    def stopped(worker, number):
+        if number == iteration:
+            signal.raise_signal(signal.SIGTERM)
+        return collect(worker, number)
+
+    monkeypatch.setattr(Worker, "collect", stopped)
+
+
+@pytest.mark.parametrize(("algo", "iteration"), [("ppo", 2), ("sac", 12), ("td3", 11)])
+def test_a_run_that_a_signal_stopped_goes_on_exactly(tmp_path, monkeypatch, algo, iteration):
+    overrides, folder = overrides_of(algo), tmp_path / "stopped"
+    train(tmp_path / "whole", algo, overrides=overrides)
+    with monkeypatch.context() as patch:
+        stop_in_collection(patch, iteration)
+        with pytest.raises(SystemExit):
+            train(folder, algo, overrides=overrides)
+    assert len(untimed_rows(folder)) == iteration + 1
+    train(folder, algo, overrides=overrides, resume=checkpoint.find(folder))
+    assert_same_run(tmp_path / "whole", folder)
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_a_run_that_ended_before_its_schedule_goes_on_exactly(tmp_path, algo):
+    overrides = overrides_of(algo)
+    train(tmp_path / "whole", algo, overrides=overrides)
+    folder = tmp_path / "parts"
+    for frames in (150, 350, 512):
+        parts = [*overrides, f"total_frames={frames}", "schedule_frames=512"]
+        train(folder, algo, overrides=parts, resume=checkpoint.find(folder) if frames > 150 else None)
+    assert_same_run(tmp_path / "whole", folder)
+
+
+def test_an_evaluation_that_was_interrupted_is_repeated(tmp_path, monkeypatch):
+    calls = []
+
+    def stopped(*arguments, **options):
+        calls.append(1)
+        if len(calls) == 2:
+            signal.raise_signal(signal.SIGHUP)
+        return evaluate(*arguments, **options)
+
+    overrides, folder = overrides_of("ppo"), tmp_path / "stopped"
+    train(tmp_path / "whole", overrides=overrides)
+    monkeypatch.setattr("trainers.run.training_run.evaluate", stopped)
+    with pytest.raises(SystemExit) as left:
+        train(folder, overrides=overrides)
+    assert left.value.code == 128 + signal.SIGHUP
+    train(folder, overrides=overrides, resume=checkpoint.find(folder))
+    assert_same_run(tmp_path / "whole", folder)
+
+
+class Killed(BaseException):
+    """Nothing is saved on its way out."""
+
+
+def test_a_kill_loses_what_came_after_the_last_checkpoint_alone(tmp_path, monkeypatch):
+    """Rows that were written after the checkpoint are measured again, and are the same."""
+    overrides, folder = overrides_of("sac"), tmp_path / "killed"
+    train(tmp_path / "whole", "sac", overrides=overrides)
+    collect = Worker.collect
+
+    def killed(worker, number):
+        if number == 8:
+            raise Killed
+        return collect(worker, number)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Worker, "collect", killed)
+        with pytest.raises(Killed):
+            train(folder, "sac", overrides=overrides)
+    path = checkpoint.find(folder)
+    assert checkpoint.load(path)["counters"]["frames"] < float(untimed_rows(folder)[-1]["frames"])
+    train(folder, "sac", overrides=overrides, resume=path)
+    assert_same_run(tmp_path / "whole", folder)
+
+
+def test_checkpoints_are_written_between_evaluations_and_the_latest_are_kept(tmp_path):
+    overrides = [*overrides_of("sac"), "total_frames=300", "checkpoint.every=0.001", "checkpoint.keep=2"]
+    train(tmp_path, "sac", overrides=overrides, make=slow_env)
+    kept = sorted(path.name for path in (tmp_path / "checkpoints").glob("[0-9]*.pt"))
+    assert len(kept) == 2
+    whole = tmp_path / "whole"
+    train(whole, "sac", overrides=overrides)
+    again = tmp_path / "checkpoints" / kept[0]
+    train(tmp_path, "sac", overrides=overrides, resume=again)
+    assert_same_run(whole, tmp_path)
+
+
+def slow_env(worlds, seed):
+    env = make_env(worlds, seed)
+    env.nap = 0.01
+    return env

@@ -1,0 +1,167 @@
+"""Worker processes that collect together. One that is lost or stuck is replaced and its part of the batch collected
+again, with the same bits."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from multiprocessing.connection import wait
+
+import torch
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+
+from conf.schema import RunError
+from trainers.config import CollectorConfig
+from trainers.rollout.episode_log import Beginning, Episodes
+from trainers.rollout.evaluation import Interrupted
+from trainers.rollout.worker import MakeEnv, WorkerSpec
+from trainers.rollout.worker_process import START_SECONDS, WorkerLostError, WorkerProcess
+
+POLL_SECONDS = 0.2  # between two looks at the signals and the deadlines
+MARGIN_SECONDS = 4.0  # added to twice the slowest of the latest batches
+RECENT_BATCHES = 50
+
+
+class CollectionError(RunError):
+    """A batch could not be collected. The run cannot continue."""
+
+
+class WorkerPool:
+    """Collects batches (worlds of all workers, horizon) in processes.
+
+    Args:
+        make_env: builds a worker's environment; picklable.
+        act: the policy's module, its parameters in shared memory.
+        specs: of the workers, in the order of their worlds.
+        config: how long it waits for a worker, and how many it replaces.
+        episodes: of all worlds, to continue; None to begin new ones.
+    """
+
+    def __init__(
+        self,
+        make_env: MakeEnv,
+        act: TensorDictModuleBase,
+        specs: Sequence[WorkerSpec],
+        config: CollectorConfig,
+        episodes: Episodes | None,
+    ) -> None:
+        self.make_env, self.act, self.specs, self.config = make_env, act, specs, config
+        self.buffer: TensorDictBase | None = None
+        self.durations: deque[float] = deque(maxlen=RECENT_BATCHES)
+        self.patience_factor = 1.0
+        self.restarts = 0
+        self.workers = [self._start(spec, episodes) for spec in specs]
+
+    def collect(
+        self, iteration: int, episodes: Episodes | None, stop: Callable[[], bool]
+    ) -> tuple[TensorDictBase, dict[int, Beginning]]:
+        """The batch of an iteration, whose memory the next one reuses; what began in it, by the number of the world.
+
+        Args:
+            iteration: seeds the noise.
+            episodes: that all worlds are in before it, from which a lost worker's successor goes on; None at first.
+            stop: True gives up.
+
+        Raises:
+            Interrupted: `stop` returned True.
+            CollectionError: more than collector.restarts workers were lost.
+        """
+        start = time.monotonic()
+        restarts = self.restarts
+        parts: dict[int, TensorDictBase | None] = {}
+        beginnings: dict[int, Beginning] = {}
+        for index in range(len(self.workers)):
+            self._request(index, iteration, episodes, stop)
+        while len(parts) < len(self.workers):
+            if stop():
+                raise Interrupted
+            waited = {self.workers[i].connection: i for i in range(len(self.workers)) if i not in parts}
+            for connection in wait(list(waited), POLL_SECONDS):
+                index = waited[connection]  # type: ignore[index]
+                try:
+                    parts[index], began = self.workers[index].receive()
+                except WorkerLostError as error:
+                    self._replace(index, str(error), iteration, episodes, stop)
+                else:
+                    beginnings |= {self._first_world(index) + i: state for i, state in began.items()}
+            self._replace_overdue(set(waited.values()) - set(parts), iteration, episodes, stop)
+        if restarts == self.restarts and self.buffer is not None:  # the first batch includes the start of processes
+            self.durations.append(time.monotonic() - start)
+        return self._whole([parts[index] for index in range(len(self.workers))]), beginnings
+
+    def close(self) -> None:
+        """End every process."""
+        for worker in self.workers:
+            worker.kill()
+
+    @property
+    def patience(self) -> float:
+        """Seconds to wait for a batch before a worker counts as stuck."""
+        if self.config.timeout is not None:
+            return self.config.timeout
+        if not self.durations:
+            return START_SECONDS
+        return self.patience_factor * (2 * max(self.durations) + MARGIN_SECONDS)
+
+    def _whole(self, parts: Sequence[TensorDictBase | None]) -> TensorDictBase:
+        """The buffer of all workers. The first batch allocates it."""
+        if self.buffer is None:
+            self.buffer = torch.cat([part for part in parts if part is not None]).share_memory_()
+            for index, worker in enumerate(self.workers):
+                with suppress(WorkerLostError):  # the next request notices it, and its successor has the buffer
+                    worker.use_buffer(self._slice(index))
+            return self.buffer
+        for index, part in enumerate(parts):
+            if part is not None:
+                self._slice(index).update_(part)
+        return self.buffer
+
+    def _first_world(self, index: int) -> int:
+        return sum(spec.worlds for spec in self.specs[:index])
+
+    def _slice(self, index: int) -> TensorDictBase:
+        assert self.buffer is not None
+        first = self._first_world(index)
+        return self.buffer[first : first + self.specs[index].worlds]
+
+    def _start(self, spec: WorkerSpec, episodes: Episodes | None) -> WorkerProcess:
+        part = None if episodes is None else episodes.part(self._first_world(spec.index), spec.worlds)
+        buffer = None if self.buffer is None else self._slice(spec.index)
+        return WorkerProcess(self.make_env, self.act, spec, part, buffer)
+
+    def _request(self, index: int, iteration: int, episodes: Episodes | None, stop: Callable[[], bool]) -> None:
+        try:
+            self.workers[index].request(iteration)
+        except WorkerLostError as error:
+            self._replace(index, str(error), iteration, episodes, stop)
+
+    def _replace_overdue(
+        self, indices: set[int], iteration: int, episodes: Episodes | None, stop: Callable[[], bool]
+    ) -> None:
+        patience = self.patience
+        for index in sorted(indices):
+            if self.workers[index].overdue(patience):
+                self.patience_factor *= 2  # it may only have been slow: the machine is busier than it was
+                self._replace(index, f"did not answer for {patience:.1f} s", iteration, episodes, stop)
+
+    def _replace(
+        self, index: int, cause: str, iteration: int, episodes: Episodes | None, stop: Callable[[], bool]
+    ) -> None:
+        """Kill a worker, start its successor and ask it for the same batch."""
+        self.workers[index].kill()
+        if stop():  # the signal that stops the run may have ended the worker too
+            raise Interrupted
+        limit = self.config.restarts
+        if self.restarts >= limit:
+            raise CollectionError(
+                f"collector worker {index} {cause}; collector.restarts={limit} allows no more restarts"
+            )
+        self.restarts += 1
+        again = f"it is replaced and its batch is collected again ({self.restarts} of at most {limit} times)"
+        print(f"warning: collector worker {index} {cause}; {again}", file=sys.stderr, flush=True)
+        self.workers[index] = self._start(self.specs[index], episodes)
+        self._request(index, iteration, episodes, stop)

@@ -1,0 +1,134 @@
+"""A worker in a process of its own, which can be killed and replaced at any time."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import time
+from collections.abc import Mapping
+from multiprocessing.connection import Connection
+
+import torch
+import torch.multiprocessing
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+
+from trainers.rollout.episode_log import Beginning, Episodes
+from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
+
+PR_SET_PDEATHSIG = 1  # of Linux' prctl: the signal that a process is sent when its parent ends
+START_SECONDS = 120.0  # to start a process, to build its worlds and to replay their episodes
+EXIT_SECONDS = 1.0  # to wait for the exit code of a process whose pipe is closed
+
+
+class WorkerLostError(Exception):
+    """A worker process has ended, raised an exception or does not answer. The text says which."""
+
+
+class WorkerProcess:
+    """Starts at once; `request` and `receive` take turns.
+
+    Args:
+        make_env, act, spec, episodes: of `Worker`. The module's parameters are in shared memory.
+        buffer: (worlds, horizon) in shared memory, where batches are written; None: the first one is sent itself.
+    """
+
+    def __init__(
+        self,
+        make_env: MakeEnv,
+        act: TensorDictModuleBase,
+        spec: WorkerSpec,
+        episodes: Episodes | None = None,
+        buffer: TensorDictBase | None = None,
+    ) -> None:
+        self.spec = spec
+        self.answered = False  # whether a batch was received: until then it may still be starting
+        self.requested_at = 0.0
+        context = torch.multiprocessing.get_context("spawn")
+        self.connection, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs, make_env, act, spec, episodes, buffer), daemon=True)
+        self.process.start()
+        theirs.close()
+
+    def request(self, iteration: int) -> None:
+        """Ask for the batch of this iteration. Raises WorkerLostError."""
+        self.requested_at = time.monotonic()
+        self._send(iteration)
+
+    def use_buffer(self, buffer: TensorDictBase) -> None:
+        """Have all further batches written there. Raises WorkerLostError."""
+        self._send(buffer)
+
+    def receive(self) -> tuple[TensorDictBase | None, Mapping[int, Beginning]]:
+        """The batch, None if it is in the buffer, and what `Worker.collect` says of it. Raises WorkerLostError."""
+        try:
+            answer = self.connection.recv()
+        except (EOFError, OSError):
+            raise WorkerLostError(self._ending()) from None
+        if isinstance(answer, str):
+            raise WorkerLostError(answer)
+        self.answered = True
+        return answer
+
+    def overdue(self, patience: float) -> bool:
+        """Whether it has not answered for so many seconds, or more where it is starting."""
+        return time.monotonic() - self.requested_at > patience + (0.0 if self.answered else START_SECONDS)
+
+    def kill(self) -> None:
+        """End the process, whatever it is doing."""
+        self.process.kill()
+        self.process.join()
+        self.connection.close()
+
+    def _send(self, message: object) -> None:
+        try:
+            self.connection.send(message)
+        except OSError:
+            raise WorkerLostError(self._ending()) from None
+
+    def _ending(self) -> str:
+        self.process.join(EXIT_SECONDS)
+        code = self.process.exitcode
+        if code is not None and code < 0:
+            return f"was killed by signal {-code} ({signal.Signals(-code).name})"
+        return f"ended with exit code {code}"
+
+
+def _serve(
+    connection: Connection,
+    make_env: MakeEnv,
+    act: TensorDictModuleBase,
+    spec: WorkerSpec,
+    episodes: Episodes | None,
+    buffer: TensorDictBase | None,
+) -> None:
+    """Answer requests until the main process closes the pipe. An exception's text is sent in place of a batch."""
+    _detach()
+    try:
+        worker = Worker(make_env, act, spec, episodes)
+        while True:
+            message = connection.recv()
+            if isinstance(message, TensorDictBase):
+                buffer = message
+                continue
+            batch, beginnings = worker.collect(message)
+            if buffer is not None:
+                buffer.update_(batch)
+            connection.send((batch if buffer is None else None, beginnings))
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        pass
+    except Exception as error:
+        text = (str(error).splitlines() or [""])[0]
+        connection.send(f"raised {type(error).__name__}: {text}")
+
+
+def _detach() -> None:
+    """One thread; no SIGINT, which a terminal sends to all processes; and an end with the main process."""
+    torch.set_num_threads(1)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() == 1:  # it ended before the call
+            os._exit(1)
