@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from envs import make_env, read_env
 from train import build_env
 from trainers.algorithms.build import build_algorithm
 from trainers.algorithms.sac import SAC
-from trainers.config import CollectorConfig, read_plan
+from trainers.config import read_plan
 from trainers.rollout.collection import Rollouts
 from trainers.run.train_loop import fit
 
@@ -113,7 +114,7 @@ def collector(steps: int, overrides: Sequence[str], workers: int) -> dict[str, A
     env = make(1, 0)
     policy, _ = build_algorithm(plan, env.observation_spec, env.action_unit)
     horizon = 64
-    rollouts = Rollouts(make, policy, CollectorConfig(workers=workers, worlds=WORLDS * workers), horizon, 0)
+    rollouts = Rollouts(make, policy, replace(plan.collector, workers=workers, worlds=WORLDS * workers), horizon, 0)
     batches = max(steps // (WORLDS * horizon * workers), 1)
 
     def work() -> None:
@@ -151,7 +152,8 @@ def sac_gradient_steps(steps: int) -> dict[str, Any]:
     env = build_env(read_env(config), WORLDS, 0)
     policy, sac = build_algorithm(plan, env.observation_spec, env.action_unit)
     assert isinstance(sac, SAC)
-    rollouts = Rollouts(partial(build_env, read_env(config)), policy, CollectorConfig(workers=1, worlds=WORLDS), 128, 0)
+    alone = replace(plan.collector, workers=1, worlds=WORLDS)
+    rollouts = Rollouts(partial(build_env, read_env(config)), policy, alone, 128, 0)
     sac.replay.extend(rollouts.next())
     rollouts.close()
     torch.set_num_threads(len(os.sched_getaffinity(0)))

@@ -10,9 +10,13 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
+from conf.overrides import compose
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 from trainers.algorithms.base_config import AlgorithmConfig
 from trainers.algorithms.registry import read_algorithm
+
+NEW_KEYS = ("schedule_frames", "collector.timeout", "collector.restarts", "checkpoint")  # lacking before they existed
+MISSING = object()
 
 
 @dataclass(frozen=True)
@@ -51,8 +55,8 @@ class CollectorConfig(Checked):
     workers: int = within(0, 256)  # processes; 0 = one per core if worlds divide evenly, 1 = only the main process
     worlds: int = within(1, 4096)  # over all workers
     # Seconds to wait for a batch of a worker process; None = twice the slowest of the latest batches, and 4 s more.
-    timeout: float | None = within(0.1, default=None)
-    restarts: int = within(0, default=3)  # worker processes that are replaced in a run, before it gives up
+    timeout: float | None = within(0.1)
+    restarts: int = within(0)  # worker processes that are replaced in a run, before it gives up
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -79,8 +83,8 @@ class EvalConfig(Checked):
 class CheckpointConfig(Checked):
     """Checkpoints beside those of evaluations."""
 
-    every: float | None = within(0.001, default=10.0)  # minutes from one to the next; None = at evaluations alone
-    keep: int = within(0, 10_000, default=0)  # how many of the latest ones are kept beside last and best
+    every: float | None = within(0.001)  # minutes from one to the next; None = at evaluations alone
+    keep: int = within(0, 10_000)  # how many of the latest ones are kept beside last and best
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,7 @@ class RunConfig(Checked):
     logger: list[str] = one_of("tensorboard", "wandb")
     # Frames over which learning rate and exploration are annealed; None = total_frames. A run that ends earlier can be
     # resumed with a larger total_frames, as if it had never stopped.
-    schedule_frames: int | None = within(1, default=None)
+    schedule_frames: int | None = within(1)
 
 
 PolicyConfig = GroundedConfig | MLPConfig
@@ -107,7 +111,7 @@ class Plan:
     eval: EvalConfig
     policy: PolicyConfig
     algo: AlgorithmConfig
-    checkpoint: CheckpointConfig = CheckpointConfig()
+    checkpoint: CheckpointConfig
 
     @property
     def schedule_frames(self) -> int:
@@ -117,16 +121,29 @@ class Plan:
 
 def read_plan(config: Any) -> Plan:
     """The keys run, collector, eval, checkpoint, policy and algo of a composed config. Raises ConfigError."""
+    config = _with_new_keys(config)
     plan = Plan(
-        run=read(RunConfig, {name: config[name] for name in RunConfig.__dataclass_fields__ if name in config}, ""),
+        run=read(RunConfig, {name: config[name] for name in RunConfig.__dataclass_fields__}, ""),
         collector=read(CollectorConfig, config["collector"], "collector"),
         eval=read(EvalConfig, config["eval"], "eval"),
         policy=_by_name(config["policy"], "policy", {"grounded": GroundedConfig, "mlp": MLPConfig}),
         algo=read_algorithm(config["algo"]),
-        checkpoint=read(CheckpointConfig, config.get("checkpoint") or {}, "checkpoint"),
+        checkpoint=read(CheckpointConfig, config["checkpoint"], "checkpoint"),
     )
     _check_together(plan)
     return plan
+
+
+def _with_new_keys(config: Any) -> Any:
+    """The config, which a checkpoint of an earlier version may lack keys of, with their default values."""
+    from omegaconf import OmegaConf
+
+    missing = [key for key in NEW_KEYS if OmegaConf.select(OmegaConf.create(config), key, default=MISSING) is MISSING]
+    if missing:
+        config, defaults = OmegaConf.create(config), compose()
+        for key in missing:
+            OmegaConf.update(config, key, OmegaConf.select(defaults, key), force_add=True)
+    return config
 
 
 def workers(config: CollectorConfig, runs: int = 1) -> int:

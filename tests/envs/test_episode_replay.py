@@ -7,11 +7,9 @@ from envs.experts import expert
 from tests.helpers.env_cases import differences, make
 
 CASES = [
-    ("kuka", "nl_reach", ()),
     ("panda", "nl_pick_and_place", ()),
     ("kuka", "throw", ()),
     ("jaco", "nl_reach_gesture", ("gesture=ray", "workspace=collabtable")),
-    ("ur5", "switch", ()),
 ]
 
 

@@ -50,9 +50,7 @@ class Worker:
         self.spec = spec
         self.env = make_env(spec.worlds, derive_seed(spec.seed, spec.index))
         options: dict[str, Any] = {"frames_per_batch": spec.worlds * spec.horizon, "total_frames": -1}
-        self.collector = Collector(
-            self.env, act, use_buffers=False, auto_register_policy_transforms=False, track_traj_ids=False, **options
-        )
+        self.collector = Collector(self.env, act, use_buffers=False, auto_register_policy_transforms=False, **options)
         if episodes is not None:
             self.env.continue_episodes(episodes.beginnings, episodes.actions, episodes.lengths)
             self.collector.reset()

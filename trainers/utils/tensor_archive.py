@@ -24,6 +24,7 @@ SLACK = 2**20  # bytes; small tensors may share a storage
 STORAGES = ("Double", "Float", "Half", "BFloat16", "Long", "Int", "Short", "Char", "Byte", "Bool")
 GLOBALS = {  # what the pickle of a payload of plain values and dense tensors names
     "collections OrderedDict",
+    "torch Size",  # in the state of TorchRL's losses
     "torch._utils _rebuild_tensor_v2",
     "torch._utils _rebuild_parameter",
     *(f"torch {name}Storage" for name in STORAGES),
