@@ -20,10 +20,10 @@ from demo.finger import Finger
 from demo.planning import Planner, Subtask, verb_words
 from demo.returning import Return
 from demo.session_config import SessionConfig, Setup, build
-from demo.view_state import WHOSE_LEFT, ViewState
+from demo.view_state import ViewState
 from envs.interactive.object_names import object_names
 from human import Unreachable
-from language import Instruction, LanguageError, ObjectPhrase, Scene
+from language import Instruction, LanguageError, ObjectPhrase, Scene, whose_left
 
 Array = NDArray[np.float64]
 NUDGE = 0.02  # metres by which a key moves the finger, or the gripper if driven by hand
@@ -95,7 +95,7 @@ class Session:
     @property
     def whose_left(self) -> str:
         """Whose left and right are meant in sentences, in words."""
-        return WHOSE_LEFT[self.env.config.task.viewpoint]
+        return whose_left(self.env.config.task.viewpoint)
 
     def preview(self, sentence: str) -> Interpretation:
         """Interprets a sentence without acting on it."""

@@ -8,11 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# Whose left is meant, by `task.viewpoint`.
-WHOSE_LEFT = {
-    "robot": "left and right are the robot's; the front is its side of the table",
-    "human": "left and right are yours, opposite the robot; the front is your side of the table",
-}
 OUTCOMES = ("success", "wrong object", "wrong target", "failed", "out of time")
 
 

@@ -20,7 +20,7 @@ from language.task_generation import GeneratedTask, generate_tasks, scene_after
 from language.tokenizer import MAX_WORDS, Tokenizer
 from language.understanding import GroundedStep, Understood, parse, revise, understand
 from language.verbs import LIFTED, VERBS, Verb
-from language.viewpoint import VIEWPOINTS, Viewpoint
+from language.viewpoint import VIEWPOINTS, Viewpoint, whose_left
 from language.wording import Wording
 
 __all__ = [
@@ -92,4 +92,5 @@ __all__ = [
     "superlative",
     "understand",
     "unregister",
+    "whose_left",
 ]

@@ -43,20 +43,22 @@ class Dialogue:
             answer = self._understood(sentence)
             self._precise = sentence
             return answer
-        except NotUnderstood as error:
-            hint = "did you mean" in str(error)  # one misspelt word: the precise grammar names the right one
-            return (None if hint else self._widely(sentence)) or _error(error, self._named)
-        except (NothingFits, SeveralFit) as error:
-            return _error(error, self._named)
+        except (NotUnderstood, NothingFits, SeveralFit) as error:
+            return self._widely(sentence, error)
 
-    def _widely(self, sentence: str) -> Answer | None:
-        """Returns the answer of the wide grammar, or None."""
-        if self._named is None:
-            return None
+    def _widely(self, sentence: str, error: NotUnderstood | NothingFits | SeveralFit) -> Answer:
+        """Returns the answer of the wide grammar, or the error of the precise one if that says more."""
+        told = _error(error, self._named)
+        if self._named is None or isinstance(error, SeveralFit):
+            return told
         if self._precise:  # what the sentence may refer to
             self._wide.answer(self._precise, self._named.scene, self._pointed)
             self._precise = ""
-        return outcome_as_answer(self._wide.answer(sentence, self._named.scene, self._pointed), self._named)
+        outcome = self._wide.answer(sentence, self._named.scene, self._pointed)
+        answer = outcome_as_answer(outcome, self._named)
+        if isinstance(outcome, commands.Refusal) and outcome.reason == "syntax":
+            return told | {key: answer[key] for key in ("outcome", "suggestions")}
+        return answer if isinstance(error, NotUnderstood) or isinstance(outcome, commands.Understood) else told
 
     def _understood(self, sentence: str) -> Answer:
         if self._named is None:
@@ -66,15 +68,27 @@ class Dialogue:
         return grounded(understood, self._named)
 
 
-def outcome_as_answer(outcome: commands.Outcome, named: NamedScene) -> Answer | None:
-    """Returns the steps or the question of an outcome; None for a refusal, and for a question that omits words."""
-    if isinstance(outcome, commands.Understood) and outcome.steps:
-        answer = {"steps": [_action(step, named) for step in outcome.steps], "confidence": outcome.confidence}
-        return answer | {key: list(said) for key in ("unused", "notes") if (said := getattr(outcome, key))}
-    if isinstance(outcome, commands.Question) and not outcome.unused:
+def outcome_as_answer(outcome: commands.Outcome, named: NamedScene) -> Answer:
+    """Returns an outcome of the wide grammar.
+
+    "outcome" is "understood", "question" or "refusal"; the last two have "error", as other answers. "span" is the part
+    of the sentence that it is about, in characters; "candidates" are ids of objects; "choices" are the steps that each
+    answer to a question leads to; "suggestions" are sentences that can be carried out.
+    """
+    unused = {"unused": list(outcome.unused)} if outcome.unused else {}
+    if isinstance(outcome, commands.Understood):
+        steps = [_action(step, named) for step in outcome.steps]
+        notes = {"notes": list(outcome.notes)} if outcome.notes else {}
+        return {"outcome": "understood", "steps": steps, "confidence": outcome.confidence, **unused, **notes}
+    about = {"position": outcome.span[0], "span": list(outcome.span)}
+    if isinstance(outcome, commands.Question):
         names = [named.ids[index] for index in outcome.candidates]
-        return {"error": "question", "message": outcome.text, "position": outcome.span[0], "candidates": names}
-    return None
+        choices = [[_action(step, named) for step in choice.steps] for choice in outcome.choices]
+        asked = {"outcome": "question", "error": "question", "message": outcome.text, **about}
+        return {**asked, "candidates": names, "choices": choices, **unused}
+    assert isinstance(outcome, commands.Refusal)
+    refused = {"outcome": "refusal", "error": outcome.reason, "message": outcome.text, **about, "candidates": []}
+    return {**refused, "suggestions": list(outcome.suggestions), **unused}
 
 
 def _action(step: commands.Action, named: NamedScene) -> Answer:
@@ -128,6 +142,8 @@ def _error(error: NotUnderstood | NothingFits | SeveralFit, named: NamedScene | 
 
 def as_text(answer: Answer, command: Command | None) -> str:
     """Returns the steps of an answer without error as lines; each begins with its sentence if the command is known."""
+    if "outcome" in answer:
+        return _understood_as_text(answer)
     if not answer["steps"]:
         return f"correction: {_pairs(answer)}"
     if command is None:
@@ -136,27 +152,41 @@ def as_text(answer: Answer, command: Command | None) -> str:
     return "\n".join(f"{say(instruction)}\n    {_pairs(step)}" for instruction, step in both)
 
 
+def _understood_as_text(answer: Answer) -> str:
+    """Returns the steps of the wide grammar as lines."""
+    lines = [f"understood, confidence {answer['confidence']:.2f}", *(f"    {_pairs(step)}" for step in answer["steps"])]
+    lines += [f"not used: {', '.join(answer['unused'])}"] if "unused" in answer else []
+    return "\n".join([*lines, *answer.get("notes", ())])
+
+
 def _pairs(said: Answer) -> str:
     return ", ".join(f"{key} {value}" for key, value in said.items() if key != "steps" and value is not None)
 
 
 def error_as_text(answer: Answer, sentence: str) -> str:
-    """Returns the sentence, a caret under the position of the error, and the message."""
-    lines = [*underlined(sentence, answer["position"]), f"error: {answer['message']}"]
-    if answer["candidates"]:
-        lines.append(f"candidates: {', '.join(answer['candidates'])}")
+    """Returns the sentence, carets under what it is about, the message, and what may be meant or said."""
+    kind = "question" if answer["error"] == "question" else "error"
+    start, end = answer.get("span", (answer["position"],) * 2)
+    lines = [*underlined(sentence, start, end), f"{kind}: {answer['message']}"]
+    for key in ("candidates", "unused", "suggestions"):
+        if answer.get(key):
+            lines.append(f"{'not used' if key == 'unused' else key}: {', '.join(answer[key])}")
     return "\n".join(lines)
 
 
-def underlined(sentence: str, position: int) -> tuple[str, str]:
-    """Returns the sentence around the position, without control characters, and a line with a caret under it."""
+def underlined(sentence: str, position: int, end: int = 0) -> tuple[str, str]:
+    """Returns the sentence around the position, without control characters, and a line with carets under it.
+
+    end: of what is underlined, in characters; at least the character at the position is.
+    """
     start = max(0, position - _CONTEXT)
     before = [_printable(letter) for letter in sentence[start:position]]
     after = [_printable(letter) for letter in sentence[position : position + _CONTEXT]]
     opening = "..." if start else ""
     closing = "..." if position + _CONTEXT < len(sentence) else ""
     width = len(opening) + sum(map(_width, before))
-    return f"{opening}{''.join(before + after)}{closing}", " " * width + "^"
+    marked = sum(map(_width, after[: max(end - position, 1)]))
+    return f"{opening}{''.join(before + after)}{closing}", " " * width + "^" * max(marked, 1)
 
 
 def _printable(letter: str) -> str:

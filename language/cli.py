@@ -20,7 +20,7 @@ from language.sampling import Sample, sample
 from language.scene_file import NamedScene, as_entries, read_scene
 from language.splits import Split
 from language.understanding import understand
-from language.viewpoint import VIEWPOINTS
+from language.viewpoint import VIEWPOINTS, whose_left
 from language.wording import Wording
 
 INVALID_INPUT = 2  # exit code for a sentence that cannot be used, and for wrong arguments
@@ -145,6 +145,8 @@ def parse_command(options: argparse.Namespace) -> int:
         print(error_as_text(answer, options.sentence), file=sys.stderr)
     else:
         print(as_text(answer, dialogue.previous.meaning if dialogue.previous else None))
+    if named is not None and not options.json:
+        print(whose_left(named.scene.viewpoint), file=sys.stderr if "error" in answer else sys.stdout)
     return INVALID_INPUT if "error" in answer else 0
 
 
@@ -162,6 +164,8 @@ def describe_command(options: argparse.Namespace) -> int:
     """Prints each object's id with its simplest name, or with all of its names."""
     named = _scene(options)
     assert named is not None
+    if not options.json:
+        print(whose_left(named.scene.viewpoint), file=sys.stderr)
     expressions = ReferringExpressions(named.scene, Split())
     found = (_names(index, name, expressions, options.all) for index, name in enumerate(named.ids))
     if options.json:

@@ -26,6 +26,17 @@ VIEWPOINTS: dict[str, Viewpoint] = {
     "human": Viewpoint((1.0, 0.0), math.pi),  # across the table, looking at the robot
 }
 
+WHOSE_LEFT = {
+    "robot": "left and right are the robot's; the front is its side of the table",
+    "human": "left and right are yours, opposite the robot; the front is your side of the table",
+}
+
+
+def whose_left(name: str) -> str:
+    """Returns whose left, right and front are meant, in words. Raises LanguageError for an unknown viewpoint."""
+    check_known("viewpoint", name, WHOSE_LEFT)
+    return WHOSE_LEFT[name]
+
 
 def seen_from(name: str, positions: np.ndarray) -> np.ndarray:
     """Returns positions (..., 3) in the viewer's frame, given those in the workspace frame.

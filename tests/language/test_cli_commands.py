@@ -56,7 +56,8 @@ def test_the_answer_to_a_chain_lists_all_steps_and_repeats_the_first(capsys, sce
 @pytest.mark.parametrize(
     ("sentence", "error", "position", "candidates"),
     [
-        ("reach the bleu one", "syntax", 10, []),
+        ("reach the bleu one", "question", 10, ["b", "c"]),
+        ("frobnicate", "syntax", 0, []),
         ("", "syntax", 0, []),
         ("reach the red sphere", "nothing", 6, []),
         ("reach there", "nothing", 6, []),
