@@ -1,8 +1,24 @@
 """Robots, controls, workspaces and tasks: the batched TorchRL environment and its Gymnasium interface."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 from envs.config import EnvConfig, read_env
 from envs.registration import make_env, register_gym_ids
 
-__all__ = ["EnvConfig", "make_env", "read_env"]
+if TYPE_CHECKING:
+    from envs.checker import check_env
+
+__all__ = ["EnvConfig", "check_env", "make_env", "read_env"]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "check_env":  # torch is imported only where it is used
+        from envs.checker import check_env
+
+        return check_env
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 register_gym_ids()
