@@ -31,13 +31,13 @@ def merge_bomb(levels: int = 9, width: int = 9) -> bytes:
     ],
 )
 def test_yaml_is_refused_before_it_costs_anything(content, message):
-    start = time.perf_counter()
+    start = time.process_time()
     if message is None:
         assert parse_yaml(content) == ["0bx"]
         return
     with pytest.raises(FileError, match=message):
         parse_yaml(content)
-    assert time.perf_counter() - start < 1
+    assert time.process_time() - start < 1
 
 
 def test_aliases_within_the_bound_are_read():
