@@ -6,14 +6,15 @@ sentence that brings the referent to it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from demo import board
 from demo.dialogue import Dialogue
 from demo.planning import Planner, Subtask, verb_words
-from envs.experts.moves import without_takes
+from envs.experts.moves import CARRIED, Move, moves_of, without_takes
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name
 from language import LanguageError
@@ -21,6 +22,7 @@ from language.commands import Action
 
 BIT = 1.5  # "a bit", in radii within which an object counts as being at its place
 SAME_PLACE = 0.02  # metres within which a see-through object marks the place already
+HOLD = 0.15  # metres above the table at which what is taken is held
 ON_TABLE = 0.01  # metres above the table below which a place is one on the table
 # Verb of a task -> the kinds of step that it carries out.
 DOES = {
@@ -49,7 +51,14 @@ def dialogue(env: InteractiveEnv) -> Dialogue:
     task = env.task
     default = None if task.places else DOES.get(task.verb, (None,))[0]
     little = BIT * env.config.task.radius
-    return Dialogue(default, {"bounds": tuple(env.config.workspace.object_area), "little": little})
+    surroundings = {"bounds": tuple(env.config.workspace.object_area), "little": little}
+    return Dialogue(default, surroundings, lambda: _held(env))
+
+
+def _held(env: InteractiveEnv) -> int | None:
+    """The number of the object that the gripper holds, or None."""
+    slots = np.flatnonzero(env.state.shown[0])
+    return next(iter(np.flatnonzero(slots == env.state.held[0]).tolist()), None)
 
 
 def stops(actions: Sequence[Action]) -> bool:
@@ -72,20 +81,63 @@ def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_p
     if env.task.stacks:
         return board.plan(actions, env, planner if for_policy else None)
     steps = without_takes(actions)
-    for action in steps:
-        if action.kind not in DOES.get(planner.verb, ()) or action.object is None:
+    moves = _moves(steps, planner, env)
+    for action, move in zip(steps, moves, strict=True):
+        if move is None and (action.kind not in DOES.get(planner.verb, ()) or action.object is None):
             task = f"task={env.config.task.name}, which does '{verb_words(planner.verb)}'"
             raise LanguageError(f"'{action.kind}' is not what {task}; choose another task")
-    targets = _targets(steps, env)
-    for action, target in zip(steps, targets, strict=True):
+    by_task = [action for action, move in zip(steps, moves, strict=True) if move is None]
+    targets = _targets(by_task, env)
+    for action, target in zip(by_task, targets, strict=True):
         if target is not None and action.position is not None and action.on != target:
             env.put_object(target, (*_within_reach(action.position, env), env.config.task.object_size / 2))
-    subtasks = []
-    for action, target in zip(steps, targets, strict=True):
-        assert action.object is not None
-        sentence = planner.policy_sentence(None, action.object, target)
-        subtasks.append(Subtask(sentence, action.object, target))
-    return subtasks
+    left = iter(targets)
+    return [_subtask(action, move, left, planner) for action, move in zip(steps, moves, strict=True)]
+
+
+def _subtask(action: Action, move: Move | None, targets: Iterator[int | None], planner: Planner) -> Subtask:
+    """The subtask of a step. targets: of the following steps that the task does itself."""
+    assert action.object is not None
+    if move is not None:
+        return Subtask("", action.object, None, move)
+    target = next(targets)
+    return Subtask(planner.policy_sentence(None, action.object, target), action.object, target)
+
+
+def _moves(steps: Sequence[Action], planner: Planner, env: InteractiveEnv) -> list[Move | None]:
+    """For each step, the move by which the expert does what the task does not; None for the others.
+
+    Where the gripper can hold objects, everything is taken and brought to every place, also onto other objects.
+    """
+    places = [tuple(place) for place in env.scene().positions[:, :2].tolist()]
+    moves: list[Move | None] = []
+    for action in steps:
+        can = env.task.grips and action.object is not None and action.kind in (*CARRIED, "take")
+        by_expert = can and not _does_itself(action, planner, env)
+        table = _Table(env)
+        moves += moves_of([action], places, range(len(places)), table, table.hold) if by_expert else [None]
+        if action.object is not None and action.position is not None:
+            places[action.object] = action.position
+    return moves
+
+
+def _does_itself(action: Action, planner: Planner, env: InteractiveEnv) -> bool:
+    """Whether the task itself does a step: bring something onto the table, onto another object, or neither."""
+    if action.kind not in DOES.get(planner.verb, ()):
+        return False
+    return not env.task.places or ((action.bottom or 0.0) > ON_TABLE) == env.task.real_goals
+
+
+class _Table:
+    """The places of a table, for `moves_of`. hold: the height of the bottom of what is held, metres."""
+
+    def __init__(self, env: InteractiveEnv) -> None:
+        self._env, self._half = env, env.config.task.object_size / 2
+        self.hold = min(HOLD, env.config.workspace.gripper_box[-1] - env.below - self._half)
+
+    def place(self, column: float, row: float, level: float) -> NDArray[np.float64]:
+        """(3,) the centre of an object at x, y whose bottom is at a height; all in metres."""
+        return np.array([*_within_reach((column, row), self._env), level + self._half])
 
 
 def _within_reach(position: tuple[float, float], env: InteractiveEnv) -> tuple[float, float]:

@@ -54,11 +54,18 @@ class Interpretation:
 class Dialogue:
     """A dialogue about one scene. previous: the last understood command, which a correction changes."""
 
-    def __init__(self, default: str | None = None, surroundings: dict[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        default: str | None = None,
+        surroundings: dict[str, Any] | None = None,
+        held: Callable[[], int | None] = lambda: None,
+    ) -> None:
         """default: the kind of step that is meant where only an object is named; None: none.
 
-        surroundings: of the scene, as `language.commands.Dialogue` takes them.
+        surroundings: of the scene, as `language.commands.Dialogue` takes them. held: gives the index of what the
+        gripper holds, or None.
         """
+        self._held = held
         self._default = default
         self.previous: Understood | None = None
         self._question: OpenQuestion | None = None
@@ -71,12 +78,14 @@ class Dialogue:
         if _is_settled(found):  # a page asks at every key: what would be dropped is not computed
             return found
         wide = replace(self._commands, history=[*self._commands.history])
+        wide.surroundings["held"] = self._held()
         return self._beyond(found, wide.answer(sentence, scene, _gestures(sentence, pointed)))
 
     def hear(self, sentence: str, scene: Scene, pointed: PointedObjects) -> Interpretation:
         """Interprets a sentence. Later sentences can correct it, or answer the question that it raises."""
         sentence = sentence[:MAX_CHARACTERS]
         found, self._question = self._interpret_instruction(sentence, scene, pointed)
+        self._commands.surroundings["held"] = self._held()
         outcome = self._commands.answer(sentence, scene, _gestures(sentence, pointed))  # it remembers every sentence
         self.previous = found.understood or self.previous
         return found if _is_settled(found) else self._beyond(found, outcome)

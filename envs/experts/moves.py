@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from torch import Tensor
 
 from conf.schema import ConfigError
 from envs.experts.rearrange import Carrier
-from envs.tasks.grid import Grid
 from envs.workspace_env import WorkspaceEnv
 from language import LanguageError
 from language.commands import Action
@@ -51,25 +51,40 @@ def without_takes(actions: Sequence[Action]) -> list[Action]:
     ]
 
 
-def moves_of(actions: Sequence[Action], cells: Cells, numbers: Sequence[int], grid: Grid) -> list[Move]:
-    """The moves that carry out the steps of a command on a board.
+class Places(Protocol):
+    """Where objects may be: the cells of a `Grid`, or a table."""
 
-    An object that is taken and not placed by the next step is held over its stack, at the height of a full stack.
+    def place(self, column: float, row: float, level: float) -> NDArray[np.float64]:
+        """(3,) the centre of an object there, metres."""
+        ...
+
+
+def moves_of(
+    actions: Sequence[Action], cells: Cells, numbers: Sequence[int], grid: Places, hold: float = BOARD_HEIGHT - 1
+) -> list[Move]:
+    """The moves that carry out the steps of a command.
+
+    An object that is taken and not placed by the next step is held over where it stood.
 
     Args:
-        actions: the steps; places are in cells.
+        actions: the steps; places are in cells, or whatever `grid` takes.
         cells: column and row of each object that a step may name, before the first step.
         numbers: of these objects among those that are shown.
-        grid: the board's cells.
+        grid: the board's cells, or another kind of places.
+        hold: the level at which an object is held; on a board, the highest one.
 
     Raises:
         LanguageError: for a step that moves nothing on a board, such as "press".
     """
-    return list(_moves(without_takes(actions), dict(enumerate(cells)), numbers, grid))
+    return list(_moves(without_takes(actions), dict(enumerate(cells)), numbers, grid, hold))
 
 
 def _moves(
-    actions: Sequence[Action], cells: dict[int, tuple[float, float]], numbers: Sequence[int], grid: Grid
+    actions: Sequence[Action],
+    cells: dict[int, tuple[float, float]],
+    numbers: Sequence[int],
+    grid: Places,
+    hold: float,
 ) -> Iterator[Move]:
     for action in actions:
         if action.kind == "nothing":
@@ -77,7 +92,7 @@ def _moves(
         if action.object is None or action.kind not in (*CARRIED, "take"):
             raise LanguageError(f"'{action.kind}' moves nothing on a board: say what to take, or where to put it")
         if action.kind == "take":
-            over = grid.place(*cells[action.object], BOARD_HEIGHT - 1)
+            over = grid.place(*cells[action.object], hold)
             yield Move(int(numbers[action.object]), over, release=False)
         else:
             assert action.position is not None
