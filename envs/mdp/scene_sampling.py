@@ -8,7 +8,7 @@ from tensordict import TensorDict, TensorDictBase
 
 from envs.mdp.gestures import RAY_WIDTH, ray_of
 from envs.mdp.goals import Goal, tokens
-from envs.mdp.object_rows import FACING, OBJECT_WIDTH, OFFSET, offsets, static_rows
+from envs.mdp.object_rows import COLUMNS, FACING, OBJECT_WIDTH, OFFSET, offsets, static_rows
 from envs.mdp.observation_terms import Observer, Setup
 from envs.sim.devices import facing
 
@@ -45,6 +45,8 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
         rays[i] = ray_of(episode.gesture)
     if grippers is not None:
         rows[..., OFFSET] = offsets(rows[..., :3], grippers[:, None])
+    if task.marks and not task.speaks:
+        rows[np.arange(count), goals[:, 0], COLUMNS.start] = 1.0
     if task.operates:
         rows[..., FACING] = np.where(shown[..., None], facing(rows[..., 3:7]), 0.0)
     values = {"objects": rows, "objects_mask": shown, "instruction": instructions}

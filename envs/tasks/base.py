@@ -50,7 +50,7 @@ class Task(ABC):
     nouns: tuple[str, ...] = SHAPES  # what its objects can be
     shapes: tuple[str, ...] = SHAPES  # the bodies that its worlds have, in the order in which episodes count them
     stacks = False  # objects stand in the cells of a board, on top of each other
-    marks = False  # a column of the objects marks the referent
+    marks = False  # the first of its columns marks the referent where no words name it
     stages = 1  # number of stages that `stage` returns
 
     def __init__(

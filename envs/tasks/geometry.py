@@ -14,6 +14,7 @@ from language import Placed, Scene
 CLEAR = 0.08  # metres that other objects are from the straight path of an object over the table
 AIR = 0.15  # metres above the table that a held object begins at most
 EDGE = 0.005  # metres about the border of a target in which an object lies there in part
+WAY = 1.7  # width of a way that must be free, in objects: with what is held, and some room
 TRIES = 20  # places drawn at most for a held object
 
 
@@ -43,6 +44,19 @@ def distance_to_segment(places: Array, starts: Array, ends: Array) -> Array:
     way, offset = ends - starts, places - starts
     along = (offset * way).sum(-1) / np.maximum((way * way).sum(-1), 1e-9)
     return length(offset - np.clip(along, 0.0, 1.0)[..., None] * way)
+
+
+def tops_on_the_way(places: Array, which: NDArray[np.bool_], starts: Array, ends: Array, size: float) -> Array:
+    """(N, M) metres above the table up to the top of what stands on the straight ways to `ends`; 0 where nothing does.
+
+    Args:
+        places: (N, K, 3) of objects, metres.
+        which: (N, M, K) those that count, for each way.
+        starts, ends: (N, 2) and (N, M, 2) of the ways, metres.
+        size: width and height of an object, metres.
+    """
+    beside = distance_to_segment(places[:, None, :, :2], starts[:, None, None], ends[:, :, None])
+    return np.where(which & (beside < WAY * size), places[:, None, :, 2] + size / 2, 0.0).max(2)
 
 
 def paths_are_clear(placed: Placed) -> bool:

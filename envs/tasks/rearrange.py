@@ -10,17 +10,21 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError
-from envs.tasks.geometry import funnel, length, with_object_at
+from envs.tasks.geometry import funnel, length, tops_on_the_way, with_object_at
 from envs.tasks.grid import Grid, above
 from envs.tasks.manipulation import SCENES
-from envs.tasks.pick_and_place import PickAndPlace
+from envs.tasks.pick_and_place import CLEAR, LIFT, PickAndPlace
 from envs.tasks.registry import register_task
-from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
+from envs.tasks.types import NOTHING, Array, Column, EpisodeSpec, GripperStart, State, TaskConfig
 from human import Person
 from language import COLORS, NOUNS, Placed, Scene
 
 SHAPES = ("cube", "pyramid")
 PYRAMIDS = 0.15  # share of the objects on top of stacks that are pyramids, where no words name the objects
+IN_THE_AIR = 0.25  # share of the targets that are in the air, where no words name the objects
+STRAIGHT_UP = 0.5  # share of those that are over the object itself
+HEIGHTS = (0.1, 0.02)  # metres at which the observed height over what is on the way is clipped: far and near
+OFFSETS = 0.012  # ... and the offset from where the gripper would hold an object
 CLEARANCE = 0.012  # metres between what is carried and the tops of stacks
 LEAST_HEIGHT = 0.03  # metres above its end at which a way over the board is rewarded, at least
 MOUTH, SLOPE = 0.005, 6.0  # of the funnels: between stacks only straight up and down
@@ -32,10 +36,11 @@ LOWERED = 0.4  # share of the episodes with a held object in which it is straigh
 class Rearrange(PickAndPlace):
     """Any object on top of a stack goes to any free place of the board: an empty cell, or the top of another stack.
 
-    A see-through target marks the place. Without words, a column of the objects tells which one is the referent.
+    A see-through target marks the place. Without words, a column of the objects tells which one is the referent, and
+    some targets are in the air: what is brought there is not released.
     Success: the referent has been held, and lies within half a cell of its target along x and along y, at the same
-    level, released and at rest, for `hold_steps` steps. An episode ends as `wrong_object` once another object has moved
-    by half a cell.
+    level, released (in the air: held) and at rest, for `hold_steps` steps. An episode ends as `wrong_object` once
+    another object has moved by half a cell.
     Potentials: those of pick and place, along funnels over the highest stack of the board.
     """
 
@@ -43,7 +48,13 @@ class Rearrange(PickAndPlace):
     shapes = SHAPES
     stacks = True
     marks = True
-    columns = (Column("is the one to be moved", 0.0, 1.0),)
+    columns = (
+        Column("is the one to be moved; 0 where words say it", 0.0, 1.0),
+        Column("is in the air", 0.0, 1.0),
+        Column("metres from the tops on the straight way to it up to the gripper", -HEIGHTS[0], HEIGHTS[0]),
+        Column("the same from where the middle of an object passes over those tops", -HEIGHTS[1], HEIGHTS[1]),
+        *(Column(f"metres along {axis} from where the gripper would hold it", -OFFSETS, OFFSETS) for axis in "xyz"),
+    )
 
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
@@ -54,10 +65,19 @@ class Rearrange(PickAndPlace):
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
+        self.in_the_air = np.zeros(worlds, bool)  # whether nothing is below the target, so that it is held there
         self._travel = np.zeros(worlds)  # height of an object's centre at which it is carried over all others, metres
 
     def seen(self, state: State) -> Array:
-        return (np.arange(state.shown.shape[1]) == state.referent[:, None])[..., None].astype(np.float64)
+        slots, size = np.arange(state.shown.shape[1]), self.config.object_size
+        free = state.movable & (slots != state.held[:, None])
+        ways = state.gripper[:, :2], state.objects[..., :2]
+        others = free[:, None] & (slots != slots[:, None])
+        height = state.gripper[:, 2:] - tops_on_the_way(state.objects, others, *ways, size)
+        marked = (slots == state.referent[:, None]) & (not self.speaks)
+        flags = marked, _is_in_the_air(state.objects, free, size), height, height - CLEARANCE - size / 2
+        offset = state.objects - state.gripper[:, None] + [0.0, 0.0, size / 2]
+        return np.concatenate((np.stack(flags, axis=2), offset), axis=2)
 
     # ---- judging
 
@@ -67,11 +87,17 @@ class Rearrange(PickAndPlace):
         others[self._rows, state.referent] = False
         highest = np.where(others, state.objects[..., 2], 0.0).max(1) + self.config.object_size + CLEARANCE
         self._travel[worlds] = highest[worlds]
+        in_the_air = _is_in_the_air(state.objects, others, self.config.object_size)[self._rows, state.target]
+        self.in_the_air[worlds] = in_the_air[worlds]
 
     def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
         offset = np.abs(self._goal(state) - self._referent(state))
         level = offset[:, 2] < self.config.object_size / 2
         return (offset[:, :2].max(1) <= self.config.radius) & level
+
+    def _placed_there(self, state: State) -> NDArray[np.bool_]:
+        there = (self._raised >= LIFT / CLEAR) & self._is_near_goal(state)
+        return there & (state.held == np.where(self.in_the_air, state.referent, NOTHING))
 
     def _way_to_object(self, state: State) -> Array:
         place = self._referent(state)
@@ -91,10 +117,27 @@ class Rearrange(PickAndPlace):
         config = self.config
         count = int(rng.integers(config.min_objects, config.num_objects + 1))
         places = self._grid.draw(rng, count, config.num_targets, config.levels)
+        if not self.speaks and config.levels > 1 and rng.random() < IN_THE_AIR:
+            places[count:, 2] += rng.integers(1, config.levels, size=config.num_targets) * config.object_size
+            places[count:, 2] = np.minimum(places[count:, 2], self._grid.place(0, 0, config.levels - 1)[2])
         colors = rng.integers(len(COLORS), size=len(places))
         nouns = np.full(len(places), list(NOUNS).index("cube"))
         targets = np.arange(len(places)) >= count
         return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
+
+    def _draw(self, rng: Generator) -> EpisodeSpec:
+        """As in other tasks, but some objects are only to be taken up: their target is over them, in the air."""
+        episode = super()._draw(rng)
+        scene, referent, target = episode.scene, episode.referent, episode.target
+        begins_there = episode.start is None or not episode.start.held
+        if self.speaks or target is None or not begins_there or rng.random() >= STRAIGHT_UP:
+            return episode
+        others = ~scene.targets & (np.arange(len(scene)) != referent)
+        if not _is_in_the_air(scene.positions[None], others[None], self.config.object_size)[0, target]:
+            return episode
+        place = np.append(scene.positions[referent, :2], scene.positions[target, 2])
+        higher = place[2] > scene.positions[referent, 2] + self.config.object_size / 2
+        return replace(episode, scene=with_object_at(scene, target, place)) if higher else episode
 
     def _draw_scene(self, rng: Generator) -> tuple[Placed, NDArray[np.bool_]]:
         """As in other tasks, but only one object that can be moved and its target need a name."""
@@ -118,6 +161,17 @@ class Rearrange(PickAndPlace):
         shapes = np.where(pyramids, SHAPES.index("pyramid"), SHAPES.index("cube"))
         episode = super().episode(placed, referent, target, rng)
         return replace(episode, shapes=shapes, resting=np.ones(len(placed.scene), bool))
+
+    def _draw_start(
+        self, placed: Placed, referent: int, target: int | None, rng: Generator
+    ) -> tuple[GripperStart | None, Scene]:
+        """As in other tasks, but nothing begins released in the air."""
+        start, scene = super()._draw_start(placed, referent, target, rng)
+        released = start is not None and not start.held and scene is not placed.scene
+        others = ~scene.targets & (np.arange(len(scene)) != referent)
+        if released and _is_in_the_air(scene.positions[None], others[None], self.config.object_size)[0, target]:
+            return None, placed.scene
+        return start, scene
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """As in other tasks; the target is moved to the level where the object was left, too."""
@@ -160,3 +214,13 @@ class Rearrange(PickAndPlace):
     @property
     def _high(self) -> Array:
         return self._grid.place(self._grid.columns - 1, self._grid.rows - 1, 0)
+
+
+def _is_in_the_air(places: Array, solid: NDArray[np.bool_], size: float) -> NDArray[np.bool_]:
+    """(N, K) whether no solid object, and not the table, is right below each place (N, K, 3), metres.
+
+    solid: (N, K) what could carry another object. size: of objects, metres.
+    """
+    offset = places[:, :, None] - places[:, None]
+    below = (np.abs(offset[..., :2]).max(-1) < size) & (np.abs(offset[..., 2] - size) < size / 2)
+    return (places[..., 2] > size) & ~(below & solid[:, None]).any(2)
