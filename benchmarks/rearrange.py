@@ -2,6 +2,7 @@
 
     python -m benchmarks.rearrange --data FOLDER --robot kuka --jobs 2
     python -m benchmarks.rearrange --data FOLDER --words --part develop
+    python -m benchmarks.rearrange --data FOLDER --policy rearrange_kuka
 
 FOLDER has `commands.txt` and `configuration.txt`. Each scene is laid out as the board before, the scripted expert
 carries out the move that leads to the board after, and the scene counts as right if every block is then within half a
@@ -10,6 +11,9 @@ cell of where that board has it, at the right level, and held or not as there.
 With `--words`, the expert carries out the steps that `language.commands` understands, for each command of the part.
 Commands of one scene that are understood alike are carried out once. Where a block is held in the air makes no
 difference then.
+
+With `--policy`, a policy of `task=rearrange` carries out the move in place of the expert, on scenes that have no more
+blocks than its task. It is told which block moves and where to, by a see-through target.
 """
 
 from __future__ import annotations
@@ -28,9 +32,11 @@ from pathlib import Path
 import numpy as np
 from tensordict import TensorDict
 
+from benchmarks import rearrange_policy
 from benchmarks.treebank import world_of
 from benchmarks.treebank_data import PARTS, Block, Item, World, read
 from conf.overrides import compose
+from deixis.policy import LoadedPolicy, load_policy
 from envs import read_env
 from envs.experts.moves import Move, carry_out, moves_of
 from envs.tasks import EpisodeSpec
@@ -45,7 +51,7 @@ from language.commands.interpreting import interpret_alone
 SIZES = (16, 40, 120)  # blocks: a world is made for as many, since parked ones cost time as well
 SETTLING = 10  # control steps after the move
 NEAREST = {"magenta": "purple", "white": "pink"}  # colours that the language lacks; physics does not see them
-ENOUGH = 0.97
+ENOUGH, ENOUGH_OF_POLICY = 0.97, 0.90
 
 
 @dataclass(frozen=True)
@@ -93,26 +99,27 @@ def _board(number: int, before: World | None, after: World | None) -> Board | No
     return Board(number, before, after, before.blocks.index(gone[0]), come[0])
 
 
-def episode(board: Board, grid: Grid) -> EpisodeSpec:
-    """The board before as an episode."""
-    blocks = board.before.blocks
+def episode(board: Board, grid: Grid, marked: bool = False) -> EpisodeSpec:
+    """The board before as an episode. marked: with a see-through target where the block goes."""
+    blocks = [*board.before.blocks, *[board.goal] * marked]
     scene = Scene.from_arrays(
         [list(NOUNS).index("cube")] * len(blocks),
         [list(COLORS).index(NEAREST.get(color, color)) for *_, color, _ in blocks],
         [grid.place(x, y, z) for x, y, z, *_ in blocks],
         grid.size,
+        np.arange(len(blocks)) >= len(board.before.blocks),
     )
     shapes = np.array([SHAPES.index(shape) for *_, shape in blocks])
     start = GripperStart(np.zeros(3), held=True) if board.before.closed else None
-    everything = np.ones(len(blocks), bool)
-    return EpisodeSpec(scene, board.moved, 0, "", shapes=shapes, resting=everything, start=start)
+    target, everything = len(blocks) - 1 if marked else None, np.ones(len(blocks), bool)
+    return EpisodeSpec(scene, board.moved, 0, "", shapes=shapes, resting=everything, start=start, target=target)
 
 
-def begin(env: WorkspaceEnv, board: Board) -> tuple[Grid, Sequence[int]]:
+def begin(env: WorkspaceEnv, board: Board, marked: bool = False) -> tuple[Grid, Sequence[int]]:
     """Lays out the board before. Returns its cells, and the number of each block among the objects that are shown."""
     task = env.config.task
     grid = Grid(env.config.workspace.object_area, task.spacing, task.object_size)
-    env.start([episode(board, grid)], seed=board.number)
+    env.start([episode(board, grid, marked)], seed=board.number)
     shown = env.state.objects[0, env.state.shown[0]]
     places = np.array([grid.place(x, y, z) for x, y, z, *_ in board.before.blocks])
     return grid, np.linalg.norm(shown[None] - places[:, None], axis=2).argmin(1).tolist()
@@ -126,11 +133,14 @@ def moves(job: Job, grid: Grid, order: Sequence[int]) -> list[Move]:
     return moves_of(job.steps, [block[:2] for block in board.before.blocks], order, grid)
 
 
-def error(env: WorkspaceEnv, job: Job) -> str:
-    """What is wrong after the job was carried out; "" if nothing is."""
-    grid, order = begin(env, job.board)
+def error(env: WorkspaceEnv, job: Job, policy: LoadedPolicy | None = None) -> str:
+    """What is wrong after the job was carried out, by the expert or by a policy; "" if nothing is."""
+    grid, order = begin(env, job.board, marked=policy is not None)
     try:
-        carry_out(env, moves(job, grid, order))
+        if policy is not None:
+            rearrange_policy.carry_out(env, policy)
+        else:
+            carry_out(env, moves(job, grid, order))
     except LanguageError as problem:
         return str(problem)
     for _ in range(SETTLING):
@@ -154,6 +164,13 @@ def difference(env: WorkspaceEnv, job: Job, grid: Grid, order: Sequence[int]) ->
     return "the block" if wrong[board.moved] else f"{wrong.sum()} other blocks" if wrong.any() else ""
 
 
+def results_of_policy(given: Sequence[Job], name: str) -> Iterator[tuple[Job, str]]:
+    """Each job with its error. name: of a policy or its checkpoint."""
+    policy = load_policy(name)
+    with closing(rearrange_policy.make_env(policy)) as env:
+        yield from ((job, error(env, job, policy)) for job in given)
+
+
 def results(given: Sequence[Job], robot: str) -> Iterator[tuple[Job, str]]:
     """Each job with its error."""
     config = read_env(compose(["task=rearrange", f"robot={robot}", "task.curriculum={near: 0, held: 1, placed: 0}"]))
@@ -165,8 +182,9 @@ def results(given: Sequence[Job], robot: str) -> Iterator[tuple[Job, str]]:
                 yield from ((job, error(env, job)) for job in chosen)
 
 
-def _results(work: tuple[Sequence[Job], str]) -> list[tuple[Job, str]]:
-    return list(results(*work))
+def _results(work: tuple[Sequence[Job], str, str | None]) -> list[tuple[Job, str]]:
+    given, robot, policy = work
+    return list(results(given, robot) if policy is None else results_of_policy(given, policy))
 
 
 def understood(folder: Path, part: str, numbers: Collection[str] | None = None) -> Iterator[tuple[Item, Job | None]]:
@@ -188,7 +206,9 @@ def main() -> int:
     if options.words:
         commands = [job for _, job in understood(options.data, options.part)]
     else:
-        commands = [Job(board) for board in boards(options.data, options.part)]
+        most = rearrange_policy.most_blocks(options.policy) if options.policy else max(SIZES)
+        every = boards(options.data, options.part)
+        commands = [Job(board) for board in every if len(board.before.blocks) <= most]
     random.Random(0).shuffle(commands)
     commands = commands[: options.count]
     given = [job for job in commands if job is not None]
@@ -203,16 +223,17 @@ def main() -> int:
     share = right / max(len(given), 1)
     if options.words:
         print(f"{len(given)} of {len(commands)} commands are understood; {len(found)} of them differ")
-    print(f"{options.robot}: {right} of {len(given)} boards reached, {share:.3f}")
+    print(f"{options.policy or options.robot}: {right} of {len(given)} boards reached, {share:.3f}")
     if options.json:
         figures = {"right": right, "total": len(given), "success": round(share, 4), "robot": options.robot}
+        figures |= {"policy": options.policy} if options.policy else {}
         print(json.dumps(figures | ({"commands": len(commands)} if options.words else {})))
-    return int(share < ENOUGH)
+    return int(share < (ENOUGH_OF_POLICY if options.policy else ENOUGH))
 
 
 def _carry_out_all(given: Sequence[Job], options: argparse.Namespace) -> dict[Job, str]:
     """The error of each job."""
-    parts = [(given[i :: options.jobs], options.robot) for i in range(options.jobs)]
+    parts = [(given[i :: options.jobs], options.robot, options.policy) for i in range(options.jobs)]
     with get_context("spawn").Pool(options.jobs) as pool:
         return dict(pair for part in pool.imap_unordered(_results, parts) for pair in part)
 
@@ -228,7 +249,9 @@ def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--data", type=Path, required=True, help="folder with commands.txt and configuration.txt")
     parser.add_argument("--part", choices=PARTS, default="all", help="which scenes (all)")
-    parser.add_argument("--words", action="store_true", help="carry out what is understood of each command")
+    actor = parser.add_mutually_exclusive_group()
+    actor.add_argument("--words", action="store_true", help="carry out what is understood of each command")
+    actor.add_argument("--policy", help="a policy of task=rearrange, by its name or checkpoint (the expert)")
     parser.add_argument("--robot", default="kuka", help="an option of robot= (kuka)")
     parser.add_argument("--count", type=int, help="this many scenes, drawn by a fixed seed (all of them)")
     parser.add_argument("--jobs", type=int, default=2, help="processes (2)")
