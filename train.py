@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import hydra
 
-from conf.command_line import check_run
-from conf.overrides import apply, quoted, with_choices
+from conf.overrides import apply, check, quoted, with_choices
 from conf.schema import ConfigError, RunError
 from trainers.sweeps.arguments import expand_resume, register_resolvers
 
@@ -24,11 +23,17 @@ if TYPE_CHECKING:
     from envs.workspace_env import WorkspaceEnv
 
 
-def build_env(config: EnvConfig, num_worlds: int, seed: int, render: bool = False) -> WorkspaceEnv:
-    """The environment. A module-level function, so that worker processes can unpickle it."""
+def build_env(
+    config: EnvConfig, num_worlds: int, seed: int, render: bool = False, labelled: bool = False
+) -> WorkspaceEnv:
+    """The environment. A module-level function, so that worker processes can unpickle it.
+
+    labelled: it observes the actions of the task's expert. Raises ConfigError for a task without one.
+    """
+    from envs.experts.labelled_env import LabelledEnv
     from envs.workspace_env import WorkspaceEnv
 
-    return WorkspaceEnv(config, num_worlds, seed, render)
+    return (LabelledEnv if labelled else WorkspaceEnv)(config, num_worlds, seed, render)
 
 
 def run(config: Any, folder: Path) -> dict[str, Any]:
@@ -66,7 +71,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
         write_checked_yaml(folder / "config.yaml", OmegaConf.to_yaml(config, resolve=True))
         return fit(
             plan,
-            make_env=partial(build_env, env_config),
+            make_env=partial(build_env, env_config, labelled=plan.algo.imitates),
             make_eval_env=partial(build_env, env_config.without_curriculum()),
             folder=folder,
             config=plain,
@@ -142,7 +147,7 @@ def cli(words: Sequence[str] | None = None) -> None:
     register_resolvers()
     try:
         words = expand_resume(sys.argv[1:] if words is None else words)
-        check_run(words)
+        check(words)
     except ConfigError as error:
         sys.exit(f"error: {error}")
     sys.argv[1:] = quoted(words)  # Hydra reads them there

@@ -1,7 +1,7 @@
 """Training, evaluation and reports. Depends on the specs of environments, never on their classes.
 
     config       the parameters of a run (imports no torch)
-    algorithms   PPO, SAC and the other algorithms, found by name
+    algorithms   PPO, SAC, imitation and the other algorithms, found by name
     models       policies and critics, built from specs
     rollout      collection of batches, evaluation, instruction ablations, videos
     run          the training loop, its metrics and checkpoints

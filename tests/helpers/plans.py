@@ -28,7 +28,8 @@ def config(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ..
         "policy": OmegaConf.load(CONF / "policy" / f"{policy}.yaml"),
     }
     on_policy = "epochs" in base["algo"]
-    small = ["algo.horizon=16", "algo.minibatch=64"] if on_policy else ["algo.learning_starts=64", "algo.batch=32"]
+    small = ["algo.horizon=16", "algo.minibatch=64"] if on_policy else ["algo.batch=32"]
+    small += ["algo.learning_starts=64"] * ("learning_starts" in base["algo"])
     merged = OmegaConf.merge(OmegaConf.create(base), OmegaConf.from_dotlist([*small, *overrides]))
     return OmegaConf.to_container(merged)  # type: ignore[return-value]
 

@@ -15,6 +15,7 @@ from conf.schema import RunError
 from trainers.algorithms.base_config import AlgorithmConfig
 from trainers.algorithms.grounding_supervision import GroundingSupervision
 from trainers.algorithms.specs import Specs
+from trainers.models.expert_mixture import ExpertMixture
 from trainers.models.policy import Policy
 from trainers.utils.observation_keys import public_keys
 
@@ -54,6 +55,11 @@ class Algorithm(ABC):
             policy: on the device of the updates.
             specs: builds the critics.
         """
+
+    @property
+    def behaviour(self) -> Policy | ExpertMixture:
+        """What acts in the worlds while they collect."""
+        return self.policy
 
     @property
     def scenes_per_update(self) -> int:

@@ -19,7 +19,6 @@ class AlgorithmConfig(Checked):
     anneal_lr: bool  # linearly to zero over the run
     horizon: int = within(1, 4096)  # steps of each world between updates
     lr: float = within(1e-7, 1.0)
-    gamma: float = within(0.0, 1.0)
     max_grad_norm: float = within(1e-3)
     grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
     grounding_batch: int = within(1)  # scenes of one gradient step of the grounding loss
@@ -36,6 +35,11 @@ class AlgorithmConfig(Checked):
         """Whether a move is a deterministic mean with exploration noise, clipped to [-1, 1]."""
         return False
 
+    @property
+    def imitates(self) -> bool:
+        """Whether the worlds must observe what an expert would do."""
+        return False
+
     def check_batch(self, frames: int) -> None:
         """Raise ConfigError if batches of this number of frames do not fit the other settings."""
 
@@ -48,6 +52,7 @@ class OnPolicyConfig(AlgorithmConfig):
 
     horizon: int = within(2, 4096)  # steps of each world between updates
     epochs: int = within(1, 100)
+    gamma: float = within(0.0, 1.0)
     minibatch: int = within(2)
     lmbda: float = within(0.0, 1.0)
     final_std: float = within(0.01, 2.0)  # upper bound of the exploration noise at the end, after a linear decline
@@ -67,6 +72,7 @@ class OffPolicyConfig(AlgorithmConfig):
     on_policy = False
 
     batch: int = within(2)
+    gamma: float = within(0.0, 1.0)
     updates_per_frame: float = within(0.0, 100.0)  # gradient steps per collected frame
     buffer: int = within(100)  # capacity of the replay buffer in frames
     learning_starts: int = within(0)  # frames collected before the first gradient step

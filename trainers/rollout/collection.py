@@ -10,6 +10,7 @@ import torch
 from tensordict import TensorDictBase
 
 from trainers.config import CollectorConfig, workers
+from trainers.models.expert_mixture import ExpertMixture
 from trainers.models.policy import Policy
 from trainers.rollout.episode_log import EpisodeLog, Episodes
 from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
@@ -24,7 +25,7 @@ class Rollouts:
 
     Args:
         make_env: `make_env(worlds, seed)` builds the environment; picklable.
-        policy: its present weights.
+        policy: its present weights. It may be a mixture with an expert.
         config: how many worlds and workers.
         horizon: steps of a batch.
         seed: of the workers.
@@ -35,7 +36,7 @@ class Rollouts:
     def __init__(
         self,
         make_env: MakeEnv,
-        policy: Policy,
+        policy: Policy | ExpertMixture,
         config: CollectorConfig,
         horizon: int,
         seed: int,
@@ -66,7 +67,7 @@ class Rollouts:
         """How many workers have been replaced."""
         return 0 if self.pool is None else self.pool.restarts
 
-    def sync(self, policy: Policy) -> None:
+    def sync(self, policy: Policy | ExpertMixture) -> None:
         """Copy the policy's weights; the following batches are collected with them."""
         self.cpu_policy.load_state_dict(policy.state_dict())
 

@@ -153,7 +153,7 @@ class TrainingRun:
         first, state = self.counters["iteration"], self.resumed.get("rollouts")
         seed = derive_seed(self.plan.run.seed, first)
         self.rollouts = Rollouts(
-            self.make_env, self.policy, self.plan.collector, self.plan.algo.horizon, seed, first, state
+            self.make_env, self.algorithm.behaviour, self.plan.collector, self.plan.algo.horizon, seed, first, state
         )
         with closing(self.rollouts):
             if self.resumed:
@@ -170,7 +170,7 @@ class TrainingRun:
     def iterate(self, rollouts: Rollouts, stop: StopSignal) -> None:
         """One batch and one update; sets `row`, which is not complete if an evaluation is due."""
         start = time.perf_counter()
-        rollouts.sync(self.policy)
+        rollouts.sync(self.algorithm.behaviour)
         batch = rollouts.next(stop)
         collected = time.perf_counter()
         self.consistent = False

@@ -1,0 +1,42 @@
+"""An environment that observes what the task's scripted expert would do, as labels for imitation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from tensordict import TensorDictBase
+from torchrl.data import Bounded
+
+from envs.experts.registry import expert
+from envs.workspace_env import WorkspaceEnv
+
+LABEL = ("privileged", "expert_action")
+
+
+class LabelledEnv(WorkspaceEnv):
+    """Also observes privileged/expert_action (N, A): the expert's action in each state, whoever acts.
+
+    Raises:
+        ConfigError: for what cannot be built, and for a task without an expert.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._expert = expert(self)
+
+    def _make_specs(self) -> None:
+        super()._make_specs()
+        spec = self.observation_spec
+        spec[LABEL] = Bounded(-1, 1, shape=self.action_spec.shape, dtype=torch.float32)
+        self.observation_spec = spec
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        return self._with_label(super()._step(tensordict))
+
+    def _reset(self, tensordict: TensorDictBase | None, **options: Any) -> TensorDictBase:
+        return self._with_label(super()._reset(tensordict, **options))
+
+    def _with_label(self, observed: TensorDictBase) -> TensorDictBase:
+        action = self._expert(observed.empty())["action"]
+        return observed.set(LABEL, action.clamp(-1.0, 1.0))

@@ -1,0 +1,124 @@
+"""Imitation of an expert that labels every state the policy meets: DAgger, Ross et al. 2011 (arXiv:1011.0686).
+
+All labelled frames are kept, and the mean move is regressed on the expert's. The words are learned as by all other
+algorithms, by the grounding loss.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import torch
+import torch.nn.functional as F
+from tensordict import TensorDictBase
+from torch import Tensor, nn
+from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
+
+from trainers.algorithms.algorithm import (
+    Algorithm,
+    anneal_learning_rate,
+    averages,
+    check_batch,
+    check_loss,
+)
+from trainers.algorithms.bc_config import BCConfig
+from trainers.algorithms.grounding_supervision import METRICS, first_steps
+from trainers.algorithms.specs import Specs
+from trainers.models.expert_mixture import LABEL, ExpertMixture
+from trainers.models.policy import Policy, parameters
+
+WIDTH = 0.1  # of a move: the loss is quadratic in smaller errors and linear in larger ones
+
+
+class BC(Algorithm):
+    """Collects with a mixture of policy and expert; learns from all frames collected so far."""
+
+    metrics = ("loss/imitation", "expert_share", "updates", "lr", *METRICS)
+
+    def __init__(self, config: BCConfig, policy: Policy) -> None:
+        super().__init__(config, policy)
+        self.config = config
+        self.parameters = parameters(policy)
+        self.optimizer = torch.optim.Adam(self.parameters, lr=config.lr, fused=True)
+        self.mixture = ExpertMixture(policy)
+        self.frames = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer, device=self.device))
+        self.pending_steps = 0.0  # gradient steps that the frames so far call for and that are not taken yet
+        context = [policy.context_key] if self.grounding.active else list(policy.encoder_keys)
+        self.frame_keys = list(dict.fromkeys([*policy.actor_keys, *context]))
+        with torch.no_grad():
+            for log_std in policy.log_stds:
+                log_std.fill_(math.log(config.std))
+
+    @classmethod
+    def build(cls, config: BCConfig, policy: Policy, specs: Specs) -> BC:
+        return cls(config, policy)
+
+    @property
+    def behaviour(self) -> ExpertMixture:
+        return self.mixture
+
+    @property
+    def memories(self) -> dict[str, ReplayBuffer]:
+        return super().memories | {"frames": self.frames}
+
+    def running_state(self) -> dict[str, Any]:
+        return {"pending_steps": self.pending_steps, "expert_share": float(self.mixture.expert_share)}
+
+    def load_running_state(self, state: dict[str, Any]) -> None:
+        self.pending_steps = state["pending_steps"]
+        self.mixture.expert_share.fill_(state["expert_share"])
+
+    def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
+        """Keep a batch of labelled frames (worlds, steps), and take the gradient steps that it calls for.
+
+        progress anneals the learning rate and the expert's share of the steps that are collected next.
+        """
+        check_batch(batch)
+        rate = anneal_learning_rate(self.optimizer, self.config.lr, self.config.anneal_lr, progress)
+        share = float(self.mixture.expert_share)
+        self.mixture.expert_share.fill_(max(0.0, 1.0 - progress / max(self.config.expert_until, 1e-9)))
+        batch = batch.to(self.device)
+        if self.grounding.active:
+            begins = first_steps(batch, torch.ones_like(batch["next", "done"][:, :1, 0]))
+            self.grounding.add(batch.select(*self.grounding.keys)[begins])
+        self.frames.extend(self.labelled(batch.reshape(-1)))
+        self.pending_steps += batch.numel() * self.config.updates_per_frame
+        steps, self.pending_steps = int(self.pending_steps), self.pending_steps % 1.0
+        return averages(self.learn(steps)) | {"expert_share": share, "updates": float(steps), "lr": rate}
+
+    def labelled(self, frames: TensorDictBase) -> TensorDictBase:
+        """What is kept of frames (B,): inputs of the actor, or of the encoder, and "move", the expert's."""
+        frames = frames.copy()
+        if self.grounding.active:
+            self.policy.encoder.select_labelled(frames)
+        move = (frames[LABEL] - frames["hold"]) / self.policy.action_unit
+        return frames.select(*self.frame_keys).set("move", move.clamp(-1.0, 1.0))
+
+    def learn(self, steps: int) -> list[dict[str, Tensor]]:
+        """Take so many gradient steps. Frames and scenes are drawn once for all of them, which saves overhead."""
+        if not steps:
+            return []
+        frames = self.frames.sample(steps * self.config.batch).split(self.config.batch)
+        if not self.grounding.active:
+            return [self.step(part) for part in frames]
+        every = self.config.grounding_every
+        scenes = self.grounding.sample(-(-steps // every))
+        return [self.step(part, None if i % every else scenes[i // every]) for i, part in enumerate(frames)]
+
+    def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
+        """One gradient step on frames (B,) for the actor and, where the words are supervised, on scenes (G,)."""
+        if not self.grounding.active:
+            self.policy.encode(frames)
+        move, _ = self.policy.move_parameters(frames)
+        measured = {"loss/imitation": F.smooth_l1_loss(move, frames["move"], beta=WIDTH)}
+        loss = measured["loss/imitation"]
+        if scenes is not None:
+            measured |= self.grounding.measure(scenes)
+            loss = loss + self.config.grounding_weight * measured["loss/grounding"]
+        check_loss(loss, frames)
+        self.optimizer.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(self.parameters, self.config.max_grad_norm)
+        self.optimizer.step()
+        return {name: value.detach() for name, value in measured.items()}
