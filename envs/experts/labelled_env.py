@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from torchrl.data import Bounded
 
@@ -34,8 +36,8 @@ class LabelledEnv(WorkspaceEnv):
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         return self._with_label(super()._step(tensordict))
 
-    def _reset(self, tensordict: TensorDictBase | None, **options: Any) -> TensorDictBase:
-        return self._with_label(super()._reset(tensordict, **options))
+    def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
+        return self._with_label(super()._begin_episodes(worlds))
 
     def _with_label(self, observed: TensorDictBase) -> TensorDictBase:
         action = self._expert(observed.empty())["action"]
