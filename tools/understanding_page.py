@@ -63,6 +63,9 @@ A step has a `kind` (take, place, push, reach, press, switch, turn, open, close,
 nothing), the index of its `object`, and for "place" and "push" the `position` of its centre (metres or cells), the
 height of its `bottom` and what it then stands `on`.
 
+A board may be a YAML file, with the colours and shapes that only this grammar knows (white, magenta, pyramid);
+`language.commands.world_file.read_world` reads it. [board.yaml](examples/board.yaml) is an example.
+
 ## Gestures
 
 "This", "that", "here" and "there" take what a person points at, in the order of the words; `human.pointing` finds what
@@ -107,6 +110,28 @@ physics, in real time. The sentences are quoted from the Robot Commands Treebank
 [say such commands yourself](play.md#on-a-board).
 """
 TEACHING = """\
+## Your own sentences
+
+`python -m benchmarks.sentences --data sentences.tsv --errors` tells which sentences of a file are understood as
+expected. Each line has a sentence, the scene file (a table's or a board's), the id of the expected object and, if it is
+put somewhere, the id of what it then stands on; the fields are separated by tabs.
+"held" is the gripper, "asked" and "refused" are outcomes, and an empty field allows anything. An example
+is [sentences.tsv](examples/sentences.tsv):
+
+```
+grab the white brick                                            board.yaml  b        held
+put the block that is left of the ball on top of the blue one   table.yaml  r        b
+plz lift the block                                              table.yaml  asked
+```
+
+Annotations without expectation, such as CALVIN's, are read from `.json` or `.yaml`: a list of `{task, sentence}`, or
+lists of sentences by task as in [annotations.yaml](examples/annotations.yaml), all of them in the scene of `--scene`.
+Outcomes are then counted by task.
+
+```console
+$ python -m benchmarks.sentences --data docs/examples/annotations.yaml --scene docs/examples/table.yaml
+```
+
 ## How to teach it a phrase
 
 A phrase is one entry of a table, here at run time. The meaning must be known; commas separate phrases in the tables
