@@ -79,8 +79,8 @@ class BoardDialogue(Dialogue):
     def _answer(self, sentence: str, dialogue: commands.Dialogue) -> Interpretation:
         outcome = dialogue.answer(sentence[:MAX_CHARACTERS], world_of(self._env))
         message = getattr(outcome, "text", "")
-        if isinstance(outcome, commands.Refusal) and outcome.suggestions:
-            message += f" (for example: {', '.join(outcome.suggestions)})"
+        if isinstance(outcome, commands.Refusal) and outcome.reason == "syntax":
+            message += f" (for example: {example(self._env)})"
         found = of_outcome(outcome, Interpretation(outcome.sentence, None, message))
         numbers = movable(self._env).tolist()
         actions = tuple(_renumbered(action, numbers) for action in found.actions)

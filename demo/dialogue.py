@@ -21,6 +21,7 @@ from language import (
 )
 from language.verbs import HERE, POINTING
 
+SPEED = "the clock has a speed, under Time; the arm keeps its own"
 MAX_CHARACTERS = 300  # of a sentence; the rest is ignored
 
 PointedObjects = Callable[[int], Sequence[int]]  # n -> the objects that the last n gestures single out
@@ -168,7 +169,8 @@ def of_outcome(outcome: commands.Outcome, failure: Interpretation) -> Interpreta
     """The outcome of a sentence beyond the instruction grammar. failure: of the instruction grammar."""
     start = outcome.span[0]
     if isinstance(outcome, commands.Understood):
-        return Interpretation(outcome.sentence, None, "; ".join(outcome.notes), actions=outcome.steps)
+        notes = [*outcome.notes, *(SPEED for step in outcome.steps if step.kind in ("faster", "slower"))]
+        return Interpretation(outcome.sentence, None, "; ".join(notes), actions=outcome.steps)
     if isinstance(outcome, commands.Question):
         return Interpretation(outcome.sentence, None, outcome.text, start, outcome.candidates)
     assert isinstance(outcome, commands.Refusal)

@@ -81,3 +81,7 @@ def test_a_preview_changes_nothing():
 
 def test_long_sentences_are_cut():
     assert len(result_of("reach " * 10_000).sentence) == MAX_CHARACTERS
+
+
+def test_a_wish_for_speed_is_answered_with_where_to_set_it():
+    assert "under Time" in Dialogue().hear("go faster please", SCENE, no_gestures).message
