@@ -30,7 +30,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from conf.arguments import run, split
+from conf.arguments import check_file, run, split
 from conf.overrides import apply
 from conf.schema import Checked, ConfigError, one_of, read, within
 
@@ -96,8 +96,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
 
     path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path)
-    out = Path(config.out) if config.out else _numbered(path)
-    out.parent.mkdir(parents=True, exist_ok=True)
+    out = check_file("out", config.out or _numbered(path))
     by_split = {
         split: _evaluate(config, saved, [*overrides, f"task.split={split}"], None) for split in SPLITS * config.splits
     }
@@ -111,11 +110,13 @@ def main(arguments: list[str]) -> dict[str, Any]:
     report |= {"overrides": overrides, **result}
     if by_split:
         report["by_split"] = by_split
+    print(describe(report), flush=True)  # before anything is written: a full disk loses no result
+    out.parent.mkdir(parents=True, exist_ok=True)
     write_json(out, report)
     if "by_pointing" in report:
         title = f"success of {report['episodes']} episodes by difficulty of the gesture"
         pointing_plot(report["by_pointing"], out.with_suffix(".png"), title)
-    print(describe(report, out))
+    print(f"saved in {out}")
     return report
 
 
@@ -132,6 +133,7 @@ def _evaluate(
     from trainers.rollout.evaluation import evaluate
     from trainers.rollout.seeds import derive_seed
     from trainers.rollout.video import record_video
+    from trainers.utils.atomic_io import atomic_path
 
     env_config = read_env(cfg).without_curriculum()
     make = partial(build_env, env_config)
@@ -153,8 +155,9 @@ def _evaluate(
     finally:
         env.close()
     if config.video and video:
-        with closing(make(1, seed, render=True)) as rendered:
-            record_video(rendered, policy, video.with_suffix(".mp4"), config.video)
+        video.parent.mkdir(parents=True, exist_ok=True)
+        with closing(make(1, seed, render=True)) as rendered, atomic_path(video.with_suffix(".mp4")) as file:
+            record_video(rendered, policy, file, config.video)
     return result
 
 
@@ -213,7 +216,7 @@ def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
     }
 
 
-def describe(report: dict[str, Any], out: Path) -> str:
+def describe(report: dict[str, Any]) -> str:
     """The result as text: by kind of instruction, by difficulty of the gesture, and overall or by split."""
     from trainers.reports.plots import bin_name
 
@@ -224,7 +227,7 @@ def describe(report: dict[str, Any], out: Path) -> str:
         for part in bins
     ]
     overall = [_line(split, part) for split, part in report.get("by_split", {"all": report}).items()]
-    return "\n".join([*lines, *overall, f"saved in {out}"])
+    return "\n".join([*lines, *overall])
 
 
 def _line(name: str, part: dict[str, Any]) -> str:

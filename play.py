@@ -23,12 +23,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from conf.arguments import check_file
 from conf.schema import ConfigError
 
 if TYPE_CHECKING:
     from demo.session import Session
 
 SESSION_KEYS = ("task", "robot", "control", "workspace", "objects", "driver", "checkpoint")
+VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi")
 MAX_VIDEO_STEPS = 2400  # control steps: two minutes
 FINAL_VIDEO_STEPS = 20  # control steps shown after the end: one second
 
@@ -40,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
     )
     options.add_argument("overrides", nargs="*", metavar="key=value")
     options.add_argument("--port", type=int, default=8080)
-    options.add_argument("--host", default="127.0.0.1", help="any address but loopback lets others in, with a warning")
+    options.add_argument("--host", default="127.0.0.1", help="any address but loopback lets others in, with a token")
     options.add_argument("--seed", type=int, default=0, help="of the scenes")
     options.add_argument("--gui", action="store_true", help="no page: PyBullet's own window, with the keyboard")
     options.add_argument("--headless", type=Path, metavar="VIDEO", help="no page: do what --say says, and write an mp4")
@@ -66,6 +68,7 @@ def main(words: Sequence[str]) -> None:
     if args.seed < 0:
         raise ConfigError(f"--seed={args.seed} must be at least 0")
     if args.headless is not None:
+        check_file("--headless", args.headless, VIDEO_SUFFIXES)
         write_video(args)
     elif args.gui:
         open_window(args)
@@ -77,9 +80,10 @@ def make_session(args: argparse.Namespace) -> Session:
     """The session that the arguments choose. Raises ConfigError."""
     from conf.arguments import split
     from demo.session import Session
-    from demo.session_config import make_config
+    from demo.session_config import check_choices, make_config
 
     values, overrides = split(args.overrides, SESSION_KEYS, "robot=panda")
+    check_choices(values)
     return Session(make_config(**values, overrides=overrides), args.seed, args.gui)
 
 
@@ -111,11 +115,17 @@ def serve_page(args: argparse.Namespace) -> None:
     _check_address(args.host, args.port)
     from demo.splash_page import open_splash_page
 
-    server = open_splash_page(args.host, args.port)
-    print(f"http://{args.host}:{server.get_port()} (press Ctrl-C to stop)", flush=True)
-    if not _is_loopback(args.host):
-        print(f"warning: --host={args.host}: anyone who can reach this machine can drive the robot", file=sys.stderr)
+    shared = not _is_loopback(args.host)
+    server = open_splash_page("127.0.0.1" if shared else args.host, _free_port() if shared else args.port)
+    gate, address = None, f"http://{args.host}:{args.port}"
     try:
+        if shared:
+            from demo.token_gate import TokenGate
+
+            gate = TokenGate(args.host, args.port, server.get_port())
+            address += f"/?token={gate.token}"
+            print(f"warning: --host={args.host}: anyone with this address can drive the robot", file=sys.stderr)
+        print(f"{address} (press Ctrl-C to stop)", flush=True)
         with _on_interrupt(lambda: sys.exit(0)), closing(make_session(args)) as session:
             from demo.page import Page
 
@@ -123,6 +133,8 @@ def serve_page(args: argparse.Namespace) -> None:
                 print(f"it is ready; try: {session.example()}", flush=True)
                 page.loop.run()
     finally:
+        if gate is not None:
+            gate.close()
         server.stop()
 
 
@@ -142,6 +154,13 @@ def _is_loopback(host: str) -> bool:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+def _free_port() -> int:
+    """A port of this machine that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def _check_address(host: str, port: int) -> None:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import hydra
 
-from conf.overrides import apply, check, quoted, with_choices
+from conf.command_line import check_run
+from conf.overrides import apply, quoted, with_choices
 from conf.schema import ConfigError, RunError
 from trainers.sweeps.arguments import expand_resume, register_resolvers
 
@@ -147,7 +148,7 @@ def cli(words: Sequence[str] | None = None) -> None:
     register_resolvers()
     try:
         words = expand_resume(sys.argv[1:] if words is None else words)
-        check(words)
+        check_run(words)
     except ConfigError as error:
         sys.exit(f"error: {error}")
     sys.argv[1:] = quoted(words)  # Hydra reads them there

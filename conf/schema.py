@@ -106,6 +106,9 @@ def read(cls: type[T], node: Any, key: str) -> T:
     for name in container:
         if name not in fields:
             raise ConfigError(f"{prefix}{name} is not a known key" + did_you_mean(name, fields))
+    for name, value in container.items():
+        if isinstance(value, str) and "${" in value:
+            raise ConfigError(f"{prefix}{name}={value} cannot be resolved; write the value itself")
     for field in declared:
         if container.get(field.name, "???" if _required(field) else None) == "???":
             raise ConfigError(f"{prefix}{field.name} has no value; give {prefix}{field.name}=...")

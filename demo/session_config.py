@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -101,6 +101,19 @@ def _saved_policy(path: Path, payload: dict[str, Any]) -> SavedPolicy:
 
 def _load(path: Path) -> dict[str, Any]:
     return checkpoint.load(checkpoint.find(path))
+
+
+def check_choices(values: Mapping[str, str]) -> None:
+    """Raises ConfigError if a checkpoint was trained for another task, robot or control than are chosen with it."""
+    if "checkpoint" not in values:
+        return
+    saved = _saved_policy(Path(values["checkpoint"]), _load(Path(values["checkpoint"])))
+    for key in ("task", "robot", "control"):
+        if key in values and values[key] != getattr(saved, key):
+            raise ConfigError(
+                f"{key}={values[key]} does not go with checkpoint={values['checkpoint']}, which was trained with "
+                f"{key}={getattr(saved, key)}; leave {key} out"
+            )
 
 
 @dataclass(frozen=True)

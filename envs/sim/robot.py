@@ -87,6 +87,8 @@ def urdf_path(config: RobotConfig) -> Path:
     else:
         folder = Path()
     path = folder / config.urdf
+    if config.package != "file" and not path.resolve().is_relative_to(folder.resolve()):
+        raise ConfigError(f"robot.urdf={config.urdf} leaves the package: it must be a file in {folder.resolve()}")
     if not path.is_file():
         raise ConfigError(f"robot.urdf={config.urdf} is not a file in {folder.resolve()}")
     return path

@@ -173,3 +173,9 @@ def test_a_broken_urdf_is_an_error_that_names_it(text, message, tmp_path):
 def test_several_objects_without_words_are_an_error():
     with pytest.raises(ConfigError, match=r"task.num_objects=3 must be 1 in a task without words"):
         make_env(["task=reach", "task.num_objects=3", "task.min_objects=3"])
+
+
+@pytest.mark.parametrize("urdf", ["/etc/passwd", "../../x.urdf", "franka_panda/../../../x.urdf"])
+def test_a_urdf_does_not_leave_its_package(urdf):
+    with pytest.raises(ConfigError, match=r"robot\.urdf=\S+ leaves the package"):
+        read_env(compose([f"robot.urdf={urdf}"]))

@@ -64,9 +64,10 @@ def find_device(name: str) -> torch.device:
     """The torch device of run.device. Raises ConfigError if it is not available."""
     try:
         device = torch.device(name)
-        torch.empty(0, device=device)
+        torch.ones(1, device=device).item()
     except (RuntimeError, AssertionError) as error:
-        raise ConfigError(f"device={name} cannot be used: {str(error).splitlines()[0]}") from None
+        reason = str(error).splitlines()[0]
+        raise ConfigError(f"device={name} cannot be used: {reason}; choose cpu, or cuda where there is a GPU") from None
     return device
 
 

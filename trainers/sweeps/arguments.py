@@ -7,7 +7,8 @@ from pathlib import Path
 
 from omegaconf import OmegaConf
 
-from trainers.sweeps.sweep_file import read_starts
+from conf.command_line import check_stored
+from trainers.sweeps.sweep_file import NAME, read_starts
 
 RESUME = "sweep.resume="
 NON_JOB_PREFIXES = ("-", "hydra.", "sweep.")  # words that do not distinguish the jobs of a sweep
@@ -35,7 +36,7 @@ def expand_resume(words: Sequence[str]) -> list[str]:
         Words for Hydra's multirun mode.
 
     Raises:
-        ConfigError: no sweep was started in the directory.
+        ConfigError: no sweep was started in the directory, or its sweep.yaml holds overrides that are refused.
     """
     own = [word for word in words if word.startswith(RESUME)]
     value = own[-1].removeprefix(RESUME).strip("'\"") if own else "null"
@@ -45,6 +46,7 @@ def expand_resume(words: Sequence[str]) -> list[str]:
     starts = read_starts(folder)
     others = [word for word in words if word not in (*own, "-m", "--multirun")]
     if all(word.startswith(NON_JOB_PREFIXES) for word in others):
+        check_stored(starts[-1]["overrides"], folder / NAME)
         others = [*starts[-1]["overrides"], *others]
     return ["--multirun", *others, f"hydra.sweep.dir={quote_path(folder.absolute())}"]
 

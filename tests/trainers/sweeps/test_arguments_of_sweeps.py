@@ -41,3 +41,11 @@ def test_a_damaged_sweep_file_is_named(tmp_path):
 def test_a_path_is_quoted_for_hydra():
     assert quote_path(Path("a, [b]")) == "'a, [b]'"
     assert quote_path(Path("it's")) == "'it\\'s'"
+
+
+def test_a_sweep_file_that_names_other_keys_is_refused(tmp_path):
+    folder = started_sweep(tmp_path, "seed=0,1", "+hydra.callbacks.x._target_=joblib.load")
+    with pytest.raises(ConfigError, match=r"sweep\.yaml is refused: \+hydra\.callbacks\.x\._target_=joblib\.load adds"):
+        expand_resume([f"sweep.resume={folder}"])
+    words = expand_resume([f"sweep.resume={folder}", "seed=0"])
+    assert words == ["--multirun", "seed=0", f"hydra.sweep.dir='{folder}'"]
