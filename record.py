@@ -24,7 +24,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from conf.arguments import run, split
+from conf.arguments import check_folder, run, split
 from conf.overrides import apply, check, compose
 from conf.schema import Checked, ConfigError, one_of, read, within
 
@@ -97,6 +97,7 @@ def _record(config: RecordConfig, overrides: list[str]) -> None:
     env_config = _eval_config(whole)
     place = Path(config.out) if config.out else _numbered(env_config, config)
     refuse_existing(place)
+    check_folder("out", str(place))
     with closing(WorkspaceEnv(env_config, 1, 0, config.camera)) as env, StopSignal() as stop:
         about = _about(env, config, whole.get("choices", {}))
         try:
@@ -206,7 +207,10 @@ def _replay(folder: Path, tolerance: float) -> None:
     from trainers.datasets.dataset import read
     from trainers.datasets.verify_replay import verify_replay
 
-    metadata, episodes = read(folder)
+    try:
+        metadata, episodes = read(folder)
+    except ConfigError as error:
+        raise ConfigError(f"replay={error}") from None
     with closing(WorkspaceEnv(_eval_config(metadata["config"]), 1, 0)) as env:
         result = verify_replay(env, episodes)
     if result.max_difference > tolerance or not result.episodes:

@@ -94,7 +94,10 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
     """
     from trainers.run.checkpoint import find, load
 
-    file = find(Path(path))
+    try:
+        file = find(Path(path))
+    except ConfigError as error:
+        raise ConfigError(str(error).replace("checkpoint=", "resume=", 1)) from None
     overrides = [word for word in overrides if not word.startswith("resume=")]
     config = apply(load(file, to_train=True)["config"], overrides)
     config.resume = path

@@ -44,10 +44,9 @@ def check_run(words: Sequence[str]) -> None:
     from omegaconf import OmegaConf
 
     config: Any = compose_hydra([_first(each) for each in parsed])
-    if not multirun:
-        run: Any = OmegaConf.to_container(config.hydra.run, resolve=False)
-        name = str(run["dir"])
-        check_folder("hydra.run.dir", name.partition("${")[0] or ".")
+    key = "sweep" if multirun else "run"
+    places: Any = OmegaConf.to_container(config.hydra[key], resolve=False)
+    check_folder(f"hydra.{key}.dir", str(places["dir"]).partition("${")[0] or ".")
 
 
 def check_stored(words: Sequence[str], source: Path) -> None:

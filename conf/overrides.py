@@ -65,8 +65,9 @@ def check(arguments: Sequence[str]) -> None:
         if (key.rpartition(".")[0] if opened else key) not in keys:
             known = [*keys, *groups()]
             raise ConfigError(f"{override.input_line}: {key} is not a known key" + did_you_mean(key, known))
-    if any("${" in override.input_line for override in overrides):
-        compose(arguments)  # raises for an interpolation of nothing
+    if any("${" in override.input_line or override.is_delete() for override in overrides):
+        single = [override.input_line for override in overrides if not override.is_sweep_override()]
+        compose(single)  # raises for an interpolation of nothing
 
 
 def known_keys(chosen: Sequence[str]) -> list[str]:

@@ -109,6 +109,8 @@ def read(cls: type[T], node: Any, key: str) -> T:
     for name, value in container.items():
         if isinstance(value, str) and "${" in value:
             raise ConfigError(f"{prefix}{name}={value} cannot be resolved; write the value itself")
+        if get_type_hints(cls).get(name) is bool and isinstance(value, str) and value.lstrip("+-").isdigit():
+            raise ConfigError(f"{prefix}{name}={value} must be true or false")
     for field in declared:
         if container.get(field.name, "???" if _required(field) else None) == "???":
             raise ConfigError(f"{prefix}{field.name} has no value; give {prefix}{field.name}=...")

@@ -21,12 +21,16 @@ TIMED_OUT = -signal.SIGKILL
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a call ended. code: its exit status; negative for a signal. memory: bytes beyond those at its start."""
+    """How a call ended.
+
+    code: its exit status; negative for a signal. cpu_seconds, memory: used by the call, bytes; 0 if it was killed.
+    """
 
     code: int
     out: str
     err: str
     seconds: float
+    cpu_seconds: float
     memory: int
 
     @property
@@ -59,7 +63,8 @@ def call(function: Callable[[], object], folder: Path | None = None, timeout: fl
         for file in (out, err, used):
             file.seek(0)
         texts = [file.read().decode(errors="replace") for file in (out, err, used)]
-    return Outcome(code, texts[0], texts[1], seconds, int(texts[2] or 0))
+    cpu_seconds, memory = map(float, (texts[2] or "0 0").split())
+    return Outcome(code, texts[0], texts[1], seconds, cpu_seconds, int(memory))
 
 
 def _run(function: Callable[[], object], folder: Path | None, out: int, err: int, used: int) -> None:
@@ -75,7 +80,8 @@ def _run(function: Callable[[], object], folder: Path | None, out: int, err: int
             os.chdir(folder)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         code = _code(function)
-        os.write(used, b"%d" % (1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)))
+        memory = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+        os.write(used, f"{time.process_time()} {memory}".encode())
         sys.stdout.flush()
         sys.stderr.flush()
     finally:

@@ -17,6 +17,12 @@ class Outcome:
     failures: list[str] = field(default_factory=list)
     figures: dict[str, Any] = field(default_factory=dict)
 
+    def count(self, failure: str = "") -> None:
+        """Counts a try; a text that is not empty says how it failed."""
+        self.tries += 1
+        if failure:
+            self.failures.append(failure)
+
 
 Measure = Callable[[int, Random, Path], Outcome]  # (tries, generator, folder for its files)
 

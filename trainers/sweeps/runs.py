@@ -30,6 +30,7 @@ NOT_CONFIGURATION = (
 )
 NAME_KEYS = ("scenario", "robot.name", "control.name", "task.name", "algo.name", "policy.name")  # they name a group
 RESULT_KEYS = ("success_at_end", "ci95", "episodes", "wrong_object", "frames", "wall_s")  # required in eval.json
+CONFIG_KEYS = ("robot", "control", "task", "policy", "algo")  # required in config.yaml
 MAX_BYTES = 256 * 1024  # of a record of a run
 
 
@@ -117,7 +118,8 @@ def _load(place: Path) -> RunRecord:
 
 def read_config(place: Path) -> dict[str, Any]:
     """The config of the run in `place`; {} if it was refused. Raises ConfigError for a damaged config.yaml."""
-    values = _read_mapping(place / "config.yaml")
+    file = place / "config.yaml"
+    values = _read_mapping(file, CONFIG_KEYS if file.exists() else ())
     try:
         check_plain(values)
     except FileError as error:
