@@ -19,10 +19,18 @@ PACKAGES = {  # package -> the packages that it may import beside itself
     "deixis": {"conf", "language", "human", "envs", "trainers", "demo"},
     "tools": {"conf", "language", "human", "envs", "trainers", "demo"},  # what tests and benchmarks share
 }
-LAYERS = {  # sub-package of envs -> the sub-packages that it may import beside itself
+LAYERS = {  # sub-package or module of envs -> those that it may import beside itself
     "sim": set(),
     "tasks": {"sim"},
     "mdp": {"sim", "tasks"},
+    "config": {"sim", "tasks", "mdp"},
+    "assembly": {"sim", "tasks", "mdp", "config"},
+    "workspace_env": {"sim", "tasks", "mdp", "config", "assembly"},
+    "registration": {"sim", "config", "workspace_env"},
+    "gym_env": {"mdp", "registration"},
+    "experts": {"sim", "tasks", "mdp", "workspace_env"},
+    "interactive": {"sim", "mdp", "config", "workspace_env"},
+    "tools": {"tasks", "mdp", "config", "workspace_env", "experts"},
 }
 PYBULLET = ("envs/sim/", "human/body/")
 GENERATED = {"build", "dist", "outputs", "multirun", "site"}  # folders that programs write
@@ -75,9 +83,21 @@ def test_a_package_imports_only_the_packages_below_it(package):
 @pytest.mark.parametrize("layer", LAYERS)
 def test_a_layer_of_envs_imports_only_the_layers_below_it(layer):
     allowed = {f"envs.{name}" for name in LAYERS[layer] | {layer}}
-    for path in sources(f"envs/{layer}"):
+    if layer in ("experts", "interactive", "tools", "gym_env"):
+        allowed |= {"envs.make_env", "envs.read_env"}  # what `envs` itself offers
+    for path in sources(f"envs/{layer}") or [Path(f"envs/{layer}.py")]:
         used = {".".join(name.split(".")[:2]) for name in imported(path) if name.startswith("envs.")}
         assert used <= allowed, path
+
+
+def test_every_layer_of_envs_is_listed_here():
+    names = {path.parts[1].removesuffix(".py") for path in sources("envs")} - {"__init__"}
+    assert names == set(LAYERS)
+
+
+def test_benchmarks_and_tools_import_no_tests():
+    for path in [*sources("benchmarks"), *sources("tools")]:
+        assert "tests" not in top_level(path), path
 
 
 def test_every_package_is_listed_here():
