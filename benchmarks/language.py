@@ -166,7 +166,7 @@ def round_trip(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def speed(args: argparse.Namespace) -> dict[str, Any]:
-    """Sentences a second with 6 objects, on one core, after imports and with the grammar built."""
+    """Sentences a second of CPU time with 6 objects, on one core, after imports and with the grammar built."""
     rng = np.random.default_rng(args.seed)
     scenes = [_small_scene(rng, (6, 6)) for _ in range(args.speed_scenes)]
     describer = Describer(KINDS)
@@ -183,9 +183,9 @@ def speed(args: argparse.Namespace) -> dict[str, Any]:
     result["parse_and_ground"] = _rate(lambda: [parse(sentence, scene) for sentence, scene in sentences])
     for name, kinds in (("reset", DEFAULT_KINDS), ("reset_all_kinds", KINDS)):
         result[name] = _rate(lambda kinds=kinds: [_reset(Describer(kinds), scene, rng) for scene in scenes])  # type: ignore[misc]
-    start = time.perf_counter()
+    start = time.process_time()
     result["count_log10"] = {str(depth): round(math.log10(count(depth)), 1) for depth in range(4)}
-    result["count_seconds"] = round(time.perf_counter() - start, 4)
+    result["count_seconds"] = round(time.process_time() - start, 4)
     return result
 
 
@@ -196,12 +196,12 @@ def _reset(describer: Describer, scene: Scene, rng: Generator) -> Instruction | 
 
 
 def _rate(work: Callable[[], list[Any]]) -> float:
-    """Items a second, the median of REPEATS timings."""
+    """Items a second of CPU time, the median of REPEATS timings."""
     rates = []
     for _ in range(REPEATS):
-        start = time.perf_counter()
+        start = time.process_time()
         number = len(work())
-        rates.append(number / (time.perf_counter() - start))
+        rates.append(number / (time.process_time() - start))
     return round(sorted(rates)[REPEATS // 2])
 
 
@@ -234,12 +234,12 @@ def fuzz(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _timed(text: str, scene: Scene, previous: Command | None) -> tuple[str, float]:
-    """The outcome of a string, and seconds. A slow string is timed up to three times, against other load."""
+    """The outcome of a string, and CPU seconds. A slow string is timed up to three times, against other load."""
     best = float("inf")
     for _ in range(3):
-        start = time.perf_counter()
+        start = time.process_time()
         outcome = _outcome(text, scene, previous)
-        best = min(best, time.perf_counter() - start)
+        best = min(best, time.process_time() - start)
         if best < SLOW:
             break
     return outcome, best

@@ -31,7 +31,7 @@ RESULTS = ("right", "wrong", "asked", "refused")
 
 
 class Judged(NamedTuple):
-    """The result of a command: one of RESULTS, why, its kind, the seconds that it took, and a line about it."""
+    """The result of a command: one of RESULTS, why, its kind, its seconds of CPU time, and a line about it."""
 
     result: str
     reason: str
@@ -61,9 +61,9 @@ def judged(task: tuple[Item, bool]) -> Judged:
 def _judged(item: Item, scene_chooses: bool) -> Judged:
     if item.before is None or item.after is None:
         return Judged("refused", "no scene", "no scene", 0.0, "the configuration has no such scene")
-    started = time.perf_counter()
+    started = time.process_time()
     outcome = interpret_alone(item.text, world_of(item.before), scene_chooses)
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     kind = "drop" if item.before.closed else "take" if item.after.closed else "move"
     if isinstance(outcome, Understood):
         right = _reached(outcome, item.before, item.after)
@@ -154,7 +154,7 @@ def _print_table(results: list[Judged]) -> None:
     for (result, reason), number in reasons.most_common():
         print(f"{result + ': ' + reason:24}{number:8}")
     times = sorted(1000 * result.seconds for result in results) or [0.0]
-    print(f"{'milliseconds':24}median {statistics.median(times):.1f}, worst {times[-1]:.1f}")
+    print(f"{'CPU milliseconds':24}median {statistics.median(times):.1f}, worst {times[-1]:.1f}")
 
 
 def _arguments() -> argparse.ArgumentParser:
