@@ -118,7 +118,10 @@ def _points(resolver: Resolver, mover: int, relation: Relation, typed: bool) -> 
     for number, anchor in enumerate(_anchors(resolver, relation, mover if typed else None), 1):
         if mover in anchor.things and (relation.name not in _SIDEWAYS or relation.anchors[0].kind != "it"):
             continue
-        points = _by(world, mover, relation, anchor)
+        key = (mover, relation.name, relation.value, relation.measure, anchor[:4])
+        if key not in resolver.points:
+            resolver.points[key] = _by(world, mover, relation, anchor)
+        points = resolver.points[key]
         group = number if len(points) > 1 else 0
         found += [point._replace(cost=point.cost + anchor.cost, group=group) for point in points]
     return found

@@ -33,6 +33,7 @@ class Resolver:
         self._heads: dict[tuple, list[Ref]] = {}
         self._anchors: dict[Entity, Anchors] = {}
         self.spots: dict[tuple, list] = {}  # of `places.spots`
+        self.points: dict[tuple, list] = {}  # of one anchor
 
     def bears(self, ref: Ref) -> bool:
         """Returns whether something can be put on a referent."""

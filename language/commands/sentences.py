@@ -144,8 +144,8 @@ class _Sentences:
         if start not in self._steps:
             found: list[Item] = []
             for gap in self.chart.gaps.at(start):
-                for item in self._step(gap.end):
-                    found.append(Item(item.end, item.value, gap.cost + item.cost, gap.skipped | item.skipped))
+                items = _cheapest(self._step(gap.end), KEPT_STEPS)
+                found += [Item(i.end, i.value, gap.cost + i.cost, gap.skipped | i.skipped) for i in items]
             self._steps[start] = _cheapest(found, KEPT_STEPS)
         return self._steps[start]
 
