@@ -119,7 +119,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         action = tensordict["action"].detach().numpy().astype(np.float64)
         if not np.isfinite(action).all():
-            raise ValueError("an action is not a finite number")
+            raise ValueError(f"{_not_finite(tensordict)} is not a finite number")
         np.clip(action, -1.0, 1.0, out=action)
         self._switch_gestures()
         arrays, arm = self._arrays, action[:, : len(self.control.unit)]
@@ -289,3 +289,11 @@ class WorkspaceEnv(EpisodeReplayEnv):
         for world in self._worlds:
             world.close()
         self.is_closed = True
+
+
+def _not_finite(frame: TensorDictBase) -> str:
+    """What is not finite before a step: an observation, from which the action was computed, or else the action."""
+    for key, value in frame.items():
+        if key != "action" and isinstance(value, Tensor) and value.is_floating_point() and not value.isfinite().all():
+            return f"the observation {key}"
+    return "an action"

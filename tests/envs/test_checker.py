@@ -161,3 +161,12 @@ def test_a_planted_bug_is_found_and_named(bug, make):
     with pytest.raises(EnvError) as caught:
         check_env(make(bug), max_steps=40)
     assert BUGS[bug] in str(caught.value)
+
+
+@pytest.mark.parametrize(("key", "named"), [("robot", "the observation robot"), ("action", "an action")])
+def test_a_step_names_the_observation_that_is_not_finite(key, named, make):
+    env = make("")(3, 0)
+    state = env.reset().set("action", torch.full(env.action_spec.shape, float("nan")))
+    state[key] = torch.full_like(state[key], float("nan"))
+    with pytest.raises(ValueError, match=f"^{named} is not a finite number"):
+        env.step(state)
