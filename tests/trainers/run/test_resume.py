@@ -8,17 +8,20 @@ import pytest
 import torch
 
 from tests.helpers.fake_env import make_env
+from tests.helpers.labelled_fake_env import make_labelled
 from tests.helpers.short_training import train, untimed_rows
 from trainers.rollout.evaluation import evaluate
 from trainers.rollout.worker import Worker
 from trainers.run import checkpoint
 
 LONG = ["total_frames=512", "eval.interval=192", "eval.episodes=8", "algo.grounding_scenes=8"]
+IMITATION = ["algo.updates_per_frame=0.1", "algo.buffer=300", "algo.expert_until=1.0"]
 OFF_POLICY = ["algo.updates_per_frame=0.1", "algo.learning_starts=100", "algo.buffer=300"]  # overwritten before the end
 
 
 def overrides_of(algo):
-    return [*LONG, *(OFF_POLICY if algo in ("sac", "td3") else ["algo.epochs=1"])]
+    own = {"sac": OFF_POLICY, "td3": OFF_POLICY, "bc": IMITATION}
+    return [*LONG, *own.get(algo, ["algo.epochs=1"])]
 
 
 def weights(folder):
@@ -57,16 +60,17 @@ def stop_in_collection(monkeypatch, iteration):
     monkeypatch.setattr(Worker, "collect", stopped)
 
 
-@pytest.mark.parametrize(("algo", "iteration"), [("ppo", 2), ("sac", 12), ("td3", 11)])
+@pytest.mark.parametrize(("algo", "iteration"), [("ppo", 2), ("sac", 12), ("td3", 11), ("bc", 2)])
 def test_a_run_that_a_signal_stopped_goes_on_exactly(tmp_path, monkeypatch, algo, iteration):
     overrides, folder = overrides_of(algo), tmp_path / "stopped"
-    train(tmp_path / "whole", algo, overrides=overrides)
+    options = {"make": make_labelled} if algo == "bc" else {}
+    train(tmp_path / "whole", algo, overrides=overrides, **options)
     with monkeypatch.context() as patch:
         stop_in_collection(patch, iteration)
         with pytest.raises(SystemExit):
-            train(folder, algo, overrides=overrides)
+            train(folder, algo, overrides=overrides, **options)
     assert len(untimed_rows(folder)) == iteration + 1
-    train(folder, algo, overrides=overrides, resume=checkpoint.find(folder))
+    train(folder, algo, overrides=overrides, resume=checkpoint.find(folder), **options)
     assert_same_run(tmp_path / "whole", folder)
 
 
