@@ -96,13 +96,13 @@ class Fault:
         collect, replace = WorkerPool.collect, WorkerPool._replace
         update, evaluated = TrainingRun.add_drawn_scenes, TrainingRun.evaluate
 
-        def collecting(pool: Any, iteration: int, *more: Any) -> Any:
+        def collecting(pool: Any, order: Any) -> Any:
             self.pool = pool
-            if self.due("collection", iteration):
+            if self.due("collection", order.iteration):
                 threading.Timer(self.random.uniform(0.0, 0.2), self.happen).start()
             if self.done and self.noticed is None:
                 self.waited_from = time.monotonic()
-            return collect(pool, iteration, *more)
+            return collect(pool, order)
 
         def replacing(pool: Any, *more: Any) -> Any:
             self.noticed = self.noticed or time.monotonic() - self.waited_from

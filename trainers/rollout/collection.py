@@ -14,7 +14,7 @@ from trainers.models.expert_mixture import ExpertMixture
 from trainers.models.policy import Policy
 from trainers.rollout.episode_log import EpisodeLog, Episodes
 from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
-from trainers.rollout.worker_pool import CollectionError, WorkerPool
+from trainers.rollout.worker_pool import CollectionError, Order, WorkerPool
 
 
 class Rollouts:
@@ -83,7 +83,7 @@ class Rollouts:
         """
         torch.set_num_threads(1)  # the networks are too small for several cores at one batch of worlds
         if self.pool is not None:
-            batch, began = self.pool.collect(self.iteration, self.log.episodes, stop)
+            batch, began = self.pool.collect(Order(self.iteration, self.log.episodes, stop))
         else:
             assert self.worker is not None
             try:

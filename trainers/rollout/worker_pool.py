@@ -8,7 +8,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing.connection import wait
+from typing import Any
 
 import torch
 from tensordict import TensorDictBase
@@ -28,6 +30,19 @@ RECENT_BATCHES = 50
 
 class CollectionError(RunError):
     """A batch could not be collected. The run cannot continue."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """A batch to collect.
+
+    iteration: seeds the noise. episodes: that all worlds are in before it, from which a lost worker's successor goes
+    on; None at first. stop: True gives up.
+    """
+
+    iteration: int
+    episodes: Episodes | None = None
+    stop: Callable[[], bool] = lambda: False
 
 
 class WorkerPool:
@@ -56,42 +71,37 @@ class WorkerPool:
         self.restarts = 0
         self.workers = [self._start(spec, episodes) for spec in specs]
 
-    def collect(
-        self, iteration: int, episodes: Episodes | None, stop: Callable[[], bool]
-    ) -> tuple[TensorDictBase, dict[int, Beginning]]:
-        """The batch of an iteration, whose memory the next one reuses; what began in it, by the number of the world.
-
-        Args:
-            iteration: seeds the noise.
-            episodes: that all worlds are in before it, from which a lost worker's successor goes on; None at first.
-            stop: True gives up.
+    def collect(self, order: Order) -> tuple[TensorDictBase, dict[int, Beginning]]:
+        """The batch, whose memory the next one reuses, and what began in it, by the number of the world.
 
         Raises:
             Interrupted: `stop` returned True.
             CollectionError: more than collector.restarts workers were lost.
         """
-        start = time.monotonic()
-        restarts = self.restarts
+        start, restarts = time.monotonic(), self.restarts
         parts: dict[int, TensorDictBase | None] = {}
         beginnings: dict[int, Beginning] = {}
         for index in range(len(self.workers)):
-            self._request(index, iteration, episodes, stop)
+            self._request(index, order)
         while len(parts) < len(self.workers):
-            if stop():
+            if order.stop():
                 raise Interrupted
-            waited = {self.workers[i].connection: i for i in range(len(self.workers)) if i not in parts}
-            for connection in wait(list(waited), POLL_SECONDS):
-                index = waited[connection]  # type: ignore[index]
+            for index in self._ready(set(range(len(self.workers))) - set(parts)):
                 try:
                     parts[index], began = self.workers[index].receive()
                 except WorkerLostError as error:
-                    self._replace(index, str(error), iteration, episodes, stop)
+                    self._replace(index, str(error), order)
                 else:
                     beginnings |= {self._first_world(index) + i: state for i, state in began.items()}
-            self._replace_overdue(set(waited.values()) - set(parts), iteration, episodes, stop)
+            self._replace_overdue(set(range(len(self.workers))) - set(parts), order)
         if restarts == self.restarts and self.buffer is not None:  # the first batch includes the start of processes
             self.durations.append(time.monotonic() - start)
         return self._whole([parts[index] for index in range(len(self.workers))]), beginnings
+
+    def _ready(self, indices: set[int]) -> list[int]:
+        """Those workers that have answered or ended, after at most POLL_SECONDS."""
+        waited: dict[Any, int] = {self.workers[index].connection: index for index in sorted(indices)}
+        return [waited[connection] for connection in wait(list(waited), POLL_SECONDS)]
 
     def close(self) -> None:
         """End every process."""
@@ -133,27 +143,23 @@ class WorkerPool:
         buffer = None if self.buffer is None else self._slice(spec.index)
         return WorkerProcess(self.make_env, self.act, spec, part, buffer)
 
-    def _request(self, index: int, iteration: int, episodes: Episodes | None, stop: Callable[[], bool]) -> None:
+    def _request(self, index: int, order: Order) -> None:
         try:
-            self.workers[index].request(iteration)
+            self.workers[index].request(order.iteration)
         except WorkerLostError as error:
-            self._replace(index, str(error), iteration, episodes, stop)
+            self._replace(index, str(error), order)
 
-    def _replace_overdue(
-        self, indices: set[int], iteration: int, episodes: Episodes | None, stop: Callable[[], bool]
-    ) -> None:
+    def _replace_overdue(self, indices: set[int], order: Order) -> None:
         patience = self.patience
         for index in sorted(indices):
             if self.workers[index].overdue(patience):
                 self.patience_factor *= 2  # it may only have been slow: the machine is busier than it was
-                self._replace(index, f"did not answer for {patience:.1f} s", iteration, episodes, stop)
+                self._replace(index, f"did not answer for {patience:.1f} s", order)
 
-    def _replace(
-        self, index: int, cause: str, iteration: int, episodes: Episodes | None, stop: Callable[[], bool]
-    ) -> None:
+    def _replace(self, index: int, cause: str, order: Order) -> None:
         """Kill a worker, start its successor and ask it for the same batch."""
         self.workers[index].kill()
-        if stop():  # the signal that stops the run may have ended the worker too
+        if order.stop():  # the signal that stops the run may have ended the worker too
             raise Interrupted
         limit = self.config.restarts
         if self.restarts >= limit:
@@ -163,5 +169,5 @@ class WorkerPool:
         self.restarts += 1
         again = f"it is replaced and its batch is collected again ({self.restarts} of at most {limit} times)"
         print(f"warning: collector worker {index} {cause}; {again}", file=sys.stderr, flush=True)
-        self.workers[index] = self._start(self.specs[index], episodes)
-        self._request(index, iteration, episodes, stop)
+        self.workers[index] = self._start(self.specs[index], order.episodes)
+        self._request(index, order)

@@ -48,7 +48,8 @@ class WorkerProcess:
         self.requested_at = 0.0
         context = torch.multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, make_env, act, spec, episodes, buffer), daemon=True)
+        arguments = (os.getpid(), theirs, make_env, act, spec, episodes, buffer)
+        self.process = context.Process(target=_serve, args=arguments, daemon=True)
         self.process.start()
         theirs.close()
 
@@ -97,6 +98,7 @@ class WorkerProcess:
 
 
 def _serve(
+    parent: int,
     connection: Connection,
     make_env: MakeEnv,
     act: TensorDictModuleBase,
@@ -104,8 +106,8 @@ def _serve(
     episodes: Episodes | None,
     buffer: TensorDictBase | None,
 ) -> None:
-    """Answer requests until the main process closes the pipe. An exception's text is sent in place of a batch."""
-    _detach()
+    """Answer requests until the main process `parent` closes the pipe. An exception's text is sent as its answer."""
+    _detach(parent)
     try:
         worker = Worker(make_env, act, spec, episodes)
         while True:
@@ -124,11 +126,11 @@ def _serve(
         connection.send(f"raised {type(error).__name__}: {text}")
 
 
-def _detach() -> None:
+def _detach(parent: int) -> None:
     """One thread; no SIGINT, which a terminal sends to all processes; and an end with the main process."""
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() == 1:  # it ended before the call
+        if os.getppid() != parent:  # it ended before the call
             os._exit(1)

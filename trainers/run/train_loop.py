@@ -13,6 +13,7 @@ from torchrl.envs import EnvBase
 from trainers.algorithms.algorithm import DivergedError
 from trainers.config import Plan
 from trainers.rollout.worker import MakeEnv
+from trainers.rollout.worker_pool import CollectionError
 from trainers.run.metrics import MetricsWriter
 from trainers.run.progress import Progress
 from trainers.run.signals import StopSignal
@@ -81,5 +82,7 @@ def _save_after_error(run: TrainingRun, error: Exception, stop: StopSignal) -> N
     elif run.consistent and run.row:
         with suppress(Exception):  # the first error is the one to report
             run.save_last()
+            if isinstance(error, CollectionError):
+                error.args = (f"{error}; the run is saved, and resume={run.folder} goes on",)
     if stop():
         raise SystemExit(128 + stop.signal) from None

@@ -36,7 +36,8 @@ def expected(policy, batches):
 
 
 def same(one, other):
-    keys = one.keys(include_nested=True, leaves_only=True)
+    """Whether two batches are bit-equal, apart from the numbers that TorchRL gives to trajectories."""
+    keys = one.exclude("collector").keys(include_nested=True, leaves_only=True)
     return all(torch.equal(one[key], other[key]) for key in keys)
 
 
@@ -57,7 +58,7 @@ def test_a_batch_does_not_depend_on_other_use_of_the_global_generator():
 def test_a_worker_that_is_lost_is_replaced_and_changes_no_bit(capfd):
     policy = policy_of(make_env(4, 0))
     wanted = expected(policy, 6)
-    rollouts = two_workers(make_env, policy, "collector.timeout=3.0")
+    rollouts = two_workers(make_env, policy, "collector.timeout=8.0")
     try:
         assert same(wanted[0], rollouts.next())
         rollouts.sync(policy)
@@ -79,7 +80,7 @@ def test_a_worker_that_is_lost_is_replaced_and_changes_no_bit(capfd):
         rollouts.close()
     told = capfd.readouterr().err
     assert "collector worker 1 was killed by signal 9 (SIGKILL); it is replaced" in told
-    assert "collector worker 0 did not answer for 3.0 s; it is replaced" in told
+    assert "collector worker 0 did not answer for 8.0 s; it is replaced" in told
     assert not multiprocessing.active_children()
 
 
