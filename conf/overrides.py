@@ -67,7 +67,11 @@ def check(arguments: Sequence[str]) -> None:
             raise ConfigError(f"{override.input_line}: {key} is not a known key" + did_you_mean(key, known))
     if any("${" in override.input_line or override.is_delete() for override in overrides):
         single = [override.input_line for override in overrides if not override.is_sweep_override()]
-        compose(single)  # raises for an interpolation of nothing
+        try:
+            compose(single)  # raises for an interpolation of nothing
+        except ConfigError as error:
+            word = next(o.input_line for o in overrides if "${" in o.input_line or o.is_delete())
+            raise ConfigError(str(error) if word in str(error) else f"{word}: {error}") from None
 
 
 def known_keys(chosen: Sequence[str]) -> list[str]:
