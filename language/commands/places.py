@@ -279,6 +279,7 @@ def _also(resolver: Resolver, mover: int, points: list[Point], relation: Relatio
         return [point for point, far in zip(points, away, strict=True) if far <= least + 0.25 * world.pitch]
     refs = [resolver.anchors(anchor) for anchor in relation.anchors]
     found = []
+    resolver.weighed += len(points)
     for point in points:
         if relation.name in _ONTO and any(point.on in ref.things for ref in refs[0].refs if point.on is not None):
             found.append(point)

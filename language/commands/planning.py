@@ -1,7 +1,4 @@
-"""Plans of a reading in a world.
-
-which things and places its steps mean, with every precondition checked in sequence.
-"""
+"""Plans of a reading in a world: its things and places, with every precondition checked in sequence."""
 
 from __future__ import annotations
 
@@ -22,6 +19,7 @@ from language.errors import NotUnderstood
 KEPT = 12  # plans of the steps so far
 # Effort: phrases that are judged and actions that are tried for one sentence, of about 0.03 ms each.
 ENOUGH_EFFORT = 700  # after this, no further readings are weighed if one can be carried out
+POINTS = 8  # points of places that are compared with a further relation for the same effort
 MOST_EFFORT = 900  # after this, the sentence is refused
 
 Resolvers = dict[tuple, Resolver]
@@ -89,9 +87,9 @@ class Planner:
         refs = self.resolver(self.world, self.it, None).resolve(entity)
         return refs[0].cost if refs else costs.EMPTY
 
-    def _spend(self) -> None:
+    def _spend(self, amount: int = 1) -> None:
         """Raises NotUnderstood if a sentence takes too much effort."""
-        self.effort += 1
+        self.effort += amount
         if self.effort > MOST_EFFORT:
             raise NotUnderstood("the sentence can be read in too many ways; say it in several shorter sentences")
 
@@ -260,7 +258,9 @@ class Planner:
         if any(anchor.any for place in places for anchor in place.anchors):
             plan = replace(plan, arbitrary=True)
         typed = step.entity is not None and step.entity.noun is not None
+        weighed = resolver.weighed
         found = spots(resolver, index, places, typed)
+        self._spend((resolver.weighed - weighed) // POINTS)
         if places[0].name == "here" and not places[0].anchors:
             yield replace(plan, failure="no gesture shows the place", reason="where", entity=step.entity)
         elif not found:

@@ -34,6 +34,7 @@ class Resolver:
         self._anchors: dict[Entity, Anchors] = {}
         self.spots: dict[tuple, list] = {}  # of `places.spots`
         self.points: dict[tuple, list] = {}  # of one anchor
+        self.weighed = 0  # points that were compared with a further relation
 
     def bears(self, ref: Ref) -> bool:
         """Returns whether something can be put on a referent."""
