@@ -6,6 +6,7 @@ import json
 import os
 import platform
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,8 @@ def _text(value: Any) -> str:
 def write_section(path: Path, module: str, section: str, result: dict[str, Any]) -> None:
     """Replaces one section of the JSON file, with the command and the machine; makes the file if it is missing."""
     sections = json.loads(path.read_text()) if path.exists() else {}
-    command = " ".join(["python -m", module, *sys.argv[1:]])
+    words = ["FOLDER" if before == "--data" else word for before, word in pairwise(sys.argv)]
+    command = " ".join(["python -m", module, *words])
     sections[section] = {"command": command, "machine": machine(), **result}
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(sections, indent=1, ensure_ascii=True) + "\n")

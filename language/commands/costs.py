@@ -7,7 +7,7 @@ scene.
 from __future__ import annotations
 
 # Readings.
-SKIPPED = {"unknown": 2.2, "function": 1.3, "content": 4.0}  # a word that is left out
+SKIPPED = {"unknown": 2.2, "function": 1.3, "content": 4.0, "color": 8.0}  # a word that is left out
 RELATION = 0.10  # each relation that is attached to a phrase
 ODD_PREPOSITION = 0.6  # such as "in the cube"
 NO_NOUN = 0.8  # "the blue"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -23,6 +24,10 @@ from language.commands.world import World, table
 from language.errors import NotUnderstood
 from language.objects import Scene
 
+ASKS = re.compile(
+    r"\W*((who|what|why|how)('?s|'re)?\s+(?!about\b)|help\W*$)", re.IGNORECASE
+)  # "what about the red one?" corrects
+TO_DO = {"again": "repeat"}
 SAME = 0.3  # of the distance between neighbours: a thing that moved less was only brushed
 
 
@@ -80,6 +85,9 @@ class Dialogue:
         self.outcome = outcome
 
     def _answer(self, sentence: str, world: World, scene: Scene | None, made: tuple[Gesture, ...]) -> Outcome:
+        if ASKS.match(sentence):
+            text = "I carry out commands and answer no questions; say what to take and where to put it"
+            return Refusal(sentence, span=(0, len(sentence)), text=text, suggestions=examples(world))
         planner = Planner(world, self.it, self.it, gestures=made)
         found = choices(sentence, planner)
         likeliest = min(found.readings, key=lambda reading: reading.cost, default=None)
@@ -116,7 +124,7 @@ class Dialogue:
                 return replace(self.outcome.choices[0], sentence=sentence)
             return replace(self.outcome, sentence=sentence)
         why = {"yes": "there is no question to answer", "no": "say what you mean instead"}
-        text = why.get(action, f"there is nothing to do {action}")
+        text = why.get(action, f"there is nothing to {TO_DO.get(action, action)}")
         return Refusal(sentence, span=(0, len(sentence)), reason="dialogue", text=text, suggestions=examples(world))
 
     def _done(self) -> Outcome | None:

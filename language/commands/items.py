@@ -62,4 +62,6 @@ class Gaps:
             return 0.0
         if index in self.lattice.unknown:
             return costs.SKIPPED["unknown"]
+        if "color" in self.lattice.edges[index]:
+            return costs.SKIPPED["color"]
         return costs.SKIPPED["content" if _CONTENT & self.lattice.edges[index].keys() else "function"]

@@ -37,6 +37,24 @@ def test_understood_steps_say_what_goes_where_and_on_what():
     assert outcome.result.below[0] == 1
 
 
+@pytest.mark.parametrize(
+    "sentence", ["what can you do", "What's this?", "who are you", "how many cubes are there", "help"]
+)
+def test_a_question_moves_nothing_even_where_a_command_went_before(sentence):
+    dialogue = Dialogue()
+    assert isinstance(interpret("move the blue cube to the left", TABLE, dialogue), Understood)
+    outcome = interpret(sentence, TABLE, dialogue)
+    assert isinstance(outcome, Refusal)
+    assert "answer no questions" in outcome.text
+    assert isinstance(interpret("what about the red one", TABLE, dialogue), Understood)
+
+
+def test_a_colour_that_nothing_has_is_not_left_out():
+    outcome = interpret("put a sphere next to the yellow one", TABLE)
+    assert isinstance(outcome, Refusal)
+    assert "yellow" in outcome.text
+
+
 def test_an_ambiguous_phrase_is_asked_about_with_its_candidates():
     outcome = interpret("take the cube", TABLE)
     assert isinstance(outcome, Question)
