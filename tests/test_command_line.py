@@ -235,9 +235,10 @@ def test_help_needs_neither_torch_nor_pybullet():
 
 
 @pytest.fixture
-def running(tmp_path):
+def running(tmp_path, request):
     """A training run with two workers, past its first batch."""
     words = ["collector.workers=2", "collector.worlds=8", "eval.worlds=4", "logger=[]", "algo.horizon=32"]
+    words += getattr(request, "param", [])
     process = subprocess.Popen(
         [sys.executable, str(ROOT / "train.py"), *words, f"hydra.run.dir={tmp_path}"],
         cwd=ROOT,
@@ -267,12 +268,31 @@ def test_a_stopped_run_saves_and_leaves_no_process(running, number):
     assert "Traceback" not in errors
 
 
-def test_a_killed_worker_ends_the_run_with_an_error(running):
-    process, _ = running
+def kill_a_worker(process):
     workers = [pid for pid in living(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
     os.kill(workers[-1], signal.SIGKILL)
+
+
+def test_a_killed_worker_is_replaced_and_the_run_continues(running):
+    process, folder = running
+    kill_a_worker(process)
+    rows, deadline = len(read_metrics(folder / "metrics.csv")), time.monotonic() + 90
+    while len(read_metrics(folder / "metrics.csv")) < rows + 3 and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert process.poll() is None
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert "was killed by signal 9 (SIGKILL); it is replaced" in errors
+    assert left_over(process.pid, 10) == []
+
+
+@pytest.mark.parametrize("running", [["collector.restarts=0"]], indirect=True)
+def test_a_killed_worker_ends_a_run_that_allows_no_restarts(running):
+    process, folder = running
+    kill_a_worker(process)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 1
-    assert "error: collecting in worker processes failed" in errors
-    assert "exit code -9" in errors
+    assert "was killed by signal 9 (SIGKILL); collector.restarts=0 allows no more restarts" in errors
+    assert (folder / "checkpoints" / "last.pt").is_file()
     assert left_over(process.pid, 10) == []

@@ -25,12 +25,14 @@ from tests.helpers.env_cases import (
 )
 
 WORLDS = 3
+MARK, IN_THE_AIR = "is the one to be moved; 0 where words say it", "is in the air"
 
 
 @pytest.fixture(scope="module", params=FEWER, ids=name_of)
 def env(request):
-    # Where what is asked has been done already, doing nothing succeeds.
-    made = make(*request.param, "task.curriculum.placed=0", worlds=WORLDS, seed=3)
+    # Where what is asked has been done already, doing nothing succeeds; so does holding what is to be held there.
+    begun = ["task.curriculum.placed=0", *["task.curriculum.held=0"] * (request.param[2] == "rearrange")]
+    made = make(*request.param, *begun, worlds=WORLDS, seed=3)
     yield made
     made.close()
 
@@ -194,6 +196,7 @@ def constant_elements(env):
     columns += [11, 12, 13] * (len(task.nouns) == 1)
     if env.task.operates:  # levers tilt, and wheels stay as high as they are
         columns += {"press": [3, 4], "turn": [2, 3, 4]}.get(task.name, [])
+    columns += own_columns(env, MARK, IN_THE_AIR) if env.task.speaks else []
     columns += own_columns(env, "lies at a target")  # who pokes at random brings none there: test_push.py does
     rows = {f"objects[{k},{d}]" for k in range(task.slots) for d in columns}
     gripper = {f"robot[{2 * joints + 9}]"}  # fingers that grip nothing stay as they are
@@ -220,7 +223,7 @@ def test_every_element_of_the_observation_varies(env, request):
         for place in np.argwhere((values == values[0]).all(0).numpy()).tolist():
             constant.add(f"{key}[{','.join(map(str, place))}]")
     allowed = constant_elements(env)
-    few = own_columns(env, "slid x (m)", "slid y (m)", "is the one to be moved")
+    few = own_columns(env, "slid x (m)", "slid y (m)", MARK, IN_THE_AIR)
     for column in (*range(3, 7), *few):  # of how they are turned, slide, and are meant: enough if one does
         each = {f"objects[{slot},{column}]" for slot in range(env.config.task.slots)}
         constant -= each if each - constant else set()

@@ -14,7 +14,7 @@ from tools.run_documented_commands import make_environment, preparation_commands
 
 COMMANDS = [command for page in pages() for command in commands_of(page)]
 TRAINING = sorted({each.line for each in COMMANDS if "train.py" in each.line and "--help" not in each.line})
-ADDED_OPTIONS = {"twins", "hover", "ur10", "ddpg", "awr"}  # options that a page tells its reader to add
+ADDED_OPTIONS = {"twins", "hover", "ur10", "ddpg", "awr", "joint_step"}  # options that a page tells its reader to add
 
 
 def test_every_command_is_run_or_has_a_skip_reason():

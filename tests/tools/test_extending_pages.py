@@ -47,9 +47,8 @@ def run(folder, code):
 @pytest.mark.slow
 def test_the_added_files_run_and_train(copy):
     examples = [block for kind, block in BLOCKS if kind == "python" and not FILE_HEADER.match(block)]
-    assert (
-        len(examples) == 9
-    )  # three of the tutorial; a robot, a control, a task, a reward term, an observation, a relation
+    # Three of the tutorial; a robot, a control, a task, a reward term, an observation, a relation, a check.
+    assert len(examples) == 10
     run(copy, "\n".join([*examples, TRAIN]))
 
 

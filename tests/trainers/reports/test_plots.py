@@ -21,7 +21,7 @@ def test_the_figure_and_the_text_show_every_bin(tmp_path):
     pointing_plot(report["by_pointing"], tmp_path / "all.png", "everything")
     pointing_plot({"objects": report["by_pointing"]["objects"]}, tmp_path / "one.png", "a single panel")
     assert all((tmp_path / name).stat().st_size > 5000 for name in ("all.png", "one.png"))
-    text = describe(report, tmp_path / "x.json")
+    text = describe(report)
     assert "angle 30+ " in text
     assert "objects 8 " in text
     assert bin_name("stray", [0.1, 0.2]) == "0.1-0.2"
