@@ -75,6 +75,7 @@ def programs():
     return {path.stem for path in ROOT.glob("*.py")} | {"benchmarks", "tests"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_package_imports_only_the_packages_below_it(package):
     assert sources(package)
@@ -107,6 +108,7 @@ def test_every_package_is_listed_here():
     assert packages <= set(PACKAGES)
 
 
+@pytest.mark.slow
 def test_pybullet_is_imported_in_the_simulation_and_the_human_body_only():
     users = {path.as_posix() for path in written() if "pybullet" in top_level(path)}
     assert {user for user in users if not user.startswith((*PYBULLET, "tests/", "benchmarks/"))} == set()

@@ -42,6 +42,7 @@ def test_a_bad_sentence_raises_and_writes_no_video(tmp_path):
     assert not video.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -94,6 +95,7 @@ def test_the_page_is_served_and_an_interrupt_ends_the_process_without_errors(por
     assert "warning" not in errors  # other machines cannot open it
 
 
+@pytest.mark.slow
 def test_bad_input_ends_the_process_with_one_line_and_no_traceback():
     ended = subprocess.run(
         [sys.executable, "play.py", "robot=pandora"], cwd=ROOT, capture_output=True, text=True, timeout=120

@@ -53,11 +53,13 @@ def test_the_glossary_defines_each_word_once():
     assert len(words) == len(set(words))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", EXAMPLES, ids=range(len(EXAMPLES)))
 def test_an_example_of_the_quick_start_runs(code):
     exec(compile(code, "docs/quickstart.md", "exec"), {"__name__": "example"})
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("mkdocs") is None, reason='mkdocs is missing: pip install -e ".[docs]"')
 def test_the_site_builds_strictly_and_loads_nothing_from_other_hosts(tmp_path):
     build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]

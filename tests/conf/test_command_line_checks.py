@@ -12,6 +12,7 @@ from conf.overrides import apply, compose
 from conf.schema import ConfigError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -49,6 +50,7 @@ def test_a_mistake_is_named_with_what_would_be_right(words, message):
     assert "\n" not in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [
@@ -66,6 +68,7 @@ def test_good_words_pass(words, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "word",
     [
@@ -97,6 +100,7 @@ def test_a_file_sets_only_keys_of_the_project(word):
     assert "command line" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_overrides_of_a_sweep_are_accepted_from_a_file():
     check_stored(["scenario='1','2'", "seed=range(0,3)", "algo.lr=0.1,0.2", "robot=kuka,panda"], Path("x"))
     check_stored(["hydra.sweep.dir='/tmp/a b'", "hydra/launcher=basic", "~task.reward.time"], Path("x"))
@@ -123,6 +127,7 @@ def test_places_that_cannot_be_written_are_found_before_the_work(tmp_path):
     assert check_file("out", tmp_path / "new" / "x.json") == tmp_path / "new" / "x.json"
 
 
+@pytest.mark.slow
 def test_overrides_of_a_checkpoint_that_do_not_fit_are_named(tmp_path, monkeypatch):
     from omegaconf import OmegaConf
 

@@ -33,6 +33,7 @@ def test_config_yaml_names_every_group():
     assert {key for key in named if not key.startswith("override hydra/")} == set(groups())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("group", "option"), OPTIONS)
 def test_every_option_reads_into_its_dataclass(group, option):
     needed = ["robot=panda"] if option == "fingers" else []  # others have none
@@ -64,6 +65,7 @@ def test_dataclasses_of_the_config_have_no_defaults():
 # ---- overrides as they are typed -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [
@@ -104,6 +106,7 @@ def test_errors_of_hydra_become_config_errors():
         compose(["robot=nobody"])
 
 
+@pytest.mark.slow
 def test_overrides_apply_to_a_saved_config(default):
     from omegaconf import OmegaConf
 

@@ -16,6 +16,7 @@ SCENARIOS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", SCENARIOS)
 def test_a_scenario_sets_robot_control_algorithm_and_task(number):
     config = compose([f"scenario={number}"])
@@ -28,6 +29,7 @@ def test_a_scenario_sets_robot_control_algorithm_and_task(number):
     assert config.scenario == number
 
 
+@pytest.mark.slow
 def test_scenarios_of_one_algorithm_share_their_hyperparameters():
     """One set of hyperparameters for each algorithm, whatever the robot and the control."""
     same = ("algo", "policy", "task", "collector")

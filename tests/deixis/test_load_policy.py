@@ -30,6 +30,7 @@ def rollout(policy, seed=0, steps=100):
         env.close()
 
 
+@pytest.mark.slow
 def test_the_example_of_readme_runs():
     assert len(EXAMPLES) == 1
     scope = {"__name__": "example"}
@@ -37,6 +38,7 @@ def test_the_example_of_readme_runs():
     assert scope["rollout"]["next", "success"].any()
 
 
+@pytest.mark.slow
 def test_a_pretrained_policy_obeys(policy):
     seen = rollout(policy)["next"]
     first = seen["done"].long().argmax(1).flatten()  # the step that ends each world's first episode
@@ -44,22 +46,26 @@ def test_a_pretrained_policy_obeys(policy):
     assert success.float().mean() >= 0.75
 
 
+@pytest.mark.slow
 def test_it_is_deterministic_by_default(policy):
     assert torch.equal(rollout(policy, steps=10)["action"], rollout(policy, steps=10)["action"])
     assert policy.out_keys == ["action"]
 
 
+@pytest.mark.slow
 def test_it_samples_where_that_is_asked_for(policy):
     sampling = deixis.load_policy("nl_reach_kuka", deterministic=False)
     assert not torch.equal(rollout(sampling, steps=3)["action"], rollout(policy, steps=3)["action"])
 
 
+@pytest.mark.slow
 def test_it_takes_a_folder_or_a_file(policy):
     folder = ROOT / "pretrained" / "nl_reach_kuka"
     for source in (folder, str(folder / "policy.safetensors")):
         assert deixis.load_policy(source).path == policy.path
 
 
+@pytest.mark.slow
 def test_its_environment_takes_overrides(policy):
     env = policy.make_env(num_worlds=2, overrides=["task.num_objects=5"], seed=3)
     try:

@@ -25,6 +25,7 @@ def test_a_package_of_the_same_name_fails_the_import_with_one_sentence(name, tmp
     assert f"deixis needs its own '{name}' from {ROOT}, but Python finds another one first: {tmp_path / name};" in last
 
 
+@pytest.mark.slow
 def test_a_users_own_program_called_train_is_no_obstacle_to_the_import(tmp_path):
     (tmp_path / "train.py").write_text("import deixis\nprint(deixis.parse('reach the red cube'))\n")
     done = in_folder(tmp_path, "train.py")

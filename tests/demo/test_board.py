@@ -56,6 +56,7 @@ def cells(session):
     return (session.scene().positions[numbers] - grid.place(0, 0, 0)) / [grid.cell, grid.cell, grid.size]
 
 
+@pytest.mark.slow
 def test_a_task_with_stacks_takes_place_on_the_board(session):
     assert session.config.workspace == session.env.config.workspace.name == "board"
 
@@ -140,6 +141,7 @@ def test_the_example_is_possible_in_every_scene(session):
         assert session.preview(session.example()).actions, session.example()
 
 
+@pytest.mark.slow
 def test_pyramids_are_named_as_pyramids():
     session = Session(make_config(task="rearrange", driver="expert"), seed=0)
     seen = set()

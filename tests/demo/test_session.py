@@ -47,6 +47,7 @@ def is_at(session, index):
     return distance < session.env.config.task.radius
 
 
+@pytest.mark.slow
 def test_the_robot_reaches_the_named_object(reaching):
     for index, name in enumerate(reaching.object_names()):  # each starts where the one before has ended
         assert reaching.say(f"reach {name}").understood
@@ -109,6 +110,7 @@ def test_go_where_pointed_requires_a_gesture_and_no_words(reaching):
     assert is_at(reaching, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", ["reach_gesture", "nl_reach_gesture"])
 def test_a_gesture_policy_reaches_the_object_that_is_pointed_at(task):
     session = Session(make_config(task=task, objects=3), seed=5)
@@ -124,6 +126,7 @@ def test_a_gesture_policy_reaches_the_object_that_is_pointed_at(task):
     session.close()
 
 
+@pytest.mark.slow
 def test_an_unreachable_pointing_target_changes_nothing(reaching):
     rng, person = np.random.default_rng(0), np.array([1.5, -0.15, 0.4])
     refused = 0
@@ -182,6 +185,7 @@ def test_a_goal_that_is_not_a_target_is_refused(placing):
     assert "see-through" in result.message
 
 
+@pytest.mark.slow
 def test_the_robot_can_be_changed_and_a_bad_change_changes_nothing():
     session = Session(make_config(driver="expert"), seed=0)
     session.change(make_config(driver="expert", robot="panda"))
@@ -204,6 +208,7 @@ def test_without_a_policy_the_expert_drives():
     session.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("task", "objects"), [("nl_push", 4), ("swipe", 4), ("nl_reach_gesture", 6)])
 def test_the_default_number_of_objects_is_the_one_of_the_task(task, objects):
     session = Session(make_config(task=task, driver="expert"), seed=5)
@@ -250,6 +255,7 @@ def test_a_task_whose_gripper_holds_nothing_refuses_to_take(reaching):
     assert "choose another task" in result.message
 
 
+@pytest.mark.slow
 def test_the_session_says_whose_left_is_meant(reaching):
     assert reaching.config.workspace == "collabtable"
     assert "robot's" in reaching.whose_left

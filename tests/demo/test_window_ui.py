@@ -46,6 +46,7 @@ def run_keys(session, *steps, until=lambda: True):
     return display
 
 
+@pytest.mark.slow
 def test_a_sentence_is_typed_edited_and_done(session):
     name = session.object_names()[1]
     display = run_keys(session, f"reach {name}x", ["backspace"], ["enter"], until=lambda: "Done" in session.view.status)

@@ -152,10 +152,12 @@ def make():
         WorkspaceEnv.close(env)
 
 
+@pytest.mark.slow
 def test_an_environment_of_the_project_passes(make):
     check_env(make(""))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bug", BUGS)
 def test_a_planted_bug_is_found_and_named(bug, make):
     with pytest.raises(EnvError) as caught:

@@ -99,6 +99,7 @@ def test_an_unknown_word_is_an_error_with_a_suggestion(words, message):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("words", "message"), VALUES)
 def test_an_invalid_value_is_an_error_that_names_it(words, message):
     before = connected()
@@ -140,6 +141,7 @@ def test_a_urdf_file_of_the_user_is_loaded(tmp_path):
 JOINT = "lbr_iiwa_joint_4"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -175,6 +177,7 @@ def test_several_objects_without_words_are_an_error():
         make_env(["task=reach", "task.num_objects=3", "task.min_objects=3"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("urdf", ["/etc/passwd", "../../x.urdf", "franka_panda/../../../x.urdf"])
 def test_a_urdf_does_not_leave_its_package(urdf):
     with pytest.raises(ConfigError, match=r"robot\.urdf=\S+ leaves the package"):

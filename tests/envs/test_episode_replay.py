@@ -24,6 +24,7 @@ def noises(env, steps):
     return [0.3 * torch.randn(env.action_spec.shape, generator=generator) for _ in range(steps)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "task", "more"), CASES)
 def test_running_episodes_continue_with_the_same_bits_elsewhere(robot, task, more):
     more = (*more, "task.max_steps=17")

@@ -21,6 +21,7 @@ def test_every_task_has_an_id():
     assert gym_id("nl_pick_and_place") == "Deixis/NLPickAndPlace-v0"
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", IDS)
 def test_the_environment_checker_passes(name, monkeypatch):
@@ -30,6 +31,7 @@ def test_the_environment_checker_passes(name, monkeypatch):
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", CONTROLS)
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_environment_checker_passes_for_every_robot_and_control(robot, control):
@@ -38,6 +40,7 @@ def test_the_environment_checker_passes_for_every_robot_and_control(robot, contr
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", IDS)
 def test_steps_keep_to_the_gymnasium_api(name):
     env = gymnasium.make(name, overrides=[] if name in REACHING else ["task.max_steps=70"])
@@ -81,6 +84,7 @@ def test_the_same_seed_gives_the_same_episode_and_no_seed_the_next_one():
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_image_has_the_size_of_the_camera_and_changes_when_the_arm_moves(robot):
     overrides = ["workspace.camera.width=96", "workspace.camera.height=72"]
@@ -99,6 +103,7 @@ def test_the_image_has_the_size_of_the_camera_and_changes_when_the_arm_moves(rob
     env.close()
 
 
+@pytest.mark.slow
 def test_the_image_shows_the_objects_in_their_colors():
     env = gymnasium.make("Deixis/Reach-v0", render_mode="rgb_array")
     seen = {}
@@ -121,6 +126,7 @@ def test_without_a_render_mode_there_is_no_image():
     env.close()
 
 
+@pytest.mark.slow
 def test_overrides_reach_the_environment():
     env = gymnasium.make("Deixis/NLReach-v0", overrides=["task.num_objects=5"])
     assert env.observation_space["objects"].shape[0] == 5

@@ -42,10 +42,12 @@ def random_actions(env, steps, seed=0):
     return rng.uniform(-1, 1, (steps, *env.action_spec.shape)).astype(np.float32)
 
 
+@pytest.mark.slow
 def test_check_env_specs_passes(env):
     check_env_specs(env, seed=0)
 
 
+@pytest.mark.slow
 def test_outcomes_rewards_and_ends_of_a_step_are_consistent(env):
     env.set_seed(1)
     td = env.reset()
@@ -63,6 +65,7 @@ def test_outcomes_rewards_and_ends_of_a_step_are_consistent(env):
         assert td["reward_terms"].shape == (WORLDS, len(env.reward_names))
 
 
+@pytest.mark.slow
 def test_observations_are_finite_float32_and_within_their_specs_for_any_action(env):
     env.set_seed(2)
     td = env.reset()
@@ -77,6 +80,7 @@ def test_observations_are_finite_float32_and_within_their_specs_for_any_action(e
             assert td[key].isfinite().all()
 
 
+@pytest.mark.slow
 def test_a_partial_reset_resets_the_named_worlds_only(env):
     env.set_seed(4)
     td = env.reset()
@@ -96,6 +100,7 @@ def test_a_partial_reset_resets_the_named_worlds_only(env):
     assert not after["done"].any()
 
 
+@pytest.mark.slow
 def test_the_reset_of_a_world_does_not_change_the_rollouts_of_others(env):
     actions = random_actions(env, 10)
     ends = []
@@ -110,6 +115,7 @@ def test_the_reset_of_a_world_does_not_change_the_rollouts_of_others(env):
     assert differences(*ends) == []
 
 
+@pytest.mark.slow
 def test_a_reset_of_no_world_changes_nothing(env):
     env.set_seed(6)
     td = act(env, env.reset(), random_actions(env, 1)[0])
@@ -118,6 +124,7 @@ def test_a_reset_of_no_world_changes_nothing(env):
     assert differences(td.select(*shown), after.select(*shown)) == []
 
 
+@pytest.mark.slow
 def test_returned_tensors_are_never_written_to(env):
     env.set_seed(7)
     handed_out = [env.reset()]
@@ -131,6 +138,7 @@ def test_returned_tensors_are_never_written_to(env):
     assert [differences(td, copy) for td, copy in zip(handed_out, copies, strict=True)] == [[]] * len(copies)
 
 
+@pytest.mark.slow
 def test_a_step_shares_no_memory_with_the_step_before(env):
     env.set_seed(8)
     first = act(env, env.reset(), random_actions(env, 1)[0])
@@ -144,6 +152,7 @@ def test_a_step_shares_no_memory_with_the_step_before(env):
     assert storages(second).isdisjoint(storages(third))
 
 
+@pytest.mark.slow
 def test_each_world_is_truncated_at_exactly_max_steps(env):
     env.set_seed(9)
     td, limit = env.reset(), env.config.task.max_steps
@@ -169,6 +178,7 @@ def seed_globally(seed):
     torch.manual_seed(seed)
 
 
+@pytest.mark.slow
 def test_global_random_generators_are_not_used(env):
     ends = []
     for seed in (1, 2):
@@ -207,6 +217,7 @@ def constant_elements(env):
     return rows | gripper | mask | words | {"gesture[6]"}  # that a gesture is shown
 
 
+@pytest.mark.slow
 def test_every_element_of_the_observation_varies(env, request):
     env.set_seed(11)
     td, poker, seen = env.reset(), Poker(env), []

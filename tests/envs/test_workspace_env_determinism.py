@@ -26,6 +26,7 @@ def moved(history):
     return steps[steps < 0.03].max()  # a reset is a leap, even where the sentence happens to stay
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "control"), [("kuka", control) for control in CONTROLS] + [(r, "step") for r in ROBOTS if r != "kuka"]
 )
@@ -41,6 +42,7 @@ def test_a_fresh_environment_gives_the_same_rollout_bit_for_bit(robot, control):
     assert differences(*histories) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_seed_gives_the_same_bits_after_any_history(robot):
     env = make(robot, worlds=2, seed=5)
@@ -54,6 +56,7 @@ def test_a_seed_gives_the_same_bits_after_any_history(robot):
     env.close()
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_bits_after_wild_motion():
     env = make("panda", "joints", worlds=2, seed=5)
     fresh = poked(env, 60)
@@ -66,6 +69,7 @@ def test_a_seed_gives_the_same_bits_after_wild_motion():
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", CONTROLS)
 def test_a_world_gives_the_same_bits_for_any_number_of_worlds(control):
     histories = {}

@@ -31,6 +31,7 @@ GRASPS = [(robot, "nl_pick_and_place", ()) for robot in ROBOTS] + [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "task", "more"), GRASPS)
 def test_a_seed_gives_the_same_bits_after_any_grasp(robot, task, more):
     env = make(robot, "step", task, *more, worlds=2, seed=5)
@@ -47,6 +48,7 @@ def test_a_seed_gives_the_same_bits_after_any_grasp(robot, task, more):
     other.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_world_with_a_grasp_is_not_changed_by_the_reset_of_another(robot):
     ends = []
@@ -70,6 +72,7 @@ def test_a_world_with_a_grasp_is_not_changed_by_the_reset_of_another(robot):
     assert differences(*ends) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_seed_gives_the_same_bits_after_wild_grasps(robot):
     env = make(

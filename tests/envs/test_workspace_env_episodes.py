@@ -54,6 +54,7 @@ def drawn(request):
     return task, [task.draw(rng) for _ in range(DRAWS)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("guess", BLIND)
 def test_only_the_sentence_identifies_the_referent(drawn, guess):
     _, episodes = drawn
@@ -63,6 +64,7 @@ def test_only_the_sentence_identifies_the_referent(drawn, guess):
     assert abs(hits - chances.sum()) < 4 * sigma
 
 
+@pytest.mark.slow
 def test_every_number_of_objects_kind_color_and_shape_occurs(drawn):
     task, episodes = drawn
     config = task.config
@@ -90,6 +92,7 @@ def test_objects_stand_apart_on_the_table_within_their_area(drawn):
     np.testing.assert_allclose(everywhere.max(0), [x1, y1], atol=0.01)
 
 
+@pytest.mark.slow
 def test_the_sentence_names_the_referent_with_the_declared_kind(drawn):
     task, episodes = drawn
     for episode in episodes:
@@ -104,6 +107,7 @@ def test_the_same_generator_draws_the_same_episodes():
     assert one == other
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", compose(["task=nl_reach"])["task"]["kinds"])
 def test_a_task_of_one_kind_draws_sentences_of_that_kind_only(kind):
     task, rng = task_of("nl_reach", f"task.kinds=[{kind}]"), np.random.default_rng(0)
@@ -124,6 +128,7 @@ def chi_square(counts):
     return ((counts - counts.mean()) ** 2 / counts.mean()).sum()
 
 
+@pytest.mark.slow
 def test_referents_and_objects_are_spread_evenly_over_the_slots(shown):
     _, seen = shown
     limit = 23.5  # chi-square with 4 degrees of freedom: one in 10 000
@@ -158,6 +163,7 @@ def scene_of(rows):
     )
 
 
+@pytest.mark.slow
 def test_the_sentence_grounds_to_the_referents_slot_in_the_observation(shown):
     env, seen = shown
     for each in seen:
@@ -184,6 +190,7 @@ def test_reach_shows_one_object_without_a_sentence():
     env.close()
 
 
+@pytest.mark.slow
 def test_the_goal_follows_an_object_that_is_pushed():
     env = make("kuka", "step", "reach", "task.hold_steps=60", seed=3)
     td = env.reset()

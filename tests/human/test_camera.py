@@ -29,6 +29,7 @@ def test_train_and_evaluate_run_from_the_command_line(tmp_path, monkeypatch, cap
     assert "frames/s rendered and read" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -69,6 +70,7 @@ def test_an_area_out_of_reach_is_reported_in_one_line(camera_setup, monkeypatch)
         generate_frames(camera_setup, 1, np.random.default_rng(0), bodies=1)
 
 
+@pytest.mark.slow
 def test_training_does_not_change_the_shipped_weights(camera_setup, monkeypatch, tmp_path):
     before = SHIPPED_WEIGHTS.stat().st_mtime_ns
     monkeypatch.chdir(tmp_path)

@@ -29,6 +29,7 @@ def solved(body: Body, style: str, places: np.ndarray) -> list[np.ndarray | None
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style", STYLES)
 def test_the_line_points_within_half_a_degree_all_over_the_table(body, style):
     places = table(20)

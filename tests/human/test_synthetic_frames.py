@@ -1,11 +1,13 @@
 """Training frames of the ray reader."""
 
 import numpy as np
+import pytest
 
 from human.camera import generate_frames
 from human.synthetic_frames import FrameGenerator
 
 
+@pytest.mark.slow
 def test_frames_differ_and_repeat_with_the_seed(camera_setup, frames):
     flat = frames.pictures.reshape(len(frames.pictures), -1)
     assert len(np.unique(flat, axis=0)) == len(flat)

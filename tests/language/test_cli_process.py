@@ -37,6 +37,7 @@ def start(*arguments):
     return subprocess.Popen([*COMMAND, *arguments], text=True, cwd=ROOT, **pipes)
 
 
+@pytest.mark.slow
 def test_sentences_through_a_pipe_are_answered_at_once(scene):
     with start("parse", "-", "--scene", scene) as process:
         for sentence, goal in (("reach the red cube", "a"), ("no, the blue one", "c")):
@@ -47,6 +48,7 @@ def test_sentences_through_a_pipe_are_answered_at_once(scene):
         assert process.wait(timeout=20) == 0
 
 
+@pytest.mark.slow
 def test_ctrl_c_exits_with_130_and_no_traceback(scene):
     with start("parse", "-", "--scene", scene) as process:
         process.stdin.write("reach the red cube\n")
@@ -74,6 +76,7 @@ def test_a_full_disk_prints_one_line():
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_undecodable_bytes_are_unknown_words(scene):
     done = run("parse", "-", "--scene", scene, text=False, input=b"reach the \xff cube\nreach the red cube\n")
     first, second = map(json.loads, done.stdout.splitlines())

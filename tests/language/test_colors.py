@@ -78,6 +78,7 @@ def test_synonyms_of_colours_are_parsed(word, name):
     assert parse(f"reach the {word} ball").phrase.color == name
 
 
+@pytest.mark.slow
 def test_a_new_colour_needs_one_entry(monkeypatch):
     monkeypatch.setitem(COLORS, "brown", Color((0.5, 0.25, 0.0), ("chestnut",)))
     assert color_name(rgba("brown", see_through=True)) == "brown"

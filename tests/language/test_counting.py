@@ -69,6 +69,7 @@ MOST = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "depth"),
     [

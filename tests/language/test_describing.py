@@ -33,6 +33,7 @@ def described(describer, scenes, seed=1):
             yield each, referent, describer.describe(each, referent, rng)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("redundant", [False, True])
 def test_a_generated_sentence_grounds_to_its_referent(redundant):
     for each, referent, instruction in described(Describer(KINDS, redundant=redundant), random_scenes(300)):
@@ -41,6 +42,7 @@ def test_a_generated_sentence_grounds_to_its_referent(redundant):
         assert matches(instruction.phrase, each).sum() == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("redundant", [False, True])
 def test_every_expression_with_up_to_one_relation_grounds_to_its_referent(redundant):
     for each in random_scenes(6, counts=[2, 4, 6]):
@@ -81,6 +83,7 @@ def test_every_default_kind_occurs():
     assert min(kinds.values()) > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["relation", "superlative", "negation"])
 def test_words_are_added_only_to_ambiguous_heads(kind):
     for each, referent, instruction in described(Describer([kind]), random_scenes(200)):

@@ -10,6 +10,7 @@ from language.relations import ABSENT, CLEAR
 from tests.helpers.language_cases import random_scenes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("redundant", [False, True])
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "nested"])
 def test_an_object_is_nameable_if_and_only_if_some_phrase_fits_it_alone(kind, redundant):

@@ -27,6 +27,7 @@ def test_parse_inverts_say_in_any_wording(meaning, seed):
     assert parse(sentence) == meaning
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(meanings)
 def test_parsed_phrases_have_their_positions_in_the_sentence(meaning):

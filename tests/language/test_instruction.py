@@ -11,6 +11,7 @@ CUBE = ObjectPhrase("cube")
 HERE = ObjectPhrase(determiner="here")
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(phrases)
 def test_depth_counts_nested_relations(phrase):

@@ -31,6 +31,7 @@ def registries():
         registry.update(kept)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", PYTHON, ids=range(len(PYTHON)))
 def test_an_example_runs(code, registries):
     exec(compile(code, "docs/language.md", "exec"), {"__name__": "example"})

@@ -44,6 +44,7 @@ def examples(kind):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "known"),
     [("relation", known) for known in RELATIONS.values()] + [("superlative", known) for known in SUPERLATIVES.values()],
@@ -89,6 +90,7 @@ def beyond():
     unregister("beyond")
 
 
+@pytest.mark.slow
 def test_a_registered_relation_is_said_parsed_grounded_tokenized_and_described(beyond):
     instruction = Instruction("reach", ObjectPhrase("cube", None, beyond, (BLUE_SPHERE,)))
     assert say(instruction) == "reach the cube beyond the blue sphere"
@@ -100,6 +102,7 @@ def test_a_registered_relation_is_said_parsed_grounded_tokenized_and_described(b
     assert ground(Instruction("reach", said[beyond]), table) == 1
 
 
+@pytest.mark.slow
 def test_registered_two_anchor_relations_and_superlatives_are_used_everywhere():
     relation("opposite", anchors=2)(lambda subject, one, other: one[..., 0] + other[..., 0] - 2 * subject[..., 0])
     superlative("frontmost", "foremost")(lambda positions, sizes: -positions[..., 0])
@@ -116,6 +119,7 @@ def test_registered_two_anchor_relations_and_superlatives_are_used_everywhere():
         unregister("frontmost")
 
 
+@pytest.mark.slow
 def test_a_relation_is_parsed_only_while_it_is_registered():
     sentence = "reach the cube seaward of the blue sphere"
     assert isinstance(answer(sentence), NotUnderstood)
@@ -161,6 +165,7 @@ def test_devices_are_named_like_shapes(verb, noun):
     assert Tokenizer.default().unknown_words(" ".join(NOUNS[noun])) == ()
 
 
+@pytest.mark.slow
 def test_a_new_noun_needs_one_entry(monkeypatch):
     monkeypatch.setitem(NOUNS, "cone", ("pyramid",))
     instruction = parse("lift the gray pyramid")

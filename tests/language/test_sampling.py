@@ -7,6 +7,7 @@ from language import Wording, parse, say, understand
 from language.sampling import sample
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [None, 0, 1, 2, 3])
 @pytest.mark.parametrize("steps", [1, 3])
 def test_samples_are_understood_and_have_the_requested_depth(depth, steps):

@@ -31,6 +31,7 @@ def held_out(phrase):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NEVER)
 def test_train_never_contains_a_held_out_pair(name):
     said = [phrase for *_, phrase in described(Split(name, HELD_OUT))]

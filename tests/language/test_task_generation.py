@@ -61,6 +61,7 @@ def tables():
     yield from random_scenes(25, counts=[4, 6, 8], seed=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [1, 2, 4])
 def test_every_generated_step_is_feasible_and_understood_in_its_scene(depth):
     number = 0

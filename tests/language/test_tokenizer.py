@@ -28,6 +28,7 @@ def test_the_vocabulary_is_the_same_each_time_and_holds_each_word_once():
     assert len(set(TOKENIZER.vocabulary)) == len(TOKENIZER.vocabulary)
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(meanings)
 def test_the_vocabulary_contains_every_word_of_say(meaning):

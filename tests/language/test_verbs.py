@@ -71,6 +71,7 @@ def test_every_task_has_the_originals_init_goal_reward_and_networks(sentence, in
     assert (step.init, step.goal, step.reward, step.networks) == (init, goal, reward, networks)
 
 
+@pytest.mark.slow
 def test_a_new_verb_needs_one_entry(monkeypatch):
     monkeypatch.setitem(VERBS, "wave", Verb(("wave at {object}", "greet {object} from afar")))
     instruction = Instruction("wave", ObjectPhrase("sphere"))

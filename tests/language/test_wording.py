@@ -37,6 +37,7 @@ def test_every_synonym_is_drawn():
         assert polite in sentences
 
 
+@pytest.mark.slow
 def test_all_wordings_have_the_same_meaning():
     for sentence in said(Wording(), TOUCH):
         assert parse(sentence) == TOUCH

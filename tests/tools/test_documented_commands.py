@@ -38,6 +38,7 @@ def test_a_line_that_is_not_a_command_is_refused(tmp_path, monkeypatch):
         list(commands_of(tmp_path / "page.md"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", TRAINING)
 def test_overrides_of_a_training_command_compose(line):
     words = shlex.split(re.sub(r"<[\w ]+>", "somewhere", line.rpartition("train.py")[2]))
@@ -48,6 +49,7 @@ def test_overrides_of_a_training_command_compose(line):
     assert set(added.values()) <= set(groups())
 
 
+@pytest.mark.slow
 def test_shortened_commands_compose():
     for line in ("python train.py algo=sac", "python train.py scenario=5", "python train.py -m seed=0,1 sweep.jobs=8"):
         short = shorten(line)

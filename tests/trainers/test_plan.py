@@ -54,6 +54,7 @@ def test_frames_of_a_batch():
     assert frames_per_batch(plan()) == 8 * 16
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cores", "count"), [(1, 1), (2, 2), (3, 2), (6, 4), (64, 8)])
 def test_a_batch_is_the_same_on_any_number_of_cores(cores, count, monkeypatch):
     monkeypatch.setattr("trainers.config.cores", lambda: cores)

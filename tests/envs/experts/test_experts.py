@@ -28,6 +28,7 @@ def arm_touches_furniture(env):
     return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("combination", COMBINATIONS, ids=name_of)
 def test_the_expert_solves_the_task_without_touching_the_table(combination):
     env = make(
@@ -51,6 +52,7 @@ def test_the_expert_solves_the_task_without_touching_the_table(combination):
     assert lowest > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workspace", options("workspace"))
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_expert_reaches_every_goal_in_every_workspace(robot, workspace):

@@ -17,6 +17,7 @@ def make_pair(task, worlds=3):
     return LabelledEnv(config, worlds, 4), WorkspaceEnv(config, worlds, 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", ["nl_reach", "nl_pick_and_place"])
 def test_the_label_is_the_experts_action_and_nothing_else_differs(task):
     labelled, plain = make_pair(task)
@@ -33,6 +34,7 @@ def test_the_label_is_the_experts_action_and_nothing_else_differs(task):
     plain.close()
 
 
+@pytest.mark.slow
 def test_the_label_is_declared_and_within_the_bounds_of_actions():
     env, plain = make_pair("rearrange", worlds=2)
     check_env_specs(env)

@@ -45,6 +45,7 @@ def cells_now(env, order):
     return (shown - GRID.place(0, 0, 0)) / [CELL, CELL, SIZE]
 
 
+@pytest.mark.slow
 def test_moves_are_carried_out_one_after_another_and_nothing_else_moves(env):
     cells = [*TOWER, (6, 1, 0)]
     order = begin(env, cells)
@@ -57,6 +58,7 @@ def test_moves_are_carried_out_one_after_another_and_nothing_else_moves(env):
     np.testing.assert_allclose(cells_now(env, order), cells, atol=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_an_object_goes_to_the_ground_between_stacks_of_eight_and_back(env, shape):
     cells = [*TOWER, *WALLS, (7, 7, 0)]
@@ -91,6 +93,7 @@ def test_a_move_that_takes_too_long_is_given_up_with_those_after_it(env):
     assert runner.done == [False]
 
 
+@pytest.mark.slow
 def test_an_environment_of_several_worlds_or_without_a_gripper_is_refused():
     for many, task in ((2, "rearrange"), (1, "nl_reach")):
         made = make("kuka", "step", task, worlds=many)

@@ -134,6 +134,7 @@ def test_a_task_without_pointing_is_refused():
         make_by_hand("task=nl_reach")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("display", "message"), [(None, "DISPLAY is not set"), (":4711", "DISPLAY=:4711 cannot be opened")]
 )

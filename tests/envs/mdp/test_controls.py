@@ -52,6 +52,7 @@ def middle(env):
     return np.tile(place, (6, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amount", [1.0, 0.25])
 def test_step_moves_the_gripper_by_the_action_along_each_axis(stepping, amount):
     env = stepping
@@ -74,6 +75,7 @@ def speed_allows(env, td, place):
     return 1 / np.maximum(1, (turn / (np.array(env.config.robot.max_speed) * period)).max(1))
 
 
+@pytest.mark.slow
 def test_many_small_steps_add_up(stepping):
     env = stepping
     td = lift(env, env.reset(), middle(env))
@@ -87,6 +89,7 @@ def test_many_small_steps_add_up(stepping):
     np.testing.assert_allclose(env.gripper - before, asked, atol=2 * EXACT)
 
 
+@pytest.mark.slow
 def test_step_stays_where_it_is_while_the_action_is_zero(stepping):
     env = stepping
     td = lift(env, env.reset(), middle(env))
@@ -96,6 +99,7 @@ def test_step_stays_where_it_is_while_the_action_is_zero(stepping):
     assert np.abs(env.gripper - before).max() < EXACT
 
 
+@pytest.mark.slow
 def test_step_never_leaves_the_gripper_box(stepping):
     env = stepping
     td = env.reset()
@@ -109,6 +113,7 @@ def test_step_never_leaves_the_gripper_box(stepping):
     np.testing.assert_allclose(reached, at_border, atol=0.01)
 
 
+@pytest.mark.slow
 def test_absolute_reaches_the_commanded_position_and_stays(robot):
     corners = np.array([(-0.9, -0.9, 0.2), (-0.9, 0.9, -0.3), (0.9, -0.9, -0.3), (0.9, 0.9, 0.2)])  # above the object
     env, td = start(robot, "absolute", len(corners))
@@ -123,6 +128,7 @@ def test_absolute_reaches_the_commanded_position_and_stays(robot):
     env.close()
 
 
+@pytest.mark.slow
 def test_absolute_moves_at_most_max_move_a_step(robot):
     env, td = start(robot, "absolute", 2)
     far, largest = np.array([[1.0, 1.0, 0.5], [1.0, -1.0, 0.9]]), 0.0
@@ -134,6 +140,7 @@ def test_absolute_moves_at_most_max_move_a_step(robot):
     env.close()
 
 
+@pytest.mark.slow
 def test_joints_reach_the_commanded_angles(robot):
     env, td = start(robot, "joints", 2)
     chain = env.chain
@@ -152,6 +159,7 @@ def test_joints_reach_the_commanded_angles(robot):
     env.close()
 
 
+@pytest.mark.slow
 def test_joint_actions_span_the_limits_at_limited_speed(robot):
     env, _ = start(robot, "joints")
     chain, period = env.chain, env.config.physics.time_step * env.config.physics.substeps
@@ -167,6 +175,7 @@ def test_joint_actions_span_the_limits_at_limited_speed(robot):
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", [name for name in CONTROLS if name != "joints"])
 def test_the_gripper_points_down_all_along_a_path_through_the_box(robot, control):
     rng = np.random.default_rng(0)
@@ -195,6 +204,7 @@ def test_actions_are_clipped_to_1(control):
     assert torch.equal(*ends)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
 @pytest.mark.parametrize("control", CONTROLS)
 def test_a_non_finite_action_is_an_error_and_moves_nothing(control, bad):

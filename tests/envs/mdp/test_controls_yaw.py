@@ -31,6 +31,7 @@ def turned(env, td, yaw, steps=60):
     return td
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", CONTROLS)
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_yaw_turns_the_gripper_in_place_while_it_points_down(robot, control):
@@ -56,6 +57,7 @@ def test_yaw_is_at_most_90_degrees(control):
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", CONTROLS)
 def test_hold_keeps_the_yaw(control):
     env, td = turning("kuka", control)
@@ -80,6 +82,7 @@ def test_a_control_step_turns_by_max_yaw_step_as_action_unit_says():
     env.close()
 
 
+@pytest.mark.slow
 def test_tasks_that_turn_nothing_have_no_yaw_in_the_action():
     for control, width in (("step", 4), ("absolute", 4), ("joints", 8)):
         for task, more in (("nl_pick_and_place", 0), ("pick_and_rotate", control != "joints")):

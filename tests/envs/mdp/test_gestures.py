@@ -15,6 +15,7 @@ from trainers.rollout.instruction_ablations import run_to_end
 from trainers.run.checkpoint import CheckpointError, check_fits, widths
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [
@@ -30,6 +31,7 @@ def test_the_oracle_acts_if_the_finger_points_at_no_object_of_the_sentence(words
     assert successes > 8  # of 32: better than going for any of three or six
 
 
+@pytest.mark.slow
 def test_only_shown_gestures_switch_and_stay_shown():
     env = make("kuka", "step", "nl_reach_gesture", "gesture.dropout=0.5", "gesture.switch=1", worlds=24)
     before = env.reset()
@@ -55,6 +57,7 @@ def test_an_episode_without_a_gesture_shows_none_after_one_with_a_gesture():
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -67,6 +70,7 @@ def test_a_setting_without_effect_is_an_error(words, message):
         make_env(words)
 
 
+@pytest.mark.slow
 def test_another_source_keeps_the_aiming_noise():
     trained = compose(["task=nl_reach_gesture", "gesture.noise_deg=3"])
     for word in ("gesture=camera", "gesture.source=camera"):
@@ -81,6 +85,7 @@ def test_a_config_without_the_gesture_group_is_an_error_that_says_what_to_give()
     assert read_env(apply(old, ["gesture=none"])).gesture.source == "none"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("trained", "judged"), [("none", "ray"), ("ray", "none")])
 def test_a_policy_is_refused_with_another_gesture_source_than_it_was_trained_with(trained, judged):
     shapes, words = {}, []

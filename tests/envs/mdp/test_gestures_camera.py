@@ -23,6 +23,7 @@ def seen():
     env.close()
 
 
+@pytest.mark.slow
 def test_the_ray_is_read_from_the_image_and_near_the_true_one(seen):
     env = make("kuka", "step", "reach_gesture", "task.num_objects=6", worlds=3, seed=4)
     true, read = observed(env), observed(seen)
@@ -35,6 +36,7 @@ def test_the_ray_is_read_from_the_image_and_near_the_true_one(seen):
     assert (true[:, :6] != read[:, :6]).all()
 
 
+@pytest.mark.slow
 def test_only_the_ray_differs_from_an_environment_without_a_camera():
     read, true = make(*CAMERA), make("kuka", "step", "reach_gesture")
     assert set(differences(read.reset(), true.reset())) <= {"gesture", ("privileged", "pointing")}
@@ -63,6 +65,7 @@ def test_a_hidden_gesture_has_no_ray():
     env.close()
 
 
+@pytest.mark.slow
 def test_the_ray_follows_a_gesture_switch():
     env = make(*CAMERA, "gesture.switch=1", "gesture.frames=60", "task.num_objects=3", seed=1)
     td = env.reset()
@@ -77,6 +80,7 @@ def test_the_ray_follows_a_gesture_switch():
     assert (rays[-1] == rays[-2]).all()
 
 
+@pytest.mark.slow
 def test_the_read_ray_mostly_selects_the_referent():
     env = make(*CAMERA, "task.num_objects=3", worlds=16)
     right = []
@@ -101,6 +105,7 @@ def test_the_camera_image_equals_one_of_the_whole_world():
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("override", "message"),
     [

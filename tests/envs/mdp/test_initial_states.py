@@ -24,6 +24,7 @@ def spot(env, name):
     return env.state.objects[np.arange(WORLDS), getattr(env.state, name)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_near_begins_above_the_object_with_an_empty_gripper(robot):
     env, _ = begun(robot, near=1)
@@ -33,6 +34,7 @@ def test_near_begins_above_the_object_with_an_empty_gripper(robot):
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_held_begins_with_the_object_in_the_gripper(robot):
     env, _ = begun(robot, held=1)
@@ -40,6 +42,7 @@ def test_held_begins_with_the_object_in_the_gripper(robot):
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_placed_begins_at_the_target_and_succeeds_if_the_gripper_stays_open(robot):
     env, td = begun(robot, placed=1)

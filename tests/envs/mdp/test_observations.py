@@ -47,6 +47,7 @@ def test_an_added_term_is_in_the_gymnasium_observation(with_height):
     env.close()
 
 
+@pytest.mark.slow
 def test_an_added_term_is_recorded_and_in_the_widths_of_a_checkpoint(with_height):
     env = make("kuka", "step", "nl_reach", "task.max_steps=3")
     (episode,) = demonstrate(env, lambda td: td.set("action", env.towards(env.gripper)), 1, seed=0)
@@ -67,6 +68,7 @@ def test_an_added_term_is_checked_for_finite_values(with_height):
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", TASKS)
 def test_what_is_observed_is_in_the_spec(task):
     env = make("kuka", "step", task, worlds=2)

@@ -141,6 +141,7 @@ def as_asked(episode, frames, relabelled):
     )
 
 
+@pytest.mark.slow
 def test_a_relabelled_episode_equals_a_recording_with_that_goal(env, relabelled_episodes):
     assert len(relabelled_episodes) >= WORLDS
     assert sum(bool(relabelled["next", "success"].any()) for _, _, relabelled in relabelled_episodes) >= WORLDS / 2
@@ -163,6 +164,7 @@ def check(real, relabelled):
         torch.testing.assert_close(value, real[key], atol=1e-5, rtol=0, msg=lambda text, key=key: f"{key}: {text}")
 
 
+@pytest.mark.slow
 def test_the_new_sentence_names_the_new_objects_in_the_new_scene(env, relabelled_episodes):
     for episode, frames, relabelled in relabelled_episodes:
         asked = as_asked(episode, frames, relabelled)
@@ -185,6 +187,7 @@ def test_a_relabelled_episode_is_cut_at_its_success(relabelled_episodes):
         torch.testing.assert_close(after["reward"], after["reward_terms"].sum(-1, keepdim=True))
 
 
+@pytest.mark.slow
 def test_an_episode_that_reached_its_goal_is_not_relabelled(env):
     guide = expert(env)
     for frames in recorded(env, drawn(env, 5), lambda td, t: guide(td)["action"]):
@@ -192,6 +195,7 @@ def test_an_episode_that_reached_its_goal_is_not_relabelled(env):
             assert env.hindsight([frames], 0) == []
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_relabelled_episodes_in_any_batch(env):
     episodes = recorded(env, drawn(env, 0), drivers(env)[0](env))
     many = [*episodes] * 4

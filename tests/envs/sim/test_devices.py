@@ -15,6 +15,8 @@ from envs.tasks.operate import OPERATED, OTHER_OPERATED
 from language import DEVICES, ground, parse
 from tests.helpers.env_cases import ROBOTS, Poker, act, differences, hold, make, partial_reset, task_of
 
+pytestmark = pytest.mark.slow
+
 TASKS = {"press": "button", "switch": "lever", "turn": "wheel"}
 STAYING = ["switch", "turn"]
 WAY = -1  # the column of how far a device has gone

@@ -41,6 +41,7 @@ def value(env):
 # ---- every workspace ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workspace", WORKSPACES)
 def test_torchrl_finds_no_fault_with_an_environment_in_any_workspace(workspace):
     env = make("kuka", "step", "nl_reach", f"workspace={workspace}", worlds=2)
@@ -81,6 +82,7 @@ def test_a_closed_fitting_does_not_overlap_other_furniture(workspace, name):
 
 
 # xarm7's motors are weak: it stalls after 2 of the 10 cm that the drawer can be pushed.
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [robot for robot in LONG_ARMS if robot != "xarm7"])
 @pytest.mark.parametrize(("workspace", "name"), FITTINGS)
 def test_a_fitting_moves_when_pushed_stays_there_and_is_reset(workspace, name, robot):
@@ -124,6 +126,7 @@ def pull(world, body, fitting, strength):
         world.step_physics()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "control"), [("kuka", "step"), ("panda", "joints")])
 @pytest.mark.parametrize(("workspace", "name"), FITTINGS)
 def test_a_seed_gives_the_same_bits_after_a_fitting_was_pushed(workspace, name, robot, control):
@@ -179,6 +182,7 @@ BAD = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("changes", "message"), BAD, ids=[next(iter(changes)) for changes, _ in BAD])
 def test_an_invalid_fitting_is_an_error_that_names_it(changes, message):
     config = copy.deepcopy(compose(["workspace=drawer"]))

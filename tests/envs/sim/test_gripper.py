@@ -14,6 +14,7 @@ def referents(env):
     return state.objects[np.arange(len(state.referent)), state.referent]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("close", [False, True])
 @pytest.mark.parametrize("control", ["step", "joints"])
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -61,6 +62,7 @@ def pulled(robot, force, *more):
     return kept
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "gripper"), [("kuka", "magnet"), ("jaco", "magnet"), ("panda", "fingers"), ("panda", "magnet")]
 )
@@ -69,6 +71,7 @@ def test_a_grasp_is_lost_under_more_force_than_the_grippers(robot, gripper):
     assert not pulled(robot, 200.0, f"gripper={gripper}")
 
 
+@pytest.mark.slow
 def test_a_weak_magnet_loses_an_object_that_a_strong_one_holds():
     assert pulled("kuka", 20.0, "gripper.pull=60")
     assert not pulled("kuka", 20.0, "gripper.pull=5")

@@ -44,6 +44,7 @@ def lowered(config, chain):
         yield height, goal.copy(), joints
 
 
+@pytest.mark.slow
 def test_the_gripper_reaches_every_cell_at_every_height_pointing_down(arm):
     config, chain = arm
     down = chain.forward(chain.rest[None]).rotation[0]
@@ -53,6 +54,7 @@ def test_the_gripper_reaches_every_cell_at_every_height_pointing_down(arm):
         assert np.einsum("nij,ij->n", pose.rotation, down).min() > 1 + 2 * np.cos(np.radians(1))
 
 
+@pytest.mark.slow
 def test_neither_arm_nor_rod_touches_the_stacks_of_eight_around_it(arm):
     config, chain = arm
     size, cells = config.task.object_size, columns(config)
@@ -89,6 +91,7 @@ def test_a_rod_is_ignored_by_tasks_that_move_nothing():
     assert plain == rod
 
 
+@pytest.mark.slow
 def test_worlds_with_and_without_a_rod_live_in_one_process():
     lengths = []
     for overrides in (["task=nl_stack"], ["task=rearrange"], ["task=nl_stack"]):

@@ -41,6 +41,7 @@ def measured(body, client, config, joints):
     return np.array(position), np.reshape(bullet.getMatrixFromQuaternion(turn), (3, 3))
 
 
+@pytest.mark.slow
 def test_forward_kinematics_equal_pybullets(arm):
     chain, body, client, config = arm
     joints = random_joints(chain, 60)
@@ -106,6 +107,7 @@ def grid(low, high):
     return np.stack(np.meshgrid(*np.linspace(low, high, 6).T), axis=-1).reshape(-1, 3)
 
 
+@pytest.mark.slow
 def test_every_object_position_is_reached_with_the_orientation_at_rest(arm):
     chain, _, _, config = arm
     x0, x1, y0, y1 = config.workspace.object_area
@@ -114,6 +116,7 @@ def test_every_object_position_is_reached_with_the_orientation_at_rest(arm):
     assert tilt.max() < 0.5 or config.robot.name not in UPRIGHT
 
 
+@pytest.mark.slow
 def test_nearly_all_of_the_gripper_box_is_reached_with_the_orientation_at_rest(arm):
     chain, _, _, config = arm
     off, tilt = reached(chain, grid(*np.reshape(config.workspace.gripper_box, (3, 2)).T))

@@ -36,6 +36,7 @@ def solved(chain, places):
     return joints, np.degrees(np.arccos(np.clip(-pose.rotation[:, 2, 2], -1, 1)))
 
 
+@pytest.mark.slow
 def test_joints_stay_within_their_limits_where_the_gripper_must_tilt(chain):
     joints, tilt = solved(chain, grid([0.36, -0.15, 0.1], [0.44, 0.15, 0.2]))
     assert tilt.max() > 20
@@ -48,6 +49,7 @@ def test_near_the_table_the_gripper_points_down(chain):
     assert tilt.max() < 1
 
 
+@pytest.mark.slow
 def test_the_tilt_is_the_least_that_the_arm_can_have(chain):
     rng = np.random.default_rng(0)
     joints = rng.uniform(chain.low, chain.high, (60_000, len(chain.rest)))

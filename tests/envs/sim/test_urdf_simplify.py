@@ -17,6 +17,7 @@ def simple(robot):
     return urdf_path(config), simplified(urdf_path(config), (*config.joints, *config.fingers))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["kuka", "panda", "jaco", "ur5"])
 def test_a_urdf_with_nothing_to_simplify_is_used_as_it_is(robot):
     whole, copy = simple(robot)
@@ -30,6 +31,7 @@ def test_joints_that_the_robot_does_not_use_are_fixed():
     assert kinds[1]["gripper"] == "fixed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["so_arm", "xarm7"])
 def test_a_small_hull_is_nearly_as_large_as_its_mesh(robot):
     meshes = [

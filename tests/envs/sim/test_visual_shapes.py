@@ -40,6 +40,7 @@ def test_objects_are_drawn_where_they_are_observed_and_in_their_colours():
                 assert (rgba[body][3] < 1) == see_through
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["kuka", "panda", "jaco", "ur5", "xarm7", "so_arm"])
 def test_the_arm_is_drawn_from_its_base_to_its_gripper(robot):
     with closing(made(f"robot={robot}")) as stage:

@@ -11,6 +11,7 @@ import torch
 from tests.helpers.env_cases import BARE_FLANGES, ROBOTS, Poker, act, hold, make
 
 
+@pytest.mark.slow
 def test_objects_stay_exactly_where_they_were_placed_until_touched():
     env = make("kuka", "step", "nl_reach", "task.num_objects=6", "task.spacing=0.1", worlds=4, seed=1)
     for _ in range(3):
@@ -22,6 +23,7 @@ def test_objects_stay_exactly_where_they_were_placed_until_touched():
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_objects_are_placed_upright_where_the_task_drew_them(robot):
     env = make(robot, worlds=3, seed=2)
@@ -35,6 +37,7 @@ def test_objects_are_placed_upright_where_the_task_drew_them(robot):
     env.close()
 
 
+@pytest.mark.slow
 def test_the_bodies_in_the_slots_have_the_shapes_and_colors_that_are_observed():
     geometry = [bullet.GEOM_BOX, bullet.GEOM_SPHERE, bullet.GEOM_CYLINDER]
     env = make("kuka", "step", "nl_reach", "task.num_objects=4", "task.min_objects=2", seed=2, render=True)
@@ -53,6 +56,7 @@ def test_the_bodies_in_the_slots_have_the_shapes_and_colors_that_are_observed():
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sleeping", [True, False])
 def test_untouched_objects_neither_sink_nor_jump(sleeping):
     env = make("kuka", "step", "nl_reach", f"physics.sleeping={sleeping}", worlds=4, seed=3)
@@ -64,6 +68,7 @@ def test_untouched_objects_neither_sink_nor_jump(sleeping):
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [robot for robot in ROBOTS if robot not in BARE_FLANGES])
 def test_an_object_that_was_pressed_down_lies_on_the_table_afterwards(robot):
     env = make(robot, "step", "nl_reach", "task.hold_steps=1000", "task.max_steps=1000", worlds=4, seed=4)
@@ -91,6 +96,7 @@ def heights_on_table(env, td):
     return position[over & seen][:, 2]
 
 
+@pytest.mark.slow
 def test_a_touched_object_moves():
     env = make("kuka", "step", "reach", "task.hold_steps=200", worlds=4, seed=5)
     td = env.reset()
@@ -106,6 +112,7 @@ def rss():
     return pages * 4096
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads memory from /proc")
 @pytest.mark.parametrize("render", [False, True])
 def test_memory_is_flat_over_many_resets(render):

@@ -1,5 +1,7 @@
 """Bullet has one contact breaking threshold for all worlds of a process: each world steps with its own."""
 
+import pytest
+
 from tests.helpers.env_cases import Poker, differences, make, rollout
 
 NARROW = ("physics=stacks", "physics.solver_iterations=10", "physics.contact_erp=null")
@@ -12,6 +14,7 @@ def poked(*overrides):
     return history
 
 
+@pytest.mark.slow
 def test_a_world_with_another_threshold_changes_no_other_world():
     alone = poked()
     other = make("kuka", "step", "nl_reach", *NARROW, seed=5)

@@ -20,6 +20,7 @@ from tests.helpers.manipulation_cases import (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", DONE)
 def test_each_course_of_events_has_its_outcome(what):
     names, moments, end = DONE[what]
@@ -28,6 +29,7 @@ def test_each_course_of_events_has_its_outcome(what):
         assert ends(outcomes) == ([end] if end else []), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVING)
 def test_another_object_moved_by_5_cm_or_half_a_cell_is_the_wrong_object(name):
     bound = 0.01875 if name in BOARD else 0.05
@@ -35,6 +37,7 @@ def test_another_object_moved_by_5_cm_or_half_a_cell_is_the_wrong_object(name):
         assert ends(judged(name, [moment(other=OTHER + [0, moved, 0])])) == end
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", DONE)
 def test_evaluating_a_state_changes_no_memory(what):
     names, moments, _ = DONE[what]
@@ -50,11 +53,13 @@ def test_evaluating_a_state_changes_no_memory(what):
         assert pickle.dumps(vars(task)) == memory
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVING)
 def test_an_episode_without_motion_does_not_terminate(name):
     assert ends(judged(name, [moment()] * 10)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVING)
 def test_a_reset_clears_the_memory_of_the_task(name):
     plain = name.removeprefix("nl_")
@@ -74,6 +79,7 @@ def test_a_reset_clears_the_memory_of_the_task(name):
     assert all(float(after.terms[term][0]) == 0 for term in task.potentials)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVING)
 def test_moving_to_and_fro_earns_no_reward(name):
     task, rng = four(name), np.random.default_rng(0)

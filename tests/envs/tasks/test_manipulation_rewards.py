@@ -39,12 +39,14 @@ def lacking(name):
     return sum(task.config.reward[term] * (MOST[term] - value) for term, value in ends.items())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVING)
 def test_an_episode_that_never_finishes_earns_less_than_one_that_does(name):
     weights = four(name).config.reward
     assert lacking(name) < weights["success"]  # the one that finishes is the shorter one, and time costs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVING)
 def test_an_early_failure_earns_less_than_a_late_success(name):
     config = four(name).config
@@ -53,6 +55,7 @@ def test_an_early_failure_earns_less_than_a_late_success(name):
         assert lacking(name) + time < config.reward["success"] - config.reward[end]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVING)
 def test_potentials_never_exceed_their_declared_maximum(name):
     task, rng = four(name), np.random.default_rng(0)
@@ -64,6 +67,7 @@ def test_potentials_never_exceed_their_declared_maximum(name):
         assert all(values[0] <= MOST[term] + 1e-9 for term, values in task._potentials(state).items())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVING)
 def test_every_term_has_a_weight_of_its_sign(name):
     weights = four(name).config.reward
@@ -72,6 +76,7 @@ def test_every_term_has_a_weight_of_its_sign(name):
     assert all(weight < 0 if term in bad else weight > 0 for term, weight in weights.items())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVING)
 def test_success_is_rewarded_once(name):
     outcomes = judged(name, way_to_success(name))

@@ -35,6 +35,7 @@ def test_training_never_says_what_is_held_out():
         assert not holds_a_word(episode.sentence)
 
 
+@pytest.mark.slow
 def test_test_composition_always_says_a_held_out_pair_in_known_words():
     for episode in drawn("task.split=test_composition"):
         assert holds_a_pair(episode.sentence)
@@ -47,11 +48,13 @@ def test_test_paraphrase_always_says_a_held_out_word_but_no_held_out_pair():
         assert not holds_a_pair(episode.sentence)
 
 
+@pytest.mark.slow
 def test_test_length_nests_relations_deeper_than_training_does():
     assert {parse(episode.sentence).phrase.depth for episode in drawn("task.split=test_length")} == {2}
     assert {parse(episode.sentence).phrase.depth for episode in drawn()} == {0, 1}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("split", ["all", "train", "test_composition", "test_paraphrase", "test_length"])
 def test_every_split_names_its_referent(split):
     for episode in drawn(f"task.split={split}", count=100):
@@ -74,6 +77,7 @@ def test_from_the_humans_side_left_is_right():
             assert side(episode.scene.positions[:, 1]) == episode.referent
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("override", "said"),
     [
@@ -124,6 +128,7 @@ def test_started_episodes_differ_only_in_their_words():
     assert [env.sentence(i) for i in range(6)] == [episode.sentence for episode in episodes]
 
 
+@pytest.mark.slow
 def test_the_oracle_finds_and_reaches_what_every_split_says():
     for split in ("train", "test_paraphrase", "test_length"):
         env = make("kuka", "step", "nl_reach_large", f"task.split={split}", worlds=8, seed=4)

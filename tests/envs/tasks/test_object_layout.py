@@ -64,6 +64,7 @@ def test_a_target_is_observed_see_through():
     env.close()
 
 
+@pytest.mark.slow
 def test_a_target_is_drawn_see_through():
     mark = "{noun: cube, color: green, area: [0.45, 0.45, 0, 0, 0.1, 0.1], role: target}"
     pictures = []
@@ -86,6 +87,7 @@ def test_torchrl_finds_no_fault_with_listed_objects():
     env.close()
 
 
+@pytest.mark.slow
 def test_one_listed_object_may_be_reached_without_words():
     for overrides in (listed([CUBE]), listed(goal=[MARK])):
         env = make("kuka", "step", "reach", *overrides)
@@ -95,6 +97,7 @@ def test_one_listed_object_may_be_reached_without_words():
         env.close()
 
 
+@pytest.mark.slow
 def test_only_the_words_identify_a_listed_referent():
     task = task_of("nl_reach", *listed([CUBE, POST], [MARK]))
     rng = np.random.default_rng(0)
@@ -138,6 +141,7 @@ def cube_in(td):
     return td["objects"][td["objects_mask"]][..., :7]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sleeping", [True, False])
 def test_free_cubes_are_pushed_fixed_ones_stay_and_targets_do_not_collide(sleeping):
     env = three(f"physics.sleeping={sleeping}", *LONG)
@@ -156,6 +160,7 @@ def test_free_cubes_are_pushed_fixed_ones_stay_and_targets_do_not_collide(sleepi
     env.close()
 
 
+@pytest.mark.slow
 def test_a_fixed_cube_and_a_target_hang_where_a_free_cube_falls():
     env = three(*LONG)
     for kind in (FREE, FIXED, TARGET):
@@ -167,6 +172,7 @@ def test_a_fixed_cube_and_a_target_hang_where_a_free_cube_falls():
     env.close()
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_bits_after_every_kind_of_episode():
     fresh = {}
     for kind in (FREE, FIXED, TARGET):
@@ -181,6 +187,7 @@ def test_a_seed_gives_the_same_bits_after_every_kind_of_episode():
     env.close()
 
 
+@pytest.mark.slow
 def test_listed_objects_give_the_same_bits_whatever_the_number_of_worlds_and_their_past():
     histories = []
     for worlds, past in ((2, 0), (1, 0), (2, 25)):
@@ -206,6 +213,7 @@ def anywhere(words):
     return "{" + words + ", area: [0.4, 0.5, 0, 0.1, 0.025, 0.025]}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("init", "message"),
     [

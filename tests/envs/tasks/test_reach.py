@@ -32,6 +32,7 @@ def flags(outcomes, name):
 AWAY = np.array([0.4, 0.0, 0.3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REACHING)
 def test_success_needs_hold_steps_running_at_the_referent(name):
     task = task_of(name, "task.hold_steps=4")
@@ -41,6 +42,7 @@ def test_success_needs_hold_steps_running_at_the_referent(name):
     assert flags(outcomes, "wrong_object") == [False] * 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REACHING)
 def test_hold_steps_at_another_object_are_the_wrong_object(name):
     outcomes = judged(task_of(name, "task.hold_steps=4"), [OTHER] * 4)
@@ -48,6 +50,7 @@ def test_hold_steps_at_another_object_are_the_wrong_object(name):
     assert not any(flags(outcomes, "success") + flags(outcomes, "at_goal"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "elsewhere", "flag"),
     [
@@ -73,6 +76,7 @@ def test_a_reset_restarts_the_count_in_its_own_world_only():
     assert task.step(both).success.tolist() == [True, False]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [0.049, 0.051])
 @pytest.mark.parametrize("direction", list(itertools.product([-1, 0, 1], repeat=3))[:13])
 def test_near_is_within_the_radius_in_every_direction(distance, direction):
@@ -97,6 +101,7 @@ def test_empty_slots_are_never_reached():
     assert not outcome.at_goal[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REACHING)
 def test_the_terms_of_the_reward(name):
     task = task_of(name, "task.hold_steps=2")
@@ -112,6 +117,7 @@ def test_the_terms_of_the_reward(name):
     assert set(outcomes[0].terms) == set(task.terms)
 
 
+@pytest.mark.slow
 def test_the_reward_is_the_terms_times_their_weights():
     env = make("kuka", "step", "reach", "task.reward.progress=0", "task.reward.time=-0.25")
     td = act(env, env.reset(), [[1.0, 0.0, -1.0]])
@@ -127,6 +133,7 @@ def test_the_reward_is_the_terms_times_their_weights():
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REACHING)
 def test_an_unknown_reward_term_is_refused(name):
     with pytest.raises(

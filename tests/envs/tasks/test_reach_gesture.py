@@ -42,6 +42,7 @@ def state_for(episode):
     return matches(replace(phrase_of(episode.sentence), determiner="the"), episode.scene)
 
 
+@pytest.mark.slow
 def test_in_reach_gesture_the_goal_is_the_object_nearest_to_the_ray():
     env = make("kuka", "step", "reach_gesture", worlds=50)
     for td in (env.reset(), env.reset()):
@@ -72,6 +73,7 @@ def test_in_nl_reach_gesture_the_words_fit_two_objects_that_stand_apart_and_one_
         assert phrase_of(episode.sentence).determiner in ("this", "that")
 
 
+@pytest.mark.slow
 def test_only_the_finger_distinguishes_the_two_candidates():
     """Nearer to the robot, nearer to the person, more to a side, or with more neighbours: each about as often meant."""
     task, rng, guesses, count = task_of("nl_reach_gesture"), np.random.default_rng(1), Counter(), 600
@@ -87,6 +89,7 @@ def test_only_the_finger_distinguishes_the_two_candidates():
         assert 0.43 < right / count < 0.57, name  # three and a half standard deviations
 
 
+@pytest.mark.slow
 def test_the_ray_observed_is_that_of_the_persons_fingertip_and_goes_through_what_is_meant(shown):
     ray, goal = rows(shown, "gesture").astype(float), rows(shown, ("privileged", "goal"))
     assert (ray[:, 6] == 1).all()
@@ -97,6 +100,7 @@ def test_the_ray_observed_is_that_of_the_persons_fingertip_and_goes_through_what
     assert (ray[:, 0] > 0.6).all()  # on the person's side of the objects
 
 
+@pytest.mark.slow
 def test_referent_and_aiming_error_are_privileged(shown):
     pointing = rows(shown, ("privileged", "pointing"))
     assert np.rad2deg(pointing[:, 0]).max() < 0.5
@@ -105,6 +109,7 @@ def test_referent_and_aiming_error_are_privileged(shown):
     assert (pointing[:, 1] > 0.02).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [2.0, 6.0])
 def test_the_aiming_error_has_the_configured_deviation(noise):
     env = make("kuka", "step", "nl_reach_gesture", f"gesture.noise_deg={noise}", worlds=50)
@@ -114,6 +119,7 @@ def test_the_aiming_error_has_the_configured_deviation(noise):
     assert spread == pytest.approx(noise, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style", ["finger", "wrist", "eye"])
 def test_every_style_puts_its_own_line_through_what_is_meant(style):
     env = make("kuka", "step", "nl_reach_gesture", "gesture.noise_deg=0", f"gesture.style={style}", worlds=20)
@@ -121,6 +127,7 @@ def test_every_style_puts_its_own_line_through_what_is_meant(style):
     env.close()
 
 
+@pytest.mark.slow
 def test_without_a_gesture_no_public_observation_identifies_the_referent():
     env = make("kuka", "step", "nl_reach_gesture", "gesture.dropout=1", worlds=2)
     for seed in range(5):
@@ -134,6 +141,7 @@ def test_without_a_gesture_no_public_observation_identifies_the_referent():
     env.close()
 
 
+@pytest.mark.slow
 def test_dropout_is_the_share_of_episodes_without_a_gesture():
     env = make("kuka", "step", "reach_gesture", "gesture.dropout=0.3", worlds=50)
     without = np.concatenate([env.reset()["gesture"][:, 6].numpy() == 0 for _ in range(8)])
@@ -141,6 +149,7 @@ def test_dropout_is_the_share_of_episodes_without_a_gesture():
     assert 0.2 < without.mean() < 0.4
 
 
+@pytest.mark.slow
 def test_a_gesture_switch_moves_the_arm_and_changes_the_goal():
     env = make("kuka", "step", "nl_reach_gesture", "gesture.switch=1", "gesture.frames=30", worlds=8)
     td = env.reset()
@@ -160,6 +169,7 @@ def test_a_gesture_switch_moves_the_arm_and_changes_the_goal():
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", GESTURE_TASKS)
 def test_after_a_gesture_switch_only_the_new_referent_is_a_success(task):
     env = make("kuka", "step", task, "gesture.switch=1", worlds=16)
@@ -173,6 +183,7 @@ def test_after_a_gesture_switch_only_the_new_referent_is_a_success(task):
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", GESTURE_TASKS)
 def test_each_object_pointed_at_in_turn_is_reached(task):
     env = make("kuka", "step", task, "gesture.noise_deg=0", worlds=3)
@@ -185,6 +196,7 @@ def test_each_object_pointed_at_in_turn_is_reached(task):
     env.close()
 
 
+@pytest.mark.slow
 def test_words_and_a_finger_go_together_in_any_task():
     env = make("kuka", "step", "nl_reach", "workspace=collabtable", "gesture=ray", worlds=16)
     td = env.reset()
@@ -202,6 +214,7 @@ def test_drawn_scenes_hold_the_gesture_that_episodes_would_show():
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", GESTURE_TASKS)
 def test_the_same_seed_gives_the_same_bits_whatever_the_number_of_worlds(task):
     ends = []
@@ -220,6 +233,7 @@ def test_the_same_seed_gives_the_same_bits_whatever_the_number_of_worlds(task):
     assert differences(*ends) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", GESTURE_TASKS)
 def test_rendering_does_not_change_the_bits(task):
     """The person has a body where somebody looks, and is an arm of numbers where nobody does."""
@@ -231,6 +245,7 @@ def test_rendering_does_not_change_the_bits(task):
     assert differences(*seen) == []
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_bits_after_the_robot_met_the_person():
     near = "workspace.human.position=[1.2,-0.15,-0.74]"
     env = make("kuka", "joints", "reach_gesture", near, "gesture.switch=1", worlds=2, seed=5, render=True)
@@ -246,6 +261,7 @@ def test_a_seed_gives_the_same_bits_after_the_robot_met_the_person():
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -149,6 +149,7 @@ def test_some_targets_are_in_the_air_and_nothing_begins_released_there():
     assert 0 < seen < 30
 
 
+@pytest.mark.slow
 def test_stacks_stay_where_they_are_while_nothing_touches_them():
     start = "task.curriculum={near: 0, held: 0, placed: 0}"
     env = make("kuka", "step", "rearrange", "task.num_objects=60", "task.min_objects=60", start, seed=6)
@@ -160,6 +161,7 @@ def test_stacks_stay_where_they_are_while_nothing_touches_them():
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", ["near", "held", "placed"])
 def test_episodes_of_the_curriculum_begin_without_touching_other_stacks(share):
     shares = {"near": 0, "held": 0, "placed": 0} | {share: 1}
@@ -180,6 +182,7 @@ def test_episodes_of_the_curriculum_begin_without_touching_other_stacks(share):
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [

@@ -28,6 +28,7 @@ TOLD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", [(), ("task.varied=true",)], ids=["ours", "varied"])
 @pytest.mark.parametrize("name", SPOKEN)
 def test_each_sentence_names_the_task_what_is_moved_and_where_to(name, more):
@@ -41,6 +42,7 @@ def test_each_sentence_names_the_task_what_is_moved_and_where_to(name, more):
         ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SAID)
 def test_the_words_are_those_of_the_language(name):
     task, rng = task_of(name), np.random.default_rng(1)
@@ -49,6 +51,7 @@ def test_the_words_are_those_of_the_language(name):
     assert all(each.startswith(SAID[name]) and TOLD.get(name, "") in each for each in sentences)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SPOKEN)
 def test_the_oracle_succeeds_from_public_observations(name):
     env = make(

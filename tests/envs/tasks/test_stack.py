@@ -48,6 +48,7 @@ def test_every_ordered_pair_of_objects_can_be_asked_for():
     assert len({(each.referent, each.target) for each in episodes}) == len(episodes) == 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("override", "message"),
     [("task.num_targets=1", "task.num_targets=1 must be 0"), ("task.num_objects=1", "task.num_objects=1 must be at")],
@@ -57,6 +58,7 @@ def test_a_config_without_a_base_is_refused(override, message):
         task_of("nl_stack", override)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_held_episodes_begin_with_the_referent_in_the_gripper_away_from_all_others(robot):
     env, _ = begun(robot, held=1)
@@ -68,6 +70,7 @@ def test_held_episodes_begin_with_the_referent_in_the_gripper_away_from_all_othe
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_placed_episodes_begin_stacked_and_succeed_while_the_gripper_stays_open(robot):
     env, td = begun(robot, placed=1)
@@ -80,6 +83,7 @@ def test_placed_episodes_begin_stacked_and_succeed_while_the_gripper_stays_open(
     env.close()
 
 
+@pytest.mark.slow
 def test_the_expert_leaves_the_referent_at_rest_on_top_of_its_base():
     env, td = begun()
     guide = expert(env)

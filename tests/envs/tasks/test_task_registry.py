@@ -13,6 +13,7 @@ from tests.helpers.env_cases import task_of
 OPTIONS = groups()["task"]
 
 
+@pytest.mark.slow
 def test_every_registered_task_has_an_option_and_a_verb():
     assert {compose([f"task={option}"]).task.name for option in OPTIONS} == set(TASKS)
     assert {task.verb for task in TASKS.values()} <= set(VERBS)
@@ -37,6 +38,7 @@ def test_an_unknown_verb_is_refused():
         register_task("wave", verb="reech")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", OPTIONS)
 def test_every_option_states_the_weight_of_each_term_itself(option):
     written = yaml.safe_load((ROOT / "task" / f"{option}.yaml").read_text(encoding="utf-8"))
@@ -45,12 +47,14 @@ def test_every_option_states_the_weight_of_each_term_itself(option):
     assert own == read_env(compose([f"task={option}"])).task.reward
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", OPTIONS)
 def test_an_unknown_reward_term_is_refused(option):
     with pytest.raises(ConfigError, match=r"^task\.reward\.progres is not a known term of task\.name=\w+; [^\n]+$"):
         task_of(option, "+task.reward.progres=1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", OPTIONS)
 def test_a_missing_reward_term_is_refused(option):
     with pytest.raises(ConfigError, match=r"^task\.reward\.success has no value: task\.name=\w+ needs a weight for"):

@@ -19,6 +19,7 @@ TABLE = Scene(
 )
 
 
+@pytest.mark.slow
 def test_nine_of_ten_sentences_of_people_are_understood_as_expected_and_hardly_any_wrongly():
     results = Counter(judged(*case)[0] for case in CASES)
     assert len(CASES) == 200

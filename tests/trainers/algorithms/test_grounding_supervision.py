@@ -1,5 +1,6 @@
 """The grounding loss on unsimulated scenes trains the attention."""
 
+import pytest
 import torch
 
 from tests.helpers.fake_env import make_env
@@ -7,6 +8,7 @@ from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
 
 
+@pytest.mark.slow
 def test_unsimulated_scenes_train_the_attention():
     env = make_env(8, 0)
     torch.manual_seed(0)

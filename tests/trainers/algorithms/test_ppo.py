@@ -47,6 +47,7 @@ def batch_of(policy):
         rollouts.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weight", [0.0, 1.0])
 def test_the_grounding_loss_is_computed_only_with_a_weight(weight):
     policy, ppo = learner(f"algo.grounding_weight={weight}", "algo.epochs=30", "algo.anneal_lr=false")

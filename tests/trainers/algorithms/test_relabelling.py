@@ -50,6 +50,7 @@ def test_kept_frames_do_not_share_memory_with_the_batch(batches):
     assert all((a == b).all() for a, b in zip(expected, found, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("copies", "least", "most"), [(0.0, 0, 0), (0.5, 0.3, 0.7), (1.0, 1, 1), (2.0, 2, 2)])
 def test_each_episode_is_relabelled_the_configured_number_of_times(batches, copies, least, most):
     asked = []
@@ -59,6 +60,7 @@ def test_each_episode_is_relabelled_the_configured_number_of_times(batches, copi
     assert least * ended <= len(asked) <= most * ended
 
 
+@pytest.mark.slow
 def test_relabelled_episodes_enter_replay_and_scenes(batches):
     env, small = make_env(8, 0), plan("sac")
     _, sac = build_algorithm(small, env.observation_spec, env.action_unit, relabel=env.hindsight)
@@ -78,6 +80,7 @@ def test_relabelled_episodes_enter_replay_and_scenes(batches):
     assert torch.equal(meant[:, 3:6].argmax(-1) + 3, scenes["instruction"][:, 2])
 
 
+@pytest.mark.slow
 def test_sac_learns_with_relabelling(tmp_path):
     overrides = ["total_frames=5120", "algo.batch=64", "eval.episodes=60", "eval.interval=5120"]
     result = train(tmp_path, "sac", overrides=overrides)

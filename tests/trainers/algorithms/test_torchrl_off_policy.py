@@ -29,6 +29,7 @@ def snapshot(module):
     return {name: value.detach().clone() for name, value in module.state_dict().items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algo", ALGOS)
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 @pytest.mark.parametrize("weight", [0.0, 1.0])
@@ -55,6 +56,7 @@ def test_a_critic_without_the_goal_reads_the_context(algo):
     assert algorithm.update(batch, 0.0)["updates"] == 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algo", ALGOS)
 def test_state_dict_restores_networks_targets_and_optimizer(algo):
     _, algorithm, batch = learner(algo)

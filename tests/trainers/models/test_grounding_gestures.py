@@ -24,6 +24,7 @@ def accuracy(policy, scenes):
         return float(grounding_loss(policy.encode(scenes.clone()))[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["grounded", "mlp"])
 def test_a_policy_reads_the_gesture_only_where_there_is_one(name, scenes):
     spec, unit, _, _ = scenes
@@ -63,6 +64,7 @@ def test_ray_features_are_zero_without_a_ray():
     assert (ray_features(torch.randn(4, 6, 3), gesture) == 0).all()
 
 
+@pytest.mark.slow
 def test_the_encoder_learns_to_combine_words_and_ray(scenes):
     spec, unit, known, fresh = scenes
     torch.manual_seed(0)

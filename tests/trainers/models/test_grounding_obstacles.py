@@ -21,6 +21,7 @@ def scene():
         yield env.reset(), build_policy(plan(policy="grounded").policy, env.observation_spec, env.action_unit)
 
 
+@pytest.mark.slow
 def test_only_obstacles_within_reach_are_near(scene):
     td, _ = scene
     rows, near = td["objects"], td["objects_near"]

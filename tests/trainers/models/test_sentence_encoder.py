@@ -84,6 +84,7 @@ def test_the_baseline_has_no_key_encoder():
         read_plan(config(policy="mlp", overrides=SENTENCE))
 
 
+@pytest.mark.slow
 @needs_weights
 def test_states_equal_those_of_the_reference_implementation(words):
     transformers = pytest.importorskip("transformers")
@@ -189,6 +190,7 @@ def test_the_sentence_encoder_needs_the_vocabulary():
         build_policy(chosen, env.observation_spec, env.action_unit)
 
 
+@pytest.mark.slow
 @needs_weights
 def test_a_small_checkpoint_restores_the_same_policy(tmp_path):
     overrides = (*SENTENCE, "total_frames=256")
@@ -204,6 +206,7 @@ def test_a_small_checkpoint_restores_the_same_policy(tmp_path):
         assert policy.act(env.reset())["action"].isfinite().all()
 
 
+@pytest.mark.slow
 @needs_weights
 def test_worker_processes_encode_the_same_sentences():
     env = make_env(4, 0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.helpers.run_folders import add_run, config
 from trainers.reports import figures
 from trainers.reports.report import write
@@ -15,6 +17,7 @@ def test_curves_show_evaluation_episodes_not_training_episodes(tmp_path):
     assert first.tolist() == [[100, 200, 300], [0.2, 0.6, 0.95]]
 
 
+@pytest.mark.slow
 def test_a_loss_that_is_always_zero_is_not_drawn(tmp_path):
     for name, loss in (("none", 0.0), ("some", 1.0)):
         add_run(tmp_path / name / "0_a", config(0), loss=loss)

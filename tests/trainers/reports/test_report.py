@@ -47,6 +47,7 @@ def table(text: str, heading: str) -> list[list[str]]:
     return [rows[0], *rows[2:]]
 
 
+@pytest.mark.slow
 def test_the_configuration_table_summarises_the_seeds(sweep):
     write(sweep)
     header, first, second, together = table((sweep / "report.md").read_text(), "Final success and time to success")
@@ -63,6 +64,7 @@ def test_the_configuration_table_summarises_the_seeds(sweep):
     assert together[2].startswith("0.950 ")  # of 0.8, 0.9, 0.95, 1, 1 without the lowest and the highest
 
 
+@pytest.mark.slow
 def test_every_seed_has_a_row(sweep):
     write(sweep)
     rows = table((sweep / "report.md").read_text(), "Every seed")
@@ -109,6 +111,7 @@ def test_text_of_a_run_is_escaped(tmp_path):
     assert "a \\| b" in (tmp_path / "report.md").read_text()
 
 
+@pytest.mark.slow
 def test_the_main_tasks_have_a_figure_if_there_are_any(tmp_path):
     for number, task in enumerate(("nl_reach", "reach", "nl_reach_gesture")):
         add_run(tmp_path / f"{number}_a", config(0, task=task))
@@ -120,6 +123,7 @@ def test_the_main_tasks_have_a_figure_if_there_are_any(tmp_path):
     assert "Main tasks" not in (other / "report.md").read_text()
 
 
+@pytest.mark.slow
 def test_a_directory_may_hold_several_sweeps_or_be_a_single_run(tmp_path):
     run = add_run(tmp_path / "first" / "0_a", config(0))
     add_run(tmp_path / "second" / "0_a", config(1))
@@ -153,6 +157,7 @@ def test_a_report_without_finished_runs_is_refused_with_the_first_error(tmp_path
         write(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -35,6 +35,7 @@ def test_save_and_load_round_trip_and_leave_no_other_file(path):
     assert [p.name for p in path.parent.iterdir()] == ["last.pt"]
 
 
+@pytest.mark.slow
 def test_a_kill_during_a_write_keeps_the_previous_file(path):
     code = (
         "import os, sys, torch; from pathlib import Path; from trainers.run import checkpoint\n"

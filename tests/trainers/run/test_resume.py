@@ -60,6 +60,7 @@ def stop_in_collection(monkeypatch, iteration):
     monkeypatch.setattr(Worker, "collect", stopped)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("algo", "iteration"), [("ppo", 2), ("sac", 12), ("td3", 11), ("bc", 2)])
 def test_a_run_that_a_signal_stopped_goes_on_exactly(tmp_path, monkeypatch, algo, iteration):
     overrides, folder = overrides_of(algo), tmp_path / "stopped"
@@ -74,6 +75,7 @@ def test_a_run_that_a_signal_stopped_goes_on_exactly(tmp_path, monkeypatch, algo
     assert_same_run(tmp_path / "whole", folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
 def test_a_run_that_ended_before_its_schedule_goes_on_exactly(tmp_path, algo):
     overrides = overrides_of(algo)
@@ -85,6 +87,7 @@ def test_a_run_that_ended_before_its_schedule_goes_on_exactly(tmp_path, algo):
     assert_same_run(tmp_path / "whole", folder)
 
 
+@pytest.mark.slow
 def test_an_evaluation_that_was_interrupted_is_repeated(tmp_path, monkeypatch):
     calls = []
 
@@ -108,6 +111,7 @@ class Killed(BaseException):
     """Nothing is saved on its way out."""
 
 
+@pytest.mark.slow
 def test_a_kill_loses_what_came_after_the_last_checkpoint_alone(tmp_path, monkeypatch):
     """Rows that were written after the checkpoint are measured again, and are the same."""
     overrides, folder = overrides_of("sac"), tmp_path / "killed"
@@ -129,6 +133,7 @@ def test_a_kill_loses_what_came_after_the_last_checkpoint_alone(tmp_path, monkey
     assert_same_run(tmp_path / "whole", folder)
 
 
+@pytest.mark.slow
 def test_checkpoints_are_written_between_evaluations_and_the_latest_are_kept(tmp_path):
     overrides = [*overrides_of("sac"), "total_frames=300", "checkpoint.every=0.001", "checkpoint.keep=2"]
     train(tmp_path, "sac", overrides=overrides, make=slow_env)

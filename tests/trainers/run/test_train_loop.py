@@ -47,6 +47,7 @@ def test_a_run_learns_the_instructions_and_writes_its_report(tmp_path):
     assert left == {"checkpoints", "metrics.csv", "eval.json", "learning_curve.png", "evaluation.mp4", "tensorboard"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 def test_a_run_without_grounding_supervision_finishes(tmp_path, algo, policy):
@@ -67,10 +68,12 @@ def test_a_resumed_run_continues_the_metrics(tmp_path, algo):
     )
 
 
+@pytest.mark.slow
 def test_a_run_uses_at_most_total_frames(tmp_path):
     assert 150 < train(tmp_path, overrides=["total_frames=300"])["frames"] <= 300
 
 
+@pytest.mark.slow
 def test_a_checkpoint_of_another_algorithm_is_refused(tmp_path):
     train(tmp_path, overrides=["total_frames=128"])
     before = (tmp_path / "metrics.csv").read_bytes()
@@ -104,6 +107,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_a_signal_during_an_evaluation_loses_no_row(tmp_path, monkeypatch):
     def stopped(*arguments, **options):
         signal.raise_signal(signal.SIGINT)

@@ -17,6 +17,7 @@ def started_sweep(folder: Path, *overrides: str) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_resume_alone_takes_the_overrides_of_the_last_start(tmp_path):
     folder = started_sweep(tmp_path, "scenario='1','2'", "seed=0,1")
     expected = ["--multirun", "scenario='1','2'", "seed=0,1", f"hydra.sweep.dir='{folder}'"]

@@ -20,6 +20,7 @@ def test_a_job_is_identified_by_its_overrides_not_by_its_number(tmp_path):
     assert find_job_folder(tmp_path / "1_a", ["seed=2"]) == tmp_path / "1_a-2"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cores", "jobs", "workers"), [(2, 2, 1), (2, 1, 2), (8, 2, 4), (1, 2, 1), (6, 2, 2)])
 def test_a_job_uses_its_share_of_the_cores(cores, jobs, workers, monkeypatch):
     from conf.overrides import compose

@@ -11,6 +11,7 @@ from tests.helpers.training_keys import training_keys
 from trainers.sweeps.overrides_of import overrides_of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

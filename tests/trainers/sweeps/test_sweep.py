@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.helpers.run_folders import add_run, config
 from trainers.sweeps.runs import find_runs
 from trainers.sweeps.sweep import format_table, summarize, table_rows
@@ -20,6 +22,7 @@ def test_columns_are_aligned():
     assert lines == ["run  success  ci95", "---  -------  -------", "a    0.9      0.8-1.0"]
 
 
+@pytest.mark.slow
 def test_a_summary_says_whether_all_runs_have_finished(tmp_path, capsys):
     add_run(tmp_path / "0_a", config(0))
     assert summarize(tmp_path)
