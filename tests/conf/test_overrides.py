@@ -27,6 +27,14 @@ def test_every_file_is_an_option_of_a_group():
     )
 
 
+def test_the_same_overrides_are_composed_once_and_give_configs_of_their_own(monkeypatch):
+    words = ["robot=panda", "total_frames=4_321"]
+    first = compose(words)
+    first.total_frames = 1
+    monkeypatch.setattr("conf.overrides.compose_hydra", lambda words: pytest.fail("composed again"))
+    assert compose(words).total_frames == 4_321
+
+
 def test_config_yaml_names_every_group():
     contents = yaml.safe_load((FOLDER / "config.yaml").read_text())["defaults"]
     named = {key for entry in contents if isinstance(entry, dict) for key in entry}
