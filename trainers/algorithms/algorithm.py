@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from typing import Any
 
 import torch
 from tensordict import TensorDictBase
-from torch import Tensor
+from torch import Tensor, nn
 from torchrl.data import ReplayBuffer
 
 from conf.schema import RunError
@@ -143,10 +144,32 @@ def check_batch(batch: TensorDictBase) -> None:
             raise DivergedError(f"{name} is not finite in a collected batch", batch)
 
 
-def check_loss(loss: Tensor, batch: TensorDictBase) -> None:
-    """Raise DivergedError before a loss that is not finite reaches the parameters."""
+def descend(
+    optimizer: torch.optim.Optimizer,
+    loss: Tensor,
+    batch: TensorDictBase,
+    max_norm: float,
+    *clipped: Iterable[Tensor],
+) -> None:
+    """Take one gradient step.
+
+    Args:
+        optimizer: of the parameters.
+        loss: a scalar.
+        batch: what the loss was computed on.
+        max_norm: of the gradient of each group of `clipped` by itself.
+        clipped: groups of parameters.
+
+    Raises:
+        DivergedError: the loss is not finite; no parameter has changed.
+    """
     if not torch.isfinite(loss):
         raise DivergedError(f"the loss became {loss.item()}", batch)
+    optimizer.zero_grad()
+    loss.backward()
+    for group in clipped:
+        nn.utils.clip_grad_norm_(group, max_norm)
+    optimizer.step()
 
 
 def total_loss(measured: dict[str, Tensor]) -> Tensor:

@@ -12,7 +12,7 @@ from typing import Any
 import torch
 import torch.nn.functional as F
 from tensordict import TensorDictBase
-from torch import Tensor, nn
+from torch import Tensor
 from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 
 from trainers.algorithms.algorithm import (
@@ -20,7 +20,7 @@ from trainers.algorithms.algorithm import (
     anneal_learning_rate,
     averages,
     check_batch,
-    check_loss,
+    descend,
 )
 from trainers.algorithms.bc_config import BCConfig
 from trainers.algorithms.grounding_supervision import METRICS, first_steps
@@ -100,11 +100,8 @@ class BC(Algorithm):
         if not steps:
             return []
         frames = self.frames.sample(steps * self.config.batch).split(self.config.batch)
-        if not self.grounding.active:
-            return [self.step(part) for part in frames]
-        every = self.config.grounding_every
-        scenes = self.grounding.sample(-(-steps // every))
-        return [self.step(part, None if i % every else scenes[i // every]) for i, part in enumerate(frames)]
+        pairs = self.grounding.paired(frames, steps, self.config.grounding_every)
+        return [self.step(part, scenes) for part, scenes in pairs]
 
     def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
         """One gradient step on frames (B,) for the actor and, where the words are supervised, on scenes (G,)."""
@@ -116,9 +113,5 @@ class BC(Algorithm):
         if scenes is not None:
             measured |= self.grounding.measure(scenes)
             loss = loss + self.config.grounding_weight * measured["loss/grounding"]
-        check_loss(loss, frames)
-        self.optimizer.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(self.parameters, self.config.max_grad_norm)
-        self.optimizer.step()
+        descend(self.optimizer, loss, frames, self.config.max_grad_norm, self.parameters)
         return {name: value.detach() for name, value in measured.items()}

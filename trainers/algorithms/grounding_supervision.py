@@ -6,7 +6,7 @@ given the words alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import torch
 from tensordict import TensorDictBase
@@ -48,6 +48,18 @@ class GroundingSupervision:
     def sample(self, count: int = 1) -> Sequence[TensorDictBase]:
         """`count` batches of scenes (grounding_batch,), drawn evenly with replacement in one draw."""
         return self.scenes.sample(count * self.config.grounding_batch).split(self.config.grounding_batch)
+
+    def paired(
+        self, parts: Iterable[TensorDictBase], count: int, every: int
+    ) -> Iterator[tuple[TensorDictBase, TensorDictBase | None]]:
+        """Each of `count` parts with a batch of scenes for the same gradient step; None where it has none.
+
+        A pass over scenes costs more than one over frames, and fewer of them suffice: one of `every` parts has scenes,
+        and none has where the words are not supervised. All scenes are drawn at once.
+        """
+        scenes = self.sample(-(-count // every)) if self.active else ()
+        for i, part in enumerate(parts):
+            yield part, None if i % every or not self.active else scenes[i // every]
 
     def measure(self, scenes: TensorDictBase) -> dict[str, Tensor]:
         """The loss, before its weight, and the accuracy on scenes (count,), under the names of METRICS."""

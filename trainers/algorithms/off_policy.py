@@ -8,7 +8,7 @@ from typing import Any
 
 import torch
 from tensordict import TensorDictBase
-from torch import Tensor, nn
+from torch import Tensor
 from torchrl.data import ReplayBuffer
 
 from trainers.algorithms.algorithm import (
@@ -16,7 +16,7 @@ from trainers.algorithms.algorithm import (
     anneal_learning_rate,
     averages,
     check_batch,
-    check_loss,
+    descend,
     total_loss,
 )
 from trainers.algorithms.base_config import OffPolicyConfig
@@ -109,12 +109,8 @@ class OffPolicyAlgorithm(Algorithm):
             frames = (self.replay.sample(self.config.batch) for _ in range(steps))
         else:
             frames = self.replay.sample(steps * self.config.batch).split(self.config.batch)
-        if not self.grounding.active:
-            return [self.step(part) for part in frames]
-        # A pass over scenes costs more than one over frames, and fewer of them suffice.
-        every = self.config.grounding_every
-        scenes = self.grounding.sample(-(-steps // every))
-        return [self.step(part, None if i % every else scenes[i // every]) for i, part in enumerate(frames)]
+        pairs = self.grounding.paired(frames, steps, self.config.grounding_every)
+        return [self.step(part, scenes) for part, scenes in pairs]
 
     def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
         """One gradient step on frames (B,) for actor and critics, and on scenes (G,) for the grounding."""
@@ -123,11 +119,7 @@ class OffPolicyAlgorithm(Algorithm):
         if scenes is not None:
             measured |= self.grounding.measure(scenes)
             loss = loss + self.config.grounding_weight * measured["loss/grounding"]
-        check_loss(loss, frames)
-        self.optimizer.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(self.actor_parameters, self.config.max_grad_norm)
-        self.optimizer.step()
+        descend(self.optimizer, loss, frames, self.config.max_grad_norm, self.actor_parameters)
         self.steps_taken += 1
         self.after_step(frames)
         return {name: value.detach() for name, value in measured.items()}

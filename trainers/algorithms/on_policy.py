@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModule
-from torch import Tensor, nn
+from torch import Tensor
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from trainers.algorithms.algorithm import (
@@ -20,7 +20,7 @@ from trainers.algorithms.algorithm import (
     anneal_learning_rate,
     averages,
     check_batch,
-    check_loss,
+    descend,
     total_loss,
 )
 from trainers.algorithms.base_config import OnPolicyConfig
@@ -122,12 +122,9 @@ class OnPolicyAlgorithm(Algorithm):
         if self.grounding.active:
             measured["loss/grounding"] = self.grounding.measure(self.grounding.sample()[0])["loss/grounding"]
             loss = loss + self.grounding.config.grounding_weight * measured["loss/grounding"]
-        check_loss(loss, frames)
-        self.optimizer.zero_grad()
-        loss.backward()
-        for part in (self.policy, self.critic):  # separately: a large critic loss must not scale down the actor's step
-            nn.utils.clip_grad_norm_(part.parameters(), self.config.max_grad_norm)
-        self.optimizer.step()
+        parts = self.policy.parameters(), self.critic.parameters()
+        # Clipped separately: a large critic loss must not scale down the actor's step.
+        descend(self.optimizer, loss, frames, self.config.max_grad_norm, *parts)
         return {name: value.detach() for name, value in measured.items()}
 
 

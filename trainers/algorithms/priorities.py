@@ -14,6 +14,8 @@ from torch import Tensor
 from torchrl.data.replay_buffers.samplers import Sampler
 from torchrl.data.replay_buffers.storages import Storage
 
+from trainers.utils.tensor_archive import read_tensors
+
 WEIGHT = "priority_weight"  # where TorchRL's losses look for the importance weights
 MIN_PRIORITY = 1e-8  # added to each error, so that every frame can be drawn
 
@@ -72,7 +74,7 @@ class ProportionalSampler(Sampler):
 
     def loads(self, path: str | Path) -> None:
         """Read the state that `dumps` wrote."""
-        self.load_state_dict(torch.load(Path(path) / "priorities.pt", weights_only=True))
+        self.load_state_dict(read_tensors(Path(path) / "priorities.pt"))
 
     def _empty(self) -> None:
         self.priorities.zero_()
