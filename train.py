@@ -94,10 +94,7 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
     """
     from trainers.run.checkpoint import find, load
 
-    try:
-        file = find(Path(path))
-    except ConfigError as error:
-        raise ConfigError(str(error).replace("checkpoint=", "resume=", 1)) from None
+    file = find(Path(path), key="resume")
     overrides = [word for word in overrides if not word.startswith("resume=")]
     config = apply(load(file, to_train=True)["config"], overrides)
     config.resume = path

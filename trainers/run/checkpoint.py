@@ -82,13 +82,14 @@ def load(path: Path, to_train: bool = False) -> dict[str, Any]:
         raise CheckpointError(f"{path} is damaged or not a checkpoint of this project: {_first_line(error)}") from None
 
 
-def find(path: Path, name: str = "last") -> Path:
+def find(path: Path, name: str = "last", key: str = "checkpoint") -> Path:
     """The checkpoint file that a path stands for.
 
     Args:
         path: a file, a run directory, its checkpoints/, the directory of a published policy, or the name of a
             pretrained policy. A file or directory takes precedence over a name.
         name: "last" or "best"; if only the other one exists, that is returned.
+        key: of the config that has the path, for the error message.
 
     Raises:
         CheckpointError: there is no checkpoint.
@@ -106,10 +107,10 @@ def find(path: Path, name: str = "last") -> Path:
         return path / policy_file.NAME
     if not path.exists():
         raise CheckpointError(
-            f"checkpoint={path} does not exist; give a run directory, a file or a pretrained policy"
+            f"{key}={path} does not exist; give a run directory, a file or a pretrained policy"
             + pretrained.suggestion(path)
         )
-    raise CheckpointError(f"checkpoint={path} has no checkpoints/last.pt or best.pt, and no {policy_file.NAME}")
+    raise CheckpointError(f"{key}={path} has no checkpoints/last.pt or best.pt, and no {policy_file.NAME}")
 
 
 def widths(observation_spec: Any, action_spec: Any) -> dict[str, list[int]]:
