@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,21 +20,8 @@ from torch import Tensor
 from torchrl.envs import EnvBase
 
 
-@dataclass(frozen=True)
-class RunningEpisodes:
-    """The episodes that N worlds are in.
-
-    beginnings: for each world, the state of its generator when its episode began. actions: (N, T, A), those of the
-    latest T steps. lengths: (N,) how many of them, the last ones, belong to the present episode.
-    """
-
-    beginnings: Sequence[Mapping[str, Any]]
-    actions: Tensor
-    lengths: Tensor
-
-
 class EpisodeReplayEnv(EnvBase):
-    """N worlds, each with a generator of its own, whose episodes can be continued from `RunningEpisodes`.
+    """N worlds, each with a generator of its own, whose episodes can be continued (`continue_episodes`).
 
     beginnings: for each world, the state of its generator when its present episode began. Subclasses define
     `_begin_episodes` in the place of `_reset`, and call `_set_seed` before the first reset.
@@ -43,7 +29,7 @@ class EpisodeReplayEnv(EnvBase):
 
     beginnings: list[Mapping[str, Any]]
     _generators: list[Generator]
-    _continued: RunningEpisodes | None = None
+    _continued: tuple[Sequence[Mapping[str, Any]], Tensor, Tensor] | None = None  # of `continue_episodes`
 
     @abstractmethod
     def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
@@ -62,12 +48,12 @@ class EpisodeReplayEnv(EnvBase):
             actions: (N, T, A), those of the latest T steps.
             lengths: (N,) how many of them, the last ones, belong to the present episode.
         """
-        self._continued = RunningEpisodes(beginnings, actions, lengths)
+        self._continued = beginnings, actions, lengths
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDictBase:
         if self._continued is not None:
             episodes, self._continued = self._continued, None
-            return self._replay(episodes)
+            return self._replay(*episodes)
         worlds = np.arange(self.batch_size[0])
         if tensordict is not None and "_reset" in tensordict.keys():
             worlds = np.flatnonzero(tensordict["_reset"].numpy().reshape(len(worlds), -1).any(1))
@@ -75,25 +61,25 @@ class EpisodeReplayEnv(EnvBase):
             self.beginnings[i] = self._generators[i].bit_generator.state
         return self._begin_episodes(worlds)
 
-    def _replay(self, episodes: RunningEpisodes) -> TensorDictBase:
-        """The observation (N,) after the last of the actions.
+    def _replay(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> TensorDictBase:
+        """The observation (N,) after the last of the actions. Arguments: of `continue_episodes`.
 
         All worlds take their last actions together. Those whose episodes are shorter begin them later, and hold still
         until then: what happens in a world before a reset changes nothing after it.
         """
-        steps = episodes.actions.shape[1]
-        starts = steps - episodes.lengths.numpy()
+        steps = actions.shape[1]
+        starts = steps - lengths.numpy()
         observed = self._begin_episodes(np.arange(len(starts)))
         for t in range(int(starts.min()), steps + 1):
             due = np.flatnonzero(starts == t)
             if len(due):
                 for i in due.tolist():
-                    self.beginnings[i] = episodes.beginnings[i]
-                    self._generators[i].bit_generator.state = episodes.beginnings[i]
+                    self.beginnings[i] = beginnings[i]
+                    self._generators[i].bit_generator.state = beginnings[i]
                 observed = _merged(self._begin_episodes(due), observed, torch.from_numpy(starts == t))
             if t < steps:
                 waits = torch.from_numpy(starts > t)[:, None]
-                action = torch.where(waits, observed["hold"], episodes.actions[:, t])
+                action = torch.where(waits, observed["hold"], actions[:, t])
                 stepped = self._step(TensorDict({"action": action}, self.batch_size))
                 observed = stepped.exclude("reward")
         return observed
