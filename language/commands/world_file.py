@@ -15,6 +15,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from conf.safe_files import FileError, read_yaml
 from language.colors import COLORS
 from language.commands.nouns import NEAR_COLORS, phrases
 from language.commands.world import BOARD_CELLS, BOARD_HEIGHT, World, board, table
@@ -30,11 +31,9 @@ _KEYS, _BLOCK_KEYS = ("blocks", "held", "viewpoint", "front"), ("id", "noun", "c
 
 def read_world(path: str | Path) -> tuple[World, tuple[str, ...]]:
     """Returns the world of a file, a board's or a table's, and the ids of its things. Raises SceneFileError."""
-    import yaml  # imported only when a file is read
-
     try:
-        loaded = yaml.safe_load(Path(path).read_bytes())
-    except (OSError, ValueError, LookupError, AttributeError, TypeError, RecursionError, yaml.YAMLError):
+        loaded = read_yaml(Path(path))
+    except FileError:
         loaded = None  # `read_scene` says what is wrong with the file
     if not isinstance(loaded, dict):
         named = read_scene(path)

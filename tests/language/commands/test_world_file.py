@@ -5,6 +5,7 @@ import pytest
 from language import LanguageError
 from language.commands import Understood, interpret
 from language.commands.world_file import read_world
+from language.scene_file import SceneFileError
 
 BOARD = """\
 held: b
@@ -50,4 +51,12 @@ def test_an_error_names_the_block_and_the_value(tmp_path, old, new, said):
     path = tmp_path / "board.yaml"
     path.write_text(BOARD.replace(old, new))
     with pytest.raises(LanguageError, match=said):
+        read_world(path)
+
+
+def test_aliases_that_describe_more_than_the_file_holds_are_refused(tmp_path):
+    lines = ["a0: &a0 [x]", *(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 9))]
+    path = tmp_path / "bomb.yaml"
+    path.write_text("\n".join(lines))
+    with pytest.raises(SceneFileError, match="describes more than"):
         read_world(path)
