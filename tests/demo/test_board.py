@@ -7,8 +7,9 @@ from demo import board
 from demo.session import Session
 from demo.session_config import make_config
 from envs.experts import expert
+from tests.helpers.sessions import run_to_end
 
-MAX_STEPS = 400  # control steps of one sentence
+MAX_STEPS = 400  # control steps of one sentence: it may have several moves
 FEW = ["task.num_objects=7", "task.min_objects=7"]
 
 
@@ -23,15 +24,6 @@ def session():
 def _expert_at_rest(session):
     session.shuffle()
     session.set_driver("expert")
-
-
-def run_to_end(session):
-    """Steps until the sentence has been carried out. Returns the status."""
-    for _ in range(MAX_STEPS):
-        if not session.busy:
-            return session.view.status
-        session.step()
-    raise AssertionError(session.view.status)
 
 
 def loose_cubes(session):
@@ -66,12 +58,12 @@ def test_a_cube_is_put_on_another_and_brought_back(session):
     before = cells(session)
     result = session.say(f"pls put {one} ontop of {other}")
     assert [action.kind for action in result.actions] == ["take", "place"]
-    assert run_to_end(session).startswith("Done")
+    assert run_to_end(session, MAX_STEPS).startswith("Done")
     expected = before.copy()
     expected[first] = before[second] + [0, 0, 1]
     np.testing.assert_allclose(cells(session), expected, atol=0.2)
     session.say("undo")
-    assert run_to_end(session).startswith("Done")
+    assert run_to_end(session, MAX_STEPS).startswith("Done")
     np.testing.assert_allclose(cells(session), before, atol=0.2)
 
 
@@ -79,13 +71,13 @@ def test_what_is_taken_stays_in_the_gripper_until_it_is_dropped(session):
     (first, name), *_ = scene_with_loose_cubes(session, 1)
     before = cells(session)
     session.say(f"pick up {name}")
-    assert run_to_end(session).startswith("Done")
+    assert run_to_end(session, MAX_STEPS).startswith("Done")
     assert board.world_of(session.env).held == first
     for _ in range(10):
         session.step()
     assert board.world_of(session.env).held == first
     session.say("drop it")
-    assert run_to_end(session).startswith("Done")
+    assert run_to_end(session, MAX_STEPS).startswith("Done")
     np.testing.assert_allclose(cells(session), before, atol=0.2)
 
 
@@ -93,7 +85,7 @@ def test_several_steps_are_done_in_order(session):
     (first, one), (second, other), *_ = scene_with_loose_cubes(session)
     result = session.say(f"put {one} in the back left corner, then put {other} on it")
     assert len(result.actions) == 4, result
-    assert run_to_end(session).startswith("Done")
+    assert run_to_end(session, MAX_STEPS).startswith("Done")
     np.testing.assert_allclose(cells(session)[[first, second], :2], [(7, 7), (7, 7)], atol=0.2)
 
 
@@ -103,10 +95,10 @@ def test_the_policy_places_objects_and_the_expert_holds_them(session):
     session.set_driver("policy")
     before = cells(session)
     session.say(f"put {one} on {other}")
-    assert run_to_end(session).startswith("Done")
+    assert run_to_end(session, MAX_STEPS).startswith("Done")
     np.testing.assert_allclose(cells(session)[first], before[second] + [0, 0, 1], atol=0.2)
     session.say(f"take {one}")
-    assert run_to_end(session).startswith("Done")
+    assert run_to_end(session, MAX_STEPS).startswith("Done")
     assert board.world_of(session.env).held == first
     session._policy = None
 
@@ -119,7 +111,7 @@ def test_the_see_through_object_marks_the_place_only_while_something_is_brought_
     session.step()
     place = board.grid_of(session.env).place(7, 7, 0)
     np.testing.assert_allclose(session.scene().positions[marker, :2], place[:2], atol=1e-3)
-    run_to_end(session)
+    run_to_end(session, MAX_STEPS)
     assert session.scene().positions[marker, 2] < 0
 
 

@@ -5,8 +5,7 @@ import pytest
 
 from demo.session import Session
 from demo.session_config import make_config
-
-MAX_STEPS = 200  # control steps of one instruction
+from tests.helpers.sessions import run_to_end
 
 
 @pytest.fixture(scope="module")
@@ -20,15 +19,6 @@ def session():
 def placing(session):
     session.shuffle()
     return session
-
-
-def run_to_end(session):
-    """Steps until the instruction has ended. Returns the status."""
-    for _ in range(MAX_STEPS):
-        if not session.busy:
-            return session.view.status
-        session.step()
-    raise AssertionError(session.view.status)
 
 
 def real_and_targets(session):

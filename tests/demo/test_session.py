@@ -9,8 +9,7 @@ from demo.session import Session
 from demo.session_config import make_config
 from human import Unreachable
 from language import LanguageError
-
-MAX_STEPS = 200  # control steps of one instruction
+from tests.helpers.sessions import run_to_end
 
 
 @pytest.fixture(scope="module")
@@ -31,15 +30,6 @@ def placing():
 def _new_scene(request):
     for name in {"reaching", "placing"} & set(request.fixturenames):
         request.getfixturevalue(name).shuffle()
-
-
-def run_to_end(session):
-    """Steps until the instruction has ended. Returns the status."""
-    for _ in range(MAX_STEPS):
-        if not session.busy:
-            return session.view.status
-        session.step()
-    raise AssertionError(session.view.status)
 
 
 def is_at(session, index):

@@ -1,4 +1,6 @@
-"""Random scenes and meanings for the tests of the language, and two fixed scenes."""
+"""Random scenes and meanings for the tests of the language, two fixed scenes, and answers of the command line."""
+
+import json
 
 import numpy as np
 from hypothesis import strategies as st
@@ -20,6 +22,7 @@ from language import (
     parse,
     say,
 )
+from language.cli import main
 from language.objects import ROLE_WORDS
 from tools.random_scenes import random_scene
 
@@ -129,3 +132,9 @@ corrections = st.one_of(
     st.builds(Correction, phrase=phrases, rejected=phrases),
 )
 meanings = st.one_of(instructions, chains, corrections).filter(lambda meaning: len(say(meaning)) <= 1000)
+
+
+def answered(capsys, *arguments):
+    """The JSON that `python -m language parse` prints for a sentence, and the exit code."""
+    status = main(["parse", *arguments, "--json"])
+    return json.loads(capsys.readouterr().out), status

@@ -9,6 +9,7 @@ import language
 from language import parse
 from language.cli import main
 from language.scene_file import read_scene
+from tests.helpers.language_cases import answered
 
 SCENE = """\
 - {id: a, noun: cube, color: red, position: [0.5, 0.1, 0.0]}
@@ -29,12 +30,6 @@ def scene(tmp_path):
 def printed(capsys, *arguments):
     assert main(arguments) == 0
     return capsys.readouterr().out
-
-
-def answered(capsys, *arguments):
-    """The JSON of a sentence, and the exit code."""
-    status = main(["parse", *arguments, "--json"])
-    return json.loads(capsys.readouterr().out), status
 
 
 def test_parse_prints_objects_reward_and_networks(capsys, scene):

@@ -1,12 +1,11 @@
 """`python -m language parse` on sentences as people write them: understood, asked back, refused."""
 
-import json
-
 import pytest
 
 from language import LanguageError, Scene, interpret, whose_left
 from language.cli import main
 from language.scene_file import read_scene
+from tests.helpers.language_cases import answered
 
 SCENE = """\
 - {id: a, noun: cube, color: red, position: [0.5, 0.1, 0.0]}
@@ -22,14 +21,8 @@ def scene(tmp_path):
     return str(path)
 
 
-def answer(capsys, *arguments):
-    """The JSON of a sentence, and the exit code."""
-    status = main(["parse", *arguments, "--json"])
-    return json.loads(capsys.readouterr().out), status
-
-
 def test_an_understood_sentence_has_steps_confidence_and_unused_words(capsys, scene):
-    found, status = answer(capsys, "pls put teh red block ontop of the blue cube", "--scene", scene)
+    found, status = answered(capsys, "pls put teh red block ontop of the blue cube", "--scene", scene)
     assert status == 0
     assert found["outcome"] == "understood"
     assert [(step["kind"], step["object"], step["on"]) for step in found["steps"]] == [
@@ -42,7 +35,7 @@ def test_an_understood_sentence_has_steps_confidence_and_unused_words(capsys, sc
 
 def test_a_question_has_its_span_candidates_and_what_each_answer_does(capsys, scene):
     sentence = "grab the block plz"
-    found, status = answer(capsys, sentence, "--scene", scene)
+    found, status = answered(capsys, sentence, "--scene", scene)
     assert status == 2
     assert (found["outcome"], found["error"]) == ("question", "question")
     assert sentence[slice(*found["span"])] == "block"
@@ -51,7 +44,7 @@ def test_a_question_has_its_span_candidates_and_what_each_answer_does(capsys, sc
 
 
 def test_a_refusal_has_its_reason_and_suggestions(capsys, scene):
-    found, status = answer(capsys, "put the red block onto the ball plz", "--scene", scene)
+    found, status = answered(capsys, "put the red block onto the ball plz", "--scene", scene)
     assert status == 2
     assert (found["outcome"], found["error"]) == ("refusal", "impossible")
     assert found["message"] == "nothing can stand on the blue sphere"
@@ -59,7 +52,7 @@ def test_a_refusal_has_its_reason_and_suggestions(capsys, scene):
 
 
 def test_what_no_grammar_reads_is_a_syntax_error_with_suggestions(capsys, scene):
-    found, _ = answer(capsys, "frobnicate", "--scene", scene)
+    found, _ = answered(capsys, "frobnicate", "--scene", scene)
     assert (found["outcome"], found["error"]) == ("refusal", "syntax")
     assert found["expected"]
     assert found["suggestions"]
@@ -69,7 +62,7 @@ def test_what_no_grammar_reads_is_a_syntax_error_with_suggestions(capsys, scene)
 def test_the_command_line_and_python_agree(capsys, scene, sentence):
     named = read_scene(scene)
     outcome = interpret(sentence, named.scene)
-    found, _ = answer(capsys, sentence, "--scene", scene)
+    found, _ = answered(capsys, sentence, "--scene", scene)
     assert found["outcome"] == type(outcome).__name__.lower()
     if "steps" in found:
         assert [named.index(step["object"]) for step in found["steps"]] == [step.object for step in outcome.steps]
@@ -78,7 +71,7 @@ def test_the_command_line_and_python_agree(capsys, scene, sentence):
 
 
 def test_a_gesture_selects_an_object(capsys, scene):
-    found, _ = answer(capsys, "pls take that cube", "--scene", scene, "--pointed", "c")
+    found, _ = answered(capsys, "pls take that cube", "--scene", scene, "--pointed", "c")
     assert [step["object"] for step in found["steps"]] == ["c"]
 
 
