@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -19,13 +20,14 @@ from trainers.run.metrics import read_metrics
 
 pytestmark = pytest.mark.slow
 ROOT = Path(train.__file__).parent
+EVAL_INTERVAL = 256  # frames
 TINY = [
     "task=reach",
     "task.max_steps=8",
     "collector.worlds=4",
     "algo.horizon=16",
     "algo.minibatch=16",
-    "eval.interval=256",
+    f"eval.interval={EVAL_INTERVAL}",
     "eval.episodes=4",
     "eval.interval_episodes=2",
     "eval.worlds=2",
@@ -71,6 +73,11 @@ def stopped(tmp_path_factory):
     return folder, process.returncode, said, left
 
 
+def measured(row: dict[str, float]) -> dict[str, float]:
+    """The values of a row of metrics.csv, without the timings."""
+    return {name: value for name, value in row.items() if not name.startswith("time/") and not math.isnan(value)}
+
+
 def job(folder: Path, number: int) -> Path:
     return next(folder.glob(f"{number}_*"))
 
@@ -114,7 +121,11 @@ def test_a_resumed_sweep_runs_only_missing_jobs(stopped):
     said, _ = process.communicate(timeout=240)
     assert process.returncode == 1, said  # job 1 fails again
     after = read_metrics(halted / "metrics.csv")
-    assert str(after[: len(before)]) == str(before)
+    # An evaluation that Ctrl-C interrupts is made again, and completes the last row.
+    interrupted = before[-1]["frames"] % EVAL_INTERVAL == 0 and math.isnan(before[-1]["eval/success_at_end"])
+    whole = len(before) - interrupted
+    assert str(after[:whole]) == str(before[:whole])
+    assert measured(before[-1]).items() <= measured(after[len(before) - 1]).items()
     assert after[-1]["frames"] == before[-1]["frames"] + 256
     assert json.loads((halted / "eval.json").read_text())["frames"] == after[-1]["frames"]
     paths = (finished / "eval.json", finished / "checkpoints" / "last.pt")
