@@ -9,6 +9,7 @@ from envs.tasks.grid import above
 from envs.tasks.rearrange import CLEARANCE
 from envs.tasks.types import NOTHING, State
 from language import parse
+from language.tokenizer import count_words
 from tests.helpers.env_cases import make, task_of
 
 SIZE, CELL = 0.025, 0.0375
@@ -196,3 +197,15 @@ def test_episodes_of_the_curriculum_begin_without_touching_other_stacks(share):
 def test_what_does_not_fit_a_board_is_refused_in_one_message(overrides, message):
     with pytest.raises(ConfigError, match=message):
         task_of("rearrange", *overrides)
+
+
+def test_phrases_are_drawn_again_until_the_sentence_is_short_enough(monkeypatch):
+    task, rng = task_of("nl_rearrange"), np.random.default_rng(0)
+    lengths = [count_words(task.draw(rng).sentence) for _ in range(20)]
+    most = int(np.median(lengths))
+    assert max(lengths) > most
+    monkeypatch.setattr("envs.tasks.manipulation.MAX_WORDS", most)
+    assert max(count_words(task.draw(rng).sentence) for _ in range(20)) <= most
+    monkeypatch.setattr("envs.tasks.manipulation.MAX_WORDS", 3)
+    with pytest.raises(ConfigError, match="only sentences of more than 3 words"):
+        task.draw(rng)
