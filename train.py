@@ -38,7 +38,7 @@ def build_env(
 
 
 def run(config: Any, folder: Path) -> dict[str, Any]:
-    """Train with a composed config and write the report.
+    """Train with a composed config, print the result and write the report.
 
     Args:
         config: as `conf.overrides.compose` returns it.
@@ -79,6 +79,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
             vocabulary=list(Tokenizer.default().vocabulary),
             resume=find(Path(config.resume)) if config.resume else None,
             make_video_env=partial(build_env, env_config.without_curriculum(), 1, plan.run.seed, True),
+            on_result=lambda result: print(summary(result, folder), flush=True),
         )
 
 
@@ -126,7 +127,6 @@ def main(config: Any) -> dict[str, Any] | None:
     finally:
         if hydra_folder.is_dir() and not any(hydra_folder.iterdir()):
             hydra_folder.rmdir()  # not used by a refused or a resumed run
-    print(summary(result, folder))
     return result
 
 

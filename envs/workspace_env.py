@@ -16,6 +16,7 @@ from torch import Tensor
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 
 from conf.schema import ConfigError
+from envs.actions import read_action
 from envs.assembly import make_chain, make_control, make_grips, make_initial_states, make_task, make_world
 from envs.config import EnvConfig
 from envs.episode_replay import EpisodeReplayEnv
@@ -117,10 +118,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return (*self.control.unit.tolist(), *[ACTION_UNIT] * self._grips.width)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
-        action = tensordict["action"].detach().numpy().astype(np.float64)
-        if not np.isfinite(action).all():
-            raise ValueError(f"{_not_finite(tensordict)} is not a finite number")
-        np.clip(action, -1.0, 1.0, out=action)
+        action = read_action(tensordict)
         self._switch_gestures()
         arrays, arm = self._arrays, action[:, : len(self.control.unit)]
         arrays.commanded = self.control.targets(arm, arrays.commanded, arrays.angles)
@@ -289,11 +287,3 @@ class WorkspaceEnv(EpisodeReplayEnv):
         for world in self._worlds:
             world.close()
         self.is_closed = True
-
-
-def _not_finite(frame: TensorDictBase) -> str:
-    """What is not finite before a step: an observation, from which the action was computed, or else the action."""
-    for key, value in frame.items():
-        if key != "action" and isinstance(value, Tensor) and value.is_floating_point() and not value.isfinite().all():
-            return f"the observation {key}"
-    return "an action"

@@ -28,7 +28,8 @@ class TrainingEnv(Protocol):
     Observations have the keys "robot", "objects", "objects_mask", "instruction" and "hold", "success", "wrong_object",
     "at_goal" and "reward_terms", and under "privileged" at least "referent", "goal" and "kind". Where a person points
     there is "gesture" too. Policies never read a privileged key. Where an algorithm imitates, the worlds that it trains
-    in also observe "privileged/expert_action" (N, A): what an expert would do.
+    in also observe "privileged/expert_action" (N, A): what an expert would do. An exception that `step` raises may have
+    an attribute `frame` (N,): what the step was given, which the run then saves.
 
     Attributes:
         action_unit: (A,), the action that moves the arm as far as it gets in one control step.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 
+from envs.actions import read_action
 from envs.episode_replay import EpisodeReplayEnv
 
 SLOTS, ROW, LENGTH = 3, 13, 6
@@ -22,16 +23,16 @@ NEAR, MOVE, MAX_STEPS = 0.25, 0.2, 20
 
 
 class FakeEnv(EpisodeReplayEnv):
-    """poison: the reward becomes NaN after so many steps. nap: seconds each step takes."""
+    """poison: the reward, or this observation, becomes NaN after so many steps. nap: seconds each step takes."""
 
     kind_names = ("odd", "even")
     reward_names = ("there", "near")
     action_unit = (1.0, 1.0, 1.0)
     tokenizer = SimpleNamespace(vocabulary=WORDS)
 
-    def __init__(self, worlds: int, seed: int, poison: int = 0, nap: float = 0.0) -> None:
+    def __init__(self, worlds: int, seed: int, poison: int = 0, nap: float = 0.0, poisoned: str = "reward") -> None:
         super().__init__(batch_size=[worlds])
-        self.poison, self.nap, self.steps = poison, nap, 0
+        self.poison, self.poisoned, self.nap, self.steps = poison, poisoned, nap, 0
         self.observation_spec = _observations(worlds)
         self.action_spec = Bounded(-torch.ones(worlds, 3), torch.ones(worlds, 3))
         self.reward_spec = Unbounded((worlds, 1))
@@ -66,15 +67,18 @@ class FakeEnv(EpisodeReplayEnv):
             time.sleep(self.nap)
         self.steps += 1
         world = self.world
-        action = tensordict["action"]
-        assert action.abs().max() <= 1
+        action = torch.from_numpy(read_action(tensordict)).float()
+        assert tensordict["action"].abs().max() <= 1
         world["hand"] = (world["hand"] + MOVE * action).clamp(-1, 1)
         world["step"] = world["step"] + 1
         success, wrong, reward = judged(world["places"], world["hand"], world["referent"])
         truncated = (world["step"] >= MAX_STEPS).unsqueeze(-1) & ~success & ~wrong
-        if self.poison and self.steps >= self.poison:
+        poisoned = self.poison and self.steps >= self.poison
+        if poisoned and self.poisoned == "reward":
             reward = reward * float("nan")
         out = self._observe(success, wrong, success, reward)
+        if poisoned and self.poisoned != "reward":
+            out[self.poisoned] *= float("nan")
         ends = {"terminated": success | wrong, "truncated": truncated, "done": success | wrong | truncated}
         return out.update(ends).set("reward", reward)
 

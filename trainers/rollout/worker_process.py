@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import ctypes
+import io
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from typing import Any
 
 import torch
 import torch.multiprocessing
-from tensordict import TensorDictBase
+from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 
 from trainers.rollout.episode_log import Beginning, Episodes
@@ -20,11 +25,44 @@ from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
 
 PR_SET_PDEATHSIG = 1  # of Linux' prctl: the signal that a process is sent when its parent ends
 START_SECONDS = 120.0  # to start a process, to build its worlds and to replay their episodes
+RECEIVE_SECONDS = 10.0  # to read an answer that has begun
 EXIT_SECONDS = 1.0  # to wait for the exit code of a process whose pipe is closed
 
 
 class WorkerLostError(Exception):
-    """A worker process has ended, raised an exception or does not answer. The text says which."""
+    """A worker process has ended, raised an exception or does not answer. The text says which.
+
+    frame: what the environment's step was given that raised, if its exception has a `frame`.
+    """
+
+    frame: TensorDictBase | None = None
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What a worker answers if it raised an exception: its text, and its `frame` if it has one.
+
+    frame: written by `torch.save`. Tensors that are sent as they are cannot be read once their process has ended.
+    """
+
+    text: str
+    frame: bytes | None
+
+    @classmethod
+    def of(cls, error: Exception) -> Failure:
+        """Of an exception that a worker raised."""
+        text, frame = (str(error).splitlines() or [""])[0], getattr(error, "frame", None)
+        if frame is None:
+            return cls(f"raised {type(error).__name__}: {text}", None)
+        torch.save(frame.to_dict(), file := io.BytesIO())
+        return cls(f"raised {type(error).__name__}: {text}", file.getvalue())
+
+    def error(self) -> WorkerLostError:
+        """The error to raise in the main process."""
+        error = WorkerLostError(self.text)
+        if self.frame is not None:
+            error.frame = TensorDict.from_dict(torch.load(io.BytesIO(self.frame), weights_only=True))
+        return error
 
 
 class WorkerProcess:
@@ -63,15 +101,28 @@ class WorkerProcess:
         self._send(buffer)
 
     def receive(self) -> tuple[TensorDictBase | None, Mapping[int, Beginning]]:
-        """The batch, None if it is in the buffer, and what `Worker.collect` says of it. Raises WorkerLostError."""
-        try:
-            answer = self.connection.recv()
-        except (EOFError, OSError):
-            raise WorkerLostError(self._ending()) from None
-        if isinstance(answer, str):
-            raise WorkerLostError(answer)
+        """The batch, None if it is in the buffer, and what `Worker.collect` says of it. Raises WorkerLostError.
+
+        To be called once the connection has something to read. A process that was stopped while it wrote its answer
+        does not block for more than RECEIVE_SECONDS.
+        """
+        answers: list[Any] = []
+        reader = threading.Thread(target=self._read, args=(answers,), daemon=True)
+        reader.start()
+        reader.join(RECEIVE_SECONDS)
+        if reader.is_alive():
+            raise WorkerLostError(f"did not finish its answer within {RECEIVE_SECONDS:.0f} s")
+        if not answers:
+            raise WorkerLostError(self._ending())
+        if isinstance(answers[0], Failure):
+            raise answers[0].error()
         self.answered = True
-        return answer
+        return answers[0]
+
+    def _read(self, answers: list[Any]) -> None:
+        """Append the answer; nothing if the process has ended."""
+        with suppress(EOFError, OSError):
+            answers.append(self.connection.recv())
 
     def overdue(self, patience: float) -> bool:
         """Whether it has not answered for so many seconds, or more where it is starting."""
@@ -122,8 +173,7 @@ def _serve(
     except (EOFError, BrokenPipeError, ConnectionResetError):
         pass
     except Exception as error:
-        text = (str(error).splitlines() or [""])[0]
-        connection.send(f"raised {type(error).__name__}: {text}")
+        connection.send(Failure.of(error))
 
 
 def _detach(parent: int) -> None:

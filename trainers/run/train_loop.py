@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from tensordict import TensorDictBase
 from torchrl.envs import EnvBase
 
 from trainers.algorithms.algorithm import DivergedError
@@ -30,6 +31,7 @@ def fit(
     make_video_env: Callable[[], EnvBase] | None = None,
     progress: bool = True,
     make_eval_env: MakeEnv | None = None,
+    on_result: Callable[[dict[str, Any]], None] | None = None,
 ) -> dict[str, Any]:
     """Train a policy and write its report.
 
@@ -43,6 +45,7 @@ def fit(
         make_video_env: builds an environment of one world that renders. None for no video.
         progress: whether to show progress on the terminal.
         make_eval_env: like `make_env`, for evaluations; by default `make_env`.
+        on_result: given the values of eval.json before any file of the report is written.
 
     Returns:
         The values of eval.json.
@@ -65,17 +68,16 @@ def fit(
         with closing(metrics), StopSignal() as stop, Progress(plan.run.total_frames, done, progress) as shown:
             try:
                 run.train(metrics, stop, shown)
-                return run.finish(stop, make_video_env)
+                return run.finish(stop, make_video_env, on_result)
             except Exception as error:
                 _save_after_error(run, error, stop)
                 raise
 
 
 def _save_after_error(run: TrainingRun, error: Exception, stop: StopSignal) -> None:
-    """Save the batch of a diverged run, else "last" if no update is half done; raise SystemExit after a signal."""
+    """Save the values that are not finite, and "last" if no update is half done. Raises SystemExit after a signal."""
     if isinstance(error, DivergedError):
-        path = run.folder / "diverged.pt"
-        torch.save(error.batch.detach().clone().to_dict(), path)
+        path = _save_diverged(run.folder, error.batch)
         raise DivergedError(f"{error}; the batch is saved in {path}", error.batch) from error
     if stop() and run.consistent:
         run.save_last()
@@ -86,3 +88,13 @@ def _save_after_error(run: TrainingRun, error: Exception, stop: StopSignal) -> N
                 error.args = (f"{error}; the run is saved, and resume={run.folder} goes on",)
     if stop():
         raise SystemExit(128 + stop.signal) from None
+    frame = getattr(error.__cause__ or error.__context__, "frame", None)
+    if isinstance(error, CollectionError) and frame is not None:
+        path = _save_diverged(run.folder, frame)
+        error.args = (f"{error}; what the step was given is saved in {path}",)
+
+
+def _save_diverged(folder: Path, frames: TensorDictBase) -> Path:
+    path = folder / "diverged.pt"
+    torch.save(frames.detach().clone().to_dict(), path)
+    return path

@@ -23,6 +23,7 @@ from trainers.rollout.evaluation import EvalResult, Interrupted, evaluate
 from trainers.rollout.seeds import derive_seed
 from trainers.rollout.video import record_video
 from trainers.rollout.worker import MakeEnv
+from trainers.rollout.worker_pool import CollectionError
 from trainers.run import checkpoint
 from trainers.run.memories import MemoryFiles
 from trainers.run.metrics import EVALUATION_NAMES, MetricsWriter
@@ -238,13 +239,32 @@ class TrainingRun:
         return result
 
     def evaluate(self, episodes: int, index: int, stop: StopSignal) -> EvalResult:
-        """Evaluate the deterministic policy on episodes that neither training nor another `index` uses."""
+        """Evaluate the deterministic policy on episodes that neither training nor another `index` uses.
+
+        Raises:
+            CollectionError: the environment raised because of a value that is not finite.
+        """
         seed = derive_seed(self.plan.run.seed, index, evaluation=True)
         with torch.random.fork_rng(devices=[]):  # an evaluation that is interrupted and repeated changes nothing
-            return evaluate(self.eval_env, _on_cpu(self.policy), episodes, seed, stop)
+            try:
+                return evaluate(self.eval_env, _on_cpu(self.policy), episodes, seed, stop)
+            except ValueError as error:
+                if not hasattr(error, "frame"):
+                    raise
+                raise CollectionError(f"an evaluation raised {type(error).__name__}: {error}") from error
 
-    def finish(self, stop: StopSignal, make_video_env: Callable[[], EnvBase] | None) -> dict[str, Any]:
+    def finish(
+        self,
+        stop: StopSignal,
+        make_video_env: Callable[[], EnvBase] | None,
+        on_result: Callable[[dict[str, Any]], None] | None = None,
+    ) -> dict[str, Any]:
         """Evaluate the last policy on eval.episodes episodes; write eval.json, the learning curve and the video.
+
+        Args:
+            stop: a signal asked to stop.
+            make_video_env: builds an environment of one world that renders. None for no video.
+            on_result: given the result before anything is written, so that a full disk does not lose it.
 
         Returns:
             The values of eval.json.
@@ -253,6 +273,8 @@ class TrainingRun:
         frames, seconds = self.counters["frames"], self.seconds()
         result |= {"frames": frames, "wall_s": seconds, "frames_per_s": frames / max(seconds, 1e-9)}
         result["seed"] = self.plan.run.seed
+        if on_result is not None:
+            on_result(result)
         write_checked_json(self.folder / "eval.json", result)
         learning_curve(self.folder / "metrics.csv", self.folder / "learning_curve.png")
         if make_video_env is not None and self.plan.eval.video_episodes:

@@ -14,10 +14,12 @@ from pathlib import Path
 import pytest
 import torch
 
+from conf.schema import ConfigError
 from tests.helpers.fake_env import FakeEnv, make_env
 from tests.helpers.short_training import train, untimed_rows
 from trainers.algorithms.algorithm import DivergedError
 from trainers.rollout.evaluation import evaluate
+from trainers.rollout.worker_pool import CollectionError
 from trainers.run import checkpoint
 from trainers.run.metrics import read_metrics
 from trainers.utils.checked_files import read_checked_json
@@ -91,6 +93,29 @@ def test_a_reward_that_is_not_finite_ends_the_run_and_saves_the_batch(tmp_path):
         train(tmp_path, make=poisoned_env)
     batch = torch.load(tmp_path / "diverged.pt", weights_only=True)
     assert batch["next"]["reward"].isnan().any()
+
+
+def blind_env(worlds, seed):
+    return FakeEnv(worlds, seed, poison=20, poisoned="robot")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("workers", "kind"), [(1, "make"), (2, "make"), (1, "make_eval_env")])
+def test_an_observation_that_is_not_finite_is_named_and_saved(tmp_path, workers, kind):
+    overrides = [f"collector.workers={workers}", "collector.restarts=0"]
+    with pytest.raises(CollectionError, match=r"observation robot is not a finite.*diverged\.pt"):
+        train(tmp_path, overrides=overrides, **{kind: blind_env})
+    frame = torch.load(tmp_path / "diverged.pt", weights_only=True)
+    assert frame["robot"].isnan().any()
+    assert frame["objects"].isfinite().all()
+
+
+def test_the_result_is_reported_even_if_it_cannot_be_written(tmp_path):
+    (tmp_path / "eval.json").mkdir()
+    results = []
+    with pytest.raises(ConfigError, match=r"eval\.json cannot be written"):
+        train(tmp_path, overrides=["total_frames=128"], on_result=results.append)
+    assert [result["frames"] for result in results] == [128]
 
 
 SCRIPT = """

@@ -1,0 +1,35 @@
+"""The action of a control step, checked."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from tensordict import TensorDictBase
+from torch import Tensor
+
+
+class NotFiniteError(ValueError):
+    """A step was given an action that is not finite.
+
+    frame: (N,), what the step was given. A training run that this error ends saves it.
+    """
+
+    def __init__(self, frame: TensorDictBase) -> None:
+        super().__init__(f"{_not_finite(frame)} is not a finite number")
+        self.frame = frame.detach().clone()
+
+
+def read_action(frame: TensorDictBase) -> NDArray[np.float64]:
+    """The action (N, A) of a frame (N,), clipped to [-1, 1]. Raises NotFiniteError."""
+    action = frame["action"].detach().numpy().astype(np.float64)
+    if not np.isfinite(action).all():
+        raise NotFiniteError(frame)
+    return np.clip(action, -1.0, 1.0, out=action)
+
+
+def _not_finite(frame: TensorDictBase) -> str:
+    """What is not finite: an observation, from which the action was computed, or else the action."""
+    for key, value in frame.items():
+        if key != "action" and isinstance(value, Tensor) and value.is_floating_point() and not value.isfinite().all():
+            return f"the observation {key}"
+    return "an action"
