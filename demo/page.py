@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
-from PIL import Image
 
 from conf.overrides import groups
 from demo import html
 from demo.dialogue import Interpretation
 from demo.real_time_loop import RealTimeLoop
+from demo.recording_panel import RecordingPanel
 from demo.scene_view import SceneView
 from demo.session import Session
 from demo.session_config import DRIVERS, MOST_OBJECTS, SessionConfig, default_workspace, pretrained_policies
 from demo.splash_page import set_camera
-from demo.video_recorder import VideoRecorder
 
 Array = NDArray[np.float64]
 AUTO = "the one that fits"
@@ -47,7 +46,6 @@ class Page:
         self._server = server
         self._gui: Any = server.gui
         self._shown_html: dict[str, str] = {}
-        self._recorder: VideoRecorder | None = None
         self._finger: Any = None
         self._shows_board = False  # from near by
         self._scene_view = SceneView(server, self._on_click, self._on_drag)
@@ -75,7 +73,7 @@ class Page:
         self._build_clock()
         self._build_choice(session.config, session.env.config.task.num_objects)
         self._build_by_hand(session.env.config.workspace.gripper_box)
-        self._build_recording()
+        self._recording = RecordingPanel(self._server, self.loop, Path.cwd(), self._show_message)
         for key, direction in DIRECTIONS.items():
             command = gui.add_command(f"Move the finger, or the gripper: {key}", hotkey=key)  # type: ignore[arg-type]
             command.on_trigger(lambda _, to=direction: self.loop.ask(lambda session: self._nudge(session, to)))
@@ -116,14 +114,6 @@ class Page:
         for slider in self._hand_sliders:
             slider.on_update(self._on_slide)
         self._gripper_closed.on_update(lambda _: self.loop.ask(self._set_gripper, "gripper"))
-
-    def _build_recording(self) -> None:
-        gui = self._gui
-        with gui.add_folder("Record", expand_by_default=False):
-            picture = gui.add_button("Picture")
-            self._record = gui.add_button("Start video")
-        picture.on_click(lambda event: self.loop.ask(lambda session: self._send_picture(session, event.client)))
-        self._record.on_click(lambda event: self.loop.ask(lambda session: self._toggle_video(session, event.client)))
 
     # ---- Sentences and buttons
 
@@ -256,20 +246,6 @@ class Page:
         self._put("whose left", self._whose_left, html.hint(session.whose_left))
         self._put("interpretation", self._interpretation, html.message(f"Try: {session.example()}"))
 
-    # ---- Pictures and video
-
-    def _send_picture(self, session: Session, client: Any) -> None:
-        file = io.BytesIO()
-        Image.fromarray(session.env.render()).save(file, "png")
-        client.send_file_download("deixis.png", file.getvalue())
-
-    def _toggle_video(self, session: Session, client: Any) -> None:
-        if self._recorder is None:
-            self._recorder, self._record.label = VideoRecorder(), "Stop video"
-            return
-        recorder, self._recorder, self._record.label = self._recorder, None, "Start video"
-        client.send_file_download("deixis.mp4", recorder.close())
-
     # ---- Output
 
     def _show(self, session: Session) -> None:
@@ -283,8 +259,7 @@ class Page:
         self._put("status", self._status, html.status(view, session.note, self.loop.rate))
         self._put("shares", self._shares, html.object_shares(view, names))
         self._put("rewards", self._rewards, html.rewards_and_outcomes(view))
-        if self._recorder is not None:
-            self._recorder.add(session)
+        self._recording.add(session)
 
     def _show_message(self, text: str) -> None:
         self._put("message", self._message, html.message(text))
@@ -295,6 +270,5 @@ class Page:
             self._shown_html[name] = element.content = content
 
     def close(self) -> None:
-        """Ends a video that is being recorded."""
-        if self._recorder is not None:
-            self._recorder.close()
+        """Ends and saves a video that is being recorded."""
+        self._recording.save()

@@ -33,17 +33,17 @@ def free_port() -> str:
 
 
 class PlayServer:
-    """A process of `play.py` with these arguments. address: the URL of its page.
+    """A process of `play.py` with these arguments in `folder`. address: the URL of its page.
 
     Exits with the last line of its errors if it does not start.
     """
 
-    def __init__(self, *arguments: str) -> None:
-        command = [sys.executable, "play.py", "--port", free_port(), *arguments]
+    def __init__(self, *arguments: str, folder: Path = ROOT) -> None:
+        command = [sys.executable, str(ROOT / "play.py"), "--port", free_port(), *arguments]
         environment = os.environ | {"PYTHONWARNINGS": "ignore"}
         self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115  a pipe that is not read would fill up
         pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": self._errors, "text": True}
-        self.process = subprocess.Popen(command, cwd=ROOT, env=environment, **pipes)
+        self.process = subprocess.Popen(command, cwd=folder, env=environment, **pipes)
         atexit.register(self.process.kill)
         assert self.process.stdout is not None
         self.address = next((line.split()[0] for line in self.process.stdout if line.startswith("http")), "")
