@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import hydra
 
 from conf.command_line import check_run
-from conf.overrides import apply, quoted, with_choices
+from conf.composition import quoted, with_choices
+from conf.overrides import apply
 from conf.schema import ConfigError, RunError
 from trainers.sweeps.arguments import expand_resume, register_resolvers
 

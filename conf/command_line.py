@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from conf.arguments import check_folder
-from conf.overrides import check, compose_hydra, groups, known_keys, parse
+from conf.composition import compose_hydra, groups, parse
+from conf.overrides import check, known_keys
 from conf.schema import ConfigError, did_you_mean
 
 MULTIRUN = ("-m", "--multirun")

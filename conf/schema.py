@@ -17,6 +17,7 @@ import dataclasses
 import math
 from collections.abc import Iterable
 from difflib import get_close_matches
+from functools import cache
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -109,18 +110,18 @@ def read(cls: type[T], node: Any, key: str) -> T:
     for name, value in container.items():
         if isinstance(value, str) and "${" in value:
             raise ConfigError(f"{prefix}{name}={value} cannot be resolved; write the value itself")
-        if get_type_hints(cls).get(name) is bool and isinstance(value, str) and value.lstrip("+-").isdigit():
+        if _hints(cls).get(name) is bool and isinstance(value, str) and value.lstrip("+-").isdigit():
             raise ConfigError(f"{prefix}{name}={value} must be true or false")
     for field in declared:
         if container.get(field.name, "???" if _required(field) else None) == "???":
             raise ConfigError(f"{prefix}{field.name} has no value; give {prefix}{field.name}=...")
     nested = {
         name: _nested(kind, container.pop(name), prefix + name)
-        for name, kind in get_type_hints(cls).items()
+        for name, kind in _hints(cls).items()
         if name in container and _dataclass_of(kind)
     }
     try:
-        typed: Any = OmegaConf.to_container(OmegaConf.merge(OmegaConf.structured(cls), container))
+        typed: Any = OmegaConf.to_container(OmegaConf.merge(_structured(cls), container))
         return cls(**nested, **{name: typed[name] for name in container})
     except ConfigError as error:
         raise ConfigError(prefix + str(error)) from None
@@ -128,6 +129,19 @@ def read(cls: type[T], node: Any, key: str) -> T:
         first = str(error.msg or error).splitlines()[0]
         value = OmegaConf.select(OmegaConf.create(container), str(error.full_key))
         raise ConfigError(f"{prefix}{error.full_key}={value}: {first}") from None
+
+
+@cache
+def _hints(cls: type) -> dict[str, Any]:
+    return get_type_hints(cls)
+
+
+@cache
+def _structured(cls: type) -> Any:
+    """The dataclass as OmegaConf's structured config, which callers do not change."""
+    from omegaconf import OmegaConf
+
+    return OmegaConf.structured(cls)
 
 
 def _required(field: dataclasses.Field) -> bool:

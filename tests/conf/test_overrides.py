@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 import yaml
+from omegaconf import OmegaConf
 
 import conf
+from conf.composition import composed, composed_by_hydra
 from conf.overrides import apply, check, compose, groups
 from conf.schema import ConfigError
 from envs import read_env
@@ -31,8 +33,29 @@ def test_the_same_overrides_are_composed_once_and_give_configs_of_their_own(monk
     words = ["robot=panda", "total_frames=4_321"]
     first = compose(words)
     first.total_frames = 1
-    monkeypatch.setattr("conf.overrides.compose_hydra", lambda words: pytest.fail("composed again"))
+    monkeypatch.setattr("conf.composition.compose_hydra", lambda words: pytest.fail("composed again"))
     assert compose(words).total_frames == 4_321
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["task.num_objects=6", "total_frames=50_000", "schedule_frames=null"],
+        ["robot=panda", "seed=3", "task=press", "collector={workers: 2, worlds: 8}", "seed=4"],
+        ["scenario=1", "task.num_objects=3", "robot=jaco", "logger=[]", "task.reward={time: -1}"],
+        ["task=rearrange", "gripper=magnet", "algo=sac", "task.nouns=[cube,'pyramid']", "policy=mlp"],
+        ["+task.reward.extra=1", "seed=1"],
+        ["~task.reward.time", "seed=1"],
+        ["hydra.run.dir=somewhere", "seed=1"],
+        ["task.num_objects=${seed}", "seed=2"],
+    ],
+)
+def test_values_are_set_as_hydra_sets_them(words):
+    (config, choices), (wanted, wanted_choices) = composed(words), composed_by_hydra(words)
+    assert OmegaConf.to_yaml(config) == OmegaConf.to_yaml(wanted)
+    assert list(config) == list(wanted)
+    assert choices == wanted_choices
 
 
 def test_config_yaml_names_every_group():
@@ -116,8 +139,6 @@ def test_errors_of_hydra_become_config_errors():
 
 @pytest.mark.slow
 def test_overrides_apply_to_a_saved_config(default):
-    from omegaconf import OmegaConf
-
     kept = OmegaConf.to_container(default, resolve=True)
     changed = apply(kept, ["task.max_steps=7", "task.reward.time=-1", "physics.sleeping=false", "total_frames=5_000"])
     assert read_env(changed).task.max_steps == 7

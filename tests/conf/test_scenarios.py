@@ -2,7 +2,8 @@
 
 import pytest
 
-from conf.overrides import apply, check, compose, quoted
+from conf.composition import quoted
+from conf.overrides import apply, check, compose
 from conf.schema import ConfigError
 from envs import read_env
 from trainers.config import read_plan
