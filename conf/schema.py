@@ -97,7 +97,8 @@ def read(cls: type[T], node: Any, key: str) -> T:
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    declared = dataclasses.fields(cls)  # type: ignore[arg-type]
+    dataclass: Any = cls
+    declared, hints = dataclasses.fields(dataclass), _hints(dataclass)
     fields = [field.name for field in declared]
     prefix = f"{key}." if key else ""
     container: Any = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
@@ -110,18 +111,18 @@ def read(cls: type[T], node: Any, key: str) -> T:
     for name, value in container.items():
         if isinstance(value, str) and "${" in value:
             raise ConfigError(f"{prefix}{name}={value} cannot be resolved; write the value itself")
-        if _hints(cls).get(name) is bool and isinstance(value, str) and value.lstrip("+-").isdigit():
+        if hints.get(name) is bool and isinstance(value, str) and value.lstrip("+-").isdigit():
             raise ConfigError(f"{prefix}{name}={value} must be true or false")
     for field in declared:
         if container.get(field.name, "???" if _required(field) else None) == "???":
             raise ConfigError(f"{prefix}{field.name} has no value; give {prefix}{field.name}=...")
     nested = {
         name: _nested(kind, container.pop(name), prefix + name)
-        for name, kind in _hints(cls).items()
+        for name, kind in hints.items()
         if name in container and _dataclass_of(kind)
     }
     try:
-        typed: Any = OmegaConf.to_container(OmegaConf.merge(_structured(cls), container))
+        typed: Any = OmegaConf.to_container(OmegaConf.merge(_structured(dataclass), container))
         return cls(**nested, **{name: typed[name] for name in container})
     except ConfigError as error:
         raise ConfigError(prefix + str(error)) from None
