@@ -5,7 +5,6 @@ Those of an algorithm are declared beside it (`trainers.algorithms.registry`).
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -14,8 +13,15 @@ from conf.overrides import compose
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 from trainers.algorithms.base_config import AlgorithmConfig
 from trainers.algorithms.registry import read_algorithm
+from trainers.collector_config import CollectorConfig, read_collector
 
-NEW_KEYS = ("schedule_frames", "collector.timeout", "collector.restarts", "checkpoint")  # lacking before they existed
+NEW_KEYS = (
+    "schedule_frames",
+    "collector.name",
+    "collector.timeout",
+    "collector.restarts",
+    "checkpoint",
+)  # lacking before they existed
 MISSING = object()
 
 
@@ -48,20 +54,6 @@ class MLPConfig(NetworkConfig):
 
     name: str = one_of("mlp")
     embedding: int = within(1, 1024)
-
-
-@dataclass(frozen=True)
-class CollectorConfig(Checked):
-    workers: int = within(0, 256)  # processes; 0 = one per core if worlds divide evenly, 1 = only the main process
-    worlds: int = within(1, 4096)  # over all workers
-    # Seconds to wait for a batch of a worker process; None = twice the slowest of the latest batches, and 4 s more.
-    timeout: float | None = within(0.1)
-    restarts: int = within(0)  # worker processes that are replaced in a run, before it gives up
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.workers and self.worlds % self.workers:
-            raise ConfigError(f"worlds={self.worlds} cannot be shared evenly by collector.workers={self.workers}")
 
 
 @dataclass(frozen=True)
@@ -124,7 +116,7 @@ def read_plan(config: Any) -> Plan:
     config = _with_new_keys(config)
     plan = Plan(
         run=read(RunConfig, {name: config[name] for name in RunConfig.__dataclass_fields__}, ""),
-        collector=read(CollectorConfig, config["collector"], "collector"),
+        collector=read_collector(config["collector"]),
         eval=read(EvalConfig, config["eval"], "eval"),
         policy=_by_name(config["policy"], "policy", {"grounded": GroundedConfig, "mlp": MLPConfig}),
         algo=read_algorithm(config["algo"]),
@@ -144,17 +136,6 @@ def _with_new_keys(config: Any) -> Any:
         for key in missing:
             OmegaConf.update(config, key, OmegaConf.select(defaults, key), force_add=True)
     return config
-
-
-def workers(config: CollectorConfig, runs: int = 1) -> int:
-    """How many processes collect, each an equal share of the worlds. runs: number of runs that share the cores."""
-    most = max(1, cores() // runs)
-    return config.workers or next(count for count in range(most, 0, -1) if config.worlds % count == 0)
-
-
-def cores() -> int:
-    """CPU cores this process may use, at least 1."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def frames_per_batch(plan: Plan) -> int:

@@ -1,4 +1,4 @@
-"""Collection of batches, in this process or in several."""
+"""Collection of batches: in this process, in several, or on a cluster."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import Any
 import torch
 from tensordict import TensorDictBase
 
-from trainers.config import CollectorConfig, workers
+from trainers.collector_config import CollectorConfig, RayCollectorConfig, workers
 from trainers.models.expert_mixture import ExpertMixture
 from trainers.models.policy import Policy
 from trainers.rollout.episode_log import EpisodeLog, Episodes
 from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
+from trainers.rollout.worker_host import WorkerHost
 from trainers.rollout.worker_pool import CollectionError, Order, WorkerPool
+from trainers.rollout.worker_process import ProcessHost
 
 
 class Rollouts:
@@ -47,20 +49,27 @@ class Rollouts:
         self.iteration = iteration
         self.seed = seed if state is None else state["seed"]
         self.log = EpisodeLog(None if state is None else Episodes(**state["episodes"]))
-        count = workers(config)
-        specs = [WorkerSpec(i, config.worlds // count, horizon, self.seed) for i in range(count)]
         self.worker: Worker | None = None
         self.pool: WorkerPool | None = None
-        if count == 1:
+        host: WorkerHost[Any] | None = None
+        if isinstance(config, RayCollectorConfig):
+            from trainers.cluster.ray_host import RayHost
+
+            host = RayHost(make_env, self.cpu_policy, config)
+            count = host.count
+        elif (count := workers(config)) > 1:
+            host = ProcessHost(make_env, self.cpu_policy.share_memory().act)  # written here, read by all workers
+        specs = [WorkerSpec(i, config.worlds // count, horizon, self.seed) for i in range(count)]
+        if host is None:
             self.worker = Worker(make_env, self.cpu_policy.act, specs[0], self.log.episodes)
         else:
-            act = self.cpu_policy.share_memory().act  # written here, read by all workers
-            self.pool = WorkerPool(make_env, act, specs, config, self.log.episodes)
+            self.pool = WorkerPool(host, specs, config, self.log.episodes)
 
     @property
     def processes(self) -> list[Any]:
-        """The worker processes at this moment; none where this process collects."""
-        return [] if self.pool is None else [worker.process for worker in self.pool.workers]
+        """The worker processes at this moment; none where this process or a cluster collects."""
+        workers = [] if self.pool is None else self.pool.workers
+        return [worker.process for worker in workers if hasattr(worker, "process")]
 
     @property
     def restarts(self) -> int:
@@ -70,6 +79,18 @@ class Rollouts:
     def sync(self, policy: Policy | ExpertMixture) -> None:
         """Copy the policy's weights; the following batches are collected with them."""
         self.cpu_policy.load_state_dict(policy.state_dict())
+        if self.pool is not None:
+            self.pool.host.publish()
+
+    def status(self) -> dict[str, str]:
+        """How the workers do, for people; {} where no cluster collects."""
+        return {} if self.pool is None else self.pool.host.status(self.pool.workers, self.pool.restarts, self.pool.age)
+
+    def measures(self) -> dict[str, float]:
+        """The values of the columns `columns(config)` of metrics.csv for the latest batch."""
+        if self.pool is None or not columns(self.pool.config):
+            return {}
+        return {"time/batch_age": float(self.pool.age), "time/restarts": float(self.pool.restarts)}
 
     def next(self, stop: Callable[[], bool] = lambda: False) -> TensorDictBase:
         """The next batch. The batch after it reuses its memory.
@@ -106,3 +127,8 @@ class Rollouts:
             self.pool.close()
         if self.worker is not None:
             self.worker.close()
+
+
+def columns(config: CollectorConfig) -> tuple[str, ...]:
+    """The columns of metrics.csv that tell how a cluster collected. As timings, they differ between equal runs."""
+    return ("time/batch_age", "time/restarts") if isinstance(config, RayCollectorConfig) else ()

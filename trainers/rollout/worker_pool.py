@@ -1,5 +1,5 @@
-"""Worker processes that collect together. One that is lost or stuck is replaced and its part of the batch collected
-again, with the same bits."""
+"""Workers that collect together, in processes or on a cluster. One that is lost or stuck is replaced and its part of
+the batch collected again, with the same bits."""
 
 from __future__ import annotations
 
@@ -9,19 +9,17 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing.connection import wait
 from typing import Any
 
 import torch
 from tensordict import TensorDictBase
-from tensordict.nn import TensorDictModuleBase
 
 from conf.schema import RunError
-from trainers.config import CollectorConfig
+from trainers.collector_config import CollectorConfig
 from trainers.rollout.episode_log import Beginning, Episodes
 from trainers.rollout.evaluation import Interrupted
-from trainers.rollout.worker import MakeEnv, WorkerSpec
-from trainers.rollout.worker_process import START_SECONDS, WorkerLostError, WorkerProcess
+from trainers.rollout.worker import WorkerSpec
+from trainers.rollout.worker_host import START_SECONDS, RemoteWorker, WorkerHost, WorkerLostError
 
 POLL_SECONDS = 0.2  # between two looks at the signals and the deadlines
 MARGIN_SECONDS = 4.0  # added to twice the slowest of the latest batches
@@ -46,29 +44,30 @@ class Order:
 
 
 class WorkerPool:
-    """Collects batches (worlds of all workers, horizon) in processes.
+    """Collects batches (worlds of all workers, horizon) outside of this process.
+
+    Workers may collect batches ahead: while an update runs, they are busy with the next ones, with the weights of the
+    time when these were asked for. So each batch depends on the weights of a known iteration, however slow a worker is.
 
     Args:
-        make_env: builds a worker's environment; picklable.
-        act: the policy's module, its parameters in shared memory.
+        host: where the workers run.
         specs: of the workers, in the order of their worlds.
-        config: how long it waits for a worker, and how many it replaces.
+        config: how long it waits for a worker, how many it replaces, and how many batches are collected ahead.
         episodes: of all worlds, to continue; None to begin new ones.
     """
 
     def __init__(
-        self,
-        make_env: MakeEnv,
-        act: TensorDictModuleBase,
-        specs: Sequence[WorkerSpec],
-        config: CollectorConfig,
-        episodes: Episodes | None,
+        self, host: WorkerHost[Any], specs: Sequence[WorkerSpec], config: CollectorConfig, episodes: Episodes | None
     ) -> None:
-        self.make_env, self.act, self.specs, self.config = make_env, act, specs, config
+        self.host, self.specs, self.config = host, specs, config
         self.buffer: TensorDictBase | None = None
-        self.durations: deque[float] = deque(maxlen=RECENT_BATCHES)
+        self.durations: deque[float] = deque(maxlen=RECENT_BATCHES * len(specs))
         self.patience_factor = 1.0
         self.restarts = 0
+        self.age = 0  # of the latest batch: how many iterations old its weights were
+        self.asked: dict[
+            int, tuple[Any, int]
+        ] = {}  # iteration -> the weights it was asked for with, and their iteration
         self.workers = [self._start(spec, episodes) for spec in specs]
 
     def collect(self, order: Order) -> tuple[TensorDictBase, dict[int, Beginning]]:
@@ -78,35 +77,47 @@ class WorkerPool:
             Interrupted: `stop` returned True.
             CollectionError: more than collector.restarts workers were lost.
         """
-        start, restarts = time.monotonic(), self.restarts
         parts: dict[int, TensorDictBase | None] = {}
         beginnings: dict[int, Beginning] = {}
-        for index in range(len(self.workers)):
-            self._request(index, order)
+        self._move(order)
+        self._request_all(order)
         while len(parts) < len(self.workers):
             if order.stop():
                 raise Interrupted
             for index in self._ready(set(range(len(self.workers))) - set(parts)):
+                worker = self.workers[index]
+                starting, requested_at = not worker.answered, worker.requested_at
                 try:
-                    parts[index], began = self.workers[index].receive()
+                    parts[index], began = worker.receive()
                 except WorkerLostError as error:
                     self._replace(index, str(error), order)
                 else:
                     beginnings |= {self._first_world(index) + i: state for i, state in began.items()}
+                    if not starting:
+                        self.durations.append(time.monotonic() - requested_at)
             self._replace_overdue(set(range(len(self.workers))) - set(parts), order)
-        if restarts == self.restarts and self.buffer is not None:  # the first batch includes the start of processes
-            self.durations.append(time.monotonic() - start)
+        self.age = order.iteration - self.asked[order.iteration][1]
         return self._whole([parts[index] for index in range(len(self.workers))]), beginnings
+
+    def _request_all(self, order: Order) -> None:
+        """Ask for the batches that have not been asked for: this one, and those ahead of it."""
+        last = order.iteration + self.config.batches_ahead
+        new = [iteration for iteration in range(order.iteration, last + 1) if iteration not in self.asked]
+        self.asked = {k: asked for k, asked in self.asked.items() if k >= order.iteration}
+        self.asked |= dict.fromkeys(new, (self.host.weights, order.iteration))
+        for index in range(len(self.workers)):
+            self._request(index, order, new)
 
     def _ready(self, indices: set[int]) -> list[int]:
         """Those workers that have answered or ended, after at most POLL_SECONDS."""
-        waited: dict[Any, int] = {self.workers[index].connection: index for index in sorted(indices)}
-        return [waited[connection] for connection in wait(list(waited), POLL_SECONDS)]
+        waited = [self.workers[index] for index in sorted(indices)]
+        return [worker.spec.index for worker in self.host.wait(waited, POLL_SECONDS)]
 
     def close(self) -> None:
-        """End every process."""
+        """End every worker."""
         for worker in self.workers:
             worker.kill()
+        self.host.close()
 
     @property
     def patience(self) -> float:
@@ -120,7 +131,7 @@ class WorkerPool:
     def _whole(self, parts: Sequence[TensorDictBase | None]) -> TensorDictBase:
         """The buffer of all workers. The first batch allocates it."""
         if self.buffer is None:
-            self.buffer = torch.cat([part for part in parts if part is not None]).share_memory_()
+            self.buffer = self.host.allocate(torch.cat([part for part in parts if part is not None]))
             for index, worker in enumerate(self.workers):
                 with suppress(WorkerLostError):  # the next request notices it, and its successor has the buffer
                     worker.use_buffer(self._slice(index))
@@ -138,16 +149,25 @@ class WorkerPool:
         first = self._first_world(index)
         return self.buffer[first : first + self.specs[index].worlds]
 
-    def _start(self, spec: WorkerSpec, episodes: Episodes | None) -> WorkerProcess:
+    def _start(self, spec: WorkerSpec, episodes: Episodes | None) -> RemoteWorker:
         part = None if episodes is None else episodes.part(self._first_world(spec.index), spec.worlds)
         buffer = None if self.buffer is None else self._slice(spec.index)
-        return WorkerProcess(self.make_env, self.act, spec, part, buffer)
+        started: RemoteWorker = self.host.start(spec, part, buffer)
+        return started
 
-    def _request(self, index: int, order: Order) -> None:
+    def _request(self, index: int, order: Order, iterations: Sequence[int]) -> None:
         try:
-            self.workers[index].request(order.iteration)
+            for iteration in iterations:
+                self.workers[index].request(iteration, self.asked[iteration][0])
         except WorkerLostError as error:
             self._replace(index, str(error), order)
+
+    def _move(self, order: Order) -> None:
+        """Start workers again for which the host has a better place. The batches that they were asked for are lost."""
+        for index in self.host.moved(self.workers):
+            self.workers[index].kill()
+            self.workers[index] = self._start(self.specs[index], order.episodes)
+            self._request(index, order, sorted(k for k in self.asked if k >= order.iteration))
 
     def _replace_overdue(self, indices: set[int], order: Order) -> None:
         patience = self.patience
@@ -157,7 +177,7 @@ class WorkerPool:
                 self._replace(index, f"did not answer for {patience:.1f} s", order)
 
     def _replace(self, index: int, cause: str, order: Order) -> None:
-        """Kill a worker, start its successor and ask it for the same batch."""
+        """Kill a worker, start its successor and ask it for the same batches."""
         self.workers[index].kill()
         if order.stop():  # the signal that stops the run may have ended the worker too
             raise Interrupted
@@ -170,4 +190,4 @@ class WorkerPool:
         again = f"it is replaced and its batch is collected again ({self.restarts} of at most {limit} times)"
         print(f"warning: collector worker {index} {cause}; {again}", file=sys.stderr, flush=True)
         self.workers[index] = self._start(self.specs[index], order.episodes)
-        self._request(index, order)
+        self._request(index, order, sorted(self.asked))

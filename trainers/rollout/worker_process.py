@@ -3,66 +3,28 @@
 from __future__ import annotations
 
 import ctypes
-import io
 import os
 import signal
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from typing import Any
 
 import torch
 import torch.multiprocessing
-from tensordict import TensorDict, TensorDictBase
+from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 
 from trainers.rollout.episode_log import Beginning, Episodes
 from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
+from trainers.rollout.worker_host import START_SECONDS, Failure, WorkerLostError
 
 PR_SET_PDEATHSIG = 1  # of Linux' prctl: the signal that a process is sent when its parent ends
-START_SECONDS = 120.0  # to start a process, to build its worlds and to replay their episodes
 RECEIVE_SECONDS = 10.0  # to read an answer that has begun
 EXIT_SECONDS = 1.0  # to wait for the exit code of a process whose pipe is closed
-
-
-class WorkerLostError(Exception):
-    """A worker process has ended, raised an exception or does not answer. The text says which.
-
-    frame: what the environment's step was given that raised, if its exception has a `frame`.
-    """
-
-    frame: TensorDictBase | None = None
-
-
-@dataclass(frozen=True)
-class Failure:
-    """What a worker answers if it raised an exception: its text, and its `frame` if it has one.
-
-    frame: written by `torch.save`. Tensors that are sent as they are cannot be read once their process has ended.
-    """
-
-    text: str
-    frame: bytes | None
-
-    @classmethod
-    def of(cls, error: Exception) -> Failure:
-        """Of an exception that a worker raised."""
-        text, frame = (str(error).splitlines() or [""])[0], getattr(error, "frame", None)
-        if frame is None:
-            return cls(f"raised {type(error).__name__}: {text}", None)
-        torch.save(frame.to_dict(), file := io.BytesIO())
-        return cls(f"raised {type(error).__name__}: {text}", file.getvalue())
-
-    def error(self) -> WorkerLostError:
-        """The error to raise in the main process."""
-        error = WorkerLostError(self.text)
-        if self.frame is not None:
-            error.frame = TensorDict.from_dict(torch.load(io.BytesIO(self.frame), weights_only=True))
-        return error
 
 
 class WorkerProcess:
@@ -91,8 +53,8 @@ class WorkerProcess:
         self.process.start()
         theirs.close()
 
-    def request(self, iteration: int) -> None:
-        """Ask for the batch of this iteration. Raises WorkerLostError."""
+    def request(self, iteration: int, weights: Any = None) -> None:
+        """Ask for the batch of this iteration, with the weights in shared memory. Raises WorkerLostError."""
         self.requested_at = time.monotonic()
         self._send(iteration)
 
@@ -146,6 +108,47 @@ class WorkerProcess:
         if code is not None and code < 0:
             return f"was killed by signal {-code} ({signal.Signals(-code).name})"
         return f"ended with exit code {code}"
+
+
+class ProcessHost:
+    """Starts workers as processes of this machine.
+
+    Args:
+        make_env: builds a worker's environment; picklable.
+        act: the policy's module, its parameters in shared memory.
+    """
+
+    weights = None
+
+    def __init__(self, make_env: MakeEnv, act: TensorDictModuleBase) -> None:
+        self.make_env, self.act = make_env, act
+
+    def publish(self) -> None:
+        """Nothing: the processes read the parameters themselves."""
+
+    def start(self, spec: WorkerSpec, episodes: Episodes | None, buffer: TensorDictBase | None) -> WorkerProcess:
+        """A new process."""
+        return WorkerProcess(self.make_env, self.act, spec, episodes, buffer)
+
+    def wait(self, workers: Sequence[WorkerProcess], seconds: float) -> list[WorkerProcess]:
+        """Those that have answered or ended, after at most so many seconds."""
+        waited: dict[Any, WorkerProcess] = {worker.connection: worker for worker in workers}
+        return [waited[connection] for connection in wait(list(waited), seconds)]
+
+    def moved(self, workers: Sequence[WorkerProcess]) -> list[int]:
+        """None: there is one machine."""
+        return []
+
+    def allocate(self, batch: TensorDictBase) -> TensorDictBase:
+        """The batch in shared memory."""
+        return batch.share_memory_()
+
+    def status(self, workers: Sequence[WorkerProcess], restarts: int, age: int) -> dict[str, str]:
+        """Nothing: the progress bar is for the results."""
+        return {}
+
+    def close(self) -> None:
+        """Nothing: the pool has ended the processes."""
 
 
 def _serve(

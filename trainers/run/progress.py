@@ -41,8 +41,11 @@ class Progress:
     def __exit__(self, *error: Any) -> None:
         self.bar.close()
 
-    def show(self, row: Mapping[str, float]) -> None:
-        """Show a row of metrics.csv. Values that it lacks keep their last value: evaluations are rarer than rows."""
+    def show(self, row: Mapping[str, float], status: Mapping[str, str] | None = None) -> None:
+        """Show a row of metrics.csv. Values that it lacks keep their last value: evaluations are rarer than rows.
+
+        status: further values by their labels, for the bar alone.
+        """
         shown = {label: row.get(name, math.nan) for name, label in LABELS.items()}
         shown[LABELS["train/success"]] = self._training_success(row)
         measured = {label: f"{value:.2f}" for label, value in shown.items() if math.isfinite(value)}
@@ -50,7 +53,7 @@ class Progress:
         if self.prints_lines and "success" in measured:
             text = ", ".join(f"{label} {self.values[label]}" for label in shown if label in self.values)
             print(f"{row['frames']:.0f} of {self.total} frames, {row['time/total']:.0f} s: {text}", flush=True)
-        self.bar.set_postfix(self.values, refresh=False)
+        self.bar.set_postfix({**self.values, **(status or {})}, refresh=False)
         self.bar.update(int(row["frames"]) - self.bar.n)
 
     def _training_success(self, row: Mapping[str, float]) -> float:

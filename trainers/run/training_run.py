@@ -14,10 +14,12 @@ from tensordict.nn import TensorDictModuleBase
 from torchrl.envs import EnvBase
 
 from trainers.algorithms.build import build_algorithm
-from trainers.config import Plan, cores, frames_per_batch
+from trainers.collector_config import cores
+from trainers.config import Plan, frames_per_batch
 from trainers.models.policy import Policy
 from trainers.reports.plots import learning_curve
 from trainers.rollout.collection import Rollouts
+from trainers.rollout.collection import columns as collector_columns
 from trainers.rollout.episode_statistics import EpisodeStatistics
 from trainers.rollout.evaluation import EvalResult, Interrupted, evaluate
 from trainers.rollout.seeds import derive_seed
@@ -77,7 +79,8 @@ class TrainingRun:
     def columns(self) -> tuple[str, ...]:
         """The columns of metrics.csv."""
         evaluation = (f"eval/{name}" for name in EVALUATION_NAMES)
-        return ("frames", *self.statistics.metrics, *self.algorithm.metrics, *evaluation, *TIMINGS)
+        timings = (*TIMINGS, *collector_columns(self.plan.collector))
+        return ("frames", *self.statistics.metrics, *self.algorithm.metrics, *evaluation, *timings)
 
     def resume(self, path: Path) -> None:
         """Continue from a checkpoint, bit for bit where it has the running state.
@@ -162,7 +165,7 @@ class TrainingRun:
             while not self.frames_exhausted():
                 self.iterate(self.rollouts, stop)
                 self.complete_row(metrics, stop)
-                progress.show(self.row)
+                progress.show(self.row, self.rollouts.status())
                 if stop():
                     raise Interrupted
         if self.plan.schedule_frames > self.plan.run.total_frames:
@@ -185,7 +188,7 @@ class TrainingRun:
         self.counters["iteration"] += 1
         self.row = {"frames": self.counters["frames"], **self.statistics.measure(batch), **update_metrics}
         times = (collected - start, updated - collected, 0.0, 0.0, batch.numel() / (updated - start))
-        self.row |= dict(zip(TIMINGS, times, strict=True))
+        self.row |= dict(zip(TIMINGS, times, strict=True)) | rollouts.measures()
         self.evaluated, self.consistent = False, True
 
     def complete_row(self, metrics: MetricsWriter, stop: StopSignal) -> None:

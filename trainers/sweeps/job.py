@@ -15,8 +15,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from conf.schema import ConfigError, read
-from trainers.config import CollectorConfig, cores, workers
+from conf.schema import ConfigError
+from trainers.collector_config import cores, read_collector, workers
 from trainers.sweeps.arguments import NON_JOB_PREFIXES, quote_path
 from trainers.sweeps.runs import read_overrides, read_result
 from trainers.utils.atomic_io import write_text
@@ -174,12 +174,14 @@ def job_command(program: Path, config: DictConfig, overrides: Sequence[str], pla
 def core_share(config: DictConfig) -> list[str]:
     """Overrides that limit a job to its share of the cores, for the keys that the user left at their defaults."""
     try:
-        collector = read(CollectorConfig, config.collector, "collector")
+        collector = read_collector(config.collector)
     except ConfigError:
         return []  # the job reports the error itself
     jobs = config.sweep.jobs
     threads = [] if config.update_threads else [f"update_threads={max(1, cores() // jobs)}"]
-    return threads if collector.workers else [f"collector.workers={workers(collector, jobs)}", *threads]
+    if collector.workers or collector.name != "local":
+        return threads
+    return [f"collector.workers={workers(collector, jobs)}", *threads]
 
 
 def failure_message(code: int, errors: str) -> str:

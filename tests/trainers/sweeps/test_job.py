@@ -25,7 +25,7 @@ def test_a_job_is_identified_by_its_overrides_not_by_its_number(tmp_path):
 def test_a_job_uses_its_share_of_the_cores(cores, jobs, workers, monkeypatch):
     from conf.overrides import compose
 
-    monkeypatch.setattr("trainers.config.cores", lambda: cores)
+    monkeypatch.setattr("trainers.collector_config.cores", lambda: cores)
     monkeypatch.setattr("trainers.sweeps.job.cores", lambda: cores)
     assert core_share(compose([f"sweep.jobs={jobs}"])) == [f"collector.workers={workers}"]
     assert core_share(compose([f"sweep.jobs={jobs}", "collector.workers=4"])) == []

@@ -1,0 +1,224 @@
+"""A connection to a Ray cluster, or a Ray that this process starts for itself, which listens on loopback only."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from conf.schema import ConfigError
+from trainers.cluster.versions import difference, versions
+from trainers.collector_config import cores
+
+CURRENT_CLUSTER = Path("/tmp/ray/ray_current_cluster")  # `ray start` writes its address there
+CONNECT_SECONDS = 3.0
+CHECK_SECONDS = 60.0  # for a node to start a process and to import this project
+OBJECT_STORE_BYTES = 512 * 2**20  # of a Ray that is started here; pages are taken when they are used
+LOOPBACK = "127.0.0.1"
+# Of a Ray that is started here: a killed actor that does not end by itself holds its cores for this long.
+SYSTEM_CONFIG = {"kill_worker_timeout_milliseconds": 500}
+
+
+@dataclass(frozen=True)
+class Node:
+    """A machine of the cluster. cpus: that Ray may give away."""
+
+    id: str
+    address: str
+    cpus: float
+
+
+def import_ray() -> Any:
+    """The module. No usage statistics are sent. Raises ConfigError if it is not installed."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")  # its future default; silences a warning
+    try:
+        import ray
+    except ImportError:
+        raise ConfigError('a cluster needs ray, which is not installed: pip install -e ".[cluster]"') from None
+    return ray
+
+
+class RaySession:
+    """Joins a cluster, or starts a Ray on this machine.
+
+    Args:
+        address: HOST:PORT of the cluster's head; None for the one in RAY_ADDRESS, or the cluster that `ray start` has
+            started on this machine. Without one, a Ray is started, which ends with this session.
+        dashboard: whether a Ray that is started has its dashboard, on loopback.
+
+    Raises:
+        ConfigError: Ray is not installed, the cluster is out of reach, or its version differs from this process's.
+    """
+
+    def __init__(self, address: str | None = None, dashboard: bool = False) -> None:
+        self.ray = import_ray()
+        self.folder: Path | None = None  # of a Ray that was started here
+        self.joined = self.ray.is_initialized()  # whoever has connected this process ends it
+        if self.joined:
+            return
+        address = _find_address(address)
+        options = {"log_to_driver": False, "logging_level": "error", "configure_logging": True}
+        with _signal_handlers():
+            if address is None:
+                self._start(options, dashboard)
+            else:
+                self._join(address, options)
+
+    @property
+    def nodes(self) -> list[Node]:
+        """The nodes that are alive, sorted by their addresses."""
+        alive = [node for node in self.ray.nodes() if node["Alive"]]
+        found = [
+            Node(node["NodeID"], node["NodeManagerAddress"], node["Resources"].get("CPU", 0.0))  #
+            for node in alive
+        ]
+        return sorted(found, key=lambda node: (node.address, node.id))
+
+    @property
+    def cpus(self) -> float:
+        """The cores of all nodes, whoever uses them."""
+        return sum(node.cpus for node in self.nodes)
+
+    @property
+    def free_cpus(self) -> float:
+        """The cores that no task or actor has reserved."""
+        return float(self.ray.available_resources().get("CPU", 0.0))
+
+    def on(self, node: Node, soft: bool = False) -> Any:
+        """The scheduling strategy for a task on this node. soft: elsewhere if the node has died."""
+        from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+        return NodeAffinitySchedulingStrategy(node.id, soft=soft)
+
+    def check_cpus(self, key: str, count: int, each: float) -> None:
+        """Raises ConfigError unless `count` actors or tasks find `each` cores at the same time.
+
+        key: of `count` in the config.
+        """
+        free, wanted = self.free_cpus, count * each
+        if wanted <= free + 1e-6:
+            return
+        fit = int((free + 1e-6) // each)
+        raise ConfigError(
+            f"{key}={count} at {each:g} cores each need {wanted:g} cores, and the Ray cluster has {free:g} free of "
+            f"{self.cpus:g}; add nodes, or give {key}={max(1, fit)}"
+            + (f" or collector.cpus={free / count:.2g}" if key.startswith("collector.") and free else "")
+        )
+
+    def check_nodes(self) -> None:
+        """Raises ConfigError if a node has other versions than this process, or lacks this project."""
+        own = versions()
+        task = self.ray.remote(num_cpus=0, max_retries=0)(versions)
+        asked = {task.options(scheduling_strategy=self.on(node)).remote(): node for node in self.nodes}
+        answered, silent = self.ray.wait(list(asked), num_returns=len(asked), timeout=CHECK_SECONDS)
+        for reference in answered:
+            node = asked[reference]
+            try:
+                theirs = self.ray.get(reference)
+            except self.ray.exceptions.RayError as error:
+                reason = str(error).strip().splitlines()[-1].strip()
+                raise ConfigError(f"node {node.address} cannot import this project: {reason}") from None
+            if text := difference(own, theirs):
+                raise ConfigError(f"node {node.address} differs from this machine: {text}; install the same on both")
+        for reference in silent:
+            raise ConfigError(f"node {asked[reference].address} has not answered for {CHECK_SECONDS:g} s")
+
+    def close(self) -> None:
+        """Leave the cluster, or end the Ray that was started here and remove its files."""
+        if self.joined:
+            return
+        with _signal_handlers():
+            self.ray.shutdown()
+        if self.folder is not None:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            latest = self.folder.with_name("session_latest")
+            if latest.is_symlink() and not latest.exists():
+                latest.unlink(missing_ok=True)
+
+    def _start(self, options: dict[str, Any], dashboard: bool) -> None:
+        with _loopback(self.ray):
+            context = self.ray.init(
+                address="local",
+                num_cpus=cores(),
+                include_dashboard=dashboard,
+                dashboard_host=LOOPBACK,
+                object_store_memory=OBJECT_STORE_BYTES,
+                _node_ip_address=LOOPBACK,
+                _system_config=SYSTEM_CONFIG,
+                **options,
+            )
+        self.folder = Path(context.address_info["session_dir"])
+
+    def _join(self, address: str, options: dict[str, Any]) -> None:
+        try:
+            self.ray.init(address=address, **options)
+        except (RuntimeError, ConnectionError, ValueError, TimeoutError) as error:
+            self.ray.shutdown()
+            reason = " ".join(str(error).split()).partition(". ")[0].rstrip(".")
+            raise ConfigError(
+                f"collector.address={address} cannot be joined from this machine: {reason}; run "
+                f"`ray start --address={address}` here with the Python of this program first"
+            ) from None
+
+
+def _find_address(address: str | None) -> str | None:
+    """The address to join, which something listens at; None to start a Ray. Raises ConfigError."""
+    named = address or os.environ.get("RAY_ADDRESS")
+    if named in ("auto", "local", None):
+        address = None
+        with suppress(OSError):
+            address = CURRENT_CLUSTER.read_text().strip() or None
+        if named == "auto" and (address is None or not _listens(address)):
+            raise ConfigError("collector.address=auto finds no cluster on this machine; run `ray start --head` first")
+        return address if named != "local" and address is not None and _listens(address) else None
+    assert named is not None
+    source = f"collector.address={named}" if address else f"RAY_ADDRESS={named}"
+    host, _, port = named.rpartition(":")
+    if not host or not port.isdigit():
+        raise ConfigError(f"{source} must be HOST:PORT, like 10.0.0.1:6379")
+    if not _listens(named):
+        raise ConfigError(f"{source} is out of reach: nothing there has answered for {CONNECT_SECONDS:g} s")
+    return named
+
+
+def _listens(address: str) -> bool:
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), CONNECT_SECONDS).close()
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+@contextmanager
+def _loopback(ray: Any) -> Iterator[None]:
+    """Keep 127.0.0.1 as the node's address, so that Ray's servers listen there only.
+
+    Ray replaces it by the machine's address, except where it supports no clusters, as on macOS.
+    """
+    constants = ray._private.ray_constants
+    before = constants.ENABLE_RAY_CLUSTER
+    constants.ENABLE_RAY_CLUSTER = False
+    try:
+        yield
+    finally:
+        constants.ENABLE_RAY_CLUSTER = before
+
+
+@contextmanager
+def _signal_handlers() -> Iterator[None]:
+    """Keep this process's signal handlers; Ray replaces that of SIGTERM."""
+    before: dict[int, Callable | int | None] = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            with suppress(ValueError):  # another thread than the main one
+                signal.signal(number, handler)

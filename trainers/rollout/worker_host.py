@@ -1,0 +1,113 @@
+"""What a pool of workers needs from the place where they run: processes of this machine, or actors of a cluster."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+
+from trainers.rollout.episode_log import Beginning, Episodes
+from trainers.rollout.worker import WorkerSpec
+
+START_SECONDS = 120.0  # to start a worker, to build its worlds and to replay their episodes
+
+
+class WorkerLostError(Exception):
+    """A worker has ended, raised an exception or does not answer. The text says which.
+
+    frame: what the environment's step was given that raised, if its exception has a `frame`.
+    """
+
+    frame: TensorDictBase | None = None
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What a worker answers if it raised an exception: its text, and its `frame` if it has one.
+
+    frame: written by `torch.save`. Tensors that are sent as they are cannot be read once their process has ended.
+    """
+
+    text: str
+    frame: bytes | None
+
+    @classmethod
+    def of(cls, error: Exception) -> Failure:
+        """Of an exception that a worker raised."""
+        text, frame = (str(error).splitlines() or [""])[0], getattr(error, "frame", None)
+        if frame is None:
+            return cls(f"raised {type(error).__name__}: {text}", None)
+        torch.save(frame.to_dict(), file := io.BytesIO())
+        return cls(f"raised {type(error).__name__}: {text}", file.getvalue())
+
+    def error(self) -> WorkerLostError:
+        """The error to raise in the main process."""
+        error = WorkerLostError(self.text)
+        if self.frame is not None:
+            error.frame = TensorDict.from_dict(torch.load(io.BytesIO(self.frame), weights_only=True))
+        return error
+
+
+class RemoteWorker(Protocol):
+    """A worker outside of this process. Requests are answered in their order.
+
+    answered: whether a batch was received; until then it may still be starting. requested_at: when the batch that is
+    received next was asked for, as `time.monotonic` has it.
+    """
+
+    spec: WorkerSpec
+    answered: bool
+    requested_at: float
+
+    def request(self, iteration: int, weights: Any) -> None:
+        """Ask for the batch of this iteration with these weights of the host. Raises WorkerLostError."""
+
+    def use_buffer(self, buffer: TensorDictBase) -> None:
+        """Have further batches written there, if the worker can. Raises WorkerLostError."""
+
+    def receive(self) -> tuple[TensorDictBase | None, Mapping[int, Beginning]]:
+        """The batch, None if it is in the buffer, and what `Worker.collect` says of it. Raises WorkerLostError."""
+
+    def overdue(self, patience: float) -> bool:
+        """Whether it has not answered for so many seconds, or more where it is starting."""
+
+    def kill(self) -> None:
+        """End it, whatever it is doing."""
+
+
+W = TypeVar("W", bound=RemoteWorker)
+
+
+class WorkerHost(Protocol, Generic[W]):
+    """Starts workers, and waits for them.
+
+    weights: those that batches are asked for with; None where all workers read the same memory.
+    """
+
+    @property
+    def weights(self) -> Any: ...
+
+    def publish(self) -> None:
+        """The policy's weights have changed."""
+
+    def start(self, spec: WorkerSpec, episodes: Episodes | None, buffer: TensorDictBase | None) -> W:
+        """A new worker, whose batches are written to `buffer` if it can. episodes: of its worlds, to continue."""
+
+    def wait(self, workers: Sequence[W], seconds: float) -> list[W]:
+        """Those workers that have answered, ended or become silent, after at most so many seconds."""
+
+    def moved(self, workers: Sequence[W]) -> list[int]:
+        """The indices of workers that are to be started again because there is a better place for them."""
+
+    def allocate(self, batch: TensorDictBase) -> TensorDictBase:
+        """The buffer of all further batches, with the contents of the first one."""
+
+    def status(self, workers: Sequence[W], restarts: int, age: int) -> dict[str, str]:
+        """How the workers do, for people: values by their labels. age: of the latest batch, in iterations."""
+
+    def close(self) -> None:
+        """Give back what the host holds. The workers have been killed."""
