@@ -114,7 +114,7 @@ def main(config: Any) -> dict[str, Any] | None:
     if job.mode == RunMode.MULTIRUN:
         from trainers.sweeps.job import run_job
 
-        run_job(Path(__file__), config, list(job.overrides.task), folder)
+        run_job(Path(__file__), config, list(job.overrides.task), folder, job.runtime.choices["hydra/launcher"])
         return None
     try:
         if config.resume:

@@ -15,6 +15,7 @@ PACKAGES = {  # package -> the packages that it may import beside itself
     "human": {"conf", "language"},
     "envs": {"conf", "language", "human"},
     "trainers": {"conf"},
+    "hydra_plugins": {"conf", "trainers"},
     "demo": {"conf", "language", "human", "envs", "trainers"},
     "deixis": {"conf", "language", "human", "envs", "trainers", "demo"},
     "tools": {"conf", "language", "human", "envs", "trainers", "demo"},  # what tests and benchmarks share

@@ -60,6 +60,9 @@ class MLPConfig(NetworkConfig):
 class SweepConfig(Checked):
     resume: str | None  # the directory of a sweep to resume
     jobs: int = within(1, 256)  # runs at a time
+    cpus: int = within(1, 1024)  # cores of each run on a cluster
+    gpus: float = within(0, 64)  # GPUs of each run on a cluster
+    retries: int = within(0, 100)  # how often a run that failed or was lost on a cluster is started again
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from conf.command_line import check_stored
 from trainers.sweeps.sweep_file import NAME, read_starts
 
 RESUME = "sweep.resume="
-NON_JOB_PREFIXES = ("-", "hydra.", "sweep.")  # words that do not distinguish the jobs of a sweep
+NON_JOB_PREFIXES = ("-", "hydra.", "hydra/", "sweep.")  # words that do not distinguish the jobs of a sweep
 
 
 def register_resolvers() -> None:

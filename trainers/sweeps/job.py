@@ -16,7 +16,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from conf.schema import ConfigError
-from trainers.collector_config import cores, read_collector, workers
+from trainers.collector_config import cores, most_workers, read_collector
 from trainers.sweeps.arguments import NON_JOB_PREFIXES, quote_path
 from trainers.sweeps.runs import read_overrides, read_result
 from trainers.utils.atomic_io import write_text
@@ -88,7 +88,7 @@ class JobWorker:
 WORKER = JobWorker()
 
 
-def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder: Path) -> None:
+def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder: Path, launcher: str = "local") -> None:
     """Run the job with these overrides, unless it has finished or the sweep was stopped.
 
     Args:
@@ -96,29 +96,45 @@ def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder:
         config: the composed config.
         overrides: of the job, as Hydra has them.
         folder: made for the job by Hydra; removed if an earlier start of the sweep made another one for this job.
+        launcher: Hydra's option. Each job of submitit has cores of its own; those of others share this machine's.
     """
+    share = cores() if launcher.startswith("submitit") else None
     WORKER.handle_signals()
-    own = [word for word in overrides if not word.startswith(NON_JOB_PREFIXES)]
+    own = job_overrides(overrides)
     place = find_job_folder(folder, own)
     if place != folder and not any(folder.iterdir()):
         folder.rmdir()
-    if _finished(place):
+    if has_finished(place):
         print(f"[{place.name}] has finished already", flush=True)
         return
     if WORKER.signal:
         return WORKER.exit_if_orphaned()
-    place.mkdir(exist_ok=True)
-    write_checked_json(place / "job.json", {"overrides": own})
-    (place / "error.txt").unlink(missing_ok=True)
+    begin_job(place, own)
     errors = place / ".stderr"
     errors.unlink(missing_ok=True)  # created new below
-    code = WORKER.run(job_command(program, config, own, place), errors, place.name)
+    code = WORKER.run(job_command(program, config, own, place, share), errors, place.name)
     if code and not WORKER.signal:
-        message = failure_message(code, errors.read_text(errors="replace"))
-        write_text(place / "error.txt", message + "\n")
-        print(f"[{place.name}] failed: {message.splitlines()[-1]}", flush=True)
+        record_failure(place, failure_message(code, errors.read_text(errors="replace")))
     errors.unlink()
     WORKER.exit_if_orphaned()
+
+
+def job_overrides(overrides: Sequence[str]) -> list[str]:
+    """Those overrides that identify a job of the sweep."""
+    return [word for word in overrides if not word.startswith(NON_JOB_PREFIXES)]
+
+
+def begin_job(place: Path, overrides: list[str]) -> None:
+    """Write the job's job.json, and remove the error of an earlier start."""
+    place.mkdir(exist_ok=True, parents=True)
+    write_checked_json(place / "job.json", {"overrides": overrides})
+    (place / "error.txt").unlink(missing_ok=True)
+
+
+def record_failure(place: Path, message: str) -> None:
+    """Write why the job failed, and print it."""
+    write_text(place / "error.txt", message + "\n")
+    print(f"[{place.name}] failed: {message.splitlines()[-1]}", flush=True)
 
 
 def find_job_folder(folder: Path, overrides: Sequence[str]) -> Path:
@@ -148,7 +164,7 @@ def _known_overrides(place: Path) -> list[str] | None:
         return None
 
 
-def _finished(place: Path) -> bool:
+def has_finished(place: Path) -> bool:
     """Whether the job has a result. A damaged one is removed, so that the job is finished again."""
     if not (place / "eval.json").exists():
         return False
@@ -161,27 +177,35 @@ def _finished(place: Path) -> bool:
     return True
 
 
-def job_command(program: Path, config: DictConfig, overrides: Sequence[str], place: Path) -> list[str]:
-    """The command that runs the job on its share of the cores. It resumes from a checkpoint in `place`, if any."""
+def job_command(
+    program: Path, config: DictConfig, overrides: Sequence[str], place: Path, share: int | None = None
+) -> list[str]:
+    """The command that runs the job on its share of the cores. It resumes from a checkpoint in `place`, if any.
+
+    share: number of cores; None: those of this machine, shared by the concurrent jobs of a sweep that runs here.
+    """
     words = [f"hydra.run.dir={quote_path(place)}"]
     if any((place / "checkpoints").glob("*.pt")):
         words.append(f"resume={quote_path(place)}")
     else:
         words += overrides
-    return [sys.executable, str(program), *words, *core_share(config)]
+    return [sys.executable, str(program), *words, *core_share(config, share)]
 
 
-def core_share(config: DictConfig) -> list[str]:
-    """Overrides that limit a job to its share of the cores, for the keys that the user left at their defaults."""
+def core_share(config: DictConfig, share: int | None = None) -> list[str]:
+    """Overrides that limit a job to its share of the cores, for the keys that the user left at their defaults.
+
+    share: as of `job_command`.
+    """
     try:
         collector = read_collector(config.collector)
     except ConfigError:
         return []  # the job reports the error itself
-    jobs = config.sweep.jobs
-    threads = [] if config.update_threads else [f"update_threads={max(1, cores() // jobs)}"]
+    share = max(1, cores() // config.sweep.jobs) if share is None else share
+    threads = [] if config.update_threads else [f"update_threads={share}"]
     if collector.workers or collector.name != "local":
         return threads
-    return [f"collector.workers={workers(collector, jobs)}", *threads]
+    return [f"collector.workers={most_workers(collector, share)}", *threads]
 
 
 def failure_message(code: int, errors: str) -> str:

@@ -1,7 +1,8 @@
 """Sweeps: several runs, some at a time, with a table and a report at the end. A resumed sweep runs only missing jobs.
 
-Hydra's joblib launcher distributes the jobs over worker processes. Each worker runs `train.py` in a separate process:
-a job that crashes or is killed leaves its error message, and the other jobs continue.
+A launcher of Hydra distributes the jobs: joblib's over worker processes, ours over the tasks of a Ray cluster
+(`trainers.cluster.ray_sweep`), submitit's over the jobs of SLURM. Each runs `train.py` in a separate process: a job
+that crashes or is killed leaves its error message, and the other jobs continue.
 
     <sweep dir>/sweep.yaml       each start of the sweep: time, overrides, machine
     <sweep dir>/<job>/job.json   the overrides of this job
@@ -34,7 +35,12 @@ REPEAT_SECONDS = 2.0  # a terminal signals the process and its group: two signal
 
 
 class SweepCallback(Callback):
-    """Hydra's callback for the start and the end of a multirun, in the main process. Copies in workers do nothing."""
+    """Hydra's callback for the start and the end of a multirun, in the main process. Copies in workers do nothing.
+
+    received: the latest signal to this process, for launchers; 0 before it.
+    """
+
+    received = 0
 
     def __init__(self) -> None:
         self.signal, self.signal_time = 0, 0.0
@@ -71,6 +77,7 @@ class SweepCallback(Callback):
         if self.signal and time.monotonic() - self.signal_time > REPEAT_SECONDS:
             raise KeyboardInterrupt
         self.signal, self.signal_time = number, self.signal_time or time.monotonic()
+        SweepCallback.received = number
         for worker in multiprocessing.active_children():
             worker.terminate()
 
@@ -85,7 +92,9 @@ class SweepCallback(Callback):
             traceback.print_exc()
             sys.exit(1)
         if self.signal or not finished:
-            command = shlex.join(["python", "train.py", "-m", f"sweep.resume={folder}"])
+            launcher = config.hydra.runtime.choices["hydra/launcher"]
+            words = [] if launcher == "local" else [f"hydra/launcher={launcher}"]
+            command = shlex.join(["python", "train.py", "-m", f"sweep.resume={folder}", *words])
             print(f"run the missing jobs with: {command}", flush=True)
             sys.exit(128 + self.signal if self.signal else 1)
 
