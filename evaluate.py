@@ -11,6 +11,8 @@
     by_hand=false     true: a window opens in which you move the person's finger with keys and watch the robot;
                       Escape or episodes=3 ends it; noise_deg, dropout and switch of the gesture are switched off
     video=0           number of additional episodes to record, with the sentence below each frame
+    shards=null       the episodes are shared out over so many seeds; null = 1, with collector=ray one for 500 episodes
+    collector=local   ray: the shards are evaluated on a Ray cluster, with the same result: docs/cluster.md
     out=<file>        file of the result; default: a numbered file in the run directory, or in outputs/ for a
                       pretrained policy
     task.num_objects=6 ...   any key of the run's config, to evaluate under other conditions than in training
@@ -28,11 +30,14 @@ from contextlib import closing
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from conf.arguments import check_file, run, split
 from conf.overrides import apply
 from conf.schema import Checked, ConfigError, one_of, read, within
+
+if TYPE_CHECKING:
+    from trainers.rollout.evaluation import EpisodeOutcome
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +54,8 @@ class EvaluateConfig(Checked):
     reader: str = one_of("policy", "oracle")
     in_turn: int = within(0, 100_000)
     by_hand: bool
+    shards: int | None = within(1, 10_000)
+    collector: str = one_of("local", "ray")
     out: str | None
 
 
@@ -63,7 +70,10 @@ DEFAULTS = {
     "reader": "policy",
     "in_turn": 0,
     "by_hand": False,
+    "shards": None,
+    "collector": "local",
 }
+SEED_INDEX = 2**20  # of the seed of the first shard: neither training nor its evaluations use it
 SPLITS = ("train", "test_composition", "test_paraphrase", "test_length")
 
 
@@ -76,6 +86,8 @@ def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
     config = read(EvaluateConfig, DEFAULTS | own, "")
     if config.by_hand and (config.splits or config.in_turn or config.video):
         raise ConfigError("by_hand=true needs splits=false, in_turn=0 and video=0: every episode is chosen by hand")
+    if (config.by_hand or config.in_turn) and (config.shards or config.collector != "local"):
+        raise ConfigError("by_hand=true and in_turn are evaluated in this process: leave shards and collector out")
     return config, overrides
 
 
@@ -127,38 +139,61 @@ def _evaluate(
     cfg = apply(saved["config"], overrides)
 
     from envs.config import read_env
-    from envs.interactive.by_hand import ByHandEnv
     from train import build_env
     from trainers.algorithms.build import fitted_policy
-    from trainers.rollout.evaluation import evaluate
+    from trainers.cluster.shards import evaluate_shards
     from trainers.rollout.seeds import derive_seed
     from trainers.rollout.video import record_video
     from trainers.utils.atomic_io import atomic_path
 
-    env_config = read_env(cfg).without_curriculum()
-    make = partial(build_env, env_config)
-    seed = derive_seed(config.seed, 2**20, evaluation=True)
-    worlds = (
-        cfg["task"]["num_objects"] * max(1, cfg["task"].get("num_targets", 0))
-        if config.in_turn
-        else min(config.worlds, config.episodes)
-    )
-    env = ByHandEnv(env_config, seed) if config.by_hand else make(worlds, seed)
-    try:
-        policy = fitted_policy(saved, cfg, env).act
-        actor = _actor(config, env, policy)
-        if config.by_hand:
-            return _by_hand(env, actor, config.episodes)
-        if config.in_turn:
-            return _in_turn(env, actor, config.in_turn, seed)
-        result = evaluate(env, actor, config.episodes, seed).as_dict()
-    finally:
-        env.close()
+    if config.by_hand or config.in_turn:
+        return _in_this_process(config, saved, cfg)
+    function = partial(_evaluate_shard, config, saved, overrides)
+    result = evaluate_shards(function, config.episodes, config.shards, config.collector == "ray")
     if config.video and video:
         video.parent.mkdir(parents=True, exist_ok=True)
-        with closing(make(1, seed, render=True)) as rendered, atomic_path(video.with_suffix(".mp4")) as file:
-            record_video(rendered, policy, file, config.video)
+        seed = derive_seed(config.seed, SEED_INDEX, evaluation=True)
+        rendered = build_env(read_env(cfg).without_curriculum(), 1, seed, render=True)
+        with closing(rendered), atomic_path(video.with_suffix(".mp4")) as file:
+            record_video(rendered, fitted_policy(saved, cfg, rendered).act, file, config.video)
     return result
+
+
+def _evaluate_shard(
+    config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], shard: tuple[int, int]
+) -> tuple[list[EpisodeOutcome], Sequence[str]]:
+    """The episodes of a shard (its number and how many they are), and the names of the kinds. Runs on any machine."""
+    from envs.config import read_env
+    from train import build_env
+    from trainers.algorithms.build import fitted_policy
+    from trainers.rollout.evaluation import run_episodes
+    from trainers.rollout.seeds import derive_seed
+
+    cfg = apply(saved["config"], overrides)
+    number, episodes = shard
+    seed = derive_seed(config.seed, SEED_INDEX + number, evaluation=True)
+    env = build_env(read_env(cfg).without_curriculum(), min(config.worlds, episodes), seed)
+    with closing(env):
+        actor = _actor(config, env, fitted_policy(saved, cfg, env).act)
+        return run_episodes(env, actor, episodes, seed), list(env.kind_names)
+
+
+def _in_this_process(config: EvaluateConfig, saved: dict[str, Any], cfg: Any) -> dict[str, Any]:
+    """The evaluations with by_hand and in_turn."""
+    from envs.config import read_env
+    from envs.interactive.by_hand import ByHandEnv
+    from train import build_env
+    from trainers.algorithms.build import fitted_policy
+    from trainers.rollout.seeds import derive_seed
+
+    env_config, seed = read_env(cfg).without_curriculum(), derive_seed(config.seed, SEED_INDEX, evaluation=True)
+    worlds = cfg["task"]["num_objects"] * max(1, cfg["task"].get("num_targets", 0))
+    env = ByHandEnv(env_config, seed) if config.by_hand else build_env(env_config, worlds, seed)
+    with closing(env):
+        actor = _actor(config, env, fitted_policy(saved, cfg, env).act)
+        if config.by_hand:
+            return _by_hand(env, actor, config.episodes)
+        return _in_turn(env, actor, config.in_turn, seed)
 
 
 def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:

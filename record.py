@@ -7,6 +7,7 @@
                       the environment of the other words (task=nl_push robot=panda)
     camera=false      true: with images of the workspace's camera
     seed=0            of the episodes; neither training nor evaluation uses the same ones
+    collector=local   ray: on a Ray cluster, with the same result: docs/cluster.md
     out=<dir>         directory of the dataset; default: a numbered one in outputs/
     task.num_objects=6 ...   any key of the config, to record under other conditions than in training
 
@@ -18,9 +19,11 @@ docs/recording.md describes the datasets and how other libraries load them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, fields
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +34,10 @@ from conf.schema import Checked, ConfigError, one_of, read, within
 if TYPE_CHECKING:
     from envs.config import EnvConfig
     from envs.workspace_env import WorkspaceEnv
+    from trainers.datasets.demonstrations import Demonstration
+    from trainers.run.signals import StopSignal
+
+BLOCK = 25  # episodes of a task on a cluster
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +50,7 @@ class RecordConfig(Checked):
     expert: bool
     camera: bool
     seed: int = within(0, 2**31 - 1)
+    collector: str = one_of("local", "ray")
     out: str | None
     replay: str | None
     tolerance: float = within(0.0)
@@ -55,6 +63,7 @@ DEFAULTS = {
     "expert": False,
     "camera": False,
     "seed": 0,
+    "collector": "local",
     "out": None,
     "replay": None,
     "tolerance": 0.0,
@@ -100,23 +109,43 @@ def _record(config: RecordConfig, overrides: list[str]) -> None:
     check_folder("out", str(place))
     with closing(WorkspaceEnv(env_config, 1, 0, config.camera)) as env, StopSignal() as stop:
         about = _about(env, config, whole.get("choices", {}))
+        recorded = _episodes(env, config, saved, whole, stop)
         try:
             metadata = write(
-                place,
-                config.format,
-                env,
-                _actor(env, config, saved, whole),
-                config.episodes,
-                config.seed,
-                about,
-                config.camera,
-                stop,
+                place, config.format, env, recorded, config.episodes, config.seed, about, config.camera, stop
             )
         except Interrupted:
             raise SystemExit(128 + stop.signal) from None
     low, high = metadata["ci95"]
     counts = f"{metadata['episodes']} episodes, {metadata['steps']} steps"
     print(f"{counts}, success_at_end {metadata['success_at_end']:.3f} (95 %: {low:.3f}-{high:.3f}): {place}")
+
+
+def _episodes(
+    env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None, whole: Any, stop: StopSignal
+) -> Iterator[Demonstration]:
+    """The episodes, recorded here or on a cluster. Raises ConfigError if the actor does not fit, and Interrupted."""
+    from trainers.datasets.demonstrations import demonstrate
+
+    actor = _actor(env, config, saved, whole)
+    if config.collector == "local":
+        return demonstrate(env, actor, config.episodes, config.seed, config.camera)
+    from trainers.cluster.ray_map import map_on_cluster
+
+    blocks = range(0, config.episodes, BLOCK)
+    parts = map_on_cluster(partial(_record_block, config, saved, whole), blocks, "recording", stop=stop)
+    return chain.from_iterable(parts)
+
+
+def _record_block(config: RecordConfig, saved: dict[str, Any] | None, whole: Any, first: int) -> list[Demonstration]:
+    """The episodes from number `first` on, at most BLOCK of them. Runs on any machine."""
+    from envs.workspace_env import WorkspaceEnv
+    from trainers.datasets.demonstrations import demonstrate
+
+    count = min(BLOCK, config.episodes - first)
+    with closing(WorkspaceEnv(_eval_config(whole), 1, 0, config.camera)) as env:
+        actor = _actor(env, config, saved, whole)
+        return list(demonstrate(env, actor, count, config.seed, config.camera, first))
 
 
 def _load_config(config: RecordConfig, overrides: list[str]) -> tuple[dict[str, Any] | None, Any]:

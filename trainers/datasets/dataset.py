@@ -10,7 +10,7 @@ from typing import Any
 from torchrl.envs import EnvBase
 
 from conf.schema import ConfigError, did_you_mean
-from trainers.datasets.demonstrations import Actor, Demonstration, demonstrate
+from trainers.datasets.demonstrations import Demonstration
 from trainers.datasets.lerobot_dataset import LeRobotWriter, read_lerobot
 from trainers.datasets.minari_dataset import MinariWriter, read_minari
 from trainers.rollout.evaluation import Interrupted, wilson
@@ -25,20 +25,20 @@ def write(
     place: Path,
     kind: str,
     env: EnvBase,
-    actor: Actor,
+    recorded: Iterator[Demonstration],
     episodes: int,
     seed: int,
     about: dict[str, Any],
     images: bool = False,
     stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
-    """Record episodes to a new directory, which appears under its name when it is complete.
+    """Write episodes to a new directory, which appears under its name when it is complete.
 
     Args:
         place: the directory.
         kind: the format, a key of `FORMATS`.
-        env: of one world; built for rendering if images are recorded.
-        actor: writes "action".
+        env: of one world, like those of the episodes; built for rendering if images are recorded.
+        recorded: the episodes of `demonstrate`.
         episodes: their number.
         seed: of the recording.
         about: config, actor and instruction for the metadata, and what the format's writer needs.
@@ -56,7 +56,7 @@ def write(
     with atomic_directory(place) as folder:
         shape = env.render().shape if images else None
         writer = FORMATS[kind][0](folder, place.name, env, about, shape)
-        for episode in demonstrate(env, actor, episodes, seed, images):
+        for episode in recorded:
             writer.add(episode)
             steps, successes = steps + len(episode), successes + episode.success
             if stop():

@@ -53,7 +53,9 @@ class Demonstration:
         return bool(self.outcomes["success"][-1])
 
 
-def demonstrate(env: EnvBase, actor: Actor, episodes: int, seed: int, images: bool = False) -> Iterator[Demonstration]:
+def demonstrate(
+    env: EnvBase, actor: Actor, episodes: int, seed: int, images: bool = False, first: int = 0
+) -> Iterator[Demonstration]:
     """Run episodes with a deterministic actor, one after another.
 
     Args:
@@ -62,8 +64,9 @@ def demonstrate(env: EnvBase, actor: Actor, episodes: int, seed: int, images: bo
         episodes: their number.
         seed: of the whole recording; each episode's seed is derived from it.
         images: whether to record camera images.
+        first: number of the first episode, where the others are recorded elsewhere.
     """
-    for index in range(episodes):
+    for index in range(first, first + episodes):
         episode_seed = derive_seed(seed, SEED_INDEX + index, evaluation=True)
         yield _run_episode(env, lambda state: actor(state.exclude("privileged"))["action"], episode_seed, images)
 

@@ -136,10 +136,25 @@ def evaluate(
     Raises:
         Interrupted: `stop` returned True.
     """
+    return summarize(run_episodes(env, policy, episodes, seed, stop), env.kind_names)
+
+
+def run_episodes(
+    env: TrainingEnv,
+    policy: TensorDictModuleBase,
+    episodes: int,
+    seed: int | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> list[EpisodeOutcome]:
+    """The episodes of `evaluate`, in the order in which they ended."""
     if seed is not None:
         env.set_seed(seed)
-    outcomes = _run_episodes(env, policy, quotas(episodes, env.batch_size[0]), stop)
-    names = env.kind_names
+    return _run_episodes(env, policy, quotas(episodes, env.batch_size[0]), stop)
+
+
+def summarize(outcomes: list[EpisodeOutcome], kind_names: Sequence[str]) -> EvalResult:
+    """Statistics over episodes. kind_names: what the values of `EpisodeOutcome.kind` are."""
+    names = kind_names
     kinds = {names[kind]: [e for e in outcomes if e.kind == kind] for kind in sorted({e.kind for e in outcomes})}
     result = _summary(outcomes)
     result.by_kind = {name: _summary(group) for name, group in kinds.items()}

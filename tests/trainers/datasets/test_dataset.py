@@ -9,6 +9,7 @@ from envs import make_env
 from envs.experts import expert
 from tests.helpers.recordings import FORMATS, expected_episodes, record_formats
 from trainers.datasets import dataset
+from trainers.datasets.demonstrations import demonstrate
 from trainers.rollout.evaluation import Interrupted
 
 pytestmark = pytest.mark.slow
@@ -48,6 +49,8 @@ def test_an_interrupted_recording_leaves_no_directory(tmp_path, form):
     about = {"config": {}, "actor": "", "instruction": "", "robot": "", "fps": 20, "names": {}, "gym": None}
     asked = iter([False, True])
     with pytest.raises(Interrupted):
-        dataset.write(tmp_path / "it", form, env, expert(env), 5, 0, about, stop=lambda: next(asked))
+        dataset.write(
+            tmp_path / "it", form, env, demonstrate(env, expert(env), 5, 0), 5, 0, about, stop=lambda: next(asked)
+        )
     env.close()
     assert not list(tmp_path.iterdir())
