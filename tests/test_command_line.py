@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
+import shutil
 import subprocess
 import sys
-import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -18,8 +17,8 @@ import evaluate
 import train
 from conf.overrides import compose
 from conf.schema import ConfigError
-from tests.helpers.processes import left_over, living
 from tests.helpers.tiny_run import TINY
+from tools.forked import call
 from trainers.run.metrics import read_metrics
 
 pytestmark = pytest.mark.slow
@@ -156,28 +155,36 @@ def test_evaluate_reports_each_split(trained, capsys):
         evaluate.main(short)
 
 
-def test_resume_continues_in_the_same_folder(trained, tmp_path):
-    config, folder = train.resumed(str(trained), ["total_frames=57_344", "eval.episodes=4", "eval.video_episodes=0"])
-    assert folder == trained
-    assert train.run(config, folder)["frames"] == 57_344
-    frames = [row["frames"] for row in read_metrics(trained / "metrics.csv")]
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory) -> Path:
+    """The folder of a run of 256 frames; tests do not change it."""
+    folder = tmp_path_factory.mktemp("tiny")
+    train.run(compose([*TINY, "seed=5"]), folder)
+    return folder
+
+
+def test_resume_continues_in_the_same_folder(tiny, tmp_path):
+    copied = Path(shutil.copytree(tiny, tmp_path / "run"))
+    config, folder = train.resumed(str(copied), ["total_frames=320", "eval.episodes=3"])
+    assert folder == copied
+    assert train.run(config, folder)["frames"] == 320
+    frames = [row["frames"] for row in read_metrics(copied / "metrics.csv")]
     assert frames == sorted(set(frames))
-    assert frames[-1] == 57_344
+    assert frames[-1] == 320
 
 
-def test_the_same_seed_gives_the_same_training_bit_for_bit(tmp_path):
+def test_the_same_seed_gives_the_same_training_bit_for_bit(tiny, tmp_path):
     def rows(folder: Path) -> list[dict[str, float]]:
-        train.run(compose([*TINY, "seed=5"]), folder)
         measured = read_metrics(folder / "metrics.csv")
         return [{k: v for k, v in row.items() if not k.startswith("time/")} for row in measured]
 
-    assert str(rows(tmp_path / "a")) == str(rows(tmp_path / "b"))
+    train.run(compose([*TINY, "seed=5"]), tmp_path)
+    assert str(rows(tiny)) == str(rows(tmp_path))
 
 
 @pytest.mark.parametrize(
     ("arguments", "expected_words"),
     [
-        (["robot=kuca"], ["robot=kuca", "did you mean 'kuka'"]),
         (["algo.lrr=1"], ["algo.lrr", "did you mean 'algo.lr'"]),
         (["robt=kuka"], ["robt", "did you mean 'robot'"]),
         (["algo.lr=-1"], ["algo.lr=-1", "[1e-07, 1]"]),
@@ -198,14 +205,23 @@ def test_the_same_seed_gives_the_same_training_bit_for_bit(tmp_path):
     ],
 )
 def test_bad_input_gets_one_clear_message(arguments, expected_words, tmp_path):
-    done = command(*arguments, f"hydra.run.dir={tmp_path / 'run'}")
-    assert done.returncode == 1
-    assert "Traceback" not in done.stderr + done.stdout
-    lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    done = call(partial(train.cli, [*arguments, f"hydra.run.dir={tmp_path / 'run'}"]), ROOT)
+    check_refusal(done.code, done.out, done.err, expected_words)
+    assert not (tmp_path / "run").exists()
+
+
+def check_refusal(code: int, out: str, err: str, expected_words: list[str]) -> None:
+    assert code == 1
+    assert "Traceback" not in err + out
+    lines = [line for line in err.splitlines() if line.startswith("error: ")]
     assert len(lines) == 1
     for words in expected_words:
         assert words in lines[0]
-    assert not (tmp_path / "run").exists()
+
+
+def test_bad_input_ends_the_process_with_one_clear_message():
+    done = command("robot=kuca")
+    check_refusal(done.returncode, done.stdout, done.stderr, ["robot=kuca", "did you mean 'kuka'"])
 
 
 @pytest.mark.parametrize(
@@ -223,76 +239,12 @@ def test_bad_input_gets_one_clear_message(arguments, expected_words, tmp_path):
         (["checkpoint={run}", "reader=parrot"], "reader=parrot"),
     ],
 )
-def test_evaluate_refuses_bad_input(trained, overrides, expected_words):
+def test_evaluate_refuses_bad_input(tiny, overrides, expected_words):
     with pytest.raises(ConfigError, match=expected_words):
-        evaluate.main([word.format(run=trained) for word in overrides])
+        evaluate.main([word.format(run=tiny) for word in overrides])
 
 
 def test_help_needs_neither_torch_nor_pybullet():
     code = "import sys, train, evaluate; sys.exit(any(m in sys.modules for m in ('torch', 'pybullet', 'torchrl')))"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
     assert "robot" in command("--help").stdout
-
-
-@pytest.fixture
-def running(tmp_path, request):
-    """A training run with two workers, past its first batch."""
-    words = ["collector.workers=2", "collector.worlds=8", "eval.worlds=4", "logger=[]", "algo.horizon=32"]
-    words += getattr(request, "param", [])
-    process = subprocess.Popen(
-        [sys.executable, str(ROOT / "train.py"), *words, f"hydra.run.dir={tmp_path}"],
-        cwd=ROOT,
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        stdin=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-    )
-    deadline = time.monotonic() + 90
-    while len(read_metrics(tmp_path / "metrics.csv")) < 2 and time.monotonic() < deadline:
-        time.sleep(0.2)
-    yield process, tmp_path
-    if process.poll() is None:
-        os.killpg(process.pid, signal.SIGKILL)
-    process.communicate()
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_stopped_run_saves_and_leaves_no_process(running, number):
-    process, folder = running
-    process.send_signal(number)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 128 + number, errors
-    assert (folder / "checkpoints" / "last.pt").is_file()
-    assert left_over(process.pid, 10) == []
-    assert "Traceback" not in errors
-
-
-def kill_a_worker(process):
-    workers = [pid for pid in living(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-    os.kill(workers[-1], signal.SIGKILL)
-
-
-def test_a_killed_worker_is_replaced_and_the_run_continues(running):
-    process, folder = running
-    kill_a_worker(process)
-    rows, deadline = len(read_metrics(folder / "metrics.csv")), time.monotonic() + 90
-    while len(read_metrics(folder / "metrics.csv")) < rows + 3 and time.monotonic() < deadline:
-        time.sleep(0.2)
-    assert process.poll() is None
-    process.send_signal(signal.SIGTERM)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 128 + signal.SIGTERM
-    assert "was killed by signal 9 (SIGKILL); it is replaced" in errors
-    assert left_over(process.pid, 10) == []
-
-
-@pytest.mark.parametrize("running", [["collector.restarts=0"]], indirect=True)
-def test_a_killed_worker_ends_a_run_that_allows_no_restarts(running):
-    process, folder = running
-    kill_a_worker(process)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 1
-    assert "was killed by signal 9 (SIGKILL); collector.restarts=0 allows no more restarts" in errors
-    assert (folder / "checkpoints" / "last.pt").is_file()
-    assert left_over(process.pid, 10) == []

@@ -9,12 +9,14 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 import train
 from tests.helpers.processes import left_over
+from tools.forked import call
 from trainers.run import checkpoint
 from trainers.run.metrics import read_metrics
 
@@ -169,9 +171,8 @@ def test_jobs_end_when_the_sweep_is_killed(tmp_path):
     ],
 )
 def test_a_sweep_that_cannot_start_is_refused_in_one_line(words, message, tmp_path):
-    process = start(*words, f"hydra.sweep.dir={tmp_path}/sweep")
-    said, _ = process.communicate(timeout=60)
-    assert process.returncode == 1
-    (line,) = said.splitlines()
+    done = call(partial(train.cli, [*words, f"hydra.sweep.dir={tmp_path}/sweep"]), ROOT)
+    assert done.code == 1
+    (line,) = (done.out + done.err).splitlines()
     assert message in line
     assert not (tmp_path / "sweep").exists()
