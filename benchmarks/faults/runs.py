@@ -17,6 +17,7 @@ import torch
 from benchmarks.faults.rows import Outcome, row
 from trainers.run import checkpoint
 from trainers.run.metrics import read_metrics
+from trainers.run.run_folder import SEMAPHORE_NAME, SEMAPHORES
 
 ROOT = Path(__file__).parents[2]
 SMALL = ["collector.worlds=4", "eval.episodes=4", "eval.interval_episodes=4", "eval.worlds=4", "eval.video_episodes=0"]
@@ -97,6 +98,12 @@ def same(a: Any, b: Any) -> bool:
     return torch.equal(a, b) if torch.is_tensor(a) else a == b
 
 
+def orphaned_semaphores() -> list[Path]:
+    """Semaphores of runs whose process is gone; other runs may go on beside this one."""
+    found = ((path, SEMAPHORE_NAME.fullmatch(path.name)) for path in SEMAPHORES.glob("sem.mp-deixis-*"))
+    return [path for path, match in found if match and not Path(f"/proc/{match[1]}").exists()]
+
+
 @row("resume", "stop at a random iteration by SIGTERM, SIGKILL or the end of frames, and resume: bit-equal", 40)
 def resume(tries: int, random: Random, folder: Path) -> Outcome:
     """PPO and SAC, 1 and 2 workers, three ways to stop, in turn."""
@@ -155,7 +162,7 @@ def group(tries: int, random: Random, folder: Path) -> Outcome:
         if wrong:
             outcome.failures.append(wrong)
         outcome.figures["runs"] += 1
-        outcome.figures["left over"] += len(list(place.rglob(".*.tmp*"))) + len(list(Path("/dev/shm").glob("*deixis*")))
+        outcome.figures["left over"] += len(list(place.rglob(".*.tmp*"))) + len(orphaned_semaphores())
         run += 1
         place = folder / f"run-{run}"
     return outcome
