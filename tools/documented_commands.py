@@ -22,12 +22,16 @@ REQUIRED_MODULES = {  # words of a command: the module that they require
     "format=minari": "minari",
     "format=lerobot": "pyarrow",
     "replay=": "pyarrow",
+    "=ray": "ray",
+    "benchmarks.cluster": "ray",
 }
 NOT_RUN = {  # words of a command: why it is not run; "": it is run
     "by_hand=true": "waits for a person at a window; tests/envs/sim/test_window.py presses its keys",
     "python play.py --headless": "",
     "python play.py --gui": "waits for a person at a window; tests/envs/sim/test_window.py opens and closes it",
     "python play.py": "serves its page until it is stopped; tests/demo drive it",
+    "submitit_slurm": "needs SLURM; tests/trainers/sweeps/test_submitit.py uses submitit's local executor",
+    "collector.workers=32": "needs 32 cores; the command with two workers is run",
     "pytest": "the tests themselves, which .ci/run runs",
     "pip install": "an installation only; --fresh runs the one of README",
 }

@@ -75,10 +75,7 @@ class RaySession:
     def nodes(self) -> list[Node]:
         """The nodes that are alive, sorted by their addresses."""
         alive = [node for node in self.ray.nodes() if node["Alive"]]
-        found = [
-            Node(node["NodeID"], node["NodeManagerAddress"], node["Resources"].get("CPU", 0.0))  #
-            for node in alive
-        ]
+        found = [Node(node["NodeID"], node["NodeManagerAddress"], node["Resources"].get("CPU", 0.0)) for node in alive]
         return sorted(found, key=lambda node: (node.address, node.id))
 
     @property
@@ -161,6 +158,11 @@ class RaySession:
             self.ray.init(address=address, **options)
         except (RuntimeError, ConnectionError, ValueError, TimeoutError) as error:
             self.ray.shutdown()
+            if "token" in str(error).lower():
+                raise ConfigError(
+                    f"collector.address={address} asks for a token: set RAY_AUTH_MODE=token here, and put the head's "
+                    "token into ~/.ray/auth_token"
+                ) from None
             reason = " ".join(str(error).split()).partition(". ")[0].rstrip(".")
             raise ConfigError(
                 f"collector.address={address} cannot be joined from this machine: {reason}; run "
@@ -169,15 +171,19 @@ class RaySession:
 
 
 def _find_address(address: str | None) -> str | None:
-    """The address to join, which something listens at; None to start a Ray. Raises ConfigError."""
+    """The address to join, which something listens at; "auto": that of this machine. None to start a Ray.
+
+    Raises ConfigError.
+    """
     named = address or os.environ.get("RAY_ADDRESS")
     if named in ("auto", "local", None):
-        address = None
+        here = ""
         with suppress(OSError):
-            address = CURRENT_CLUSTER.read_text().strip() or None
-        if named == "auto" and (address is None or not _listens(address)):
+            here = CURRENT_CLUSTER.read_text().strip()
+        found = bool(here) and named != "local" and _listens(here)
+        if named == "auto" and not found:
             raise ConfigError("collector.address=auto finds no cluster on this machine; run `ray start --head` first")
-        return address if named != "local" and address is not None and _listens(address) else None
+        return "auto" if found else None
     assert named is not None
     source = f"collector.address={named}" if address else f"RAY_ADDRESS={named}"
     host, _, port = named.rpartition(":")

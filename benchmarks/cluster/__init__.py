@@ -1,0 +1,1 @@
+"""Collection, sweeps and evaluation on a Ray cluster: python -m benchmarks.cluster ROW --tries N."""

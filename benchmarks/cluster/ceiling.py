@@ -1,0 +1,135 @@
+"""The learner's ceiling: how many workers one main process can read, with batches of real sizes and no physics."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import torch
+
+from benchmarks.cluster.rows import row
+from benchmarks.faults.rows import Outcome
+from conf.overrides import compose
+from envs.config import read_env
+from language import Tokenizer
+from train import build_env
+from trainers.algorithms.build import build_algorithm
+from trainers.cluster.ray_host import RayHost
+from trainers.cluster.ray_worker import HEARTBEAT, RayWorker, to_arrays
+from trainers.collector_config import RayCollectorConfig
+from trainers.config import read_plan
+from trainers.rollout.worker import Worker, WorkerSpec
+from trainers.rollout.worker_pool import Order, WorkerPool
+
+COUNTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+WORLDS, HORIZON = 16, 64  # of each worker: 1,024 frames
+FRAMES_PER_S = 1500.0  # of a worker's physics and policy on one core
+BATCHES = 6
+UPDATE_FRAMES = 4096  # of the batch that an update is timed with
+PROCESSES = 2  # actors, which the workers share: a process for each of them would not fit into memory
+
+
+class ReplayedActor:
+    """Stands for many workers: each request sleeps as long as physics would take, and returns a recorded batch."""
+
+    def __init__(self, recorded: Mapping[Any, Any], beginnings: dict[int, Any]) -> None:
+        self.recorded, self.beginnings = recorded, beginnings
+        self.seconds = WORLDS * HORIZON / FRAMES_PER_S
+
+    def where(self) -> tuple[str, int]:
+        """As `CollectorActor.where`."""
+        import os
+
+        import ray
+
+        return ray.get_runtime_context().get_node_id(), os.getpid()
+
+    def beat(self) -> None:
+        """As `CollectorActor.beat`."""
+
+    def collect(self, iteration: int, weights: Any) -> tuple[Mapping[Any, Any], dict[int, Any]]:
+        """As `CollectorActor.collect`."""
+        time.sleep(self.seconds)
+        return self.recorded, self.beginnings
+
+
+class ReplayedWorker(RayWorker):
+    """Its actor is shared, so that it is not ended with it."""
+
+    def begin(self, episodes: Any) -> None:
+        """Nothing: there are no worlds."""
+
+    def kill(self) -> None:
+        """Nothing."""
+
+
+class ReplayHost(RayHost):
+    """Workers that replay a recorded batch."""
+
+    def share(self, recorded: Mapping[Any, Any], beginnings: dict[int, Any]) -> None:
+        """Start the actors."""
+        ray = self.session.ray
+        made = ray.remote(concurrency_groups={HEARTBEAT: 1}, max_concurrency=max(COUNTS))(ReplayedActor)
+        self.actors = [made.options(num_cpus=0).remote(recorded, beginnings) for _ in range(PROCESSES)]
+
+    def start(self, spec: WorkerSpec, episodes: Any, buffer: Any) -> RayWorker:
+        """A worker of a shared actor."""
+        return ReplayedWorker(self.session, self.actors[spec.index % PROCESSES], spec)
+
+    def moved(self, workers: Any) -> list[int]:
+        """None."""
+        return []
+
+
+@row("ceiling", "frames/s of 1 to 256 simulated workers, sync and async, and of an update", 9)
+def ceiling(tries: int, random: Random, folder: Path) -> Outcome:
+    """tries: how many of the counts 1, 2, 4, ... 256 are measured."""
+    outcome = Outcome()
+    config = compose(["collector=ray", f"collector.worlds={UPDATE_FRAMES // HORIZON}", "collector.cpus=0.001"])
+    plan, make = read_plan(config), partial(build_env, read_env(config))
+    env = make(WORLDS, 0)
+    words = list(Tokenizer.default().vocabulary)
+    policy, algorithm = build_algorithm(plan, env.observation_spec, env.action_unit, words, env.hindsight)
+    batch, beginnings = Worker(make, policy.act, WorkerSpec(0, WORLDS, HORIZON, 0)).collect(0)
+    outcome.figures["bytes of a frame"] = batch.bytes() // batch.numel()
+    recorded = to_arrays(dict(batch.items(include_nested=True, leaves_only=True)))
+    algorithm.add_scenes(env.draw_scenes(algorithm.scenes_per_update, 0))
+    whole = torch.cat([batch] * (UPDATE_FRAMES // batch.numel()))
+    start = time.perf_counter()
+    algorithm.update(whole, 0.0)
+    outcome.figures["update frames/s"] = round(UPDATE_FRAMES / (time.perf_counter() - start))
+    assert isinstance(plan.collector, RayCollectorConfig)
+    for mode in ("sync", "async"):
+        settings = replace(plan.collector, mode=mode, workers=1, worlds=1)
+        host = ReplayHost(make, policy, settings)
+        host.share(recorded, beginnings)
+        for count in COUNTS[:tries]:
+            rate = frames_per_second(host, replace(settings, workers=count, worlds=count * WORLDS))
+            share = rate / (count * FRAMES_PER_S)
+            outcome.figures[f"{mode}, {count} workers: frames/s (efficiency)"] = f"{rate:.0f} ({share:.2f})"
+            outcome.count()
+        host.session.close()
+    return outcome
+
+
+def frames_per_second(host: ReplayHost, config: RayCollectorConfig) -> float:
+    """Frames per second that the pool delivers, after the first batches."""
+    host.count = config.workers
+    specs = [WorkerSpec(i, WORLDS, HORIZON, 0) for i in range(config.workers)]
+    pool = WorkerPool(host, specs, config, None)
+    for iteration in range(2):
+        pool.collect(Order(iteration))
+    start = time.perf_counter()
+    for iteration in range(2, 2 + BATCHES):
+        host.publish()
+        pool.collect(Order(iteration))
+    seconds = time.perf_counter() - start
+    for worker in pool.workers:
+        assert isinstance(worker, RayWorker)
+        host.session.ray.wait(list(worker.answers), num_returns=max(1, len(worker.answers)), timeout=5)
+    return BATCHES * config.workers * WORLDS * HORIZON / seconds

@@ -1,0 +1,207 @@
+"""Runs that collect on a cluster: the result of a local run, whatever happens to actors and nodes on the way."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from random import Random
+from typing import Any
+from unittest.mock import patch
+
+from omegaconf import OmegaConf
+
+from benchmarks.cluster.network import cut, kill_all, processes, start_node
+from benchmarks.cluster.rows import row
+from benchmarks.faults.rows import Outcome
+from benchmarks.faults.runs import SMALL, command, differences, finish, rows_of
+from conf.overrides import compose
+from envs.config import read_env
+from language import Tokenizer
+from train import build_env
+from trainers.config import read_plan
+from trainers.rollout.collection import Rollouts
+from trainers.rollout.worker_pool import WorkerPool
+from trainers.run.metrics import read_metrics
+from trainers.run.train_loop import fit
+
+FAULTS = ("actor killed", "actor stopped", "node killed", "network cut")
+NODES = (1, 2)  # namespaces with one core each
+RUN = ["collector=ray", "collector.workers=2", *SMALL, "algo.horizon=64", "algo.minibatch=64", "total_frames=2560"]
+RUN += ["eval.interval=100000"]
+NODE_SECONDS = 40.0  # for a node to join
+
+
+@row("equal", "2 workers on Ray and in processes: the same metrics and weights, and the frames/s of each", 1)
+def equal(tries: int, random: Random, folder: Path) -> Outcome:
+    """tries: tenths of the default run's 200,000 frames; 10 are the whole run."""
+    outcome = Outcome()
+    words = ["collector.workers=2", f"total_frames={20_000 * tries}", f"schedule_frames={20_000 * tries}"]
+    words += ["eval.video_episodes=0", "logger=[]"]
+    rates = {}
+    for name in ("local", "ray"):
+        wrong = finish(command(folder / name, f"collector={name}", *words))
+        if wrong:
+            outcome.count(wrong)
+            return outcome
+        rows = read_metrics(folder / name / "metrics.csv")[1:]  # the first batch includes the start of the workers
+        seconds = sum(each["time/collect"] + each["time/update"] for each in rows)
+        rates[name] = (rows[-1]["frames"] - rows[0]["frames"]) / seconds
+    outcome.count(differences(folder / "local", folder / "ray"))
+    outcome.figures = {f"{name} frames/s": round(rate) for name, rate in rates.items()}
+    outcome.figures |= {"ratio": round(rates["ray"] / rates["local"], 3), "rows": len(rows_of(folder / "ray"))}
+    return outcome
+
+
+class Fault:
+    """Happens once to a random worker's actor or node, and measures how long it took to be noticed."""
+
+    def __init__(self, kind: str, iteration: int, random: Random) -> None:
+        self.kind, self.iteration, self.random = kind, iteration, random
+        self.at: float | None = None
+        self.noticed: float | None = None
+        self.node: int | None = None  # the namespace that was lost
+
+    def patches(self) -> list[Any]:
+        """What has to be patched, as arguments of `patch.object`."""
+        collect, replace = WorkerPool.collect, WorkerPool._replace
+
+        def collecting(pool: Any, order: Any) -> Any:
+            if self.at is None and order.iteration == self.iteration:
+                self.at = time.monotonic() + self.random.uniform(0.0, 0.3)
+                threading.Timer(self.at - time.monotonic(), self.happen, [pool]).start()
+            return collect(pool, order)
+
+        def replacing(pool: Any, *more: Any) -> Any:
+            if self.noticed is None and self.at is not None:
+                self.noticed = time.monotonic() - self.at
+            return replace(pool, *more)
+
+        return [(WorkerPool, "collect", collecting), (WorkerPool, "_replace", replacing)]
+
+    def happen(self, pool: Any) -> None:
+        """Do it."""
+        worker = self.random.choice(pool.workers)
+        if self.kind.startswith("actor"):
+            os.kill(worker.pid, signal.SIGKILL if self.kind == "actor killed" else signal.SIGSTOP)
+            return
+        addresses = {node.id: node.address for node in pool.host.session.nodes}
+        self.node = int(addresses[worker.node_id].rpartition(".")[2]) - 1
+        if self.kind == "node killed":
+            kill_all(f"deixis-{self.node}")
+        else:
+            cut(self.node)
+
+
+def train(folder: Path, fault: Fault | None) -> None:
+    """A run in this process."""
+    config = compose(RUN)
+    plain: Any = OmegaConf.to_container(config, resolve=True)
+    patches = [patch.object(*each) for each in (fault.patches() if fault else [])]
+    for each in patches:
+        each.start()
+    try:
+        fit(read_plan(config), _maker(config), folder, plain, list(Tokenizer.default().vocabulary), progress=False)
+    finally:
+        for each in patches:
+            each.stop()
+
+
+def _maker(config: Any) -> Any:
+    from functools import partial
+
+    return partial(build_env, read_env(config))
+
+
+def wait_for_nodes(count: int) -> None:
+    """Wait until the cluster has so many nodes beside its head."""
+    from trainers.cluster.ray_session import RaySession
+
+    deadline, problem = time.monotonic() + NODE_SECONDS, ""
+    while time.monotonic() < deadline:
+        try:
+            session = RaySession()
+            nodes = len(session.nodes)
+            session.close()
+        except ValueError as error:  # the head is starting
+            nodes, problem = 0, str(error)
+        if nodes == count + 1:
+            return
+        time.sleep(0.5)
+    raise TimeoutError(f"the cluster has {nodes - 1} nodes, not {count}, after {NODE_SECONDS:.0f} s: {problem}")
+
+
+@row("faults", "a random actor or node is killed, stopped or cut off: the undisturbed run's result", 20, isolated=True)
+def faults(tries: int, random: Random, folder: Path) -> Outcome:
+    """Each fault in turn, at a random moment. A lost node joins again before the next try."""
+    outcome = Outcome(figures={"noticed after s, at most": 0.0, "never happened": 0})
+    start_node(0, cpus=0)
+    for index in NODES:
+        start_node(index, cpus=1)
+    wait_for_nodes(len(NODES))
+    train(folder / "whole", None)
+    for index in range(tries):
+        fault = Fault(FAULTS[index % len(FAULTS)], random.randint(1, 8), random)
+        place = folder / f"try-{index}"
+        try:
+            train(place, fault)
+            wrong = differences(folder / "whole", place)
+        except Exception as error:
+            wrong = f"{type(error).__name__}: {error}"
+        outcome.count(f"{fault.kind}: {wrong}" if wrong else "")
+        outcome.figures["never happened"] += fault.noticed is None
+        longest = max(outcome.figures["noticed after s, at most"], round(fault.noticed or 0.0, 2))
+        outcome.figures["noticed after s, at most"] = longest
+        print(f"{fault.kind}: noticed after {fault.noticed} s {wrong}", file=sys.stderr, flush=True)
+        if fault.node is not None:
+            kill_all(f"deixis-{fault.node}")
+            cut(fault.node, up=True)
+            start_node(fault.node, cpus=1)
+            wait_for_nodes(len(NODES))
+    outcome.figures["processes left"] = _left()
+    return outcome
+
+
+def _left() -> int:
+    """Processes that are left after all nodes were stopped, as `ray stop` does."""
+    for index in (*NODES, 0):
+        kill_all(f"deixis-{index}", signal.SIGTERM)
+    return sum(processes(f"deixis-{index}") for index in (*NODES, 0))
+
+
+@row("node_added", "a node that joins in mid-run is used within 10 s", 1, isolated=True)
+def node_added(tries: int, random: Random, folder: Path) -> Outcome:
+    """Two workers on one core, until a second node joins."""
+    outcome = Outcome(figures={"used after s": []})
+    start_node(0, cpus=0)
+    for _ in range(tries):
+        start_node(1, cpus=1)
+        wait_for_nodes(1)
+        config = compose([*RUN, "collector.cpus=0.5"])
+        plan, env = read_plan(config), _maker(config)(1, 0)
+        from trainers.algorithms.build import build_algorithm
+
+        words = list(Tokenizer.default().vocabulary)
+        policy, _ = build_algorithm(plan, env.observation_spec, env.action_unit, words, env.hindsight)
+        rollouts = Rollouts(_maker(config), policy, plan.collector, 64, 0)
+        rollouts.next()
+        start_node(2, cpus=1)
+        pool: Any = rollouts.pool
+        joined, used = None, None
+        deadline = time.monotonic() + 60
+        while used is None and time.monotonic() < deadline:
+            rollouts.next()
+            if joined is None and pool.host.session.cpus >= 2:
+                joined = time.monotonic()
+            if len({worker.node_id for worker in pool.workers}) == 2:
+                used = time.monotonic()
+        rollouts.close()
+        seconds = round(used - joined, 1) if used and joined else None
+        outcome.figures["used after s"].append(seconds)
+        outcome.count("" if seconds is not None and seconds <= 10 else f"used after {seconds} s")
+        for index in NODES:
+            kill_all(f"deixis-{index}")
+    return outcome
