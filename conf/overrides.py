@@ -70,7 +70,8 @@ FIXED_BY_TRAINING = ("robot", "control", "policy", "algo")  # groups that a chec
 def apply(config: Any, overrides: Sequence[str]) -> Any:
     """Returns the config of a checkpoint with overrides.
 
-    An option replaces its whole group. The option of a group in `FIXED_BY_TRAINING` can't change.
+    An option replaces its whole group; that of `collector` keeps the values of the keys that both options have. The
+    option of a group in `FIXED_BY_TRAINING` can't change.
 
     Args:
         config: of the checkpoint, a plain dict.
@@ -96,7 +97,9 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
         elif not value or value == "???":
             raise ConfigError(f"{word} has no value; give {key}=<value>, or leave it out")
         elif key in groups():
-            OmegaConf.update(changed, key, fresh[key], merge=False)
+            old = changed.get(key) or {} if key == "collector" else {}
+            kept = {name: old[name] for name in old if name in fresh[key] and name != "name"}
+            OmegaConf.update(changed, key, {**fresh[key], **kept}, merge=False)
         elif OmegaConf.select(changed, key, default=ROOT) is ROOT:
             raise ConfigError(f"{word}: {key} is not a key of this run's config" + did_you_mean(key, _keys(changed)))
         else:

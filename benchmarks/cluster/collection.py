@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 from omegaconf import OmegaConf
 
-from benchmarks.cluster.network import cut, kill_all, processes, start_node
+from benchmarks.cluster.network import cut, kill_all, start_node
 from benchmarks.cluster.rows import row
 from benchmarks.faults.rows import Outcome
 from benchmarks.faults.runs import SMALL, command, differences, finish, rows_of
@@ -137,7 +137,7 @@ def wait_for_nodes(count: int) -> None:
 @row("faults", "a random actor or node is killed, stopped or cut off: the undisturbed run's result", 20, isolated=True)
 def faults(tries: int, random: Random, folder: Path) -> Outcome:
     """Each fault in turn, at a random moment. A lost node joins again before the next try."""
-    outcome = Outcome(figures={"noticed after s, at most": 0.0, "never happened": 0})
+    outcome, before = Outcome(figures={"noticed after s, at most": 0.0, "never happened": 0}), segments()
     start_node(0, cpus=0)
     for index in NODES:
         start_node(index, cpus=1)
@@ -161,15 +161,31 @@ def faults(tries: int, random: Random, folder: Path) -> Outcome:
             cut(fault.node, up=True)
             start_node(fault.node, cpus=1)
             wait_for_nodes(len(NODES))
-    outcome.figures["processes left"] = _left()
+    outcome.figures |= {"actors left": actors_left(), "segments left": len(segments() - before)}
     return outcome
 
 
-def _left() -> int:
-    """Processes that are left after all nodes were stopped, as `ray stop` does."""
-    for index in (*NODES, 0):
-        kill_all(f"deixis-{index}", signal.SIGTERM)
-    return sum(processes(f"deixis-{index}") for index in (*NODES, 0))
+def actors_left(seconds: float = 10.0) -> int:
+    """Processes of actors in all namespaces, after the seconds that they take to end."""
+    deadline = time.monotonic() + seconds
+    while True:
+        lines = [_title(entry) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
+        count = sum(line.startswith("ray::CollectorActor") for line in lines)
+        if not count or time.monotonic() > deadline:
+            return count
+        time.sleep(0.2)
+
+
+def _title(entry: Path) -> str:
+    try:
+        return (entry / "cmdline").read_text(errors="replace")
+    except OSError:
+        return ""
+
+
+def segments() -> set[str]:
+    """The names in shared memory."""
+    return {path.name for path in Path("/dev/shm").iterdir()}
 
 
 @row("node_added", "a node that joins in mid-run is used within 10 s", 1, isolated=True)

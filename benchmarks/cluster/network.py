@@ -96,17 +96,6 @@ def kill_all(name: str, number: int = signal.SIGKILL) -> None:
                 os.kill(int(pid), number)
 
 
-def processes(name: str, seconds: float = 15.0) -> int:
-    """How many processes a namespace still has after so many seconds, this one left out."""
-    deadline = time.monotonic() + seconds
-    while True:
-        pids = subprocess.run(["ip", "netns", "pids", name], capture_output=True, text=True).stdout.split()
-        count = len([pid for pid in pids if int(pid) != os.getpid()])
-        if not count or time.monotonic() > deadline:
-            return count
-        time.sleep(0.2)
-
-
 def cut(index: int, up: bool = False) -> None:
     """Disconnect a namespace from the others, or connect it again."""
     _ip("-n", f"deixis-{index}", "link", "set", "eth0", "up" if up else "down")

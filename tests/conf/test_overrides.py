@@ -25,7 +25,12 @@ def default():
 def test_every_file_is_an_option_of_a_group():
     assert sorted((group, option) for group, each in groups().items() for option in each) == OPTIONS
     assert sorted(FOLDER.rglob("*.yaml")) == sorted(
-        [*FOLDER.glob("*/*.yaml"), FOLDER / "config.yaml", FOLDER / "task_defaults.yaml"]
+        [
+            *FOLDER.glob("*/*.yaml"),
+            *FOLDER.glob("hydra/launcher/*.yaml"),  # options of Hydra's own group
+            FOLDER / "config.yaml",
+            FOLDER / "task_defaults.yaml",
+        ]
     )
 
 
@@ -153,3 +158,12 @@ def test_overrides_apply_to_a_saved_config(default):
     assert kept == OmegaConf.to_container(default, resolve=True)
     with pytest.raises(ConfigError, match=r"did you mean 'task\.max_steps'"):
         apply(kept, ["task.max_step=7"])
+
+
+def test_a_resumed_run_keeps_its_worlds_where_another_collector_is_chosen():
+    kept = OmegaConf.to_container(compose(["collector.worlds=32", "collector.workers=4"]), resolve=True)
+    changed = apply(kept, ["collector=ray", "collector.cpus=0.5"])
+    assert (changed.collector.name, changed.collector.worlds, changed.collector.workers) == ("ray", 32, 4)
+    assert (changed.collector.cpus, changed.collector.mode, changed.choices.collector) == (0.5, "sync", "ray")
+    back = apply(OmegaConf.to_container(changed), ["collector=local", "collector.workers=2"])
+    assert (back.collector.workers, "mode" in back.collector) == (2, False)

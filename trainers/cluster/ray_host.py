@@ -19,7 +19,7 @@ from trainers.rollout.episode_log import Episodes
 from trainers.rollout.worker import MakeEnv, WorkerSpec
 
 NODE_SECONDS = 1.0  # between two looks at the nodes
-SUSPECT_SECONDS = 60.0  # for which no worker is started on a node where one was silent
+SUSPECT_SECONDS = 30.0  # for which no worker is started on a node where one was silent
 RATE_BATCHES = 8  # latest batches of a node, over which its frames per second are measured
 
 
@@ -55,7 +55,8 @@ class RayHost:
         self.publish()
         self.starts: Counter[int] = Counter()  # of each worker
         self.prepared: dict[int, tuple[RayWorker, str]] = {}  # workers that start on a better node, and its id
-        self.suspects: dict[str, float] = {}  # node id -> when a worker there was silent
+        self.latest: dict[int, RayWorker] = {}  # by its number
+        self.suspects: dict[str, float] = {}  # node id -> when a worker there was given up
         self.nodes = self.session.nodes
         self.looked_at = time.monotonic()
         self.received: dict[str, deque[tuple[float, int]]] = {}  # node id -> when, and frames, of its latest batches
@@ -66,11 +67,15 @@ class RayHost:
 
     def start(self, spec: WorkerSpec, episodes: Episodes | None, buffer: TensorDictBase | None) -> RayWorker:
         """A new actor, or the one that was prepared for this worker."""
+        before = self.latest.get(spec.index)
+        if before is not None and before.unresponsive and before.node_id is not None:
+            self.suspects[before.node_id] = time.monotonic()
         if spec.index in self.prepared:
             worker, _ = self.prepared.pop(spec.index)
         else:
             worker = self._start(spec, self._place())
         worker.begin(episodes)
+        self.latest[spec.index] = worker
         return worker
 
     def wait(self, workers: Sequence[RayWorker], seconds: float) -> list[RayWorker]:
@@ -83,8 +88,6 @@ class RayHost:
         for worker in workers:
             if not worker.listen() and worker not in found:
                 found.append(worker)
-                if worker.node_id is not None:
-                    self.suspects[worker.node_id] = time.monotonic()
         for worker in found:
             self._count(worker)
         return found
@@ -129,7 +132,7 @@ class RayHost:
         as alive, and without cores of its own where there are too few.
         """
         place: dict[str, Any] = {"num_cpus": self.config.cpus, "scheduling_strategy": "SPREAD"}
-        suspects = {node for node, at in self.suspects.items() if time.monotonic() - at < SUSPECT_SECONDS}
+        suspects = self._present_suspects()
         sound = [node for node in self.session.nodes if node.id not in suspects]
         if sound and sum(node.cpus for node in sound) < self.count * self.config.cpus - 1e-6:
             place["num_cpus"] = 0
@@ -137,6 +140,9 @@ class RayHost:
             node = max(sound, key=lambda node: node.cpus)
             place = {"num_cpus": 0, "scheduling_strategy": self.session.on(node, soft=True)}
         return place
+
+    def _present_suspects(self) -> set[str]:
+        return {node for node, at in self.suspects.items() if time.monotonic() - at < SUSPECT_SECONDS}
 
     def _look(self, workers: Sequence[RayWorker]) -> None:
         """Start an actor on each node with idle cores for a worker of a node with more workers than cores."""
@@ -147,7 +153,8 @@ class RayHost:
         homes |= {index: node_id for index, (_, node_id) in self.prepared.items()}
         by_node = {node.id: [index for index, home in homes.items() if home == node.id] for node in self.nodes}
         crowded = [index for node in self.nodes for index in by_node[node.id][max(1, int(node.cpus)) :]]
-        for node in self.nodes:
+        suspects = self._present_suspects()
+        for node in [each for each in self.nodes if each.id not in suspects]:
             for _ in range(int(node.cpus) - len(by_node[node.id])):
                 if crowded and crowded[-1] not in self.prepared:
                     index = crowded.pop()

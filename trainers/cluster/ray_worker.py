@@ -115,6 +115,7 @@ class RayWorker:
         self.beat: Any = None
         self.beat_at = 0.0
         self.silence = 0.0  # seconds since an unanswered question
+        self.unresponsive = False  # whether it was given up although Ray counts it as alive
 
     def begin(self, episodes: Episodes | None) -> None:
         """Have the worlds built, and these episodes continued."""
@@ -168,11 +169,15 @@ class RayWorker:
         elif self.beat is not None and self.ray.wait([self.beat], timeout=0)[0]:
             self.beat = None  # an answer, or an error that the batch has, too
         self.silence = now - self.beat_at if self.beat is not None and now - self.beat_at > SILENCE_SECONDS else 0.0
+        self.unresponsive = self.unresponsive or bool(self.silence)
         return not self.silence
 
     def overdue(self, patience: float) -> bool:
         """Whether it has not answered for so many seconds, or more where it is starting."""
-        return time.monotonic() - self.requested_at > patience + (0.0 if self.answered else START_SECONDS)
+        limit = patience + (0.0 if self.answered else START_SECONDS)
+        overdue = time.monotonic() - self.requested_at > limit
+        self.unresponsive = self.unresponsive or overdue
+        return overdue
 
     def kill(self) -> None:
         """End the actor, whatever it is doing. It is not started again."""

@@ -31,7 +31,7 @@ def overrides_of(config: Mapping[str, Any]) -> list[str]:
         raise ConfigError("the config was saved by an earlier version, which did not record the options of its groups")
     words: list[str] = []
     for group in (*FIRST, *(name for name in groups() if name not in FIRST)):
-        if group not in config:
+        if group not in config or group not in config["choices"]:  # a group of keys became one of options later
             continue
         option = config["choices"][group]
         if _composed(words)["choices"][group] != option:

@@ -25,7 +25,11 @@ NOT_CONFIGURATION = (
     "logger",
     "update_threads",
     "eval",
+    "collector.name",
     "collector.workers",
+    "collector.address",
+    "collector.cpus",
+    "collector.dashboard",
     "choices",
 )
 NAME_KEYS = ("scenario", "robot.name", "control.name", "task.name", "algo.name", "policy.name")  # they name a group
