@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +21,19 @@ Array = NDArray[np.float64]
 RESTING_STEPS = 200  # of inverse kinematics to another rest pose
 
 
-def _cross(a: Array, b: Array) -> Array:
+# Components of the factors of a cross product: those that are added, then those that are subtracted.
+LEFT, RIGHT = np.array([1, 2, 0, 2, 0, 1]), np.array([2, 0, 1, 1, 2, 0])
+
+
+def _cross(a: Array, b: Array, out: Array | None = None) -> Array:
     """np.cross over the last axis, without its overhead."""
-    x, y, z = a[..., 0], a[..., 1], a[..., 2]
-    u, v, w = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack((y * w - z * v, z * u - x * w, x * v - y * u), axis=-1)
+    products = a.take(LEFT, -1) * b.take(RIGHT, -1)
+    return np.subtract(products[..., :3], products[..., 3:], out=out)
+
+
+@cache
+def _damped_identity(damping: float) -> Array:
+    return damping**2 * np.eye(6)
 
 
 def _turn(rotation: Array, goal: Array) -> Array:
@@ -65,16 +74,17 @@ class Kinematics:
         self._sine, self._cosine = np.zeros_like(self._constant), np.zeros_like(self._constant)
         self._sine[:, :3, :3] = fixed[:-1, :3, :3] @ skew
         self._cosine[:, :3, :3] = fixed[:-1, :3, :3] @ (np.eye(3) - outer)
+        self._constant, self._sine, self._cosine = (
+            part[:, None] for part in (self._constant, self._sine, self._cosine)
+        )  # (J, 1, 4, 4), for any number of worlds
 
-    def _frames(self, joints: Array) -> tuple[list[Array], Array]:
-        """World transform of each joint's frame, J of (N, 4, 4), and of the gripper, (N, 4, 4)."""
-        q = joints[:, :, None, None]
-        local = self._constant + self._sine * np.sin(q) + self._cosine * np.cos(q)
-        frame, frames = local[:, 0], []
-        for j in range(1, local.shape[1]):
-            frames.append(frame)
-            frame = frame @ local[:, j]
-        return [*frames, frame], frame @ self._tool
+    def _frames(self, joints: Array) -> tuple[Array, Array]:
+        """World transform of each joint's frame, (J, N, 4, 4), and of the gripper, (N, 4, 4)."""
+        sine, cosine = (values.T[:, :, None, None] for values in (np.sin(joints), np.cos(joints)))
+        local = self._constant + self._sine * sine + self._cosine * cosine
+        for j in range(1, len(local)):
+            local[j] = local[j - 1] @ local[j]
+        return local, local[-1] @ self._tool
 
     def forward(self, joints: Array) -> Pose:
         """joints (N, J) to the gripper's pose."""
@@ -84,11 +94,12 @@ class Kinematics:
     def jacobian(self, joints: Array) -> tuple[Pose, Array]:
         """The gripper's pose and (N, 6, J): linear, then angular velocity for each unit joint velocity."""
         frames, gripper = self._frames(joints)
-        stacked = np.stack(frames, axis=1)
-        axes = (stacked[:, :, :3, :3] @ self._axes[:, :, None])[..., 0]
-        linear = _cross(axes, gripper[:, None, :3, 3] - stacked[:, :, :3, 3])
-        jacobian = np.concatenate((linear, axes), axis=2).transpose(0, 2, 1)
-        return Pose(gripper[:, :3, 3], gripper[:, :3, :3]), jacobian
+        by_world = frames.transpose(1, 0, 2, 3)
+        axes = (by_world[:, :, :3, :3] @ self._axes[:, :, None])[..., 0]
+        rows = np.empty((*joints.shape, 6))
+        _cross(axes, gripper[:, None, :3, 3] - by_world[:, :, :3, 3], out=rows[:, :, :3])
+        rows[:, :, 3:] = axes
+        return Pose(gripper[:, :3, 3], gripper[:, :3, :3]), rows.transpose(0, 2, 1)
 
     def step(
         self,
@@ -121,7 +132,7 @@ class Kinematics:
         task = np.concatenate((move, turn), axis=1)[..., None]
         transposed = jacobian.transpose(0, 2, 1)
         idle = 0.1 * (self.rest - joints)[..., None]
-        gram = jacobian @ transposed + damping**2 * np.eye(6)
+        gram = jacobian @ transposed + _damped_identity(damping)
         delta = idle + transposed @ np.linalg.solve(gram, task - jacobian @ idle)
         return delta[..., 0]
 
