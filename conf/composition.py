@@ -132,7 +132,8 @@ def _with_values(options: tuple[str, ...], values: Sequence[str]) -> tuple[Any, 
             return None
         config, choices = composed(options)
         for override in parsed:
-            OmegaConf.update(config, override.key_or_group, override.value(), merge=True)
+            if not _set_as_hydra(config, override):
+                return None
         OmegaConf.to_container(config, resolve=True)
     except (ConfigError, OmegaConfBaseException):
         return None  # Hydra's message names the word
@@ -140,12 +141,28 @@ def _with_values(options: tuple[str, ...], values: Sequence[str]) -> tuple[Any, 
 
 
 def _is_plain(override: Any) -> bool:
-    """Whether it gives one key of the config one value, whatever the other words are."""
-    from hydra.core.override_parser.types import OverrideType
-
+    """Whether it concerns one key of the config, whatever the other words are."""
     key = override.key_or_group
-    one = override.type == OverrideType.CHANGE and override.package is None and not override.is_sweep_override()
+    one = override.package is None and not override.is_sweep_override() and not override.is_force_add()
     return one and "/" not in key and key.partition(".")[0] != "hydra" and "${" not in override.input_line
+
+
+def _set_as_hydra(config: Any, override: Any) -> bool:
+    """Set, add or delete the key; False where Hydra refuses to add or to delete it."""
+    from omegaconf import OmegaConf, open_dict
+
+    key, value = override.key_or_group, override.value()
+    group, _, name = key.rpartition(".")
+    if override.is_delete():
+        if value is not None or not group or OmegaConf.select(config, key) is None:
+            return False
+        with open_dict(config):
+            del OmegaConf.select(config, group)[name]
+        return True
+    if override.is_add() and OmegaConf.select(config, key) is not None:
+        return False
+    OmegaConf.update(config, key, value, merge=True, force_add=override.is_add())
+    return True
 
 
 def composed_by_hydra(overrides: tuple[str, ...]) -> tuple[Any, Mapping[str, Any]]:

@@ -11,6 +11,8 @@ space", 2012.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,16 +38,16 @@ def prioritized_step(joints: Array, jacobian: Array, move: Array, turn: Array, l
     """
     linear, angular = jacobian[:, :3], jacobian[:, 3:]
     delta, free = _moved(joints, linear, move, limits, damping)
+    stops = np.ones_like(free, bool)
     for _ in range(PASSES):
-        usable = linear * free[:, None]
-        without_moving = angular * free[:, None]
-        without_moving = without_moving - without_moving @ _pseudoinverse(usable, NULL_DAMPING) @ usable
-        change = _solved(without_moving, turn - _product(angular, delta), TURN_DAMPING)
-        change = _limited(change, MAX_TURN)
+        if stops.any():  # else the matrices are those of the last pass
+            inverse = _pseudoinverse(_without_moving(linear, angular, free), TURN_DAMPING)
+        change = _limited(_product(inverse, turn - _product(angular, delta)), MAX_TURN)
         share = _share_to_limits(joints + delta, change, limits)
         least = share.min(1, keepdims=True)
         delta = delta + least * change
-        free = np.where((share < 1) & (share <= least), 0.0, free)
+        stops = (share < 1) & (share <= least)
+        free = np.where(stops, 0.0, free)
     return _limited(delta, MAX_STEP)
 
 
@@ -59,8 +61,16 @@ def _moved(joints: Array, linear: Array, move: Array, limits: Array, damping: fl
         delta = stopped + _solved(linear * free[:, None], move - _product(linear, stopped), damping)
         allowed = np.clip(joints + delta, *limits) - joints
         beyond = np.abs(delta - allowed) > 1e-9
+        if not beyond.any():  # another pass would give the same
+            break
         free, stopped = np.where(beyond, 0.0, free), np.where(beyond, allowed, stopped)
     return delta, free
+
+
+def _without_moving(linear: Array, angular: Array, free: Array) -> Array:
+    """(N, 3, J) how the free joints turn the gripper by motion that leaves it where it is."""
+    usable, turning = linear * free[:, None], angular * free[:, None]
+    return turning - turning @ _pseudoinverse(usable, NULL_DAMPING) @ usable
 
 
 def _share_to_limits(joints: Array, change: Array, limits: Array) -> Array:
@@ -73,7 +83,12 @@ def _share_to_limits(joints: Array, change: Array, limits: Array) -> Array:
 def _pseudoinverse(matrix: Array, damping: float) -> Array:
     """The damped pseudoinverse (N, J, R) of matrices (N, R, J)."""
     transposed = matrix.transpose(0, 2, 1)
-    return transposed @ np.linalg.inv(matrix @ transposed + damping**2 * np.eye(matrix.shape[1]))
+    return transposed @ np.linalg.inv(matrix @ transposed + _damped_identity(damping, matrix.shape[1]))
+
+
+@cache
+def _damped_identity(damping: float, size: int) -> Array:
+    return damping**2 * np.eye(size)
 
 
 def _solved(matrix: Array, task: Array, damping: float) -> Array:

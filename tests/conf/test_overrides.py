@@ -56,6 +56,7 @@ def test_the_same_overrides_are_composed_once_and_give_configs_of_their_own(monk
         ["task=rearrange", "gripper=magnet", "algo=sac", "task.nouns=[cube,'pyramid']", "policy=mlp"],
         ["+task.reward.extra=1", "seed=1"],
         ["~task.reward.time", "seed=1"],
+        ["task=press", "~task.reward.success", "+task.reward={other: 2}", "+task.reward.another=3"],
         ["hydra.run.dir=somewhere", "seed=1"],
         ["task.num_objects=${seed}", "seed=2"],
     ],

@@ -10,9 +10,8 @@ import pytest
 @pytest.mark.parametrize(
     "code",
     [
-        "import envs; envs.make_env([]).close()",
-        "import gymnasium, envs; gymnasium.make('Deixis/NLPickAndPlace-v0').close()",
-        "import human",
+        "import human; import envs; envs.make_env([]).close(); import gymnasium; "
+        "gymnasium.make('Deixis/NLPickAndPlace-v0').close()",
         "import envs.workspace_env",
     ],
 )
