@@ -7,6 +7,8 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -22,6 +24,8 @@ from conf.overrides import compose
 from envs.config import read_env
 from language import Tokenizer
 from train import build_env
+from trainers.algorithms.build import build_algorithm
+from trainers.cluster.ray_session import RaySession
 from trainers.config import read_plan
 from trainers.rollout.collection import Rollouts
 from trainers.rollout.worker_pool import WorkerPool
@@ -32,7 +36,8 @@ FAULTS = ("actor killed", "actor stopped", "node killed", "network cut")
 NODES = (1, 2)  # namespaces with one core each
 RUN = ["collector=ray", "collector.workers=2", *SMALL, "algo.horizon=64", "algo.minibatch=64", "total_frames=2560"]
 RUN += ["eval.interval=100000"]
-NODE_SECONDS = 40.0  # for a node to join
+NODE_SECONDS = 25.0  # for a node to join or to be counted as dead
+TRIES = 3  # of a node to join
 
 
 @row("equal", "2 workers on Ray and in processes: the same metrics and weights, and the frames/s of each", 1)
@@ -111,37 +116,48 @@ def train(folder: Path, fault: Fault | None) -> None:
 
 
 def _maker(config: Any) -> Any:
-    from functools import partial
-
     return partial(build_env, read_env(config))
 
 
-def wait_for_nodes(count: int) -> None:
-    """Wait until the cluster has so many nodes beside its head."""
-    from trainers.cluster.ray_session import RaySession
+def start_cluster(nodes: Sequence[int], head: bool = True) -> None:
+    """Start a head without cores, and nodes with one core each, one after another."""
+    if head:
+        start_node(0, cpus=0)
+    for index in nodes:
+        before = count_nodes()
+        for _ in range(TRIES):
+            start_node(index, cpus=1)
+            if wait_for_nodes(before + 1):
+                break
+            kill_all(f"deixis-{index}")  # nodes that share a disk sometimes do not start
+        else:
+            raise TimeoutError(f"node {index} has not joined {TRIES} times")
 
-    deadline, problem = time.monotonic() + NODE_SECONDS, ""
-    while time.monotonic() < deadline:
-        try:
-            session = RaySession()
-            nodes = len(session.nodes)
-            session.close()
-        except ValueError as error:  # the head is starting
-            nodes, problem = 0, str(error)
-        if nodes == count + 1:
-            return
+
+def wait_for_nodes(count: int) -> bool:
+    """Whether the cluster gets so many nodes beside its head in time."""
+    deadline = time.monotonic() + NODE_SECONDS
+    while (found := count_nodes()) != count and time.monotonic() < deadline:
         time.sleep(0.5)
-    raise TimeoutError(f"the cluster has {nodes - 1} nodes, not {count}, after {NODE_SECONDS:.0f} s: {problem}")
+    return found == count
+
+
+def count_nodes() -> int:
+    """The nodes of the cluster beside its head."""
+    try:
+        session = RaySession()
+    except ValueError:  # the head is starting
+        return 0
+    count = len(session.nodes) - 1
+    session.close()
+    return count
 
 
 @row("faults", "a random actor or node is killed, stopped or cut off: the undisturbed run's result", 20, isolated=True)
 def faults(tries: int, random: Random, folder: Path) -> Outcome:
     """Each fault in turn, at a random moment. A lost node joins again before the next try."""
     outcome, before = Outcome(figures={"noticed after s, at most": 0.0, "never happened": 0}), segments()
-    start_node(0, cpus=0)
-    for index in NODES:
-        start_node(index, cpus=1)
-    wait_for_nodes(len(NODES))
+    start_cluster(NODES)
     train(folder / "whole", None)
     for index in range(tries):
         fault = Fault(FAULTS[index % len(FAULTS)], random.randint(1, 8), random)
@@ -159,8 +175,8 @@ def faults(tries: int, random: Random, folder: Path) -> Outcome:
         if fault.node is not None:
             kill_all(f"deixis-{fault.node}")
             cut(fault.node, up=True)
-            start_node(fault.node, cpus=1)
-            wait_for_nodes(len(NODES))
+            wait_for_nodes(len(NODES) - 1)
+            start_cluster([fault.node], head=False)
     outcome.figures |= {"actors left": actors_left(), "segments left": len(segments() - before)}
     return outcome
 
@@ -194,12 +210,9 @@ def node_added(tries: int, random: Random, folder: Path) -> Outcome:
     outcome = Outcome(figures={"used after s": []})
     start_node(0, cpus=0)
     for _ in range(tries):
-        start_node(1, cpus=1)
-        wait_for_nodes(1)
+        start_cluster(NODES[:1], head=False)
         config = compose([*RUN, "collector.cpus=0.5"])
         plan, env = read_plan(config), _maker(config)(1, 0)
-        from trainers.algorithms.build import build_algorithm
-
         words = list(Tokenizer.default().vocabulary)
         policy, _ = build_algorithm(plan, env.observation_spec, env.action_unit, words, env.hindsight)
         rollouts = Rollouts(_maker(config), policy, plan.collector, 64, 0)
@@ -220,4 +233,5 @@ def node_added(tries: int, random: Random, folder: Path) -> Outcome:
         outcome.count("" if seconds is not None and seconds <= 10 else f"used after {seconds} s")
         for index in NODES:
             kill_all(f"deixis-{index}")
+        wait_for_nodes(0)
     return outcome

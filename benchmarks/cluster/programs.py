@@ -10,7 +10,8 @@ import time
 from pathlib import Path
 from random import Random
 
-from benchmarks.cluster.network import kill_all, start_node
+from benchmarks.cluster.collection import start_cluster
+from benchmarks.cluster.network import kill_all
 from benchmarks.cluster.rows import row
 from benchmarks.faults.rows import Outcome
 
@@ -38,10 +39,7 @@ def sweep(tries: int, random: Random, folder: Path) -> Outcome:
     """Two of four nodes are killed once the first run has a result."""
     outcome = Outcome(figures={"results": [], "started again": []})
     for attempt in range(tries):
-        start_node(0, cpus=0)
-        for index in SWEEP_NODES:
-            start_node(index, cpus=1)
-        time.sleep(10)
+        start_cluster(SWEEP_NODES)
         place = folder / f"sweep-{attempt}"
         seeds = ",".join(map(str, range(RUNS)))
         words = ["-m", f"seed={seeds}", "total_frames=4096", *SHORT, "hydra/launcher=ray", "sweep.retries=3"]
