@@ -161,6 +161,8 @@ def _check_together(plan: Plan) -> None:
         )
     if "wandb" in plan.run.logger and find_spec("wandb") is None:
         raise ConfigError('logger=[wandb] needs wandb, which is not installed: pip install -e ".[wandb]"')
+    if plan.collector.name == "ray" and find_spec("ray") is None:
+        raise ConfigError('collector=ray needs ray, which is not installed: pip install -e ".[cluster]"')
     if plan.algo.clips and plan.policy.state_dependent_std:
         raise ConfigError(
             f"policy.state_dependent_std=true needs an algorithm that learns the noise; algo.name={plan.algo.name} "

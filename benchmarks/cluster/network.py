@@ -11,6 +11,8 @@ import time
 from contextlib import suppress
 from types import TracebackType
 
+from trainers.cluster.ray_session import CURRENT_CLUSTER
+
 BRIDGE, SUBNET = "deixis-br", "10.77.0"
 PORT = 6379
 SETTINGS = {
@@ -47,6 +49,9 @@ class Network:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._remove()
+        with suppress(OSError):
+            if CURRENT_CLUSTER.read_text().startswith(address(0)):
+                CURRENT_CLUSTER.unlink()
 
     def _remove(self) -> None:
         listed = subprocess.run(["ip", "netns", "list"], capture_output=True, text=True).stdout

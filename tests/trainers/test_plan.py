@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from conf.overrides import compose
 from conf.schema import ConfigError
 from tests.helpers.plans import config, plan
 from trainers.collector_config import workers
@@ -62,3 +63,11 @@ def test_a_batch_is_the_same_on_any_number_of_cores(cores, count, monkeypatch):
     plans = [plan(), plan(overrides=("collector.workers=0",)), plan(overrides=("collector.workers=4",))]
     assert [frames_per_batch(each) for each in plans] == [8 * 16] * 3
     assert [workers(each.collector) for each in plans] == [1, count, 4]
+
+
+def test_a_missing_ray_is_told_before_anything_is_built(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(
+        ConfigError, match=r'collector=ray needs ray, which is not installed: pip install -e "\.\[cluster'
+    ):
+        read_plan(compose(["collector=ray"]))

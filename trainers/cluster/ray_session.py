@@ -63,13 +63,12 @@ class RaySession:
         self.joined = self.ray.is_initialized()  # whoever has connected this process ends it
         if self.joined:
             return
-        address = _find_address(address)
+        found = _find_address(address)
         options = {"log_to_driver": False, "logging_level": "error", "configure_logging": True}
+        unnamed = address is None and "RAY_ADDRESS" not in os.environ
         with _signal_handlers():
-            if address is None:
+            if found is None or not self._join(found, options, or_none=unnamed):
                 self._start(options, dashboard)
-            else:
-                self._join(address, options)
 
     @property
     def nodes(self) -> list[Node]:
@@ -153,9 +152,11 @@ class RaySession:
             )
         self.folder = Path(context.address_info["session_dir"])
 
-    def _join(self, address: str, options: dict[str, Any]) -> None:
+    def _join(self, address: str, options: dict[str, Any], or_none: bool) -> bool:
+        """Whether the cluster was joined. or_none: False is returned where it has ended. Raises ConfigError."""
         try:
             self.ray.init(address=address, **options)
+            return True
         except (RuntimeError, ConnectionError, ValueError, TimeoutError) as error:
             self.ray.shutdown()
             if "token" in str(error).lower():
@@ -163,6 +164,8 @@ class RaySession:
                     f"collector.address={address} asks for a token: set RAY_AUTH_MODE=token here, and put the head's "
                     "token into ~/.ray/auth_token"
                 ) from None
+            if or_none and isinstance(error, ConnectionError):
+                return False
             reason = " ".join(str(error).split()).partition(". ")[0].rstrip(".")
             raise ConfigError(
                 f"collector.address={address} cannot be joined from this machine: {reason}; run "
