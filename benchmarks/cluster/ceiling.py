@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -40,6 +41,7 @@ class ReplayedActor:
     def __init__(self, recorded: Mapping[Any, Any], beginnings: dict[int, Any]) -> None:
         self.recorded, self.beginnings = recorded, beginnings
         self.seconds = WORLDS * HORIZON / FRAMES_PER_S
+        self.busy = [threading.Lock() for _ in range(max(COUNTS))]  # of each worker, which does one thing at a time
 
     def where(self) -> tuple[str, int]:
         """As `CollectorActor.where`."""
@@ -52,9 +54,10 @@ class ReplayedActor:
     def beat(self) -> None:
         """As `CollectorActor.beat`."""
 
-    def collect(self, iteration: int, weights: Any) -> tuple[Mapping[Any, Any], dict[int, Any]]:
+    def collect(self, worker: int, weights: Any) -> tuple[Mapping[Any, Any], dict[int, Any]]:
         """As `CollectorActor.collect`."""
-        time.sleep(self.seconds)
+        with self.busy[worker]:
+            time.sleep(self.seconds)
         return self.recorded, self.beginnings
 
 
@@ -63,6 +66,10 @@ class ReplayedWorker(RayWorker):
 
     def begin(self, episodes: Any) -> None:
         """Nothing: there are no worlds."""
+
+    def request(self, iteration: int, weights: Any) -> None:
+        """Ask for a batch."""
+        super().request(self.spec.index, weights)
 
     def kill(self) -> None:
         """Nothing."""
@@ -74,7 +81,7 @@ class ReplayHost(RayHost):
     def share(self, recorded: Mapping[Any, Any], beginnings: dict[int, Any]) -> None:
         """Start the actors."""
         ray = self.session.ray
-        made = ray.remote(concurrency_groups={HEARTBEAT: 1}, max_concurrency=max(COUNTS))(ReplayedActor)
+        made = ray.remote(concurrency_groups={HEARTBEAT: 1}, max_concurrency=2 * max(COUNTS))(ReplayedActor)
         self.actors = [made.options(num_cpus=0).remote(recorded, beginnings) for _ in range(PROCESSES)]
 
     def start(self, spec: WorkerSpec, episodes: Any, buffer: Any) -> RayWorker:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ from trainers.sweeps.job import ENVIRONMENT, PR_SET_PDEATHSIG, failure_message, 
 PROGRAM = Path(__file__).parents[2] / "train.py"
 TOKEN = ".token"  # file in a job's folder, by which a node knows that it sees this very folder
 LEFT_OUT = (".lock", ".stderr", TOKEN)
+POLL_SECONDS = 0.2
 STOP_SECONDS = 60.0  # for a run to save a checkpoint after SIGTERM
 
 
@@ -87,13 +89,20 @@ def _run(job: NodeJob, place: Path) -> str | None:
             env={**os.environ, **ENVIRONMENT},
             preexec_fn=_end_with_parent,
         )
-        try:
-            code = process.wait()
-        except KeyboardInterrupt:  # the task is cancelled
-            process.terminate()
-            code = process.wait(STOP_SECONDS)
+        code = _wait(process)
         errors.seek(0)
         return failure_message(code, errors.read()) if code else None
+
+
+def _wait(process: subprocess.Popen[bytes]) -> int:
+    """The exit status. A run whose task is cancelled is asked to save a checkpoint and to end."""
+    try:
+        while process.poll() is None:
+            time.sleep(POLL_SECONDS)  # Ray's cancellation interrupts no system call
+    except KeyboardInterrupt:
+        process.terminate()
+        process.wait(STOP_SECONDS)
+    return process.returncode
 
 
 def _end_with_parent() -> None:
