@@ -16,10 +16,10 @@ from torch import Tensor
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 
 from conf.schema import ConfigError
-from envs.actions import read_action
 from envs.assembly import make_chain, make_control, make_grips, make_initial_states, make_task, make_world
 from envs.config import EnvConfig
 from envs.episode_replay import EpisodeReplayEnv
+from envs.mdp.actions import read_action
 from envs.mdp.gestures import Gestures, make_person, make_ray_reader
 from envs.mdp.goals import Goal
 from envs.mdp.grip_controller import ACTION_UNIT

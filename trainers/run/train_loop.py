@@ -62,9 +62,7 @@ def fit(
         if resume is not None:
             run.resume(resume)
         done = run.counters["frames"]
-        # The row of the checkpoint itself is written again: it may not have been, or without its evaluation.
-        kept = None if resume is None else done - bool(run.row)
-        metrics = MetricsWriter(folder, run.columns, plan.run.logger, kept)
+        metrics = MetricsWriter(folder, run.columns, plan.run.logger, run.kept_frames)
         with closing(metrics), StopSignal() as stop, Progress(plan.run.total_frames, done, progress) as shown:
             try:
                 run.train(metrics, stop, shown)

@@ -71,6 +71,7 @@ class TrainingRun:
         self.row: dict[str, float] = {}
         self.evaluated = self.consistent = True
         self.rollouts: Rollouts | None = None
+        self.kept_frames: int | None = None  # of the last row of metrics.csv that a resumed run keeps
         self.resumed: dict[str, Any] = {}  # what the first batch after a resume depends on
         memories = MemoryFiles(folder / "checkpoints" / "memory", self.algorithm.memories)
         self.writer = CheckpointWriter(folder / "checkpoints", plan.checkpoint, memories)
@@ -100,6 +101,8 @@ class TrainingRun:
         self.resumed = {"rng": payload["rng"]}
         if "state" in payload:
             self.load_running_state(payload["state"])
+        # The row of the checkpoint itself is written again: it may not have been, or without its evaluation.
+        self.kept_frames = self.counters["frames"] - bool(self.row)
 
     def running_state(self) -> dict[str, Any]:
         """What the next iteration depends on beside networks, optimizers, counters and memories."""
