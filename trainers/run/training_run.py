@@ -118,7 +118,9 @@ class TrainingRun:
 
     def load_running_state(self, state: dict[str, Any]) -> None:
         """Continue from `running_state` and the memory files. With other numbers of worlds, new episodes begin."""
-        self.row, self.evaluated = state["row"], state["evaluated"]
+        known = self.columns  # the checkpoint's collector may have had others
+        self.row = {name: value for name, value in state["row"].items() if name in known}
+        self.evaluated = state["evaluated"]
         self.writer.memories.load(state["memories"])
         rollouts = state["rollouts"]
         if rollouts is not None and len(rollouts["episodes"]["beginnings"]) == self.plan.collector.worlds:

@@ -7,12 +7,14 @@ import signal
 import pytest
 import torch
 
-from tests.helpers.fake_env import make_env
+from tests.helpers.fake_env import WORDS, make_env
 from tests.helpers.labelled_fake_env import make_labelled
+from tests.helpers.plans import config, plan
 from tests.helpers.short_training import train, untimed_rows
 from trainers.rollout.evaluation import evaluate
 from trainers.rollout.worker import Worker
 from trainers.run import checkpoint
+from trainers.run.training_run import TrainingRun
 
 LONG = ["total_frames=512", "eval.interval=192", "eval.episodes=8", "algo.grounding_scenes=8"]
 IMITATION = ["algo.updates_per_frame=0.1", "algo.buffer=300", "algo.expert_until=1.0"]
@@ -150,3 +152,11 @@ def slow_env(worlds, seed):
     env = make_env(worlds, seed)
     env.nap = 0.01
     return env
+
+
+def test_a_row_that_another_collector_measured_is_resumed_without_its_own_columns(tmp_path):
+    run = TrainingRun(plan(), make_env, tmp_path, config(), WORDS)
+    row = {"frames": 128.0, "time/restarts": 1.0, "time/batch_age": 0.0}
+    run.load_running_state({**run.running_state(), "row": row, "memories": {}})
+    run.eval_env.close()
+    assert run.row == {"frames": 128.0}
