@@ -200,8 +200,9 @@ def _title(entry: Path) -> str:
 
 
 def segments() -> set[str]:
-    """The names in shared memory."""
-    return {path.name for path in Path("/dev/shm").iterdir()}
+    """The names in shared memory, without the semaphores of other programs."""
+    names = {path.name for path in Path("/dev/shm").iterdir()}
+    return {name for name in names if not name.startswith("sem.") or name.startswith("sem.mp-deixis-")}
 
 
 @row("node_added", "a node that joins in mid-run is used within 10 s", 1, isolated=True)
