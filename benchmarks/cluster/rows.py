@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from random import Random
 
-from benchmarks.faults.rows import Outcome, Row
-
-Measure = Callable[[int, Random, Path], Outcome]
+from benchmarks.faults.rows import Measure, Row
 
 
 @dataclass(frozen=True)

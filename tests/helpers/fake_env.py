@@ -179,3 +179,17 @@ def _observations(n: int) -> Composite:
 
 def make_env(worlds: int, seed: int) -> FakeEnv:
     return FakeEnv(worlds, seed)
+
+
+class Crashing(FakeEnv):
+    """Raises in its sixth step, in whatever process it runs."""
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        if self.steps == 5:
+            raise ArithmeticError("the arm is on fire")
+        return super()._step(tensordict)
+
+
+def make_crashing(worlds: int, seed: int) -> Crashing:
+    """A module-level function, so that workers can unpickle it."""
+    return Crashing(worlds, seed)

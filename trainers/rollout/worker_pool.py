@@ -65,9 +65,8 @@ class WorkerPool:
         self.patience_factor = 1.0
         self.restarts = 0
         self.age = 0  # of the latest batch: how many iterations old its weights were
-        self.asked: dict[
-            int, tuple[Any, int]
-        ] = {}  # iteration -> the weights it was asked for with, and their iteration
+        # Iteration -> the weights that its batch was asked for with, and their iteration.
+        self.asked: dict[int, tuple[Any, int]] = {}
         self.workers = [self._start(spec, episodes) for spec in specs]
 
     def collect(self, order: Order) -> tuple[TensorDictBase, dict[int, Beginning]]:

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from conf.schema import ConfigError
-from tests.helpers.fake_env import FakeEnv, make_env
+from tests.helpers.fake_env import make_crashing, make_env
 from tests.helpers.plans import plan
 from tests.helpers.ray_cases import listening, own_ray
 from trainers.collector_config import RayCollectorConfig
@@ -106,19 +106,6 @@ def test_async_batches_are_collected_with_the_weights_of_one_iteration_before(ra
         if iteration > 1:  # the first two are asked for together, with the first weights
             shifted(policy)
         assert same(worker.collect(iteration)[0], batch), iteration
-
-
-class Crashing(FakeEnv):
-    """Raises in its sixth step."""
-
-    def _step(self, tensordict):
-        if self.steps == 5:
-            raise ArithmeticError("the arm is on fire")
-        return super()._step(tensordict)
-
-
-def make_crashing(worlds, seed):
-    return Crashing(worlds, seed)
 
 
 def make_refused(worlds, seed):

@@ -10,7 +10,7 @@ import time
 import pytest
 import torch
 
-from tests.helpers.fake_env import FakeEnv, make_env
+from tests.helpers.fake_env import make_crashing, make_env
 from tests.helpers.plans import plan
 from trainers.models.policy import build_policy
 from trainers.rollout.collection import CollectionError, Rollouts
@@ -82,19 +82,6 @@ def test_a_worker_that_is_lost_is_replaced_and_changes_no_bit(capfd):
     assert "collector worker 1 was killed by signal 9 (SIGKILL); it is replaced" in told
     assert "collector worker 0 did not answer for 8.0 s; it is replaced" in told
     assert not multiprocessing.active_children()
-
-
-class Crashing(FakeEnv):
-    """Raises in its sixth step in a worker process."""
-
-    def _step(self, tensordict):
-        if self.steps == 5:
-            raise ArithmeticError("the arm is on fire")
-        return super()._step(tensordict)
-
-
-def make_crashing(worlds, seed):
-    return Crashing(worlds, seed)
 
 
 @pytest.mark.slow
