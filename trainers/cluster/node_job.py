@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
 import io
 import os
 import signal
 import subprocess
-import sys
 import tarfile
 import tempfile
 import time
@@ -17,7 +15,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from trainers.sweeps.job import ENVIRONMENT, PR_SET_PDEATHSIG, failure_message, job_command
+from trainers.sweeps.job import ENVIRONMENT, failure_message, job_command
+from trainers.utils.parent_death import signal_at_parent_death
 
 PROGRAM = Path(__file__).parents[2] / "train.py"
 TOKEN = ".token"  # file in a job's folder, by which a node knows that it sees this very folder
@@ -107,8 +106,7 @@ def _wait(process: subprocess.Popen[bytes]) -> int:
 
 def _end_with_parent() -> None:
     """The run ends with the task's process: a lost job is started again elsewhere, and must not be run twice."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    signal_at_parent_death(signal.SIGKILL)
     signal.pthread_sigmask(signal.SIG_SETMASK, ())  # Ray blocks some
 
 

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 from conf.schema import ConfigError, RunError
 from trainers.cluster.ray_session import RaySession
 from trainers.rollout.evaluation import Interrupted
+from trainers.rollout.worker_host import raised
 
 POLL_SECONDS = 0.2
 RETRIES = 3  # of an input whose task was lost
@@ -83,10 +84,9 @@ class _Tasks:
             done[number] = self.ray.get(reference)
         except self.ray.exceptions.RayTaskError as error:
             cause = getattr(error, "cause", error)
-            text = (str(cause).splitlines() or [""])[0]
             if isinstance(cause, ConfigError):
-                raise ConfigError(f"{text} (on a node of the cluster)") from None
-            raise RunError(f"{self.name} {number} raised {type(cause).__name__}: {text}") from error
+                raise ConfigError(f"{cause} (on a node of the cluster)") from None
+            raise RunError(f"{self.name} {number} {raised(cause)}") from error
         except self.ray.exceptions.RayError as error:
             if self.starts[number] > RETRIES:
                 raise RunError(f"{self.name} {number} was lost {RETRIES + 1} times: {type(error).__name__}") from None

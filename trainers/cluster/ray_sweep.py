@@ -54,7 +54,7 @@ def run_jobs(address: str | None, jobs: Sequence[NodeJob]) -> None:
     with closing(RaySession(address)) as session:
         _check_resources(session, sweep)
         session.check_nodes()
-        RaySweep(session, sweep).run([job for job in jobs if not _finished(job)])
+        RaySweep(session, sweep).run([job for job in jobs if not has_finished(job.place)])
 
 
 class RaySweep:
@@ -123,13 +123,6 @@ class RaySweep:
                 continue  # it had not started, or was lost
             if result.files is not None:
                 unpack(result.files, job.place)
-
-
-def _finished(job: NodeJob) -> bool:
-    finished = has_finished(job.place)
-    if finished:
-        print(f"[{job.place.name}] has finished already", flush=True)
-    return finished
 
 
 def _check_resources(session: RaySession, config: SweepConfig) -> None:

@@ -14,7 +14,7 @@ from trainers.models.expert_mixture import ExpertMixture
 from trainers.models.policy import Policy
 from trainers.rollout.episode_log import EpisodeLog, Episodes
 from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
-from trainers.rollout.worker_host import WorkerHost
+from trainers.rollout.worker_host import WorkerHost, raised
 from trainers.rollout.worker_pool import CollectionError, Order, WorkerPool
 from trainers.rollout.worker_process import ProcessHost
 
@@ -110,8 +110,7 @@ class Rollouts:
             try:
                 batch, began = self.worker.collect(self.iteration)
             except Exception as error:
-                text = (str(error).splitlines() or [""])[0]
-                raise CollectionError(f"collecting a batch raised {type(error).__name__}: {text}") from error
+                raise CollectionError(f"collecting a batch {raised(error)}") from error
         self.log.add(batch, began)
         self.iteration += 1
         return batch

@@ -154,8 +154,7 @@ def run_episodes(
 
 def summarize(outcomes: list[EpisodeOutcome], kind_names: Sequence[str]) -> EvalResult:
     """Statistics over episodes. kind_names: what the values of `EpisodeOutcome.kind` are."""
-    names = kind_names
-    kinds = {names[kind]: [e for e in outcomes if e.kind == kind] for kind in sorted({e.kind for e in outcomes})}
+    kinds = {kind_names[kind]: [e for e in outcomes if e.kind == kind] for kind in sorted({e.kind for e in outcomes})}
     result = _summary(outcomes)
     result.by_kind = {name: _summary(group) for name, group in kinds.items()}
     result.by_pointing = by_pointing(outcomes)

@@ -25,6 +25,11 @@ class WorkerLostError(Exception):
     frame: TensorDictBase | None = None
 
 
+def raised(error: BaseException) -> str:
+    """What was raised, as a clause: "raised ValueError: <the first line of its text>"."""
+    return f"raised {type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
+
+
 @dataclass(frozen=True)
 class Failure:
     """What a worker answers if it raised an exception: its text, and its `frame` if it has one.
@@ -38,11 +43,11 @@ class Failure:
     @classmethod
     def of(cls, error: Exception) -> Failure:
         """Of an exception that a worker raised."""
-        text, frame = (str(error).splitlines() or [""])[0], getattr(error, "frame", None)
+        frame = getattr(error, "frame", None)
         if frame is None:
-            return cls(f"raised {type(error).__name__}: {text}", None)
+            return cls(raised(error), None)
         torch.save(frame.to_dict(), file := io.BytesIO())
-        return cls(f"raised {type(error).__name__}: {text}", file.getvalue())
+        return cls(raised(error), file.getvalue())
 
     def error(self) -> WorkerLostError:
         """The error to raise in the main process."""

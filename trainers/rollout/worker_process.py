@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import sys
@@ -21,8 +20,8 @@ from tensordict.nn import TensorDictModuleBase
 from trainers.rollout.episode_log import Beginning, Episodes
 from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
 from trainers.rollout.worker_host import START_SECONDS, Failure, WorkerLostError
+from trainers.utils.parent_death import signal_at_parent_death
 
-PR_SET_PDEATHSIG = 1  # of Linux' prctl: the signal that a process is sent when its parent ends
 RECEIVE_SECONDS = 10.0  # to read an answer that has begun
 EXIT_SECONDS = 1.0  # to wait for the exit code of a process whose pipe is closed
 
@@ -184,6 +183,6 @@ def _detach(parent: int) -> None:
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        signal_at_parent_death(signal.SIGKILL)
         if os.getppid() != parent:  # it ended before the call
             os._exit(1)

@@ -5,7 +5,6 @@ This code runs in a worker process of Hydra's launcher. Its main thread waits fo
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -21,8 +20,8 @@ from trainers.sweeps.arguments import NON_JOB_PREFIXES, quote_path
 from trainers.sweeps.runs import read_overrides, read_result
 from trainers.utils.atomic_io import write_text
 from trainers.utils.checked_files import write_checked_json
+from trainers.utils.parent_death import signal_at_parent_death
 
-PR_SET_PDEATHSIG = 1  # of prctl(2)
 ENVIRONMENT = {"PYTHONUNBUFFERED": "1", "HYDRA_FULL_ERROR": "1"}
 
 
@@ -39,8 +38,7 @@ class JobWorker:
         """Stop this worker and its job on SIGINT, on SIGTERM, and (on Linux) when the sweep's main process dies."""
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._stop)
-        if sys.platform == "linux":
-            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        signal_at_parent_death(signal.SIGTERM)
 
     def _stop(self, number: int, _frame: object) -> None:
         self.signal = number
@@ -105,7 +103,6 @@ def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder:
     if place != folder and not any(folder.iterdir()):
         folder.rmdir()
     if has_finished(place):
-        print(f"[{place.name}] has finished already", flush=True)
         return
     if WORKER.signal:
         return WORKER.exit_if_orphaned()
@@ -165,7 +162,7 @@ def _known_overrides(place: Path) -> list[str] | None:
 
 
 def has_finished(place: Path) -> bool:
-    """Whether the job has a result. A damaged one is removed, so that the job is finished again."""
+    """Whether the job has a result, which is told. A damaged one is removed, so that the job is finished again."""
     if not (place / "eval.json").exists():
         return False
     try:
@@ -174,6 +171,7 @@ def has_finished(place: Path) -> bool:
         print(f"[{place.name}] {error}; the run is finished again", flush=True)
         (place / "eval.json").unlink()
         return False
+    print(f"[{place.name}] has finished already", flush=True)
     return True
 
 
