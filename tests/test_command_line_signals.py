@@ -5,18 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
-import train
-from tests.helpers.processes import left_over, living
+from tests.helpers.processes import left_over, living, start_train
 from trainers.run.metrics import read_metrics
 
 pytestmark = pytest.mark.slow
-ROOT = Path(train.__file__).parent
 
 
 @pytest.fixture
@@ -24,15 +21,8 @@ def running(tmp_path, request):
     """A training run with two workers, past its first batch."""
     words = ["collector.workers=2", "collector.worlds=8", "eval.worlds=4", "logger=[]", "algo.horizon=32"]
     words += getattr(request, "param", [])
-    process = subprocess.Popen(
-        [sys.executable, str(ROOT / "train.py"), *words, f"hydra.run.dir={tmp_path}"],
-        cwd=ROOT,
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        stdin=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-    )
+    pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    process = start_train(*words, f"hydra.run.dir={tmp_path}", **pipes)
     deadline = time.monotonic() + 90
     while len(read_metrics(tmp_path / "metrics.csv")) < 2 and time.monotonic() < deadline:
         time.sleep(0.2)

@@ -1,7 +1,18 @@
-"""What is left of processes that a test has started, each in a process group of its own."""
+"""Processes of train.py, each in a process group of its own, and what is left of them."""
 
+import subprocess
+import sys
 import time
 from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+def start_train(*words: str, stdout: int, stderr: int) -> subprocess.Popen[str]:
+    """`python train.py <words>`. stdout, stderr: as of Popen."""
+    command = [sys.executable, str(ROOT / "train.py"), *words]
+    pipes = {"stdin": subprocess.DEVNULL, "stdout": stdout, "stderr": stderr}
+    return subprocess.Popen(command, cwd=ROOT, text=True, start_new_session=True, **pipes)
 
 
 def living(group: int) -> list[int]:
