@@ -56,9 +56,13 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
 
     from envs.config import read_env
     from language import Tokenizer
+    from trainers.collector_config import uses_processes
     from trainers.config import read_plan
+    from trainers.rollout import fork_server
 
     env_config, plan = read_env(config), read_plan(config)
+    if uses_processes(plan.collector):
+        fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process does
 
     from trainers.algorithms.build import find_device
     from trainers.run.checkpoint import find

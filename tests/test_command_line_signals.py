@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.helpers.processes import left_over, living, start_train
+from tests.helpers.processes import left_over, start_train, workers_of
 from trainers.run.metrics import read_metrics
 
 pytestmark = pytest.mark.slow
@@ -48,7 +48,8 @@ def test_ctrl_c_saves_and_leaves_no_process(running):
 
 
 def kill_a_worker(process):
-    workers = [pid for pid in living(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    workers = workers_of(process.pid)
+    assert len(workers) == 2
     os.kill(workers[-1], signal.SIGKILL)
 
 

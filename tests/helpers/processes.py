@@ -21,12 +21,27 @@ def living(group: int) -> list[int]:
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
-                fields = (entry / "stat").read_text().rpartition(")")[2].split()
+                state, _, its_group = _stat(int(entry.name))
             except (FileNotFoundError, ProcessLookupError):
                 continue
-            if int(fields[2]) == group and fields[0] != "Z":
+            if int(its_group) == group and state != "Z":
                 found.append(int(entry.name))
     return found
+
+
+def parent_of(process: int) -> int:
+    """The parent's id of a process."""
+    return int(_stat(process)[1])
+
+
+def workers_of(run: int) -> list[int]:
+    """Collection workers of a run that leads a process group: their parent, the fork server, is the run's child."""
+    return [process for process in living(run) if process != run and parent_of(process) != run]
+
+
+def _stat(process: int) -> list[str]:
+    """State, parent and group of a process."""
+    return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[:3]
 
 
 def left_over(group: int, seconds: float) -> list[int]:

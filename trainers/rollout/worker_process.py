@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -13,16 +13,17 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 import torch
-import torch.multiprocessing
+import torch.multiprocessing  # sends tensors by their shared memory
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 
+from trainers.rollout import fork_server
 from trainers.rollout.episode_log import Beginning, Episodes
 from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
 from trainers.rollout.worker_host import START_SECONDS, Failure, WorkerLostError
 from trainers.utils.parent_death import signal_at_parent_death
 
-RECEIVE_SECONDS = 10.0  # to read an answer that has begun
+RECEIVE_SECONDS = 10.0  # to read an answer that has begun, or the end of a process that was killed
 EXIT_SECONDS = 1.0  # to wait for the exit code of a process whose pipe is closed
 
 
@@ -45,9 +46,9 @@ class WorkerProcess:
         self.spec = spec
         self.answered = False  # whether a batch was received: until then it may still be starting
         self.requested_at = 0.0
-        context = torch.multiprocessing.get_context("spawn")
+        context: Any = fork_server.start()
         self.connection, theirs = context.Pipe()
-        arguments = (os.getpid(), theirs, make_env, act, spec, episodes, buffer)
+        arguments = (theirs, make_env, act, spec, episodes, buffer)
         self.process = context.Process(target=_serve, args=arguments, daemon=True)
         self.process.start()
         theirs.close()
@@ -92,7 +93,7 @@ class WorkerProcess:
     def kill(self) -> None:
         """End the process, whatever it is doing."""
         self.process.kill()
-        self.process.join()
+        self.process.join(RECEIVE_SECONDS)  # until the fork server, which may be stopped itself, says so
         self.connection.close()
 
     def _send(self, message: object) -> None:
@@ -151,7 +152,6 @@ class ProcessHost:
 
 
 def _serve(
-    parent: int,
     connection: Connection,
     make_env: MakeEnv,
     act: TensorDictModuleBase,
@@ -159,8 +159,8 @@ def _serve(
     episodes: Episodes | None,
     buffer: TensorDictBase | None,
 ) -> None:
-    """Answer requests until the main process `parent` closes the pipe. An exception's text is sent as its answer."""
-    _detach(parent)
+    """Answer requests until the main process closes the pipe. An exception's text is sent as its answer."""
+    _detach()
     try:
         worker = Worker(make_env, act, spec, episodes)
         while True:
@@ -178,11 +178,11 @@ def _serve(
         connection.send(Failure.of(error))
 
 
-def _detach(parent: int) -> None:
+def _detach() -> None:
     """One thread; no SIGINT, which a terminal sends to all processes; and an end with the main process."""
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if sys.platform == "linux":
-        signal_at_parent_death(signal.SIGKILL)
-        if os.getppid() != parent:  # it ended before the call
-            os._exit(1)
+    signal_at_parent_death(signal.SIGKILL)  # the parent is the fork server, which ends with the main process
+    main = multiprocessing.parent_process()
+    if main is None or not main.is_alive():  # it ended before the call
+        os._exit(1)

@@ -12,6 +12,7 @@ import torch
 
 from tests.helpers.fake_env import make_crashing, make_env
 from tests.helpers.plans import plan
+from tests.helpers.processes import parent_of
 from trainers.models.policy import build_policy
 from trainers.rollout.collection import CollectionError, Rollouts
 from trainers.rollout.evaluation import Interrupted
@@ -58,7 +59,7 @@ def test_a_batch_does_not_depend_on_other_use_of_the_global_generator():
 def test_a_worker_that_is_lost_is_replaced_and_changes_no_bit(capfd):
     policy = policy_of(make_env(4, 0))
     wanted = expected(policy, 6)
-    rollouts = two_workers(make_env, policy, "collector.timeout=8.0")
+    rollouts = two_workers(make_env, policy, "collector.timeout=4.0")
     try:
         assert same(wanted[0], rollouts.next())
         rollouts.sync(policy)
@@ -80,8 +81,22 @@ def test_a_worker_that_is_lost_is_replaced_and_changes_no_bit(capfd):
         rollouts.close()
     told = capfd.readouterr().err
     assert "collector worker 1 was killed by signal 9 (SIGKILL); it is replaced" in told
-    assert "collector worker 0 did not answer for 8.0 s; it is replaced" in told
+    assert "collector worker 0 did not answer for 4.0 s; it is replaced" in told
     assert not multiprocessing.active_children()
+
+
+@pytest.mark.slow
+def test_workers_that_are_lost_with_their_fork_server_are_replaced_and_change_no_bit():
+    policy = policy_of(make_env(4, 0))
+    wanted = expected(policy, 2)
+    rollouts = two_workers(make_env, policy)
+    try:
+        assert same(wanted[0], rollouts.next())
+        os.kill(parent_of(rollouts.processes[0].pid), signal.SIGKILL)
+        assert same(wanted[1], rollouts.next())
+        assert rollouts.restarts == 2
+    finally:
+        rollouts.close()
 
 
 @pytest.mark.slow

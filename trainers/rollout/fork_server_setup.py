@@ -1,0 +1,14 @@
+"""What the fork server imports; nothing else may import it, since it changes the process's signals.
+
+The server ignores SIGINT, which a terminal sends to all processes, and ends with the main process, whatever the way
+that one ends. The workers end with the server.
+"""
+
+import signal
+
+from trainers.utils.parent_death import signal_at_parent_death
+
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+signal_at_parent_death(signal.SIGKILL)
+
+import trainers.rollout.worker_process  # noqa: E402, F401  # the slow part
