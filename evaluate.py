@@ -17,10 +17,12 @@
                       pretrained policy
     task.num_objects=6 ...   any key of the run's config, to evaluate under other conditions than in training
 
-Prints the success rate with its 95 % Wilson interval, overall and by kind of instruction, and saves it as JSON. With
-gestures it also prints success by angle to the nearest rival, number of objects, distance, and angular error of the
-ray, in the bins of `trainers.rollout.evaluation.BINS`, and saves a figure beside the JSON. For more objects:
-task.min_objects=2 task.num_objects=8.
+Prints the success rate with its 95 % Wilson interval, overall and by kind of instruction, and saves it as JSON. Beside
+it stands `disturbed`: the share of successful episodes in which an object was moved by more than 1 cm that the task
+does not move; the line "moved" says what was moved, and how far. With gestures it also prints success by angle to the
+nearest rival, number of objects, distance, and angular error of the ray, in the bins of
+`trainers.rollout.evaluation.BINS`, and saves a figure beside the JSON. For more objects: task.min_objects=2
+task.num_objects=8.
 """
 
 from __future__ import annotations
@@ -102,6 +104,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
     """
     config, overrides = parse(arguments)
 
+    from trainers.reports.evaluation_text import describe
     from trainers.reports.plots import pointing_plot
     from trainers.run import checkpoint
     from trainers.utils.atomic_io import write_json
@@ -249,33 +252,6 @@ def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
         "success_at_end": sum(successes) / len(successes),
         "ci95": list(wilson(sum(successes), len(successes))),
     }
-
-
-def describe(report: dict[str, Any]) -> str:
-    """The result as text: by kind of instruction, by difficulty of the gesture, and overall or by split."""
-    from trainers.reports.plots import bin_name
-
-    lines = [_line(kind, part) for kind, part in report.get("by_kind", {}).items()]
-    lines += [
-        _line(f"{name} {bin_name(name, part['range'])}", part)
-        for name, bins in report.get("by_pointing", {}).items()
-        for part in bins
-    ]
-    overall = [_line(split, part) for split, part in report.get("by_split", {"all": report}).items()]
-    return "\n".join([*lines, *overall])
-
-
-def _line(name: str, part: dict[str, Any]) -> str:
-    low, high = part["ci95"]
-    others = {"success_once": "success_once", "wrong object": "wrong_object"}
-    rest = [f"{label} {part[key]:.3f}" for label, key in others.items() if key in part]
-    return ", ".join(
-        [
-            f"{name:16} success_at_end {part['success_at_end']:.3f} (95 %: {low:.3f}-{high:.3f})",
-            *rest,
-            f"{part['episodes']} episodes",
-        ]
-    )
 
 
 def _numbered(path: Path) -> Path:

@@ -137,10 +137,13 @@ def main(config: Any) -> dict[str, Any] | None:
 
 def summary(result: dict[str, Any], folder: Path) -> str:
     """The result and its folder in one line."""
+    from trainers.sweeps.runs import share_cell
+
     low, high = result["ci95"]
     return (
         f"success_at_end {result['success_at_end']:.3f} (95 %: {low:.3f}-{high:.3f}, {result['episodes']} episodes), "
-        f"wrong object {result['wrong_object']:.3f}, {result['frames']} frames in {result['wall_s']:.0f} s: {folder}"
+        f"wrong object {result['wrong_object']:.3f}, disturbed {share_cell(result['disturbed'])}, "
+        f"{result['frames']} frames in {result['wall_s']:.0f} s: {folder}"
     )
 
 

@@ -24,7 +24,7 @@ from trainers.rollout.evaluation import evaluate
 ROOT = Path(__file__).resolve().parents[1]
 ROBOTS, CONTROLS = ("kuka", "panda", "jaco"), ("step", "absolute", "joints")
 WORLDS = 8
-SHOWN = ("episodes", "success_at_end", "ci95", "wrong_object", "mean_length")
+SHOWN = ("episodes", "success_at_end", "ci95", "wrong_object", "disturbed", "mean_length")
 ENOUGH = 0.95
 
 

@@ -258,6 +258,15 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return self.control.yaw(self._arrays.pose.rotation)
 
     @property
+    def moves_referent(self) -> bool:
+        """Whether the task is to move the referent."""
+        return self.task.moves
+
+    def is_reachable(self, place: Tensor) -> bool:
+        """Whether a gripper gets within the task's radius of an object at place (3,), metres."""
+        return self.control.outside(place.numpy()) <= self.config.task.radius
+
+    @property
     def below(self) -> float:
         """Metres from the gripper centre down to the centre of an object that it holds."""
         return self._grips.below

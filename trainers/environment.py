@@ -26,7 +26,8 @@ class TrainingEnv(Protocol):
     """N worlds in one batched TorchRL environment, batch_size (N,), on the CPU.
 
     Observations have the keys "robot", "objects", "objects_mask", "instruction" and "hold", "success", "wrong_object",
-    "at_goal" and "reward_terms", and under "privileged" at least "referent", "goal" and "kind". Where a person points
+    "at_goal" and "reward_terms", and under "privileged" at least "referent", "goal" and "kind". A row of "objects"
+    (N, K, D) begins with a position, metres, and is 0 throughout in a slot that shows no object. Where a person points
     there is "gesture" too. Policies never read a privileged key. Where an algorithm imitates, the worlds that it trains
     in also observe "privileged/expert_action" (N, A): what an expert would do. An exception that `step` raises may have
     an attribute `frame` (N,): what the step was given, which the run then saves.
@@ -36,6 +37,7 @@ class TrainingEnv(Protocol):
         reward_names: what the columns of "reward_terms" are.
         kind_names: what the values of privileged/kind are.
         tokenizer: has the words that "instruction" is made of.
+        moves_referent: whether the task is to move the referent.
     """
 
     batch_size: torch.Size
@@ -45,6 +47,12 @@ class TrainingEnv(Protocol):
 
     @property
     def action_unit(self) -> Sequence[float]: ...
+
+    @property
+    def moves_referent(self) -> bool: ...
+
+    def is_reachable(self, place: Tensor) -> bool:
+        """Whether a gripper gets within reach of an object at place (3,), metres."""
 
     @property
     def observation_spec(self) -> Composite: ...

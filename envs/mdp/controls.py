@@ -56,6 +56,10 @@ class Control(ABC):
     def hold(self, angles: Array, gripper: Array) -> Array:
         """The action (N, size) that keeps arms at angles (N, J), grippers at (N, 3), where they are."""
 
+    def outside(self, position: Array) -> float:
+        """Metres from position (3,) to the gripper box; 0 in it."""
+        return float(np.linalg.norm(position - np.clip(position, *self._box)))
+
     def targets(self, action: Array, commanded: Array, measured: Array) -> Array:
         """(N, J) the joint angles to command. action: (N, size). commanded, measured: (N, J) joint angles."""
         start = np.clip(commanded, measured - MAX_LEAD, measured + MAX_LEAD)

@@ -28,6 +28,7 @@ class FakeEnv(EpisodeReplayEnv):
     kind_names = ("odd", "even")
     reward_names = ("there", "near")
     action_unit = (1.0, 1.0, 1.0)
+    moves_referent = False
     tokenizer = SimpleNamespace(vocabulary=WORDS)
 
     def __init__(self, worlds: int, seed: int, poison: int = 0, nap: float = 0.0, poisoned: str = "reward") -> None:
@@ -81,6 +82,9 @@ class FakeEnv(EpisodeReplayEnv):
             out[self.poisoned] *= float("nan")
         ends = {"terminated": success | wrong, "truncated": truncated, "done": success | wrong | truncated}
         return out.update(ends).set("reward", reward)
+
+    def is_reachable(self, place: torch.Tensor) -> bool:
+        return bool(place.abs().max() <= 1)
 
     def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:
         """As if the colour had been named whose place each episode came nearest to, where that is another one."""

@@ -19,7 +19,7 @@ from trainers.export import policy_file
 from trainers.reports.scores import result_of, time_to_level
 from trainers.run import checkpoint
 from trainers.sweeps.overrides_of import overrides_of
-from trainers.sweeps.runs import RunRecord, command_line, find_runs
+from trainers.sweeps.runs import RunRecord, command_line, find_runs, share_cell
 from trainers.utils.atomic_io import atomic_directory
 from trainers.utils.system_info import system_info
 
@@ -83,7 +83,6 @@ def _without_resume(config: dict[str, Any]) -> dict[str, Any]:
 def _card(run: RunRecord, place: Path, words: Sequence[str]) -> bytes:
     """The card, in Markdown. words: the overrides that compose the run's config."""
     config, final = run.config, result_of(run)
-    low, high = final["ci95"]
     rows = [[name, config[name]["name"]] for name in CARD_GROUPS]
     rows += [["seed", config["seed"]], ["frames", f"{final['frames']:,}, in {_minutes(final['wall_s'])}"]]
     frames, seconds = time_to_level(run.evaluations, 0.9)
@@ -96,12 +95,13 @@ def _card(run: RunRecord, place: Path, words: Sequence[str]) -> bytes:
 
 {_purpose(config)}
 
-| success_at_end (95 %) | wrong object | episodes |
-|---|---|---|
-| {final["success_at_end"]:.3f} ({low:.3f}-{high:.3f}) | {final["wrong_object"]:.3f} | {final["episodes"]} |
+| success_at_end (95 %) | wrong object | disturbed | episodes |
+|---|---|---|---|
+| {_interval(final)} | {final["wrong_object"]:.3f} | {share_cell(final.get("disturbed"))} | {final["episodes"]} |
 
 Evaluation of the last policy of the run with deterministic actions, on episodes that training did not use.
-The intervals are Wilson's.
+The intervals are Wilson's. Disturbed: the share of successful episodes in which an object was moved by more than 1 cm
+that the task does not move.
 {_kinds(final.get("by_kind", {}))}
 ```
 python evaluate.py checkpoint={place.as_posix()}   # evaluates it on other episodes
@@ -127,13 +127,15 @@ The machine and the versions are those with which this card was written.
 
 def _kinds(kinds: dict[str, Any]) -> str:
     """The table of success by kind of instruction; "" without one."""
-    rows = [
-        [name, f"{part['success_at_end']:.3f} ({part['ci95'][0]:.3f}-{part['ci95'][1]:.3f})", part["episodes"]]
-        for name, part in kinds.items()
-    ]
+    rows = [[name, _interval(part), part["episodes"]] for name, part in kinds.items()]
     return (
         f"\n| kind of instruction | success_at_end (95 %) | episodes |\n|---|---|---|\n{_lines(rows)}\n" if rows else ""
     )
+
+
+def _interval(part: dict[str, Any]) -> str:
+    """The success of an evaluation, or of a part of it, with its interval."""
+    return f"{part['success_at_end']:.3f} ({part['ci95'][0]:.3f}-{part['ci95'][1]:.3f})"
 
 
 def _lines(rows: Sequence[Sequence[Any]]) -> str:

@@ -20,7 +20,7 @@ from trainers.reports import figures
 from trainers.reports.figures import MAIN_TASKS
 from trainers.reports.page import Block, Heading, Paragraph, Picture, Table, write_page
 from trainers.reports.scores import LEVELS, bootstrap, final_over_best, iqm, result_of, score, time_to_level
-from trainers.sweeps.runs import RunRecord, command_line, find_runs, group_by_configuration
+from trainers.sweeps.runs import RunRecord, command_line, find_runs, group_by_configuration, share_cell
 from trainers.sweeps.sweep_file import NAME, read_starts
 from trainers.utils.system_info import system_info
 
@@ -31,7 +31,9 @@ LEVEL_NAMES = [f"{level:.0%}".replace("%", " %") for level in LEVELS]
 METHOD = (
     "Success: interquartile mean of the seeds' final success (of fewer than four seeds, their mean), with a bootstrap "
     "interval over seeds, resampled within each configuration. The worst seed's interval is Wilson's, over its "
-    "episodes. Wrong object: share of the final episodes, mean over seeds. Final / best: final success over the best "
+    "episodes. Wrong object: share of the final episodes, mean over seeds. Disturbed: share of the successful "
+    "final episodes in which an object was moved by more than 1 cm that the task does not move; the greatest over "
+    "seeds. Final / best: final success over the best "
     "evaluation during training, minimum over seeds. Frames and seconds: to the first evaluation with that success, "
     "median over seeds; '-' if it was never reached. Seconds are wall-clock time with start-up and evaluations."
 )
@@ -81,14 +83,15 @@ def _success_section(groups: Groups, folder: Path) -> list[Block]:
 
 def _configuration_table(groups: Groups, started: dict[str, int]) -> list[Block]:
     """started: how many runs of each configuration were started, unfinished ones included."""
-    header = ["configuration", "seeds", "success (95 %)", "worst seed (95 %)", "wrong object", "final / best"]
+    header = ["configuration", "seeds", "success (95 %)", "worst seed (95 %)"]
+    header += ["wrong object", "disturbed", "final / best"]
     header += [f"frames to {level}" for level in LEVEL_NAMES] + [f"seconds to {level}" for level in LEVEL_NAMES]
     rows = []
     for label, runs in groups.items():
         s = score(runs)
         seeds = f"{s.seeds}" if s.seeds == started[label] else f"{s.seeds} of {started[label]}"
         row = [label, seeds, _with_interval(s.success, s.interval), f"seed {s.worst.seed}: {_success(s.worst)}"]
-        row += [f"{s.wrong_object:.3f}", _number(s.final_over_best, ".2f")]
+        row += [f"{s.wrong_object:.3f}", share_cell(s.disturbed), _number(s.final_over_best, ".2f")]
         rows.append(row + [_number(x, ",.0f") for x in (*s.frames, *s.seconds)])
     if len(groups) > 1:
         rows.append(_overall_row(groups, len(header)))
@@ -104,7 +107,7 @@ def _overall_row(groups: Groups, width: int) -> list[str]:
 
 
 def _seed_table(groups: Groups) -> Table:
-    header = ["configuration", "seed", "success (95 %)", "episodes", "wrong object", "final / best"]
+    header = ["configuration", "seed", "success (95 %)", "episodes", "wrong object", "disturbed", "final / best"]
     header += ["frames", "seconds", *(f"to {level}" for level in LEVEL_NAMES)]
     return Table(header, [_seed_row(label, run) for label, runs in groups.items() for run in runs])
 
@@ -112,7 +115,8 @@ def _seed_table(groups: Groups) -> Table:
 def _seed_row(label: str, run: RunRecord) -> list[str]:
     final = result_of(run)
     row = [label, f"{run.seed}", _success(run), f"{final['episodes']}", f"{final['wrong_object']:.3f}"]
-    row += [_number(final_over_best(run), ".2f"), f"{final['frames']:,}", f"{final['wall_s']:,.0f}"]
+    row += [share_cell(final.get("disturbed")), _number(final_over_best(run), ".2f")]
+    row += [f"{final['frames']:,}", f"{final['wall_s']:,.0f}"]
     for level in LEVELS:
         frames, seconds = time_to_level(run.evaluations, level)
         row.append(f"{frames:,.0f} ({seconds:,.0f} s)" if math.isfinite(frames) else "-")

@@ -70,7 +70,8 @@ class Score:
     """Statistics over the finished runs of one configuration.
 
     success: interquartile mean of the final success rates. interval: its 95 % bootstrap interval. worst: the run with
-    the lowest final success. wrong_object: share of the final episodes, mean over seeds. final_over_best: minimum over
+    the lowest final success. wrong_object: share of the final episodes, mean over seeds. disturbed: share of
+    the successful final episodes, maximum over seeds; None where no run measured it. final_over_best: minimum over
     seeds. frames, seconds: to each of `LEVELS`, median over seeds; infinite if a level was never reached.
     """
 
@@ -79,6 +80,7 @@ class Score:
     interval: tuple[float, float]
     worst: RunRecord
     wrong_object: float
+    disturbed: float | None
     final_over_best: float
     frames: tuple[float, ...]
     seconds: tuple[float, ...]
@@ -95,7 +97,13 @@ def score(runs: Sequence[RunRecord]) -> Score:
         interval=bootstrap([success]),
         worst=min(runs, key=lambda run: result_of(run)["success_at_end"]),
         wrong_object=float(np.mean([result_of(run)["wrong_object"] for run in runs])),
+        disturbed=max(_measured(runs, "disturbed"), default=None),
         final_over_best=min(ratios, key=lambda ratio: math.inf if math.isnan(ratio) else ratio),
         frames=tuple(times[:, 0]),
         seconds=tuple(times[:, 1]),
     )
+
+
+def _measured(runs: Sequence[RunRecord], name: str) -> list[float]:
+    """This value of each run that has it: older versions measured less."""
+    return [value for run in runs if (value := result_of(run).get(name)) is not None]

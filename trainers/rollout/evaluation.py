@@ -15,6 +15,7 @@ from torch import Tensor
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from trainers.environment import TrainingEnv
+from trainers.rollout.displacement import Displacement, Displacements, moved_shares, share
 
 Z95 = 1.959963984540054
 POINTING = ("privileged", "pointing")
@@ -40,6 +41,8 @@ class EvalResult:
 
     success_at_end: the episode ended in success, as the task defines it. success_once: the gripper was at the referent
     at one step at least. wrong_object: the episode ended at another object. ci95: Wilson's interval of success_at_end.
+    disturbed: of the successful episodes, the share in which an object was moved by more than 1 cm that the task does
+    not move; None without a success. moved: the shares of `moved_shares`.
     by_kind: the same by kind of instruction. by_pointing: the episodes with a gesture, by each measure of `BINS`; empty
     bins are left out.
     """
@@ -51,6 +54,8 @@ class EvalResult:
     ci95: tuple[float, float]
     mean_return: float
     mean_length: float
+    disturbed: float | None = None
+    moved: dict[str, float | None] = field(default_factory=dict)
     by_kind: dict[str, EvalResult] = field(default_factory=dict)
     by_pointing: dict[str, list[Bin]] = field(default_factory=dict)
 
@@ -85,8 +90,8 @@ class Bin:
 class EpisodeOutcome:
     """How an episode ended.
 
-    kind: index of the kind of instruction. at_referent: the gripper was at the referent at one step at least. pointing:
-    the measures of `BINS`; empty without a gesture.
+    kind: index of the kind of instruction. at_referent: the gripper was at the referent at one step at least.
+    pointing: the measures of `BINS`; empty without a gesture. displacement: how far objects were moved.
     """
 
     kind: int
@@ -96,6 +101,7 @@ class EpisodeOutcome:
     total_reward: float
     length: int
     pointing: dict[str, float] = field(default_factory=dict)
+    displacement: Displacement = Displacement()
 
 
 def wilson(successes: int, n: int, z: float = Z95) -> tuple[float, float]:
@@ -172,7 +178,7 @@ def _run_episodes(
     length = torch.zeros(worlds, dtype=torch.int64)
     outcomes: list[EpisodeOutcome] = []
     state = env.reset()
-    pointing = _PointingMeasures(state)
+    pointing, displacements = _PointingMeasures(state), Displacements(env, state)
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         while any(left):
             if stop():
@@ -183,6 +189,7 @@ def _run_episodes(
             after = step["next"]
             total_reward += after["reward"].flatten()
             pointing.follow(after)
+            displacements.follow(after)
             at_referent |= after["at_goal"].flatten() | after["success"].flatten()
             length += 1
             for world in after["done"].flatten().nonzero().flatten().tolist():
@@ -197,10 +204,12 @@ def _run_episodes(
                             total_reward=float(total_reward[world]),
                             length=int(length[world]),
                             pointing=pointing.measures(world),
+                            displacement=displacements.of(world, after),
                         )
                     )
                 total_reward[world], at_referent[world], length[world] = 0.0, False, 0
-            pointing.begin(state, after["done"].flatten())
+            for measured in (pointing, displacements):
+                measured.begin(state, after["done"].flatten())
     return outcomes
 
 
@@ -264,13 +273,15 @@ def _bins(measured: Sequence[tuple[float, bool]], name: str) -> list[Bin]:
 
 def _summary(outcomes: list[EpisodeOutcome]) -> EvalResult:
     n = len(outcomes)
-    successes = sum(e.success for e in outcomes)
+    successful = [e.displacement for e in outcomes if e.success]
     return EvalResult(
         episodes=n,
-        success_at_end=successes / n,
+        success_at_end=len(successful) / n,
         success_once=sum(e.at_referent for e in outcomes) / n,
         wrong_object=sum(e.wrong_object for e in outcomes) / n,
-        ci95=wilson(successes, n),
+        ci95=wilson(len(successful), n),
         mean_return=sum(e.total_reward for e in outcomes) / n,
         mean_length=sum(e.length for e in outcomes) / n,
+        disturbed=share([displacement.disturbed for displacement in successful]),
+        moved=moved_shares(successful, [e.displacement for e in outcomes]),
     )

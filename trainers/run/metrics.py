@@ -16,7 +16,7 @@ from conf.safe_files import FileError, read_bytes
 from conf.schema import ConfigError
 from trainers.utils.atomic_io import NO_FOLLOW, WriteError, write_text
 
-EVALUATION_NAMES = ("success_at_end", "success_once", "wrong_object", "mean_return", "mean_length")
+EVALUATION_NAMES = ("success_at_end", "success_once", "wrong_object", "disturbed", "mean_return", "mean_length")
 CHECKSUM = "checksum"  # the last column
 LINE_END = "\r\n"
 MAX_BYTES = 256 * 2**20

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -243,7 +244,8 @@ class TrainingRun:
         index = self.counters["evaluations"] + 1
         result = self.evaluate(self.plan.eval.interval_episodes, index, stop)
         self.counters["evaluations"] = index
-        self.row |= {f"eval/{name}": getattr(result, name) for name in EVALUATION_NAMES}
+        values = {name: getattr(result, name) for name in EVALUATION_NAMES}
+        self.row |= {f"eval/{name}": math.nan if value is None else value for name, value in values.items()}
         return result
 
     def evaluate(self, episodes: int, index: int, stop: StopSignal) -> EvalResult:

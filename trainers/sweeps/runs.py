@@ -87,6 +87,11 @@ class RunRecord:
         return command_line(self.overrides) if self.overrides else "-"
 
 
+def share_cell(share: float | None) -> str:
+    """A share in a table; "-" where it was not measured, as by runs of older versions."""
+    return "-" if share is None else f"{share:.3f}"
+
+
 def find_runs(folder: Path) -> list[RunRecord]:
     """The runs in a directory: the directory itself, those in it, and those of sweeps in it.
 

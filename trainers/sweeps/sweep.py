@@ -27,10 +27,10 @@ from conf.schema import ConfigError, read
 from trainers.config import SweepConfig
 from trainers.run.run_folder import FolderLock
 from trainers.sweeps.arguments import register_resolvers
-from trainers.sweeps.runs import RunRecord, distinct_overrides, find_runs
+from trainers.sweeps.runs import RunRecord, distinct_overrides, find_runs, share_cell
 from trainers.sweeps.sweep_file import add_start
 
-HEADER = ("run", "success", "ci95", "wrong object", "frames", "seconds")
+HEADER = ("run", "success", "ci95", "wrong object", "disturbed", "frames", "seconds")
 REPEAT_SECONDS = 2.0  # a terminal signals the process and its group: two signals within this time are one request
 
 
@@ -125,12 +125,13 @@ def table_rows(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
 
 def _result_cells(run: RunRecord) -> tuple[str, ...]:
     if run.result is None:
-        return (run.status, "", "", "", "")
+        return (run.status, *[""] * (len(HEADER) - 2))
     low, high = run.result["ci95"]
     return (
         f"{run.result['success_at_end']:.3f}",
         f"{low:.3f}-{high:.3f}",
         f"{run.result['wrong_object']:.3f}",
+        share_cell(run.result.get("disturbed")),
         f"{run.result['frames']}",
         f"{run.result['wall_s']:.0f}",
     )

@@ -69,7 +69,7 @@ def test_a_published_policy_evaluates_like_its_run_and_is_not_changed(run, polic
 def test_the_card_has_the_result_and_the_command_of_the_run(run, policy):
     card, final = (policy / "README.md").read_text(), json.loads((run / "eval.json").read_text())
     low, high = final["ci95"]
-    assert f"| {final['success_at_end']:.3f} ({low:.3f}-{high:.3f}) | {final['wrong_object']:.3f} | 4 |" in card
+    assert f"| {final['success_at_end']:.3f} ({low:.3f}-{high:.3f}) | {final['wrong_object']:.3f} | - | 4 |" in card
     assert "| frames | 256, in 0 min" in card
     assert "bring the gripper to the object that the sentence names" in card
     assert "* `policy.width=16`" in card

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from evaluate import describe
 from tests.helpers.fake_env import make_env
 from tests.helpers.fake_expert import EXPERT
+from trainers.reports.evaluation_text import describe
 from trainers.reports.plots import bin_name, learning_curve, pointing_plot
 from trainers.rollout.evaluation import BINS, EpisodeOutcome, by_pointing, evaluate
 

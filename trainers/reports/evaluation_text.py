@@ -1,0 +1,36 @@
+"""The result of an evaluation as lines of text."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from trainers.reports.plots import bin_name
+from trainers.sweeps.runs import share_cell
+
+SHARES = {"success_once": "success_once", "wrong_object": "wrong object", "disturbed": "disturbed"}
+
+
+def describe(report: dict[str, Any]) -> str:
+    """By kind of instruction, by difficulty of the gesture, overall or by split, and how far objects were moved."""
+    lines = [_line(kind, part) for kind, part in report.get("by_kind", {}).items()]
+    lines += [
+        _line(f"{name} {bin_name(name, part['range'])}", part)
+        for name, bins in report.get("by_pointing", {}).items()
+        for part in bins
+    ]
+    overall = [_line(split, part) for split, part in report.get("by_split", {"all": report}).items()]
+    return "\n".join([*lines, *overall, *_moved(report)])
+
+
+def _line(name: str, part: dict[str, Any]) -> str:
+    low, high = part["ci95"]
+    success = f"{name:16} success_at_end {part['success_at_end']:.3f} (95 %: {low:.3f}-{high:.3f})"
+    rest = [f"{label} {share_cell(part[key])}" for key, label in SHARES.items() if key in part]
+    return ", ".join([success, *rest, f"{part['episodes']} episodes"])
+
+
+def _moved(report: dict[str, Any]) -> list[str]:
+    """How far objects were moved; no line where that was not measured."""
+    measured = {name: value for name, value in report.get("moved", {}).items() if value is not None}
+    parts = [f"{name.replace('_', ' ')} {share_cell(value)}" for name, value in measured.items()]
+    return [f"{'moved':16} {', '.join(parts)}"] if parts else []
