@@ -100,7 +100,7 @@ class BC(Algorithm):
         if not steps:
             return []
         frames = self.frames.sample(steps * self.config.batch).split(self.config.batch)
-        pairs = self.grounding.paired(frames, steps, self.config.grounding_every)
+        pairs = self.grounding.paired(frames, steps, 1 / self.config.grounding_every)
         return [self.step(part, scenes) for part, scenes in pairs]
 
     def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:

@@ -6,6 +6,7 @@ given the words alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 
 import torch
@@ -18,6 +19,8 @@ from trainers.models.grounding import grounding_loss
 from trainers.models.policy import Policy
 
 METRICS = ("loss/grounding", "grounding/accuracy")
+LEAST_SHARE = 1 / 8  # of the gradient steps that have scenes, however right the attention is
+SMOOTHING = 0.5  # weight of the latest batch in the error
 
 
 class GroundingSupervision:
@@ -28,6 +31,7 @@ class GroundingSupervision:
 
     Attributes:
         active: False if the weight is 0 or the policy has no attention; then the words are learned from reward alone.
+        error: share of fresh scenes that the attention has wrong, a running mean; 1 before the first batch.
     """
 
     def __init__(self, config: AlgorithmConfig, policy: Policy, device: torch.device) -> None:
@@ -35,11 +39,18 @@ class GroundingSupervision:
         self.active = config.grounding_weight > 0 and policy.attends
         self.keys = [*policy.encoder_keys, *policy.label_keys]
         self.scenes = TensorDictReplayBuffer(storage=LazyTensorStorage(config.grounding_memory, device=device))
+        self.error = 1.0
+
+    @property
+    def share(self) -> float:
+        """The share of gradient steps that learn from scenes: in proportion to the error, between LEAST_SHARE and 1."""
+        gain = self.config.grounding_gain
+        return 1.0 if gain is None else min(1.0, max(LEAST_SHARE, gain * self.error))
 
     @property
     def scenes_per_update(self) -> int:
         """How many unsimulated scenes are added before each update."""
-        return self.config.grounding_scenes if self.active else 0
+        return math.ceil(self.share * self.config.grounding_scenes) if self.active else 0
 
     def add(self, scenes: TensorDictBase) -> None:
         """Keep scenes (count,)."""
@@ -50,16 +61,24 @@ class GroundingSupervision:
         return self.scenes.sample(count * self.config.grounding_batch).split(self.config.grounding_batch)
 
     def paired(
-        self, parts: Iterable[TensorDictBase], count: int, every: int
+        self, parts: Iterable[TensorDictBase], count: int, share: float
     ) -> Iterator[tuple[TensorDictBase, TensorDictBase | None]]:
         """Each of `count` parts with a batch of scenes for the same gradient step; None where it has none.
 
-        A pass over scenes costs more than one over frames, and fewer of them suffice: one of `every` parts has scenes,
-        and none has where the words are not supervised. All scenes are drawn at once.
+        A pass over scenes costs more than one over frames, and fewer of them suffice: a share of the parts, evenly
+        spaced, has scenes, and none has where the words are not supervised. All scenes are drawn at once.
         """
-        scenes = self.sample(-(-count // every)) if self.active else ()
+        chosen = math.ceil(count * share) if self.active else 0
+        drawn = self.sample(chosen) if chosen else ()
+        scenes = {i * count // chosen: each for i, each in enumerate(drawn)}
         for i, part in enumerate(parts):
-            yield part, None if i % every or not self.active else scenes[i // every]
+            yield part, scenes.get(i)
+
+    def measure_fresh(self, scenes: TensorDictBase) -> float:
+        """The accuracy on scenes (count,) that were not learned from; it sets how much is learned from scenes."""
+        accuracy = float(self.measure(scenes)["grounding/accuracy"])
+        self.error += SMOOTHING * (1 - accuracy - self.error)
+        return accuracy
 
     def measure(self, scenes: TensorDictBase) -> dict[str, Tensor]:
         """The loss, before its weight, and the accuracy on scenes (count,), under the names of METRICS."""

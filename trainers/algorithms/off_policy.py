@@ -109,7 +109,7 @@ class OffPolicyAlgorithm(Algorithm):
             frames = (self.replay.sample(self.config.batch) for _ in range(steps))
         else:
             frames = self.replay.sample(steps * self.config.batch).split(self.config.batch)
-        pairs = self.grounding.paired(frames, steps, self.config.grounding_every)
+        pairs = self.grounding.paired(frames, steps, 1 / self.config.grounding_every)
         return [self.step(part, scenes) for part, scenes in pairs]
 
     def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:

@@ -1,11 +1,14 @@
-"""On-policy learning: advantages, then epochs of minibatches, with any on-policy loss module of TorchRL.
+"""On-policy learning: advantages, then epochs of minibatches.
 
-The words are encoded once per minibatch, before the loss, so the loss sees a small actor on (robot, referent). Where
-the grounding is supervised, its loss is added and alone trains the words; otherwise they are learned through the actor.
+Where the grounding is supervised, its loss alone trains the words. The actor then learns from the referent that the
+policy attended to when the frame was collected: no gradient step encodes frames, and the likelihood ratio compares two
+actors on the same input. Otherwise each minibatch is encoded, and the words are learned through the actor.
 """
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -27,38 +30,30 @@ from trainers.algorithms.base_config import OnPolicyConfig
 from trainers.algorithms.grounding_supervision import METRICS, first_steps
 from trainers.models.policy import Policy, parameters
 
-# Outputs of TorchRL's losses, and the names that they are reported under.
-OUTPUTS = {
-    "loss_objective": "loss/actor",
-    "loss_critic": "loss/critic",
-    "loss_entropy": "loss/entropy",
-    "entropy": "entropy",
-    "kl_approx": "kl",
-    "clip_fraction": "clip_fraction",
-}
-
 
 class OnPolicyAlgorithm(Algorithm):
-    """Trains with an advantage-based loss.
+    """Trains with an advantage-based loss, which a subclass computes.
 
     Args:
         critic: writes state_value (N, 1); it may read privileged/goal.
-        loss: reads the actor's keys, "move", "move_log_prob", "advantage", "value_target" and the critic's keys. It
-            must be built with functional=False: its networks are not shared, so no parameters need to be swapped in.
+        measured: names of what `compute_losses` returns.
     """
 
     saved = ("policy", "critic", "optimizer")
 
-    def __init__(self, config: OnPolicyConfig, policy: Policy, critic: TensorDictModule, loss: Any) -> None:
+    def __init__(
+        self, config: OnPolicyConfig, policy: Policy, critic: TensorDictModule, measured: Sequence[str]
+    ) -> None:
         super().__init__(config, policy)
-        self.config, self.critic, self.loss = config, critic, loss
-        self.outputs = {key: name for key, name in OUTPUTS.items() if key in loss.out_keys}
-        self.metrics = (*self.outputs.values(), "std", "lr", "explained_variance", *METRICS)
+        self.config, self.critic = config, critic
+        self.metrics = (*measured, "std", "lr", "explained_variance", *METRICS)
         self.parameters = parameters(policy, critic)
+        self.clipped = parameters(policy), parameters(critic)
         self.optimizer = torch.optim.Adam(self.parameters, lr=config.lr, fused=True)
         self.exploration = ExplorationSchedule(policy, config.final_std)
-        kept = [*policy.encoder_keys, *policy.actor_keys, "move", "move_log_prob", *critic.in_keys]
-        self.frame_keys = [key for key in dict.fromkeys(kept) if key != policy.context_key]
+        encoded = (policy.context_key,) if self.grounding.active else policy.encoder_keys
+        kept = [*encoded, *policy.actor_keys, "move", "move_log_prob", *critic.in_keys]
+        self.frame_keys = [key for key in dict.fromkeys(kept) if key != policy.context_key or self.grounding.active]
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
         """Learn from frames (worlds, steps) of the present policy. progress anneals learning rate and exploration."""
@@ -69,9 +64,11 @@ class OnPolicyAlgorithm(Algorithm):
         fresh = self.add_batch_scenes(batch) if self.grounding.active else {}
         frames, explained = self.compute_advantages(batch)
         rows: list[dict[str, Tensor]] = []
+        steps, share = -(-len(frames) // self.config.minibatch), self.grounding.share
         for _ in range(self.config.epochs):
-            for choice in torch.randperm(len(frames)).split(self.config.minibatch):
-                rows.append(self.step(frames[choice.to(self.device)]))
+            order = torch.randperm(len(frames)).to(self.device)
+            minibatches = frames[order].split(self.config.minibatch)
+            rows += [self.step(part, scenes) for part, scenes in self.grounding.paired(minibatches, steps, share)]
             if self.stops_early(rows[-1]):
                 break
         return averages(rows) | fresh | {"explained_variance": explained, "lr": rate}
@@ -89,7 +86,13 @@ class OnPolicyAlgorithm(Algorithm):
         begins = first_steps(batch, torch.ones_like(batch["next", "done"][:, :1, 0]))
         scenes = batch.select(*self.grounding.keys)[begins.cpu()]
         self.grounding.add(scenes)
-        return {"grounding/accuracy": float(self.grounding.measure(scenes)["grounding/accuracy"])}
+        return {"grounding/accuracy": self.grounding.measure_fresh(scenes)}
+
+    def running_state(self) -> dict[str, Any]:
+        return {"grounding_error": self.grounding.error}
+
+    def load_running_state(self, state: dict[str, Any]) -> None:
+        self.grounding.error = state["grounding_error"]
 
     @torch.no_grad()
     def compute_advantages(self, batch: TensorDictBase) -> tuple[TensorDictBase, float]:
@@ -101,31 +104,37 @@ class OnPolicyAlgorithm(Algorithm):
         frames = batch.select(*self.frame_keys).set("advantage", advantage).set("value_target", target)
         return frames.reshape(-1), float(explained)
 
-    def value(self, batch: TensorDictBase) -> Tensor:
-        """State values (worlds, steps, 1), in one pass over all frames."""
-        reads_context = self.policy.context_key in self.critic.in_keys
-        keys = [key for key in self.critic.in_keys if key != self.policy.context_key]
-        flat = batch.select(*keys, *(self.policy.encoder_keys if reads_context else ())).reshape(-1)
-        if reads_context:
+    def value(self, frames: TensorDictBase) -> Tensor:
+        """State values (worlds, steps, 1), in one pass over all frames, which are encoded if they are not."""
+        context = self.policy.context_key
+        encodes = context in self.critic.in_keys and context not in frames.keys()
+        keys = [key for key in self.critic.in_keys if key != context or not encodes]
+        flat = frames.select(*keys, *(self.policy.encoder_keys if encodes else ())).reshape(-1)
+        if encodes:
             flat = self.policy.encode(flat)
-        return self.critic(flat)["state_value"].reshape(*batch.shape, 1)
+        return self.critic(flat)["state_value"].reshape(*frames.shape, 1)
 
-    def step(self, frames: TensorDictBase) -> dict[str, Tensor]:
-        """One gradient step on a minibatch (B,)."""
-        # The reward is a noisy teacher of words: supervised ones are trained on scenes alone.
-        with torch.set_grad_enabled(not self.grounding.active):
+    def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
+        """One gradient step on a minibatch (B,) for actor and critic, and on scenes (G,) for the grounding."""
+        if not self.grounding.active:
             frames = self.policy.encode(frames)
-        out = self.loss(frames)
-        measured = {name: out[key] for key, name in self.outputs.items()}
+        measured = self.compute_losses(frames)
         loss = total_loss(measured)
         measured["std"] = self.policy.actor.log_std.exp().mean()
-        if self.grounding.active:
-            measured["loss/grounding"] = self.grounding.measure(self.grounding.sample()[0])["loss/grounding"]
-            loss = loss + self.grounding.config.grounding_weight * measured["loss/grounding"]
-        parts = self.policy.parameters(), self.critic.parameters()
+        if scenes is not None:
+            measured["loss/grounding"] = self.grounding.measure(scenes)["loss/grounding"]
+            loss = loss + self.config.grounding_weight * measured["loss/grounding"]
         # Clipped separately: a large critic loss must not scale down the actor's step.
-        descend(self.optimizer, loss, frames, self.config.max_grad_norm, *parts)
+        descend(self.optimizer, loss, frames, self.config.max_grad_norm, *self.clipped)
         return {name: value.detach() for name, value in measured.items()}
+
+    @abstractmethod
+    def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
+        """What a gradient step on encoded frames (B,) measures, scalars; the sum of those named loss/... is minimised.
+
+        The frames have the keys of actor and critic, "move", "move_log_prob" (B,), "advantage" and "value_target"
+        (B, 1).
+        """
 
 
 def advantages(

@@ -10,7 +10,9 @@ from torchrl.objectives.value import GAE
 
 from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
+from trainers.algorithms.algorithm import total_loss
 from trainers.algorithms.build import build_algorithm
+from trainers.algorithms.ppo import MEASURED
 from trainers.models.actors import stochastic_actor
 from trainers.models.networks import SingleCritic
 
@@ -101,27 +103,24 @@ def assert_same(ours, theirs):
 
 def test_ppo_has_the_losses_and_gradients_of_clipppoloss():
     policy, ppo, batch = learner("ppo", "algo.entropy=0.01")
+    _, reference, _ = learner("ppo", "algo.entropy=0.01", "algo.loss=torchrl")
+    reference.load_state_dict(ppo.state_dict())
     frames, _ = ppo.compute_advantages(batch)
     with torch.no_grad():
-        policy.actor.net[-1].bias.add_(0.1)  # the ratio of the likelihoods is no longer 1
-    frames = policy.encode(frames).detach()
-    reference = ClipPPOLoss(
-        stochastic_actor(policy),
-        copy.deepcopy(ppo.critic),
-        clip_epsilon=ppo.config.clip,
-        entropy_coeff=ppo.config.entropy,
-        critic_coeff=ppo.config.critic_weight,
-        loss_critic_type="l2",
-    ).double()
-    ours, theirs = ppo.loss(frames.clone()), reference(frames.clone())
-    for name in ("loss_objective", "loss_critic", "loss_entropy", "kl_approx", "clip_fraction"):
-        torch.testing.assert_close(ours[name], theirs[name], **TOLERANCE)
+        for each in (policy, reference.policy):
+            each.actor.net[-1].bias.add_(0.1)  # the ratio of the likelihoods is no longer 1
+    ours, theirs = ppo.compute_losses(frames.clone()), reference.compute_losses(frames.clone())
+    assert set(ours) == set(theirs) == set(MEASURED)
+    for name, value in ours.items():
+        torch.testing.assert_close(value, theirs[name].to(value), **TOLERANCE)
+    assert isinstance(reference.loss, ClipPPOLoss)
     assert ours["clip_fraction"] > 0
-    actor = list(policy.actor.parameters())
-    mine = gradients(ours["loss_objective"] + ours["loss_entropy"], actor)
-    assert_same(mine, gradients(theirs["loss_objective"] + theirs["loss_entropy"], actor))
-    critics = list(ppo.critic.parameters()), list(reference.critic_network_params.parameters())
-    assert_same(gradients(ours["loss_critic"], critics[0]), gradients(theirs["loss_critic"], critics[1]))
+    for part in ("actor", "critic"):
+        mine, other = (
+            [*each.policy.actor.parameters()] if part == "actor" else [*each.critic.parameters()]
+            for each in (ppo, reference)
+        )
+        assert_same(gradients(total_loss(ours), mine), gradients(total_loss(theirs), other))
 
 
 def test_advantages_are_those_of_the_gae_module():
