@@ -11,7 +11,7 @@ from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 
 @dataclass(frozen=True)
 class CollectorConfig(Checked):
-    """Collection in processes of this machine."""
+    """Collection in workers, wherever they run."""
 
     name: str = one_of("local", "ray")
     workers: int = within(0, 256)  # processes; 0 = one per core if worlds divide evenly, 1 = only the main process
@@ -32,6 +32,17 @@ class CollectorConfig(Checked):
 
 
 @dataclass(frozen=True, kw_only=True)
+class LocalCollectorConfig(CollectorConfig):
+    """Collection in processes of this machine."""
+
+    overlap: bool  # worker processes collect the next batch during an update, with the weights from before it
+
+    @property
+    def batches_ahead(self) -> int:
+        return int(self.overlap)
+
+
+@dataclass(frozen=True, kw_only=True)
 class RayCollectorConfig(CollectorConfig):
     """Collection in actors of a Ray cluster."""
 
@@ -43,11 +54,10 @@ class RayCollectorConfig(CollectorConfig):
 
     @property
     def batches_ahead(self) -> int:
-        """How many batches workers collect beyond the one that is waited for."""
         return self.ahead if self.mode == "async" else 0
 
 
-CLASSES: dict[str, type[CollectorConfig]] = {"local": CollectorConfig, "ray": RayCollectorConfig}
+CLASSES: dict[str, type[CollectorConfig]] = {"local": LocalCollectorConfig, "ray": RayCollectorConfig}
 
 
 def read_collector(node: Any) -> CollectorConfig:

@@ -20,6 +20,8 @@ NEW_KEYS = (
     "collector.name",
     "collector.timeout",
     "collector.restarts",
+    "collector.overlap",
+    "algo.grounding_gain",
     "checkpoint",
 )  # lacking before they existed
 MISSING = object()

@@ -33,10 +33,13 @@ class RayHost:
 
     Attributes:
         count: number of workers.
+        buffers: 1: what arrives is copied when it is waited for.
 
     Raises:
         ConfigError: there is no such cluster, it has too few cores, or a node has other versions.
     """
+
+    buffers = 1
 
     def __init__(self, make_env: MakeEnv, policy: Policy | ExpertMixture, config: RayCollectorConfig) -> None:
         self.policy, self.config = policy, config
@@ -65,7 +68,7 @@ class RayHost:
         """Put the policy's weights into the object store, from where each node reads them once."""
         self.weights = self.session.ray.put(to_arrays(self.policy.state_dict()))
 
-    def start(self, spec: WorkerSpec, episodes: Episodes | None, buffer: TensorDictBase | None) -> RayWorker:
+    def start(self, spec: WorkerSpec, episodes: Episodes | None, buffers: Sequence[TensorDictBase]) -> RayWorker:
         """A new actor, or the one that was prepared for this worker."""
         before = self.latest.get(spec.index)
         if before is not None and before.unresponsive and before.node_id is not None:

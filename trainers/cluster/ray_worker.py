@@ -6,7 +6,7 @@ import os
 import time
 import warnings
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
@@ -78,8 +78,12 @@ class CollectorActor:
         except Exception as error:
             self.error = error
 
-    def collect(self, iteration: int, weights: Arrays) -> tuple[Arrays, dict[int, Beginning]] | Failure:
-        """As `Worker.collect` with these weights, the batch as arrays by their keys. Raises ConfigError."""
+    def collect(self, iteration: int, weights: Arrays) -> tuple[Arrays, dict[int, Beginning], float] | Failure:
+        """As `Worker.collect` with these weights, the batch as arrays by their keys; and the seconds that it took.
+
+        Raises ConfigError.
+        """
+        start = time.monotonic()
         torch.set_num_threads(1)  # a setting of each thread
         try:
             if self.error is not None:
@@ -92,7 +96,7 @@ class CollectorActor:
         except Exception as error:
             self.error = error
             return Failure.of(error)
-        return to_arrays(dict(batch.items(include_nested=True, leaves_only=True))), beginnings
+        return to_arrays(dict(batch.items(include_nested=True, leaves_only=True))), beginnings, time.monotonic() - start
 
 
 class RayWorker:
@@ -107,7 +111,7 @@ class RayWorker:
     def __init__(self, session: RaySession, actor: Any, spec: WorkerSpec) -> None:
         self.ray, self.actor, self.spec = session.ray, actor, spec
         self.answered = False
-        self.requested_at = time.monotonic()
+        self.requested_at = self.collect_seconds = 0.0
         self.answers: deque[Any] = deque()  # references to the batches that were asked for, the next one first
         self.node_id: str | None = None  # None while it is starting
         self.pid: int | None = None
@@ -123,11 +127,10 @@ class RayWorker:
 
     def request(self, iteration: int, weights: Any) -> None:
         """Ask for the batch of this iteration. weights: a reference to those of the policy."""
-        if not self.answers:
-            self.requested_at = time.monotonic()
+        self.requested_at = time.monotonic()
         self.answers.append(self.actor.collect.remote(iteration, weights))
 
-    def use_buffer(self, buffer: TensorDictBase) -> None:
+    def use_buffers(self, buffers: Sequence[TensorDictBase]) -> None:
         """Nothing: batches come through the object store."""
 
     def receive(self) -> tuple[TensorDictBase, Mapping[int, Beginning]]:
@@ -148,9 +151,9 @@ class RayWorker:
             raise WorkerLostError(f"was lost: {_reason(error)}") from None
         if isinstance(answer, Failure):
             raise answer.error()
-        arrays, beginnings = answer
+        arrays, beginnings, self.collect_seconds = answer
         self.answers.popleft()
-        self.answered, self.requested_at = True, time.monotonic()
+        self.answered = True
         values = {key: to_tensor(array) for key, array in arrays.items()}
         return TensorDict(values, (self.spec.worlds, self.spec.horizon)), beginnings
 
@@ -172,10 +175,10 @@ class RayWorker:
         self.unresponsive = self.unresponsive or bool(self.silence)
         return not self.silence
 
-    def overdue(self, patience: float) -> bool:
+    def overdue(self, patience: float, waiting_since: float) -> bool:
         """Whether it has not answered for so many seconds, or more where it is starting."""
         limit = patience + (0.0 if self.answered else START_SECONDS)
-        overdue = time.monotonic() - self.requested_at > limit
+        overdue = time.monotonic() - max(waiting_since, self.requested_at) > limit
         self.unresponsive = self.unresponsive or overdue
         return overdue
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import torch
 from tensordict import TensorDictBase
+from torch import Tensor
 
 from trainers.collector_config import CollectorConfig, RayCollectorConfig, workers
 from trainers.models.expert_mixture import ExpertMixture
@@ -49,6 +50,7 @@ class Rollouts:
         self.iteration = iteration
         self.seed = seed if state is None else state["seed"]
         self.log = EpisodeLog(None if state is None else Episodes(**state["episodes"]))
+        self.published: dict[int, dict[str, Tensor]] = {}  # iteration -> its weights, where batches are collected ahead
         self.worker: Worker | None = None
         self.pool: WorkerPool | None = None
         host: WorkerHost[Any] | None = None
@@ -58,12 +60,13 @@ class Rollouts:
             host = RayHost(make_env, self.cpu_policy, config)
             count = host.count
         elif (count := workers(config)) > 1:
-            host = ProcessHost(make_env, self.cpu_policy.share_memory().act)  # written here, read by all workers
+            host = ProcessHost(make_env, self.cpu_policy, config.batches_ahead)
         specs = [WorkerSpec(i, config.worlds // count, horizon, self.seed) for i in range(count)]
         if host is None:
             self.worker = Worker(make_env, self.cpu_policy.act, specs[0], self.log.episodes)
         else:
             self.pool = WorkerPool(host, specs, config, self.log.episodes)
+            self._ask_again((state or {}).get("ahead", [])[: config.batches_ahead])
 
     @property
     def processes(self) -> list[Any]:
@@ -81,6 +84,9 @@ class Rollouts:
         self.cpu_policy.load_state_dict(policy.state_dict())
         if self.pool is not None:
             self.pool.host.publish()
+            if ahead := self.pool.config.batches_ahead:
+                recent = {k: weights for k, weights in self.published.items() if k >= self.iteration - ahead}
+                self.published = recent | {self.iteration: copy.deepcopy(self.cpu_policy.state_dict())}
 
     def status(self) -> dict[str, str]:
         """How the workers do, for people; {} where no cluster collects."""
@@ -118,7 +124,27 @@ class Rollouts:
     def state_dict(self) -> dict[str, Any] | None:
         """What it takes to go on with the same bits after the latest batch; None before the first one."""
         episodes = self.log.episodes
-        return None if episodes is None else {"seed": self.seed, "episodes": episodes.state_dict()}
+        if episodes is None:
+            return None
+        return {"seed": self.seed, "episodes": episodes.state_dict(), "ahead": self._ahead()}
+
+    def _ahead(self) -> list[dict[str, Any]]:
+        """The batches that are being collected ahead, the next one first, each with the weights of its request."""
+        asked = {} if self.pool is None else self.pool.asked
+        later = [(k, since) for k, (_, since) in sorted(asked.items()) if k >= self.iteration]
+        return [{"iteration": k, "since": since, "weights": self.published[since]} for k, since in later]
+
+    def _ask_again(self, ahead: Sequence[Mapping[str, Any]]) -> None:
+        """Ask for the batches of an earlier `_ahead`."""
+        assert self.pool is not None
+        present = copy.deepcopy(self.cpu_policy.state_dict())
+        for batch in ahead:
+            if batch["since"] not in self.published:
+                self.cpu_policy.load_state_dict(batch["weights"])
+                self.pool.host.publish()
+                self.published[batch["since"]] = batch["weights"]
+            self.pool.ask(Order(batch["iteration"], self.log.episodes), batch["since"])
+        self.cpu_policy.load_state_dict(present)
 
     def close(self) -> None:
         """End every worker process."""

@@ -60,25 +60,31 @@ class Failure:
 class RemoteWorker(Protocol):
     """A worker outside of this process. Requests are answered in their order.
 
-    answered: whether a batch was received; until then it may still be starting. requested_at: when the batch that is
-    received next was asked for, as `time.monotonic` has it.
+    answered: whether a batch was received; until then it may still be starting. collect_seconds: that the batch
+    received last took it.
     """
 
     spec: WorkerSpec
     answered: bool
-    requested_at: float
+    collect_seconds: float
 
     def request(self, iteration: int, weights: Any) -> None:
         """Ask for the batch of this iteration with these weights of the host. Raises WorkerLostError."""
 
-    def use_buffer(self, buffer: TensorDictBase) -> None:
-        """Have further batches written there, if the worker can. Raises WorkerLostError."""
+    def use_buffers(self, buffers: Sequence[TensorDictBase]) -> None:
+        """Have the batches that are asked for from now on written there, in turns, if the worker can.
+
+        Raises WorkerLostError.
+        """
 
     def receive(self) -> tuple[TensorDictBase | None, Mapping[int, Beginning]]:
-        """The batch, None if it is in the buffer, and what `Worker.collect` says of it. Raises WorkerLostError."""
+        """The batch, None if it is in its buffer, and what `Worker.collect` says of it. Raises WorkerLostError."""
 
-    def overdue(self, patience: float) -> bool:
-        """Whether it has not answered for so many seconds, or more where it is starting."""
+    def overdue(self, patience: float, waiting_since: float) -> bool:
+        """Whether it has not answered for so many seconds, or more where it is starting.
+
+        waiting_since: as `time.monotonic` has it. The seconds count from then, or from a later request.
+        """
 
     def kill(self) -> None:
         """End it, whatever it is doing."""
@@ -90,17 +96,20 @@ W = TypeVar("W", bound=RemoteWorker)
 class WorkerHost(Protocol, Generic[W]):
     """Starts workers, and waits for them.
 
-    weights: those that batches are asked for with; None where all workers read the same memory.
+    weights: those that batches are asked for with, as workers are told. buffers: how many batches are in use at a time.
     """
 
     @property
     def weights(self) -> Any: ...
 
+    @property
+    def buffers(self) -> int: ...
+
     def publish(self) -> None:
         """The policy's weights have changed."""
 
-    def start(self, spec: WorkerSpec, episodes: Episodes | None, buffer: TensorDictBase | None) -> W:
-        """A new worker, whose batches are written to `buffer` if it can. episodes: of its worlds, to continue."""
+    def start(self, spec: WorkerSpec, episodes: Episodes | None, buffers: Sequence[TensorDictBase]) -> W:
+        """A new worker, whose batches are written to `buffers` if it can. episodes: of its worlds, to continue."""
 
     def wait(self, workers: Sequence[W], seconds: float) -> list[W]:
         """Those workers that have answered, ended or become silent, after at most so many seconds."""
@@ -109,7 +118,7 @@ class WorkerHost(Protocol, Generic[W]):
         """The indices of workers that are to be started again because there is a better place for them."""
 
     def allocate(self, batch: TensorDictBase) -> TensorDictBase:
-        """The buffer of all further batches, with the contents of the first one."""
+        """A buffer for batches, with the contents of the first one."""
 
     def status(self, workers: Sequence[W], restarts: int, age: int) -> dict[str, str]:
         """How the workers do, for people: values by their labels. age: of the latest batch, in iterations."""

@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -60,7 +60,7 @@ class WorkerPool:
         self, host: WorkerHost[Any], specs: Sequence[WorkerSpec], config: CollectorConfig, episodes: Episodes | None
     ) -> None:
         self.host, self.specs, self.config = host, specs, config
-        self.buffer: TensorDictBase | None = None
+        self.buffers: list[TensorDictBase] = []  # used in turns; none before the first batch
         self.durations: deque[float] = deque(maxlen=RECENT_BATCHES * len(specs))
         self.patience_factor = 1.0
         self.restarts = 0
@@ -80,12 +80,13 @@ class WorkerPool:
         beginnings: dict[int, Beginning] = {}
         self._move(order)
         self._request_all(order)
+        waiting_since = time.monotonic()
         while len(parts) < len(self.workers):
             if order.stop():
                 raise Interrupted
             for index in self._ready(set(range(len(self.workers))) - set(parts)):
                 worker = self.workers[index]
-                starting, requested_at = not worker.answered, worker.requested_at
+                starting = not worker.answered
                 try:
                     parts[index], began = worker.receive()
                 except WorkerLostError as error:
@@ -93,19 +94,23 @@ class WorkerPool:
                 else:
                     beginnings |= {self._first_world(index) + i: state for i, state in began.items()}
                     if not starting:
-                        self.durations.append(time.monotonic() - requested_at)
-            self._replace_overdue(set(range(len(self.workers))) - set(parts), order)
+                        self.durations.append(worker.collect_seconds)
+            self._replace_overdue(set(range(len(self.workers))) - set(parts), order, waiting_since)
         self.age = order.iteration - self.asked[order.iteration][1]
-        return self._whole([parts[index] for index in range(len(self.workers))]), beginnings
+        return self._whole(order.iteration, [parts[index] for index in range(len(self.workers))]), beginnings
+
+    def ask(self, order: Order, since: int) -> None:
+        """Ask for a batch with the weights that the host has now. since: the iteration of these weights."""
+        self.asked[order.iteration] = self.host.weights, since
+        for index in range(len(self.workers)):
+            self._request(index, order, [order.iteration])
 
     def _request_all(self, order: Order) -> None:
         """Ask for the batches that have not been asked for: this one, and those ahead of it."""
-        last = order.iteration + self.config.batches_ahead
-        new = [iteration for iteration in range(order.iteration, last + 1) if iteration not in self.asked]
         self.asked = {k: asked for k, asked in self.asked.items() if k >= order.iteration}
-        self.asked |= dict.fromkeys(new, (self.host.weights, order.iteration))
-        for index in range(len(self.workers)):
-            self._request(index, order, new)
+        for iteration in range(order.iteration, order.iteration + self.config.batches_ahead + 1):
+            if iteration not in self.asked:
+                self.ask(replace(order, iteration=iteration), order.iteration)
 
     def _ready(self, indices: set[int]) -> list[int]:
         """Those workers that have answered or ended, after at most POLL_SECONDS."""
@@ -127,31 +132,30 @@ class WorkerPool:
             return START_SECONDS
         return self.patience_factor * (2 * max(self.durations) + MARGIN_SECONDS)
 
-    def _whole(self, parts: Sequence[TensorDictBase | None]) -> TensorDictBase:
-        """The buffer of all workers. The first batch allocates it."""
-        if self.buffer is None:
-            self.buffer = self.host.allocate(torch.cat([part for part in parts if part is not None]))
+    def _whole(self, iteration: int, parts: Sequence[TensorDictBase | None]) -> TensorDictBase:
+        """The batch of all workers, in a buffer. The first batch allocates the buffers."""
+        if not self.buffers:
+            whole = torch.cat([part for part in parts if part is not None])
+            self.buffers = [self.host.allocate(whole.clone()) for _ in range(self.host.buffers)]
             for index, worker in enumerate(self.workers):
-                with suppress(WorkerLostError):  # the next request notices it, and its successor has the buffer
-                    worker.use_buffer(self._slice(index))
-            return self.buffer
+                with suppress(WorkerLostError):  # the next request notices it, and its successor has the buffers
+                    worker.use_buffers(self._slices(index))
+        buffer = iteration % len(self.buffers)
         for index, part in enumerate(parts):
             if part is not None:
-                self._slice(index).update_(part)
-        return self.buffer
+                self._slices(index)[buffer].update_(part)
+        return self.buffers[buffer]
 
     def _first_world(self, index: int) -> int:
         return sum(spec.worlds for spec in self.specs[:index])
 
-    def _slice(self, index: int) -> TensorDictBase:
-        assert self.buffer is not None
+    def _slices(self, index: int) -> list[TensorDictBase]:
         first = self._first_world(index)
-        return self.buffer[first : first + self.specs[index].worlds]
+        return [buffer[first : first + self.specs[index].worlds] for buffer in self.buffers]
 
     def _start(self, spec: WorkerSpec, episodes: Episodes | None) -> RemoteWorker:
         part = None if episodes is None else episodes.part(self._first_world(spec.index), spec.worlds)
-        buffer = None if self.buffer is None else self._slice(spec.index)
-        started: RemoteWorker = self.host.start(spec, part, buffer)
+        started: RemoteWorker = self.host.start(spec, part, self._slices(spec.index))
         return started
 
     def _request(self, index: int, order: Order, iterations: Sequence[int]) -> None:
@@ -168,10 +172,10 @@ class WorkerPool:
             self.workers[index] = self._start(self.specs[index], order.episodes)
             self._request(index, order, sorted(k for k in self.asked if k >= order.iteration))
 
-    def _replace_overdue(self, indices: set[int], order: Order) -> None:
+    def _replace_overdue(self, indices: set[int], order: Order, waiting_since: float) -> None:
         patience = self.patience
         for index in sorted(indices):
-            if self.workers[index].overdue(patience):
+            if self.workers[index].overdue(patience, waiting_since):
                 self.patience_factor *= 2  # it may only have been slow: the machine is busier than it was
                 self._replace(index, f"did not answer for {patience:.1f} s", order)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
 import time
@@ -15,55 +17,60 @@ from typing import Any
 import torch
 import torch.multiprocessing  # sends tensors by their shared memory
 from tensordict import TensorDictBase
-from tensordict.nn import TensorDictModuleBase
 
+from trainers.models.expert_mixture import ExpertMixture
+from trainers.models.policy import Policy
 from trainers.rollout import fork_server
 from trainers.rollout.episode_log import Beginning, Episodes
 from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
 from trainers.rollout.worker_host import START_SECONDS, Failure, WorkerLostError
 from trainers.utils.parent_death import signal_at_parent_death
 
+Policies = Sequence[Policy | ExpertMixture]
+
 RECEIVE_SECONDS = 10.0  # to read an answer that has begun, or the end of a process that was killed
 EXIT_SECONDS = 1.0  # to wait for the exit code of a process whose pipe is closed
 
 
 class WorkerProcess:
-    """Starts at once; `request` and `receive` take turns.
+    """Starts at once. Batches are received in the order of their requests.
 
     Args:
-        make_env, act, spec, episodes: of `Worker`. The module's parameters are in shared memory.
-        buffer: (worlds, horizon) in shared memory, where batches are written; None: the first one is sent itself.
+        make_env, spec, episodes: of `Worker`.
+        policies: in shared memory; a request says which one's weights to use.
+        buffers: each (worlds, horizon) in shared memory, where batches are written in turns; (): batches are sent
+            themselves until `use_buffers`.
     """
 
     def __init__(
         self,
         make_env: MakeEnv,
-        act: TensorDictModuleBase,
+        policies: Policies,
         spec: WorkerSpec,
         episodes: Episodes | None = None,
-        buffer: TensorDictBase | None = None,
+        buffers: Sequence[TensorDictBase] = (),
     ) -> None:
         self.spec = spec
         self.answered = False  # whether a batch was received: until then it may still be starting
-        self.requested_at = 0.0
+        self.requested_at = self.collect_seconds = 0.0
         context: Any = fork_server.start()
         self.connection, theirs = context.Pipe()
-        arguments = (theirs, make_env, act, spec, episodes, buffer)
+        arguments = (theirs, make_env, policies, spec, episodes, buffers)
         self.process = context.Process(target=_serve, args=arguments, daemon=True)
         self.process.start()
         theirs.close()
 
-    def request(self, iteration: int, weights: Any = None) -> None:
-        """Ask for the batch of this iteration, with the weights in shared memory. Raises WorkerLostError."""
+    def request(self, iteration: int, weights: int) -> None:
+        """Ask for the batch of this iteration. weights: the number of a policy."""
         self.requested_at = time.monotonic()
-        self._send(iteration)
+        self._send((iteration, weights))
 
-    def use_buffer(self, buffer: TensorDictBase) -> None:
-        """Have all further batches written there. Raises WorkerLostError."""
-        self._send(buffer)
+    def use_buffers(self, buffers: Sequence[TensorDictBase]) -> None:
+        """Have all batches that are asked for from now on written there, in turns."""
+        self._send(tuple(buffers))
 
     def receive(self) -> tuple[TensorDictBase | None, Mapping[int, Beginning]]:
-        """The batch, None if it is in the buffer, and what `Worker.collect` says of it. Raises WorkerLostError.
+        """The batch, None if it is in its buffer, and what `Worker.collect` says of it. Raises WorkerLostError.
 
         To be called once the connection has something to read. A process that was stopped while it wrote its answer
         does not block for more than RECEIVE_SECONDS.
@@ -78,17 +85,19 @@ class WorkerProcess:
             raise WorkerLostError(self._ending())
         if isinstance(answers[0], Failure):
             raise answers[0].error()
+        batch, beginnings, self.collect_seconds = answers[0]
         self.answered = True
-        return answers[0]
+        return None if batch is None else pickle.loads(batch), beginnings
 
     def _read(self, answers: list[Any]) -> None:
         """Append the answer; nothing if the process has ended."""
         with suppress(EOFError, OSError):
             answers.append(self.connection.recv())
 
-    def overdue(self, patience: float) -> bool:
+    def overdue(self, patience: float, waiting_since: float) -> bool:
         """Whether it has not answered for so many seconds, or more where it is starting."""
-        return time.monotonic() - self.requested_at > patience + (0.0 if self.answered else START_SECONDS)
+        since = max(waiting_since, self.requested_at)
+        return time.monotonic() - since > patience + (0.0 if self.answered else START_SECONDS)
 
     def kill(self) -> None:
         """End the process, whatever it is doing."""
@@ -97,10 +106,9 @@ class WorkerProcess:
         self.connection.close()
 
     def _send(self, message: object) -> None:
-        try:
+        """Send it. Of a process that has ended, `receive` says so, once what it answered before has been received."""
+        with suppress(OSError):
             self.connection.send(message)
-        except OSError:
-            raise WorkerLostError(self._ending()) from None
 
     def _ending(self) -> str:
         self.process.join(EXIT_SECONDS)
@@ -115,20 +123,28 @@ class ProcessHost:
 
     Args:
         make_env: builds a worker's environment; picklable.
-        act: the policy's module, its parameters in shared memory.
+        policy: on the CPU; `publish` copies its weights.
+        ahead: how many batches workers collect beyond the one that is waited for.
+
+    Attributes:
+        weights: the number of the copy that has the latest weights. A copy is written anew once all batches that were
+            asked for with it have been received.
+        buffers: how many batches are in use at a time: the one that is learned from, and those ahead.
     """
 
-    weights = None
-
-    def __init__(self, make_env: MakeEnv, act: TensorDictModuleBase) -> None:
-        self.make_env, self.act = make_env, act
+    def __init__(self, make_env: MakeEnv, policy: Policy | ExpertMixture, ahead: int) -> None:
+        self.make_env, self.policy = make_env, policy
+        self.policies = [copy.deepcopy(policy).share_memory() for _ in range(1 + ahead)]
+        self.weights, self.buffers = 0, 1 + ahead
 
     def publish(self) -> None:
-        """Nothing: the processes read the parameters themselves."""
+        """Copy the policy's weights to the copy that has been in use for longest."""
+        self.weights = (self.weights + 1) % len(self.policies)
+        self.policies[self.weights].load_state_dict(self.policy.state_dict())
 
-    def start(self, spec: WorkerSpec, episodes: Episodes | None, buffer: TensorDictBase | None) -> WorkerProcess:
+    def start(self, spec: WorkerSpec, episodes: Episodes | None, buffers: Sequence[TensorDictBase]) -> WorkerProcess:
         """A new process."""
-        return WorkerProcess(self.make_env, self.act, spec, episodes, buffer)
+        return WorkerProcess(self.make_env, self.policies, spec, episodes, buffers)
 
     def wait(self, workers: Sequence[WorkerProcess], seconds: float) -> list[WorkerProcess]:
         """Those that have answered or ended, after at most so many seconds."""
@@ -154,24 +170,30 @@ class ProcessHost:
 def _serve(
     connection: Connection,
     make_env: MakeEnv,
-    act: TensorDictModuleBase,
+    policies: Policies,
     spec: WorkerSpec,
     episodes: Episodes | None,
-    buffer: TensorDictBase | None,
+    buffers: Sequence[TensorDictBase],
 ) -> None:
     """Answer requests until the main process closes the pipe. An exception's text is sent as its answer."""
     _detach()
     try:
-        worker = Worker(make_env, act, spec, episodes)
+        policy = copy.deepcopy(policies[0])
+        worker = Worker(make_env, policy.act, spec, episodes)
         while True:
             message = connection.recv()
-            if isinstance(message, TensorDictBase):
-                buffer = message
+            if isinstance(message[0], TensorDictBase):
+                buffers = message
                 continue
-            batch, beginnings = worker.collect(message)
-            if buffer is not None:
-                buffer.update_(batch)
-            connection.send((batch if buffer is None else None, beginnings))
+            iteration, weights = message
+            policy.load_state_dict(policies[weights].state_dict())
+            start = time.monotonic()
+            batch, beginnings = worker.collect(iteration)
+            if buffers:
+                buffers[iteration % len(buffers)].update_(batch)
+            # By value: shared tensors cannot be read once this process has ended, which it may before they are.
+            sent = None if buffers else pickle.dumps(batch)
+            connection.send((sent, beginnings, time.monotonic() - start))
     except (EOFError, BrokenPipeError, ConnectionResetError):
         pass
     except Exception as error:

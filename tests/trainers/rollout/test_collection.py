@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import multiprocessing
 import os
 import signal
@@ -59,7 +60,7 @@ def test_a_batch_does_not_depend_on_other_use_of_the_global_generator():
 def test_a_worker_that_is_lost_is_replaced_and_changes_no_bit(capfd):
     policy = policy_of(make_env(4, 0))
     wanted = expected(policy, 6)
-    rollouts = two_workers(make_env, policy, "collector.timeout=4.0")
+    rollouts = two_workers(make_env, policy, "collector.timeout=4.0", "collector.overlap=false")
     try:
         assert same(wanted[0], rollouts.next())
         rollouts.sync(policy)
@@ -118,3 +119,58 @@ def test_an_exception_in_this_process_is_in_the_message_too():
     with pytest.raises(CollectionError, match="collecting a batch raised ArithmeticError: the arm is on fire"):
         rollouts.next()
     rollouts.close()
+
+
+def moved(policy, iteration):
+    """The policy as it is in this iteration: its mean move changes with it."""
+    with torch.no_grad():
+        policy.actor.net[-1].bias.fill_(0.1 * iteration)
+    return policy
+
+
+def lagged(policy, batches):
+    """The batches of two workers, each collected with the weights of the iteration before."""
+    workers = [Worker(make_env, policy.act, WorkerSpec(i, 4, HORIZON, 0)) for i in range(2)]
+    return [
+        torch.cat([worker.collect(k)[0] for worker in workers])
+        for k in range(batches)
+        if moved(policy, max(0, k - 1)) is policy
+    ]
+
+
+@pytest.mark.slow
+def test_batches_collected_during_updates_have_the_weights_of_one_iteration_before_and_survive_a_lost_worker():
+    policy = policy_of(make_env(4, 0))
+    wanted = lagged(policy, 6)
+    rollouts = two_workers(make_env, policy, "collector.overlap=true")
+    try:
+        for k in range(6):
+            rollouts.sync(moved(policy, k))
+            if k in (2, 4):
+                os.kill(rollouts.processes[k // 4].pid, signal.SIGKILL)
+            assert same(wanted[k], rollouts.next()), f"batch {k}"
+        assert rollouts.restarts == 2
+    finally:
+        rollouts.close()
+
+
+@pytest.mark.slow
+def test_a_batch_that_was_asked_for_before_a_resume_has_the_weights_of_then():
+    policy = policy_of(make_env(4, 0))
+    wanted = lagged(policy, 5)
+    rollouts = two_workers(make_env, policy, "collector.overlap=true")
+    try:
+        for k in range(3):
+            rollouts.sync(moved(policy, k))
+            rollouts.next()
+        state = copy.deepcopy(rollouts.state_dict())
+    finally:
+        rollouts.close()
+    config = plan(overrides=("collector.workers=2", "collector.overlap=true")).collector
+    resumed = Rollouts(make_env, moved(policy, 3), config, HORIZON, 0, iteration=3, state=state)
+    try:
+        for k in (3, 4):
+            resumed.sync(moved(policy, k))
+            assert same(wanted[k], resumed.next()), f"batch {k}"
+    finally:
+        resumed.close()
