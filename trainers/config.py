@@ -22,6 +22,7 @@ NEW_KEYS = (
     "collector.restarts",
     "collector.overlap",
     "algo.grounding_gain",
+    "algo.loss",
     "checkpoint",
 )  # lacking before they existed
 MISSING = object()
@@ -135,10 +136,17 @@ def _with_new_keys(config: Any) -> Any:
     """The config, which a checkpoint of an earlier version may lack keys of, with their default values."""
     from omegaconf import OmegaConf
 
-    missing = [key for key in NEW_KEYS if OmegaConf.select(OmegaConf.create(config), key, default=MISSING) is MISSING]
+    config = OmegaConf.create(config)
+
+    def has(node: Any, key: str) -> bool:
+        return OmegaConf.select(node, key, default=MISSING) is not MISSING
+
+    missing = [key for key in NEW_KEYS if not has(config, key)]
     if missing:
-        config, defaults = OmegaConf.create(config), compose()
-        for key in missing:
+        # The defaults of its own algorithm and collector: not every one has all of these keys.
+        groups = {key: OmegaConf.select(config, f"{key}.name") for key in ("algo", "collector")}
+        defaults = compose([f"{key}={name}" for key, name in groups.items() if name])
+        for key in [key for key in missing if has(defaults, key)]:
             OmegaConf.update(config, key, OmegaConf.select(defaults, key), force_add=True)
     return config
 
@@ -171,6 +179,11 @@ def _check_together(plan: Plan) -> None:
             "adds noise of policy.initial_std to a deterministic move"
         )
     plan.algo.check_batch(frames_per_batch(plan))
+    if plan.run.total_frames < plan.collector.worlds:
+        raise ConfigError(
+            f"total_frames={plan.run.total_frames} must be at least collector.worlds={plan.collector.worlds}: each "
+            "step of all worlds is that many frames"
+        )
     if plan.schedule_frames < plan.run.total_frames:
         raise ConfigError(
             f"schedule_frames={plan.schedule_frames} must be at least total_frames={plan.run.total_frames}: nothing is "

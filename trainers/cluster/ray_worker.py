@@ -155,7 +155,7 @@ class RayWorker:
         self.answers.popleft()
         self.answered = True
         values = {key: to_tensor(array) for key, array in arrays.items()}
-        return TensorDict(values, (self.spec.worlds, self.spec.horizon)), beginnings
+        return TensorDict(values, values["action"].shape[:2]), beginnings
 
     def ready(self) -> bool:
         """Whether the next batch, or the exception in its place, is there."""

@@ -21,7 +21,7 @@ from trainers.rollout.worker_process import ProcessHost
 
 
 class Rollouts:
-    """Batches (worlds of all workers, horizon), collected with the policy that `sync` was last given.
+    """Batches (worlds of all workers, steps), collected with the policy that `sync` was last given.
 
     The policy acts on the CPU, where the worlds are, whatever device it learns on. `close` must be called at the end.
     The batches depend on the arguments alone: whether a worker is lost and replaced on the way changes no bit.
@@ -34,6 +34,7 @@ class Rollouts:
         seed: of the workers.
         iteration: number of the first batch: it seeds the noise.
         state: a `state_dict` to go on from; it replaces `seed`.
+        steps: how many steps are left of the run. The last batch is shortened to them. None: the run has no end.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class Rollouts:
         seed: int,
         iteration: int = 0,
         state: dict[str, Any] | None = None,
+        steps: int | None = None,
     ) -> None:
         self.cpu_policy = copy.deepcopy(policy).cpu()
         self.iteration = iteration
@@ -61,7 +63,8 @@ class Rollouts:
             count = host.count
         elif (count := workers(config)) > 1:
             host = ProcessHost(make_env, self.cpu_policy, config.batches_ahead)
-        specs = [WorkerSpec(i, config.worlds // count, horizon, self.seed) for i in range(count)]
+        end = None if steps is None else iteration * horizon + steps
+        specs = [WorkerSpec(i, config.worlds // count, horizon, self.seed, end) for i in range(count)]
         if host is None:
             self.worker = Worker(make_env, self.cpu_policy.act, specs[0], self.log.episodes)
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -22,17 +23,24 @@ MakeEnv = Callable[[int, int], TrainingEnv]  # (number of worlds, seed)
 class WorkerSpec:
     """Which worker of a run it is.
 
-    index: among the workers. worlds: of this worker. horizon: steps of a batch. seed: of all workers of the run.
+    index: among the workers. worlds: of this worker. horizon: steps of a batch. seed: of all workers of the run. end:
+    steps of the whole run; the last batch is shortened to it. None: the run has no end.
     """
 
     index: int
     worlds: int
     horizon: int
     seed: int
+    end: int | None = None
+
+    def steps(self, iteration: int) -> int:
+        """Steps of the batch of this iteration; 0 after the end."""
+        left = math.inf if self.end is None else self.end - iteration * self.horizon
+        return int(max(0, min(self.horizon, left)))
 
 
 class Worker:
-    """Collects batches (worlds, horizon).
+    """Collects batches (worlds, steps).
 
     A batch depends on the spec, the policy's weights, the episodes that the worlds are in and the number of the
     iteration, and on nothing else: another worker, started with the same ones, collects the same bits.
@@ -57,10 +65,11 @@ class Worker:
         self.reported: list[Beginning | None] = [None] * spec.worlds
 
     def collect(self, iteration: int) -> tuple[TensorDictBase, dict[int, Beginning]]:
-        """A batch (worlds, horizon), and the generators' states of those worlds whose episode began in it.
+        """A batch (worlds, steps), and the generators' states of those worlds whose episode began in it.
 
         The first call returns the states of all worlds.
         """
+        self.collector.frames_per_batch = self.spec.steps(iteration)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(noise_seed(self.spec.seed, self.spec.index, iteration))
             batch = self.collector.rollout()

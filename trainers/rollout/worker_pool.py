@@ -44,7 +44,7 @@ class Order:
 
 
 class WorkerPool:
-    """Collects batches (worlds of all workers, horizon) outside of this process.
+    """Collects batches (worlds of all workers, steps) outside of this process.
 
     Workers may collect batches ahead: while an update runs, they are busy with the next ones, with the weights of the
     time when these were asked for. So each batch depends on the weights of a known iteration, however slow a worker is.
@@ -109,7 +109,7 @@ class WorkerPool:
         """Ask for the batches that have not been asked for: this one, and those ahead of it."""
         self.asked = {k: asked for k, asked in self.asked.items() if k >= order.iteration}
         for iteration in range(order.iteration, order.iteration + self.config.batches_ahead + 1):
-            if iteration not in self.asked:
+            if iteration not in self.asked and self.specs[0].steps(iteration):
                 self.ask(replace(order, iteration=iteration), order.iteration)
 
     def _ready(self, indices: set[int]) -> list[int]:
@@ -140,11 +140,11 @@ class WorkerPool:
             for index, worker in enumerate(self.workers):
                 with suppress(WorkerLostError):  # the next request notices it, and its successor has the buffers
                     worker.use_buffers(self._slices(index))
-        buffer = iteration % len(self.buffers)
+        buffer, steps = iteration % len(self.buffers), self.specs[0].steps(iteration)
         for index, part in enumerate(parts):
             if part is not None:
-                self._slices(index)[buffer].update_(part)
-        return self.buffers[buffer]
+                self._slices(index)[buffer][:, :steps].update_(part)
+        return self.buffers[buffer][:, :steps]
 
     def _first_world(self, index: int) -> int:
         return sum(spec.worlds for spec in self.specs[:index])

@@ -190,7 +190,7 @@ def _serve(
             start = time.monotonic()
             batch, beginnings = worker.collect(iteration)
             if buffers:
-                buffers[iteration % len(buffers)].update_(batch)
+                buffers[iteration % len(buffers)][:, : batch.shape[1]].update_(batch)
             # By value: shared tensors cannot be read once this process has ended, which it may before they are.
             sent = None if buffers else pickle.dumps(batch)
             connection.send((sent, beginnings, time.monotonic() - start))

@@ -151,7 +151,7 @@ class TrainingRun:
         self.writer.save_last(self.payload(), self.running_state())
 
     def train(self, metrics: MetricsWriter, stop: StopSignal, progress: Progress) -> None:
-        """Collect and update as many whole batches as total_frames holds, but at least one.
+        """Collect and update until total_frames are used.
 
         Raises:
             Interrupted: a signal asked to stop.
@@ -162,9 +162,9 @@ class TrainingRun:
             self.complete_row(metrics, stop)
         first, state = self.counters["iteration"], self.resumed.get("rollouts")
         seed = derive_seed(self.plan.run.seed, first)
-        self.rollouts = Rollouts(
-            self.make_env, self.algorithm.behaviour, self.plan.collector, self.plan.algo.horizon, seed, first, state
-        )
+        behaviour, horizon = self.algorithm.behaviour, self.plan.algo.horizon
+        steps = self._frames_left(self.plan.schedule_frames) // self.plan.collector.worlds
+        self.rollouts = Rollouts(self.make_env, behaviour, self.plan.collector, horizon, seed, first, state, steps)
         with closing(self.rollouts):
             if self.resumed:
                 torch.set_rng_state(self.resumed.pop("rng"))  # after the worlds were built, as it was saved
@@ -228,18 +228,20 @@ class TrainingRun:
             self.algorithm.add_scenes(self.eval_env.draw_scenes(self.algorithm.scenes_per_update, seed))
 
     def frames_exhausted(self) -> bool:
-        """Whether another batch would exceed total_frames."""
-        return self._exceeds(self.plan.run.total_frames)
+        """Whether another batch would exceed total_frames. The last one of the schedule is shortened to fit."""
+        batch = min(frames_per_batch(self.plan), self._frames_left(self.plan.schedule_frames))
+        return not 0 < batch <= self._frames_left(self.plan.run.total_frames)
 
-    def _exceeds(self, most: int) -> bool:
-        frames = self.counters["frames"]
-        return frames > 0 and frames + frames_per_batch(self.plan) > most
+    def _frames_left(self, most: int) -> int:
+        """Frames of whole steps of all worlds, until there are as many as `most`."""
+        worlds = self.plan.collector.worlds
+        return max(0, most - self.counters["frames"]) // worlds * worlds
 
     def evaluate_if_due(self, stop: StopSignal) -> EvalResult | None:
         """Evaluate once every eval.interval frames and after the last batch of the schedule, and fill in the row."""
         frames, interval = self.counters["frames"], self.plan.eval.interval
         same_interval = frames // interval == (frames - frames_per_batch(self.plan)) // interval
-        if same_interval and not self._exceeds(self.plan.schedule_frames):
+        if same_interval and self._frames_left(self.plan.schedule_frames):
             return None
         index = self.counters["evaluations"] + 1
         result = self.evaluate(self.plan.eval.interval_episodes, index, stop)
