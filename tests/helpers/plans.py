@@ -21,7 +21,7 @@ def config(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ..
         "update_threads": 1,
         "logger": [],
         "schedule_frames": None,
-        "collector": {"name": "local", "workers": 1, "worlds": 8, "timeout": None, "restarts": 3, "overlap": True},
+        "collector": {"name": "local", "workers": 1, "worlds": 8, "timeout": None, "restarts": 3, "overlap": False},
         "checkpoint": {"every": None, "keep": 0},
         "eval": {"episodes": 20, "interval": 256, "interval_episodes": 8, "worlds": 8, "video_episodes": 0},
         "algo": OmegaConf.load(CONF / "algo" / f"{algo}.yaml"),

@@ -42,6 +42,7 @@ def test_trainers_import_no_environment_language_or_human(path):
         ("algo.minibatch=100000", "algo.minibatch=100000 is more than the 128 frames"),
         ("policy.activation=relo", "did you mean 'relu'"),
         ("total_frames=0", "total_frames=0"),
+        ("total_frames=7", "total_frames=7 must be at least collector.worlds=8"),
         ("logger=[tensorbord]", "did you mean 'tensorboard'"),
         ("collector.worlds=many", "collector.worlds=many"),
         ("collector.workers=3", "collector.worlds=8 cannot be shared evenly by collector.workers=3"),

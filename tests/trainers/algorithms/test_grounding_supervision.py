@@ -1,11 +1,19 @@
 """The grounding loss on unsimulated scenes trains the attention."""
 
+import itertools
+
 import pytest
 import torch
 
 from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
+
+
+def learner(*overrides):
+    env = make_env(8, 0)
+    torch.manual_seed(0)
+    return build_algorithm(plan(overrides=overrides), env.observation_spec, env.action_unit)[1]
 
 
 @pytest.mark.slow
@@ -24,3 +32,30 @@ def test_unsimulated_scenes_train_the_attention():
         loss.backward()
         optimizer.step()
     assert learner.grounding.measure(held_out.clone())["grounding/accuracy"] > max(0.9, before)
+
+
+@pytest.mark.parametrize(
+    ("error", "gain", "share"), [(1.0, 20.0, 1.0), (0.02, 20.0, 0.4), (0.0, 20.0, 0.125), (0.0, None, 1.0)]
+)
+def test_words_are_learned_in_proportion_to_what_is_read_wrong(error, gain, share):
+    grounding, parts = learner(f"algo.grounding_gain={'null' if gain is None else gain}").grounding, range(80)
+    grounding.add(make_env(8, 0).draw_scenes(40, 0))
+    grounding.error = error
+    paired = list(grounding.paired(parts, len(parts), grounding.share))
+    chosen = [i for i, scenes in paired if scenes is not None]
+    assert [i for i, _ in paired] == list(parts)
+    assert len(chosen) == share * len(parts)
+    assert all(len(scenes) == grounding.config.grounding_batch for _, scenes in paired if scenes is not None)
+    gaps = {later - i for i, later in itertools.pairwise(chosen)}
+    assert max(gaps) - min(gaps) <= 1
+    assert grounding.scenes_per_update == -(-grounding.config.grounding_scenes * share // 1)
+
+
+def test_the_error_follows_the_scenes_that_were_not_learned_from():
+    algorithm, env = learner(), make_env(8, 0)
+    assert algorithm.grounding.error == 1.0
+    accuracy = algorithm.grounding.measure_fresh(env.draw_scenes(40, 0))
+    assert algorithm.grounding.error == pytest.approx(1 - 0.5 * accuracy)
+    other = learner()
+    other.load_running_state(algorithm.running_state())
+    assert other.grounding.error == algorithm.grounding.error

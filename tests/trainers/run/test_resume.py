@@ -19,6 +19,7 @@ from trainers.run.training_run import TrainingRun
 LONG = ["total_frames=512", "eval.interval=192", "eval.episodes=8", "algo.grounding_scenes=8"]
 IMITATION = ["algo.updates_per_frame=0.1", "algo.buffer=300", "algo.expert_until=1.0"]
 OFF_POLICY = ["algo.updates_per_frame=0.1", "algo.learning_starts=100", "algo.buffer=300"]  # overwritten before the end
+OVERLAP = ["collector.workers=2", "collector.overlap=true"]
 
 
 def overrides_of(algo):
@@ -78,9 +79,9 @@ def test_a_run_that_a_signal_stopped_goes_on_exactly(tmp_path, monkeypatch, algo
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("algo", ["ppo", "sac"])
-def test_a_run_that_ended_before_its_schedule_goes_on_exactly(tmp_path, algo):
-    overrides = overrides_of(algo)
+@pytest.mark.parametrize(("algo", "collector"), [("ppo", []), ("sac", []), ("ppo", OVERLAP)])
+def test_a_run_that_ended_before_its_schedule_goes_on_exactly(tmp_path, algo, collector):
+    overrides = [*overrides_of(algo), *collector]
     train(tmp_path / "whole", algo, overrides=overrides)
     folder = tmp_path / "parts"
     for frames in (150, 350, 512):

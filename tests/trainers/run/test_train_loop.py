@@ -71,8 +71,12 @@ def test_a_resumed_run_continues_the_metrics(tmp_path, algo):
 
 
 @pytest.mark.slow
-def test_a_run_uses_at_most_total_frames(tmp_path):
-    assert 150 < train(tmp_path, overrides=["total_frames=300"])["frames"] <= 300
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_a_run_uses_total_frames_to_the_last_step_of_all_worlds(tmp_path, algo, workers):
+    result = train(tmp_path, algo, overrides=["total_frames=300", f"collector.workers={workers}"])
+    assert result["frames"] == 300 // 8 * 8
+    assert float(untimed_rows(tmp_path)[-1]["frames"]) == 300 // 8 * 8
 
 
 @pytest.mark.slow
