@@ -33,9 +33,9 @@ class RunError(RuntimeError):
     """A run that had to stop early. The text is the whole message, to be shown without a traceback."""
 
 
-def within(low: float, high: float = math.inf, count: int | None = None) -> Any:
+def within(low: float, high: float = math.inf, count: int | None = None, default: Any = dataclasses.MISSING) -> Any:
     """Declares a field: a number in [low, high], or a list or group of such numbers; count: the list's length."""
-    return dataclasses.field(metadata={"within": (low, high), "count": count})
+    return dataclasses.field(default=default, metadata={"within": (low, high), "count": count})
 
 
 def one_of(*choices: str) -> Any:

@@ -171,11 +171,6 @@ def _changes(config: SessionConfig, composed: Any) -> list[str]:
     changes = []
     if config.workspace != composed["workspace"]["name"]:
         changes.append(f"workspace={config.workspace}")
-    task_class = TASKS[composed["task"]["name"]]
-    if not task_class.moves and not task_class.operates:  # reaching from above, so that the gripper hits no object
-        box = [*compose([f"workspace={config.workspace}"])["workspace"]["gripper_box"]]
-        box[4] = max(box[4], composed["task"]["object_size"])
-        changes.append(f"workspace.gripper_box={box}")
     has_cue = composed["task"]["kinds"] or composed["gesture"]["source"] != "none"  # else nothing tells the referent
     if has_cue and config.objects is not None:
         changes += [f"task.num_objects={config.objects}", f"task.min_objects={config.objects}"]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from conf.schema import ConfigError
 from envs.config import EnvConfig
 from envs.mdp.controls import CONTROLS, Control
 from envs.mdp.grip_controller import GripController
@@ -16,6 +17,7 @@ from envs.sim.robot import read_chain
 from envs.sim.window import Window
 from envs.sim.world import World
 from envs.tasks import TASKS, State, Task
+from envs.tasks.reach import reaching_height
 from human import Person
 
 PRESS_DEPTH = 0.005  # metres that a magnet may go below the top of an object on the table
@@ -49,17 +51,28 @@ def gripper_name(config: EnvConfig, task: Task) -> str | None:
 
 
 def gripper_box(config: EnvConfig, task: Task) -> Array:
-    """(2, 3) lowest and highest corner of where the gripper may be, metres."""
+    """(2, 3) lowest and highest corner of where the gripper may be, metres.
+
+    Raises:
+        ConfigError: the workspace's box ends below that.
+    """
     box = np.reshape(config.workspace.gripper_box, (3, 2)).T.copy()
-    if gripper_name(config, task) == "magnet" and task.grips:  # it grips objects from above
+    if not task.moves:  # it reaches objects from above, and pushes none
+        box[0, 2] = max(box[0, 2], config.task.object_size / 2 + reaching_height(config.task, config.robot.clearance))
+    elif gripper_name(config, task) == "magnet" and task.grips:  # it grips objects from above
         box[0, 2] = max(box[0, 2], config.task.object_size - PRESS_DEPTH)
+    if box[0, 2] >= box[1, 2]:
+        raise ConfigError(
+            f"workspace.gripper_box={list(config.workspace.gripper_box)} must end above z={box[0, 2]:g}: the gripper "
+            f"comes from above to objects of task.object_size={config.task.object_size}"
+        )
     return box
 
 
 def make_control(config: EnvConfig, task: Task, chain: Kinematics) -> Control:
     """The control that the config names."""
     speed = np.array(config.robot.max_speed) * (config.physics.time_step * config.physics.substeps)
-    guarded = gripper_name(config, task) == "magnet"
+    guarded = not task.moves or gripper_name(config, task) == "magnet"
     make = CONTROLS[config.control.name]
     return make(config.control, chain, speed, gripper_box(config, task), guarded, task.turns)
 

@@ -7,8 +7,7 @@ from torch import Tensor
 
 from envs.experts.base import HOVER, OVER, Array, Expert, Slots
 from envs.experts.registry import register_expert
-
-TOUCH = 0.01  # metres above the goal's top at the end
+from envs.tasks.reach import reaching_height
 
 
 @register_expert("reach", "nl_reach", "reach_gesture", "nl_reach_gesture")
@@ -22,5 +21,6 @@ class ReachExpert(Expert):
         """The action (N, A) that brings each gripper over its goal (N, 3), metres, and then down on it."""
         goal = goal.copy()
         beside = np.linalg.norm((goal - self._env.gripper)[:, :2], axis=1)
-        goal[:, 2] += np.where(beside < OVER, self._env.config.task.object_size / 2 + TOUCH, HOVER)
+        config = self._env.config
+        goal[:, 2] += np.where(beside < OVER, reaching_height(config.task, config.robot.clearance), HOVER)
         return self._env.towards(goal)

@@ -26,6 +26,8 @@ MAX_YAW_STEP = 0.1  # ... in one control step
 class Control(ABC):
     """Turns actions into joint targets.
 
+    box: (2, 3) lowest and highest corner of the gripper box, metres.
+
     Args:
         config, chain: the control's config, and the arm.
         speed: (J,) greatest motion of each joint, radians a control step.
@@ -43,7 +45,7 @@ class Control(ABC):
         guarded: bool = False,
         turns: bool = False,
     ) -> None:
-        self._max_move, self._chain, self._speed, self._box = config.max_move, chain, speed, box
+        self._max_move, self._chain, self._speed, self.box = config.max_move, chain, speed, box
         self._guarded, self._turns = guarded, turns
         self._rotation = chain.forward(chain.rest[None]).rotation[0]
 
@@ -58,7 +60,7 @@ class Control(ABC):
 
     def outside(self, position: Array) -> float:
         """Metres from position (3,) to the gripper box; 0 in it."""
-        return float(np.linalg.norm(position - np.clip(position, *self._box)))
+        return float(np.linalg.norm(position - np.clip(position, *self.box)))
 
     def targets(self, action: Array, commanded: Array, measured: Array) -> Array:
         """(N, J) the joint angles to command. action: (N, size). commanded, measured: (N, J) joint angles."""
@@ -119,7 +121,7 @@ class StepControl(Control):
         yaw = None
         if self._turns:
             yaw = np.clip(self.yaw(seen[0].rotation) + action[:, 3] * MAX_YAW_STEP, -MAX_YAW, MAX_YAW)
-        return self._ik_step(np.clip(goal, *self._box), start, seen, yaw)
+        return self._ik_step(np.clip(goal, *self.box), start, seen, yaw)
 
     def towards(self, position: Array, commanded: Array, yaw: Array | None = None) -> Array:
         pose = self._chain.forward(commanded)
@@ -140,7 +142,7 @@ class AbsoluteControl(Control):
 
     @property
     def unit(self) -> Array:
-        low, high = self._box
+        low, high = self.box
         return np.append(2 * self._max_move / (high - low), [MAX_YAW_STEP / MAX_YAW] * self._turns)
 
     def hold(self, angles: Array, gripper: Array) -> Array:
@@ -155,11 +157,11 @@ class AbsoluteControl(Control):
         return np.concatenate((place, np.clip(yaw / MAX_YAW, -1.0, 1.0)[:, None]), axis=1)
 
     def _scaled(self, position: Array) -> Array:
-        low, high = self._box
+        low, high = self.box
         return np.clip(2 * (position - low) / (high - low) - 1, -1.0, 1.0)
 
     def _delta(self, action: Array, start: Array) -> Array:
-        low, high = self._box
+        low, high = self.box
         place = low + (action[:, :3] + 1) / 2 * (high - low)
         if not self._turns:
             return self._ik_step(place, start)
@@ -191,15 +193,16 @@ class JointControl(Control):
 
     def _fraction_above_floor(self, start: Array, delta: Array) -> Array:
         """(N, 1) the part of its motion, in [0, 1], that the gripper can make before it is below the box."""
-        floor = self._box[0, 2]
+        floor = self.box[0, 2]
         here, there = (self._chain.forward(joints).position[:, 2] for joints in (start, start + delta))
         down = np.maximum(here - there, 1e-9)
-        return np.where(there < floor, np.clip((here - floor) / down, 0.0, 1.0), 1.0)[:, None]
+        sinks = (there < floor) & (there < here)  # a gripper that begins below may rise
+        return np.where(sinks, np.clip((here - floor) / down, 0.0, 1.0), 1.0)[:, None]
 
     def towards(self, position: Array, commanded: Array, yaw: Array | None = None) -> Array:
         pose = self._chain.forward(commanded)
         start = pose.position
-        move = np.clip(position, *self._box) - start
+        move = np.clip(position, *self.box) - start
         length = np.sqrt((move * move).sum(1, keepdims=True))
         # A near waypoint: a far one would be reached on an arc through joint space that can sweep over the table.
         near = start + move * np.minimum(1.0, WAYPOINT_DISTANCE / np.maximum(length, 1e-9))

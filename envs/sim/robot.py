@@ -49,6 +49,8 @@ class RobotConfig(Checked):
     reach: list[float] = within(-2, 2)
     # Whether the gripper tilts where the arm cannot reach a place pointing down: for arms of fewer than six joints.
     position_first: bool
+    # Where nothing is to be moved: height of the gripper centre over the tops of objects at which nothing touches them.
+    clearance: float = within(0, 0.1, default=0.01)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -7,7 +7,14 @@ from numpy.typing import NDArray
 
 from envs.tasks.base import Task
 from envs.tasks.registry import register_task
-from envs.tasks.types import Array, Outcome, State
+from envs.tasks.types import Array, Outcome, State, TaskConfig
+
+NEAR = 0.7  # of the radius: greatest height over an object's centre, so that there is room to its sides
+
+
+def reaching_height(config: TaskConfig, clearance: float) -> float:
+    """Metres over an object's centre at which a gripper is to reach it: `clearance` over its top, within the radius."""
+    return min(config.object_size / 2 + clearance, NEAR * config.radius)
 
 
 @register_task("reach", verb="reach")
@@ -16,6 +23,7 @@ class Reach(Task):
 
     Success: the referent is the object nearest to the gripper, within `radius`, for `hold_steps` steps running.
     As long at another object ends the episode as `wrong_object`, so trying all objects in turn does not pay.
+    The environment lets the gripper not below the `reaching_height` of objects on the table, so that it pushes none.
     Terms: progress (metres nearer to the referent than a step ago), success, wrong_object and time (1 each step).
     """
 

@@ -105,7 +105,7 @@ def test_step_never_leaves_the_gripper_box(stepping):
     td = env.reset()
     for _ in range(40):
         td = act(env, td, np.array(DIRECTIONS))
-    low, high = np.reshape(env.config.workspace.gripper_box, (3, 2)).T
+    low, high = env.control.box
     assert (env.gripper > low - 0.005).all()
     assert (env.gripper < high + 0.005).all()
     at_border = np.array([high[0], low[0], high[1], low[1], high[2]])
@@ -117,7 +117,7 @@ def test_step_never_leaves_the_gripper_box(stepping):
 def test_absolute_reaches_the_commanded_position_and_stays(robot):
     corners = np.array([(-0.9, -0.9, 0.2), (-0.9, 0.9, -0.3), (0.9, -0.9, -0.3), (0.9, 0.9, 0.2)])  # above the object
     env, td = start(robot, "absolute", len(corners))
-    low, high = np.reshape(env.config.workspace.gripper_box, (3, 2)).T
+    low, high = env.control.box
     for _ in range(60):
         td = act(env, td, corners)
     place = low + (corners + 1) / 2 * (high - low)
@@ -180,7 +180,7 @@ def test_joint_actions_span_the_limits_at_limited_speed(robot):
 def test_the_gripper_points_down_all_along_a_path_through_the_box(robot, control):
     rng = np.random.default_rng(0)
     env, td = start(robot, control, 2)
-    low, high = np.reshape(env.config.workspace.gripper_box, (3, 2)).T
+    low, high = env.control.box
     worst = 0.0
     for _ in range(6):
         aim = rng.uniform([low[0], low[1], 0.1], high, (2, 3))
@@ -239,4 +239,29 @@ def test_the_gripper_rises_at_once_after_pressing_on_the_table(control):
     for _ in range(8):
         td = act(env, td, env.towards(env.gripper + np.array([0.0, 0.0, 0.1])))
     assert env.gripper[0, 2] > pressed + 0.03
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("control", CONTROLS)
+def test_a_gripper_that_is_to_move_nothing_stays_above_the_objects(robot, control):
+    """It is told to go down through an object. With joints as actions, it may overshoot by some millimetres."""
+    env, td = start(robot, control, 2)
+    begun, floor = env.state.objects.copy(), env.config.task.object_size - 0.01 * (control == "joints")
+    for _ in range(50):
+        td = act(env, td, env.towards(begun[:, 0] - [0.0, 0.0, 0.1]))
+        assert (env.gripper[:, 2] > floor).all()
+    assert np.linalg.norm((env.gripper - begun[:, 0])[:, :2], axis=1).max() < 0.02
+    assert np.linalg.norm(env.state.objects - begun, axis=-1).max() < 0.01
+    env.close()
+
+
+def test_a_gripper_that_begins_below_the_objects_tops_rises():
+    env, _ = start("kuka", "joints")
+    chain, low = env.chain, np.array([[0.45, 0.3, 0.035]])
+    down = chain.solve(chain.rest[None], low, chain.forward(chain.rest[None]).rotation)
+    up = chain.solve(down, low + [0.0, 0.0, 0.1], chain.forward(chain.rest[None]).rotation)
+    for _ in range(40):
+        down = env.control.targets(env.control._scaled(up), down, down)
+    np.testing.assert_allclose(down, up, atol=0.01)
     env.close()
