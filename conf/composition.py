@@ -108,7 +108,16 @@ def _with_options(words: tuple[str, ...]) -> tuple[Any, Mapping[str, Any]] | Non
 
 def _values_of(word: str, group: str) -> Any:
     """The values of a group with one option, which callers do not change."""
+    if _stands_alone(word):
+        return _file(ROOT / group / f"{word.partition('=')[2]}.yaml")
     return _composed_once((word,))[0][group]
+
+
+@cache
+def _file(path: Path) -> Any:
+    from omegaconf import OmegaConf
+
+    return OmegaConf.load(path)
 
 
 @cache

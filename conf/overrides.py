@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,12 @@ def check(arguments: Sequence[str]) -> None:
 
 def known_keys(chosen: Sequence[str]) -> list[str]:
     """Returns the dotted keys of the config with these options."""
-    return list(_keys(composed(chosen)[0]))
+    return list(_known_keys(tuple(chosen)))
+
+
+@lru_cache(maxsize=512)
+def _known_keys(chosen: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(_keys(composed(chosen)[0]))
 
 
 def _check_form(override: Any) -> None:

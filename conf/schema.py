@@ -22,6 +22,9 @@ from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 T = TypeVar("T")
+UNKNOWN = object()
+PLAIN = (bool, int, float, str, type(None))
+EXACT = 2**53  # up to which every whole number is a float
 MAX_LISTED = 24  # choices listed in a message; of more choices, only their groups are listed
 
 
@@ -122,14 +125,39 @@ def read(cls: type[T], node: Any, key: str) -> T:
         if name in container and _dataclass_of(kind)
     }
     try:
-        typed: Any = OmegaConf.to_container(OmegaConf.merge(_structured(dataclass), container))
-        return cls(**nested, **{name: typed[name] for name in container})
+        return cls(**nested, **_typed(dataclass, container))
     except ConfigError as error:
         raise ConfigError(prefix + str(error)) from None
     except OmegaConfBaseException as error:
         first = str(error.msg or error).splitlines()[0]
         value = OmegaConf.select(OmegaConf.create(container), str(error.full_key))
         raise ConfigError(f"{prefix}{error.full_key}={value}: {first}") from None
+
+
+def _typed(cls: Any, values: dict[str, Any]) -> dict[str, Any]:
+    """The values of fields as their declared types. Raises OmegaConf's errors."""
+    from omegaconf import OmegaConf
+
+    hints = _hints(cls)
+    plain = {name: _plain(hints[name], value) for name, value in values.items()}
+    others = {name: value for name, value in values.items() if plain[name] is UNKNOWN}
+    converted: Any = OmegaConf.to_container(OmegaConf.merge(_structured(cls), others)) if others else {}
+    return plain | {name: converted[name] for name in others}
+
+
+def _plain(kind: Any, value: Any) -> Any:
+    """The value if it is of the declared type already; else UNKNOWN: OmegaConf, which takes long, has to judge it."""
+    if isinstance(kind, UnionType) and len(get_args(kind)) == 2:  # with None
+        return next((plain for each in get_args(kind) if (plain := _plain(each, value)) is not UNKNOWN), UNKNOWN)
+    if get_origin(kind) is list and type(value) is list:
+        entries = [_plain(get_args(kind)[0], entry) for entry in value]
+        return UNKNOWN if UNKNOWN in entries else entries
+    if get_origin(kind) is dict and type(value) is dict and all(type(key) is str for key in value):
+        named = {key: _plain(get_args(kind)[1], entry) for key, entry in value.items()}
+        return UNKNOWN if UNKNOWN in named.values() else named
+    if kind is float and type(value) is int and abs(value) < EXACT:
+        return float(value)
+    return value if kind in PLAIN and type(value) is kind else UNKNOWN
 
 
 @cache

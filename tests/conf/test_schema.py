@@ -59,10 +59,22 @@ def test_a_valid_node_becomes_its_dataclass(wrap):
     assert type(cart.stops) is list
 
 
-def test_reading_does_not_change_the_node():
+@pytest.mark.parametrize(
+    ("path", "value", "converted"),
+    [("load", "2.5", 2.5), ("name", 5, "5"), ("covered", "yes", True), ("horses", "3", 3)],
+)
+def test_values_of_another_type_are_converted_as_omegaconf_does(path, value, converted):
+    read_value = getattr(read(Cart, {**GOOD, path: value}, "cart"), path)
+    assert (read_value, type(read_value)) == (converted, type(converted))
+
+
+def test_reading_does_not_change_the_node_or_share_its_values():
     node = {**GOOD, "spare": dict(WHEEL)}
-    read(Cart, node, "cart")
+    cart = read(Cart, node, "cart")
+    cart.stops.append("mill")
+    cart.prices["ride"] = 2.5
     assert node == GOOD
+    assert GOOD["prices"] == {"ride": 1.5}
 
 
 def test_interpolations_are_resolved():
@@ -78,6 +90,7 @@ def test_interpolations_are_resolved():
         ("load", float("inf"), r"^cart\.load=inf is not a finite number$"),
         ("load", "heavy", r"^cart\.load=heavy: .*Float"),
         ("load", None, r"^cart\.load=None"),
+        ("load", True, r"^cart\.load=True: .*Float"),
         ("load", [1], r"^cart\.load=\[1\]"),
         ("horses", 5, r"^cart\.horses=5 is out of range: it must be in \[0, 4\]$"),
         ("horses", 1.5, r"^cart\.horses=1\.5: .*[Ii]nteger"),

@@ -1,5 +1,6 @@
 """What the tests of the worlds share: every combination that conf/ offers, and ways to drive an environment."""
 
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,13 @@ def options(group):
     return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
 
 
+@lru_cache(maxsize=256)
+def config_of(*overrides):
+    return read_env(compose(overrides))
+
+
 ROBOTS, CONTROLS, TASKS = options("robot"), options("control"), options("task")
-ARMS = {robot: read_env(compose([f"robot={robot}"])).robot for robot in ROBOTS}
+ARMS = {robot: config_of(f"robot={robot}").robot for robot in ROBOTS}
 LONG_ARMS = [robot for robot in ROBOTS if not ARMS[robot].reach]  # reach all of every workspace
 UPRIGHT = [robot for robot in ROBOTS if not ARMS[robot].position_first]  # point down all over their gripper box
 BARE_FLANGES = ("ur5", "xarm7")  # in reaching tasks, which add no magnet, nothing of theirs meets an object
@@ -62,7 +68,7 @@ def make(robot="kuka", control="step", task="nl_reach", *more, worlds=1, seed=0,
 
 
 def task_of(name, *overrides, worlds=1):
-    config = read_env(compose([f"task={name}", *overrides]))
+    config = config_of(f"task={name}", *overrides)
     person = make_person(config.workspace.human, config.gesture)
     return KNOWN[config.task.name](config.task, config.workspace.object_area, worlds, person)
 
