@@ -25,7 +25,7 @@ class Page(BaseHTTPRequestHandler):
 @pytest.fixture
 def gate():
     server = HTTPServer(("127.0.0.1", 0), Page)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+    threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
     with closing(TokenGate("127.0.0.1", 0, server.server_port)) as opened:
         yield opened
     server.shutdown()

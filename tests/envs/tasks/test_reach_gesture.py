@@ -23,8 +23,8 @@ PUBLIC = ("robot", "objects", "objects_mask", "instruction", "gesture", "hold")
 @pytest.fixture(scope="module")
 def shown():
     """Beginnings of 200 episodes of nl_reach_gesture without noise, as they are observed."""
-    env = make("kuka", "step", "nl_reach_gesture", "gesture.noise_deg=0", worlds=50)
-    yield [env.reset() for _ in range(4)]
+    env = make("kuka", "step", "nl_reach_gesture", "gesture.noise_deg=0", worlds=8)
+    yield [env.reset() for _ in range(25)]
     env.close()
 
 
@@ -44,8 +44,8 @@ def state_for(episode):
 
 @pytest.mark.slow
 def test_in_reach_gesture_the_goal_is_the_object_nearest_to_the_ray():
-    env = make("kuka", "step", "reach_gesture", worlds=50)
-    for td in (env.reset(), env.reset()):
+    env = make("kuka", "step", "reach_gesture", worlds=10)
+    for td in (env.reset() for _ in range(10)):
         ray, objects = td["gesture"].double().numpy(), td["objects"].double().numpy()
         found = pointed_object(ray[:, :3], ray[:, 3:6], objects[..., :3], td["objects_mask"].numpy())
         assert found.tolist() == td["privileged", "referent"].tolist()
@@ -112,8 +112,8 @@ def test_referent_and_aiming_error_are_privileged(shown):
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [2.0, 6.0])
 def test_the_aiming_error_has_the_configured_deviation(noise):
-    env = make("kuka", "step", "nl_reach_gesture", f"gesture.noise_deg={noise}", worlds=50)
-    angles = np.concatenate([env.reset()["privileged", "pointing"][:, 0].numpy() for _ in range(12)])
+    env = make("kuka", "step", "nl_reach_gesture", f"gesture.noise_deg={noise}", worlds=10)
+    angles = np.concatenate([env.reset()["privileged", "pointing"][:, 0].numpy() for _ in range(60)])
     env.close()
     spread = np.rad2deg(np.sqrt((angles**2).mean() / 2))  # of each of the two directions across
     assert spread == pytest.approx(noise, rel=0.1)
@@ -143,8 +143,8 @@ def test_without_a_gesture_no_public_observation_identifies_the_referent():
 
 @pytest.mark.slow
 def test_dropout_is_the_share_of_episodes_without_a_gesture():
-    env = make("kuka", "step", "reach_gesture", "gesture.dropout=0.3", worlds=50)
-    without = np.concatenate([env.reset()["gesture"][:, 6].numpy() == 0 for _ in range(8)])
+    env = make("kuka", "step", "reach_gesture", "gesture.dropout=0.3", worlds=10)
+    without = np.concatenate([env.reset()["gesture"][:, 6].numpy() == 0 for _ in range(40)])
     env.close()
     assert 0.2 < without.mean() < 0.4
 
