@@ -25,7 +25,9 @@ PRESS_DEPTH = 0.005  # metres that a magnet may go below the top of an object on
 
 def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task:
     """The task of N worlds. person: who points, if anybody."""
-    return TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
+    task = TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
+    task.furnish(config.workspace.fittings)
+    return task
 
 
 def make_chain(config: EnvConfig, task: Task) -> Kinematics:
@@ -42,7 +44,8 @@ def make_world(config: EnvConfig, task: Task, render: bool = False, window: Wind
     """One world with all that the task shows."""
     objects = PoolSpec(task.shapes, task.bodies, config.task.object_size)
     gripper = config.gripper if task.moves else None
-    return World(config.robot, config.workspace, config.physics, objects, render, window, gripper, task.devices)
+    holds = task.grips or not task.devices
+    return World(config.robot, config.workspace, config.physics, objects, render, window, gripper, task.devices, holds)
 
 
 def gripper_name(config: EnvConfig, task: Task) -> str | None:

@@ -17,7 +17,7 @@ from language.colors import COLORS
 from language.errors import LanguageError, check_known
 from language.viewpoint import seen_from
 
-# Noun -> synonyms; first shapes, then devices.
+# Noun -> synonyms; first shapes, then devices, then fittings.
 NOUNS: dict[str, tuple[str, ...]] = {
     "cube": ("block", "box"),
     "sphere": ("ball",),
@@ -25,9 +25,12 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "button": ("knob",),
     "lever": ("handle",),
     "wheel": ("dial",),
+    "drawer": (),
+    "fridge": ("fridge door",),
 }
 SHAPES = ("cube", "sphere", "cylinder")  # an unspecified noun is drawn from these
 DEVICES = ("button", "lever", "wheel")  # fixed objects that are pressed, switched or turned
+FITTINGS = ("drawer", "fridge")  # furniture that is opened and closed; its position is that of its handle
 ANY_NOUN = ("object", "one", "thing")  # words for any noun; `say` uses the first
 ROLES = ("real", "target")  # a target only marks a place
 ROLE_WORDS: dict[str, tuple[str, ...]] = {  # role -> its words; `say` uses the first

@@ -155,6 +155,8 @@ VERBS: dict[str, Verb] = {
         moves=True,
         effect="up",
     ),
+    "open": Verb(("open {object}", "pull {object} open"), "open", 3),
+    "close": Verb(("close {object}", "shut {object}"), "close", 3),
 }
 
 OPENINGS = ("please", "first", "could you", "can you", "would you", "now", "robot", "hey", "i want you to")

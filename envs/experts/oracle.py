@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
 from envs.experts.registry import expert
-from envs.mdp.object_rows import scene_of_rows
+from envs.mdp.object_rows import nouns_of_rows, scene_of_rows
 from envs.workspace_env import WorkspaceEnv
 from human import NothingPointedAt, fuse, posterior, referring_phrase, visibility
 from language import Scene, parse
@@ -42,7 +42,8 @@ class Oracle:
     def _understood(self, world: int, objects: NDArray, shown: NDArray[np.bool_], ray: NDArray) -> tuple[int, int]:
         """The slots of the referent and of its target: the referent's own if there is none."""
         viewpoint, slots = self._env.config.task.viewpoint, np.flatnonzero(shown)
-        scene = scene_of_rows(objects[shown], viewpoint, self._env.task.operates)
+        rows, task = objects[shown], self._env.task
+        scene = scene_of_rows(rows, viewpoint, nouns_of_rows(rows, task.operates, task.fixtures))
         sentence = self._env.sentence(world)
         if len(ray):
             object_ = self._shown(world, sentence, scene, ray)

@@ -69,7 +69,8 @@ class ByHandEnv(WorkspaceEnv):
 
     def scene(self) -> Scene:
         """The objects as the language sees them."""
-        return scene_of_rows(self._arrays.rows[0, self._state.shown[0]], self.config.task.viewpoint, self.task.operates)
+        shown = self._state.shown[0]
+        return scene_of_rows(self._arrays.rows[0, shown], self.config.task.viewpoint, self._state.nouns[0, shown])
 
 
 class ScenePointer:

@@ -41,7 +41,8 @@ class InteractiveEnv(WorkspaceEnv):
 
     def scene(self) -> Scene:
         """The objects as the language sees them."""
-        return scene_of_rows(self._arrays.rows[0, self._slots], self.config.task.viewpoint, self.task.operates)
+        slots = self._slots
+        return scene_of_rows(self._arrays.rows[0, slots], self.config.task.viewpoint, self._state.nouns[0, slots])
 
     def bodies(self) -> list[int]:
         """PyBullet's body number of each object; [] for devices, which have several bodies."""

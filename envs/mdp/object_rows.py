@@ -10,6 +10,8 @@ The columns in their order:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,8 +26,11 @@ OFFSET = slice(OBJECT_WIDTH, OBJECT_WIDTH + 6)  # the offsets from the gripper, 
 COLUMNS = slice(OFFSET.stop, None)  # the task's own columns, if any
 FACING = slice(OFFSET.stop, OFFSET.stop + 2)  # of devices: where they face
 MAX_SIZE = 0.2  # metres
-# A task is about shapes or about devices: each noun's column in the one-hot of its kind.
-_ONE_HOT = np.array([(SHAPES if noun in SHAPES else DEVICES).index(noun) for noun in NOUNS])
+# Each noun's row in a table of one-hots: among shapes alone, or among devices alone. The last row is 0.
+_NONE = len(SHAPES)
+_SHAPE = np.array([SHAPES.index(noun) if noun in SHAPES else _NONE for noun in NOUNS])
+_DEVICE = np.array([DEVICES.index(noun) if noun in DEVICES else _NONE for noun in NOUNS])
+_ONE_HOTS = np.eye(_NONE + 1, _NONE)
 
 
 def row_bounds(task: Task, low: Array, high: Array) -> tuple[list, list]:
@@ -42,10 +47,11 @@ def row_bounds(task: Task, low: Array, high: Array) -> tuple[list, list]:
 
 def attributes(scene: Scene) -> Array:
     """(K, OBJECT_WIDTH - 7) the part of each object's row that no episode changes."""
-    shape = np.eye(len(SHAPES))[_ONE_HOT[scene.nouns]]
+    shape, device = _SHAPE[scene.nouns], _DEVICE[scene.nouns]
+    kinds = _ONE_HOTS[shape if (device == _NONE).any() else device]
     colors = color_table()[scene.colors]
     colors[scene.targets, 3] = SEE_THROUGH
-    return np.concatenate((colors, shape, scene.sizes[:, None], scene.targets[:, None]), axis=1)
+    return np.concatenate((colors, kinds, scene.sizes[:, None], scene.targets[:, None]), axis=1)
 
 
 def static_rows(scene: Scene, yaw: Array | None) -> Array:
@@ -55,13 +61,24 @@ def static_rows(scene: Scene, yaw: Array | None) -> Array:
     return np.concatenate((scene.positions, quaternions, attributes(scene)), axis=1)
 
 
-def scene_of_rows(rows: NDArray, viewpoint: str = "robot", devices: bool = False) -> Scene:
-    """The scene that rows (K, D) describe: the inverse of `static_rows`. devices: the objects are devices."""
-    nouns = DEVICES if devices else SHAPES
-    colors, shapes = rows[:, 7:11], rows[:, 11 : 11 + len(nouns)]
+def nouns_of_rows(rows: NDArray, devices: bool = False, fixtures: Sequence[str] = ()) -> NDArray[np.int64]:
+    """(K,) indices into `language.NOUNS` of the objects that rows (K, D) describe.
+
+    devices: all of them are devices. fixtures: those that are marked by the first of the task's own columns.
+    """
+    nouns: tuple[str, ...] = DEVICES if devices else SHAPES
+    kinds = rows[:, 11 : 11 + len(nouns)]
+    if fixtures:
+        marks = rows[:, COLUMNS.start : COLUMNS.start + len(fixtures)]
+        nouns, kinds = (*SHAPES, *fixtures), np.concatenate((kinds, marks), axis=1)
+    return np.array([list(NOUNS).index(noun) for noun in nouns])[kinds.argmax(1)]
+
+
+def scene_of_rows(rows: NDArray, viewpoint: str = "robot", nouns: NDArray[np.int64] | None = None) -> Scene:
+    """The scene that rows (K, D) describe: the inverse of `static_rows`. nouns: (K,); None: shapes, as the rows say."""
     return Scene.from_arrays(
-        nouns=[list(NOUNS).index(nouns[column]) for column in shapes.argmax(1)],
-        colors=[list(COLORS).index(color_name(color)) for color in colors],
+        nouns=nouns_of_rows(rows) if nouns is None else nouns,
+        colors=[list(COLORS).index(color_name(color)) for color in rows[:, 7:11]],
         positions=rows[:, :3],
         size=rows[:, OBJECT_WIDTH - 2],
         targets=rows[:, OBJECT_WIDTH - 1] > 0.5,

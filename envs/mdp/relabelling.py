@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 
 from envs.mdp.goals import in_bytes, tokens
-from envs.mdp.object_rows import COLUMNS, OBJECT_WIDTH, OFFSET, offsets, scene_of_rows
+from envs.mdp.object_rows import COLUMNS, OBJECT_WIDTH, OFFSET, nouns_of_rows, offsets, scene_of_rows
 from envs.mdp.observation_terms import GoalSource, Observer
 from envs.mdp.rewards import compute_outcome, reward_weights
 from envs.sim.object_pool import PARKED
@@ -76,7 +76,10 @@ class Relabeller:
         rows = np.concatenate((frames["objects"][:1].numpy(), frames["next", "objects"].numpy()))
         states = self._states(frames, rows)
         shown = np.flatnonzero(states.shown[0])
-        scene = scene_of_rows(rows[0, shown], self._task.config.viewpoint)
+        nouns = nouns_of_rows(rows[0, shown], fixtures=self._task.fixtures)
+        scene = scene_of_rows(rows[0, shown], self._task.config.viewpoint, nouns)
+        if self._task.moves:
+            states.nouns[:, shown] = scene.nouns
         fixed = ~scene.targets if not self._task.moves else ~scene.targets & ~states.movable[0, shown]
         try:
             episode = self._task.relabel(Placed(scene, np.zeros(len(scene)), fixed), _select_slots(states, shown), rng)
@@ -104,7 +107,8 @@ class Relabeller:
         movable, held = (self._history(frames, "privileged", name) for name in ("movable", "held"))
         target = self._history(frames, "privileged", "target") if self._task.places else referent
         goals = shown & ((rows[..., OBJECT_WIDTH - 1] > 0.5) != self._task.real_goals)
-        return State(gripper, places, shown, referent, target, movable, goals, rows[..., 3:7].astype(float), held)
+        quaternions, nouns = rows[..., 3:7].astype(float), np.zeros(shown.shape, np.int64)
+        return State(gripper, places, shown, referent, target, movable, goals, quaternions, held, nouns)
 
     @staticmethod
     def _history(frames: TensorDictBase, *key: str) -> Any:
@@ -179,6 +183,6 @@ def _select_slots(states: State, slots: NDArray[np.int64]) -> State:
     selected["referent"] = np.searchsorted(slots, states.referent)
     if len(states.held):
         selected["target"] = np.searchsorted(slots, states.target)
-        selected |= {name: getattr(states, name)[:, slots] for name in ("movable", "goals", "quaternions")}
+        selected |= {name: getattr(states, name)[:, slots] for name in ("movable", "goals", "quaternions", "nouns")}
         selected["held"] = np.where(states.held == NOTHING, NOTHING, np.searchsorted(slots, states.held))
     return replace(states, **selected)

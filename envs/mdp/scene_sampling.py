@@ -35,6 +35,7 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
     low, high = np.reshape(setup.workspace.bounds, (3, 2)).T.astype(np.float32)
     grippers = rng.uniform(low, high, (count, 3)) if task.moves else None
     rays = np.zeros((count, RAY_WIDTH))
+    columns = np.zeros((count, slots, len(task.columns)))
     for i in range(count):
         episode = task.draw(rng)
         order = rng.permutation(slots)[: len(episode.scene)]
@@ -43,10 +44,14 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
         goal = Goal.of(episode, order)
         goals[i] = goal.referent, goal.target
         rays[i] = ray_of(episode.gesture)
+        if task.fixtures:
+            columns[i, order] = task.described(episode)
     if grippers is not None:
         rows[..., OFFSET] = offsets(rows[..., :3], grippers[:, None])
     if task.marks and not task.speaks:
         rows[np.arange(count), goals[:, 0], COLUMNS.start] = 1.0
+    if task.fixtures:
+        rows[..., COLUMNS] = columns
     if task.operates:
         rows[..., FACING] = np.where(shown[..., None], facing(rows[..., 3:7]), 0.0)
     values = {"objects": rows, "objects_mask": shown, "instruction": instructions}

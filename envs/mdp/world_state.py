@@ -44,7 +44,10 @@ class WorldState:
         shown, movable, goals = np.zeros((3, count, slots), bool)
         referent, target, held = np.zeros((3, count), np.int64)
         places, quaternions = self.rows[..., :3], self.rows[..., 3:7]
-        self.state = State(np.zeros((count, 3)), places, shown, referent, target, movable, goals, quaternions, held)
+        nouns = np.zeros((count, slots), np.int64)
+        self.state = State(
+            np.zeros((count, 3)), places, shown, referent, target, movable, goals, quaternions, held, nouns
+        )
         self.slots = [np.arange(slots) for _ in range(count)]
         self.goals = [Goal(0, 0, "", "", 0)] * count
         self.instruction = np.zeros((count, tokenizer.length), np.int64)
@@ -70,6 +73,7 @@ class WorldState:
             yaw[by_slot].tolist(),
             self.rows[i, np.sort(slots), 7:11],
             _resting(episode)[by_slot].tolist(),
+            None if episode.shares is None else episode.shares[by_slot].tolist(),
         )
 
     def _show(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64]) -> None:
@@ -81,9 +85,14 @@ class WorldState:
         self.rows[i, slots, ATTRIBUTES] = attributes(scene)
         goals = scene.targets if episode.goals is None else episode.goals
         free = Mobility.of(scene.targets, episode.fixed) == Mobility.FREE
-        for mask, values in ((state.shown, True), (state.movable, free), (state.goals, goals)):
-            mask[i] = False
-            mask[i, slots] = values
+        for array, values in (
+            (state.shown, True),
+            (state.movable, free),
+            (state.goals, goals),
+            (state.nouns, scene.nouns),
+        ):
+            array[i] = 0
+            array[i, slots] = values
 
     def set_goal(self, i: int, goal: Goal) -> None:
         """Set the goal of world i. The task must be reset for that world afterwards."""

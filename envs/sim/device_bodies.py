@@ -21,13 +21,20 @@ Pose = tuple[tuple[float, ...], tuple[float, ...]]
 
 
 class DeviceBodies:
-    """bodies: one for each of `nouns`. width: of a device, metres. visuals: load visual shapes."""
+    """bodies: one for each of `nouns`. shown: those of the current episode, in the order of its devices.
+
+    width: of a device, metres. visuals: load visual shapes.
+    """
 
     def __init__(self, nouns: Sequence[str], width: float, client: int, visuals: bool) -> None:
         self._width, self._client, self._visuals = width, client, visuals
         self._devices = [DEVICES[noun] for noun in nouns]
         self.bodies = [self._body(device, -PARKED_SPACING * i) for i, device in enumerate(self._devices)]
-        self._shown = 0
+        self._nouns, self.shown = list(nouns), self.bodies[:0]
+
+    def pose(self, body: int) -> Pose:
+        """(position, quaternion) of a device's handle."""
+        return bullet.getLinkState(body, LINK, computeForwardKinematics=1, physicsClientId=self._client)[:2]
 
     def _body(self, device: Device, y: float) -> int:
         """A body with a fixed base and one link. The link's centre of mass, and so its measured pose, is at the handle;
@@ -70,11 +77,20 @@ class DeviceBodies:
             }
         bullet.setJointMotorControl2(body, LINK, **motor, physicsClientId=self._client)
 
-    def show(self, places: Sequence[Sequence[float]], yaw: Sequence[float], colors: Sequence[Sequence[float]]) -> None:
-        """Place the first devices on the table. places: of their handles at the start, metres. colors: RGBA."""
-        self._shown = len(places)
-        for body, device, place, angle, color in zip(self.bodies, self._devices, places, yaw, colors, strict=False):
-            x, y, _ = device.grip(self._width)
+    def show(
+        self,
+        nouns: Sequence[str],
+        places: Sequence[Sequence[float]],
+        yaw: Sequence[float],
+        colors: Sequence[Sequence[float]],
+    ) -> None:
+        """Place devices on the table. places: of their handles at the start, metres. colors: RGBA."""
+        unused = {
+            noun: [body for body, of in zip(self.bodies, self._nouns, strict=True) if of == noun] for noun in nouns
+        }
+        self.shown = [unused[noun].pop(0) for noun in nouns]
+        for body, noun, place, angle, color in zip(self.shown, nouns, places, yaw, colors, strict=True):
+            x, y, _ = DEVICES[noun].grip(self._width)
             forward, left = math.cos(angle), math.sin(angle)
             stand = (place[0] - forward * x + left * y, place[1] - left * x - forward * y, 0.0)
             turned = (0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2))
@@ -90,10 +106,7 @@ class DeviceBodies:
 
     def poses(self) -> list[Pose]:
         """(position, quaternion) of the handle of each shown device."""
-        return [
-            bullet.getLinkState(body, LINK, computeForwardKinematics=1, physicsClientId=self._client)[:2]
-            for body in self.bodies[: self._shown]
-        ]
+        return [self.pose(body) for body in self.shown]
 
     def _collision_shape(self, parts: Sequence[Part], origin: Point) -> int:
         """The parts as one collision shape about `origin`."""

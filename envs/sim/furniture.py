@@ -8,13 +8,14 @@ import numpy as np
 import pybullet as bullet
 
 from envs.sim.robot import Robot
-from envs.sim.workspace import Box, Fitting, WorkspaceConfig
+from envs.sim.workspace import HANDLE, Box, Fitting, WorkspaceConfig
 
 JOINTS = {"slide": bullet.JOINT_PRISMATIC, "turn": bullet.JOINT_REVOLUTE}
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 PARTING = 20  # physics steps: in each, Bullet checks a tenth of the pairs that it takes to be near, at least one
 PARKED_HEIGHT, PARKED_SPACING = -30.0, 20.0  # metres: where bodies are parked, and how far from each other
 LINK = 0  # of a fitting's body: it has all the parts
+METAL = (HANDLE, "post")  # parts that keep their colour
 
 
 class Furniture:
@@ -31,6 +32,7 @@ class Furniture:
         self._boxes = [self._box(box) for box in [*workspace.furniture.values(), *drawn] if visuals or box.contact]
         self._pass_through(robot.body, robot.fixed_links())
         self._fittings = {self._fitting(fitting): fitting for fitting in workspace.fittings.values()}
+        self.bodies = dict(zip(workspace.fittings, self._fittings, strict=True))  # by the fittings' names
         self._base_poses: dict[int, tuple] = {}
         self.parting = 0
         for body in self._fittings:
@@ -72,6 +74,22 @@ class Furniture:
             bullet.resetBasePositionAndOrientation(body, *pose, self._client)
         for body, fitting in self._fittings.items():
             bullet.resetJointState(body, LINK, fitting.start, 0.0, self._client)
+
+    def show(self, name: str, share: float, color: Sequence[float]) -> None:
+        """Put a fitting to rest, open by this share, with its parts but the handle in this colour (RGBA)."""
+        body = self.bodies[name]
+        bullet.resetJointState(body, LINK, float(self._fittings[body].value(share)), 0.0, self._client)
+        if self._visuals:
+            for number, part in enumerate(self._fittings[body].parts):
+                if part not in METAL:
+                    bullet.changeVisualShape(body, LINK, number, rgbaColor=color, physicsClientId=self._client)
+
+    def handle_pose(self, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """(position, quaternion) of a fitting's handle, metres."""
+        body = self.bodies[name]
+        fitting, value = self._fittings[body], bullet.getJointState(body, LINK, self._client)[0]
+        turn = bullet.getQuaternionFromAxisAngle(fitting.axis, value if fitting.joint == "turn" else 0.0)
+        return tuple(fitting.handle_at(value).tolist()), turn
 
     def values(self) -> list[float]:
         """The joint value of each fitting, metres or radians. A blow can move it past its limits by millimetres."""
@@ -130,9 +148,9 @@ class Furniture:
         return body
 
     def _set_up_joint(self, body: int, fitting: Fitting) -> None:
-        """Set the joint's limits, and a motor that only brakes: dry friction."""
+        """Set the joint's limits, the surface, and a motor that only brakes: dry friction."""
         limits = {"jointLowerLimit": fitting.low, "jointUpperLimit": fitting.high}
-        bullet.changeDynamics(body, LINK, **limits, physicsClientId=self._client)
+        bullet.changeDynamics(body, LINK, **limits, lateralFriction=fitting.grip, physicsClientId=self._client)
         bullet.setJointMotorControl2(
             body, LINK, bullet.VELOCITY_CONTROL, targetVelocity=0, force=fitting.friction, physicsClientId=self._client
         )

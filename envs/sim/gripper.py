@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import pybullet as bullet
@@ -21,6 +22,7 @@ CONTACT_DISTANCE = 1e-3  # metres: Bullet reports contacts of bodies that are on
 FACE_STIFFNESS, FACE_DAMPING = 500.0, 30.0  # N/m and N s/m of a magnet's face
 FINGER_FRICTION = 2.0  # lateral, of a fingertip; Bullet multiplies it with the object's
 MAX_SLIP = 0.02  # metres that an object may be dragged out of its place under the magnet before it comes off
+BASE = -1  # PyBullet's number for the base of a body
 Point = Sequence[float] | NDArray[np.float64]
 
 
@@ -63,27 +65,38 @@ class GripperConfig(Checked):
         return replace(robot, tip_offset=tip, magnet=[radius, sum(robot.magnet[1:]) + longer])
 
 
+class Holdable(NamedTuple):
+    """What a gripper can hold: a loose body, or the handle on a link of a fitting, which swivels under a magnet.
+
+    pose: gives its (position, quaternion), metres.
+    """
+
+    body: int
+    pose: Callable[[], tuple[Point, Point]]
+    link: int = BASE
+
+
 class Gripper(ABC):
-    """What the robot in this client grips with. held: the body that it holds, or None."""
+    """What the robot in this client grips with. held: what it holds, or None."""
 
     def __init__(self, config: GripperConfig, robot: Robot, client: int) -> None:
         self._config, self._robot, self._client = config, robot, client
-        self.held: int | None = None
+        self.held: Holdable | None = None
 
     @abstractmethod
     def release(self) -> None:
         """Let go of what is held."""
 
     @abstractmethod
-    def update(self, bodies: Sequence[int], centre: Point) -> None:
+    def update(self, things: Sequence[Holdable], centre: Point) -> None:
         """After a control step with the gripper closed: hold what is touched, and lose what slipped.
 
-        bodies: those near enough to be gripped. centre: the gripper's, metres.
+        things: those near enough to be gripped. centre: the gripper's, metres.
         """
 
     @abstractmethod
-    def attach(self, body: int, centre: Point) -> None:
-        """Hold this body, which stands in its place at the gripper. centre: the gripper's, metres."""
+    def attach(self, thing: Holdable, centre: Point) -> None:
+        """Hold this, which stands in its place at the gripper. centre: the gripper's, metres."""
 
 
 class Magnet(Gripper):
@@ -95,7 +108,7 @@ class Magnet(Gripper):
         face = {"contactStiffness": FACE_STIFFNESS, "contactDamping": FACE_DAMPING}
         bullet.changeDynamics(robot.body, robot.hand, **face, physicsClientId=client)
         self._constraint = -1
-        self._place = np.zeros(3)  # of the held body in the frame of the hand, as it was attached
+        self._place = np.zeros(3)  # of what is held in the frame of the hand, as it was attached
 
     def release(self) -> None:
         if self.held is not None:
@@ -103,40 +116,44 @@ class Magnet(Gripper):
             self._set_collision(self.held, True)
             self.held = None
 
-    def update(self, bodies: Sequence[int], centre: Point) -> None:
+    def update(self, things: Sequence[Holdable], centre: Point) -> None:
         if self.held is not None and self._slip(self.held) > MAX_SLIP:
             self.release()
         if self.held is None:
-            touched = next((body for body in bodies if self._touches(body, centre)), None)
+            touched = next((thing for thing in things if self._touches(thing, centre)), None)
             if touched is not None:
                 self.attach(touched, centre)
 
-    def attach(self, body: int, centre: Point) -> None:
-        position, quaternion = self._pose_in_hand(body)
+    def attach(self, thing: Holdable, centre: Point) -> None:
+        position, quaternion = self._pose_in_hand(thing)
+        pivot: Point = (0, 0, 0)
+        if thing.link != BASE:
+            link = bullet.getLinkState(thing.body, thing.link, physicsClientId=self._client)[:2]
+            pivot = bullet.multiplyTransforms(*bullet.invertTransform(*link), *thing.pose())[0]
         self._constraint = bullet.createConstraint(
             self._robot.body,
             self._robot.hand,
-            body,
-            -1,
-            bullet.JOINT_FIXED,
+            thing.body,
+            thing.link,
+            bullet.JOINT_FIXED if thing.link == BASE else bullet.JOINT_POINT2POINT,
             (0, 0, 0),
             position,
-            (0, 0, 0),
+            pivot,
             quaternion,
             physicsClientId=self._client,
         )
         bullet.changeConstraint(self._constraint, maxForce=self._config.pull, physicsClientId=self._client)
-        self.held, self._place = body, np.array(position)
-        self._set_collision(body, False)
+        self.held, self._place = thing, np.array(position)
+        self._set_collision(thing, False)
 
-    def _set_collision(self, body: int, enabled: bool) -> None:
-        """Whether a body collides with the hand. A held one does not: the constraint keeps it in place, in half the
-        time."""
-        ends = (self._robot.body, body, self._robot.hand, -1)
+    def _set_collision(self, thing: Holdable, enabled: bool) -> None:
+        """Whether something collides with the hand. What is held does not: the constraint keeps it in place, in half
+        the time."""
+        ends = (self._robot.body, thing.body, self._robot.hand, thing.link)
         bullet.setCollisionFilterPair(*ends, int(enabled), self._client)
 
-    def _touches(self, body: int, centre: Point) -> bool:
-        contacts = bullet.getContactPoints(self._robot.body, body, physicsClientId=self._client)
+    def _touches(self, thing: Holdable, centre: Point) -> bool:
+        contacts = bullet.getContactPoints(self._robot.body, thing.body, physicsClientId=self._client)
         return any(
             contact[3] >= self._robot.hand
             and _distance(contact[5], centre) <= FACE_RADIUS
@@ -144,15 +161,14 @@ class Magnet(Gripper):
             for contact in contacts
         )
 
-    def _pose_in_hand(self, body: int) -> tuple[Point, Point]:
-        """The body's position and quaternion in the hand's frame for constraints: that of its centre of mass."""
+    def _pose_in_hand(self, thing: Holdable) -> tuple[Point, Point]:
+        """Its position and quaternion in the hand's frame for constraints: that of its centre of mass."""
         hand = bullet.getLinkState(self._robot.body, self._robot.hand, physicsClientId=self._client)[:2]
-        pose = bullet.getBasePositionAndOrientation(body, self._client)
-        return bullet.multiplyTransforms(*bullet.invertTransform(*hand), *pose)
+        return bullet.multiplyTransforms(*bullet.invertTransform(*hand), *thing.pose())
 
-    def _slip(self, body: int) -> float:
-        """Metres from where the held body was when it was attached."""
-        return _distance(self._pose_in_hand(body)[0], self._place)
+    def _slip(self, thing: Holdable) -> float:
+        """Metres from where what is held was when it was attached."""
+        return _distance(self._pose_in_hand(thing)[0], self._place)
 
 
 class Fingers(Gripper):
@@ -181,15 +197,15 @@ class Fingers(Gripper):
     def release(self) -> None:
         self.held = None
 
-    def update(self, bodies: Sequence[int], centre: Point) -> None:
-        self.held = next((body for body in bodies if self._touched_by_all(body)), None)
+    def update(self, things: Sequence[Holdable], centre: Point) -> None:
+        self.held = next((thing for thing in things if self._touched_by_all(thing)), None)
 
-    def attach(self, body: int, centre: Point) -> None:
-        self.held = body
+    def attach(self, thing: Holdable, centre: Point) -> None:
+        self.held = thing
 
-    def _touched_by_all(self, body: int) -> bool:
+    def _touched_by_all(self, thing: Holdable) -> bool:
         return all(
-            bullet.getContactPoints(self._robot.body, body, finger, physicsClientId=self._client)
+            bullet.getContactPoints(self._robot.body, thing.body, finger, physicsClientId=self._client)
             for finger in self._robot.fingers
         )
 

@@ -11,10 +11,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from conf.schema import Checked, ConfigError, one_of, within
 from human import Camera, HumanConfig
 
 PLATE, DRAWN = 0.002, 0.0003  # metres: thickness of what is drawn of a board, and how far it is above the table
+HANDLE = "handle"  # the part of a fitting by which a gripper holds it
 AROUND = 0.02  # metres between objects and the end of a robot's reach, so that the gripper gets around them
 
 
@@ -36,7 +40,9 @@ class Fitting(Checked):
     """Furniture on a joint, such as a drawer or a door: it moves when pushed, and stays where it is left.
 
     The joint goes from low to high, metres along the axis or radians about it (right-handed). origin: a point of the
-    axis, metres. friction: N or N m that hold the joint back. mass: kg. parts: boxes, with the joint at 0.
+    axis, metres. friction: N or N m that hold the joint back. mass: kg. grip: lateral friction of its surface, which
+    Bullet multiplies with that of what touches it. parts: boxes, with the joint at 0; a gripper holds the fitting by
+    the one that is called "handle".
     """
 
     joint: str = one_of("slide", "turn")
@@ -47,6 +53,7 @@ class Fitting(Checked):
     start: float = within(-10, 10)
     friction: float = within(0, 1000)
     mass: float = within(0.01, 1000)
+    grip: float = within(0, 10)
     parts: dict[str, Box]
 
     def __post_init__(self) -> None:
@@ -59,6 +66,33 @@ class Fitting(Checked):
             raise ConfigError(f"axis={self.axis} must be of length 1")
         if not self.parts:
             raise ConfigError("parts={} must name at least one box")
+
+    def value(self, share: ArrayLike) -> NDArray[np.float64]:
+        """(...) the joint value, metres or radians, of a fitting that is open by this share, (...) in [0, 1]."""
+        return self.low + np.asarray(share, np.float64) * (self.high - self.low)
+
+    def share(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(...) by which share a fitting is open whose handle is at places (..., 3), metres."""
+        if self.joint == "slide":
+            value = (places - self.parts[HANDLE].position) @ self.axis
+        else:
+            arm, axis = self._arm(), np.array(self.axis)
+            now = places - self.origin
+            value = np.arctan2(np.cross(arm, now) @ axis, now @ arm - (now @ axis) * (arm @ axis))
+        return (value - self.low) / (self.high - self.low)
+
+    def handle_at(self, value: ArrayLike) -> NDArray[np.float64]:
+        """(..., 3) where the centre of the handle is, metres, at this joint value, (...) metres or radians."""
+        value, axis = np.asarray(value, np.float64)[..., None], np.array(self.axis)
+        if self.joint == "slide":
+            return self.parts[HANDLE].position + value * axis
+        arm = self._arm()  # Source: Rodrigues' rotation formula
+        turned = arm * np.cos(value) + np.cross(axis, arm) * np.sin(value) + axis * (axis @ arm) * (1 - np.cos(value))
+        return np.array(self.origin) + turned
+
+    def _arm(self) -> NDArray[np.float64]:
+        """(3,) from a point of the axis to the handle, with the joint at 0."""
+        return np.subtract(self.parts[HANDLE].position, self.origin)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,9 +15,10 @@ from conf.schema import Checked, within
 from envs.sim.device_bodies import DeviceBodies
 from envs.sim.furniture import Furniture
 from envs.sim.gripper import GRIPPERS, Gripper, GripperConfig
-from envs.sim.object_pool import Mobility, ObjectPool, PoolSpec
+from envs.sim.object_pool import ObjectPool, PoolSpec
 from envs.sim.rendering import Renderer, paint
 from envs.sim.robot import Robot, RobotConfig
+from envs.sim.shown_objects import ShownObjects
 from envs.sim.window import Window
 from envs.sim.workspace import WorkspaceConfig
 from human import Body, Camera, PointingArm, read_arm
@@ -54,8 +55,8 @@ class World:
         visuals: load visual shapes, for `render`. A world without them takes half the memory.
         window: where the world is shown. The world closes it.
         gripper: what the robot grips with; None: it cannot grip.
-        devices: the noun of each device that an episode shows at most. Where there are any, no other objects are
-            shown, and nothing is gripped.
+        devices: the noun of each device that an episode shows at most.
+        holds: whether the gripper holds what it grips; else it is only a body.
 
     Raises:
         ConfigError: for a robot or gripper that cannot be built.
@@ -73,19 +74,25 @@ class World:
         window: Window | None = None,
         gripper: GripperConfig | None = None,
         devices: Sequence[str] = (),
+        holds: bool = True,
     ) -> None:
         self.client = bullet.connect(bullet.DIRECT) if window is None else window.client
         self._physics, self._workspace, self._visuals = physics, workspace, visuals or window is not None
         self._window = window
         try:
-            self._build(robot, gripper, objects, devices)
+            self._build(robot, gripper, objects, devices, holds)
             self._draw(True)
         except BaseException:
             self.close()
             raise
 
     def _build(
-        self, robot: RobotConfig, gripper: GripperConfig | None, objects: PoolSpec, devices: Sequence[str]
+        self,
+        robot: RobotConfig,
+        gripper: GripperConfig | None,
+        objects: PoolSpec,
+        devices: Sequence[str],
+        holds: bool,
     ) -> None:
         """Builds the bodies. Their order must not change: Bullet solves contacts in this order."""
         self._set_up_physics()
@@ -95,7 +102,7 @@ class World:
         self._gripper: Gripper | None = None
         self._finger_targets: Sequence[float] = ()  # of the last control step, metres
         self._release_after = 0  # physics steps into the next control step; 0: no release is due
-        if gripper and name and not devices:
+        if gripper and name and holds:
             self._gripper = GRIPPERS[name](gripper, self.robot, self.client)
         self.furniture = Furniture(self._workspace, self.robot, self.client, self._visuals)
         self.devices = DeviceBodies(devices, objects.size, self.client, self._visuals)
@@ -104,6 +111,8 @@ class World:
         self.pool = ObjectPool(objects, self.client, self._visuals, self._physics.sleeping)
         self.person = self._make_person()
         self._renderer = Renderer(self.client)
+        drawn = self._renderer if self._visuals else None
+        self._shown = ShownObjects(self.pool, self.devices, self.furniture, drawn, self.client)
 
     def _set_up_physics(self) -> None:
         bullet.setAdditionalSearchPath(pybullet_data.getDataPath(), self.client)
@@ -139,17 +148,20 @@ class World:
         yaw: Sequence[float],
         colors: NDArray[np.float64],
         resting: Sequence[bool] | None = None,
+        shares: Sequence[float] | None = None,
     ) -> None:
-        """Begin an episode: place the arm, and show K objects. Devices are those that were made, whatever the nouns.
+        """Begin an episode: place the arm, and show K objects.
 
         Args:
             joints: (J,) angles of the arm.
             opening: of each finger, metres.
-            nouns, mobilities: (K,) indices into the pool.
-            positions: (K, 3) of objects, or of the devices' handles. An object above the table falls.
+            nouns, mobilities: (K,) indices into the pool; other nouns are those of devices and fittings.
+            positions: (K, 3) of objects, or of the devices' handles; fittings stay where they are. An object above the
+                table falls.
             yaw: (K,) radians.
             colors: (K, 4) RGBA.
             resting: (K,) what rests on other objects and does not fall; None: nothing.
+            shares: (K,) in [0, 1], by which fittings are open; None: they are shut.
         """
         self._draw(False)
         self.release()
@@ -159,12 +171,7 @@ class World:
         if self._visuals:
             self._renderer.clear()
             self.show_finger(False)
-        if self.devices.bodies:
-            self.devices.show(positions, yaw, colors.tolist())
-        else:
-            self.pool.show(nouns, mobilities, positions, yaw, resting)
-            if self._visuals:
-                self._color_objects(mobilities, colors.tolist())
+        self._shown.show(nouns, mobilities, positions, yaw, colors.tolist(), resting, shares)
         self._draw(True)
 
     def _settle(self) -> None:
@@ -181,12 +188,6 @@ class World:
             self.step_physics()
         self.furniture.reset()
         self.devices.reset()
-
-    def _color_objects(self, mobilities: Sequence[int], colors: Sequence[Sequence[float]]) -> None:
-        for body, mobility, color in zip(self.pool.shown, mobilities, colors, strict=True):
-            paint(body, color, self.client)
-            if mobility == Mobility.GHOST:
-                self._renderer.set_see_through(body, -1, color)
 
     def _draw(self, enabled: bool) -> None:
         """Let the window, if any, draw what happens from now on."""
@@ -205,7 +206,7 @@ class World:
     def attach(self, number: int, centre: Sequence[float]) -> None:
         """Let the gripper hold this object from the start of an episode. centre: the gripper's, metres."""
         assert self._gripper is not None
-        self._gripper.attach(self.pool.shown[number], centre)
+        self._gripper.attach(self._shown.holdable[number], centre)
 
     def update_grasp(self, near: Sequence[int], centre: Sequence[float]) -> None:
         """Once a control step: let the closed gripper hold what it touches, or lose what slipped.
@@ -213,14 +214,14 @@ class World:
         near: numbers of the objects that are near enough to be held. centre: the gripper's, metres.
         """
         assert self._gripper is not None
-        self._gripper.update([self.pool.shown[number] for number in near], centre)
+        self._gripper.update([self._shown.holdable[number] for number in near], centre)
 
     @property
     def held(self) -> int | None:
         """The number of the object that the gripper holds, or None."""
         if self._gripper is None or self._gripper.held is None:
             return None
-        return self.pool.shown.index(self._gripper.held)
+        return self._shown.holdable.index(self._gripper.held)
 
     def release(self, after: int = 0) -> None:
         """Release what is held: now, or `after` physics steps into the next control step."""
@@ -262,8 +263,8 @@ class World:
     # ---- what is where
 
     def object_poses(self) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
-        """(position, quaternion) of each object that is shown, or of each device's handle."""
-        return self.pool.poses() + self.devices.poses()
+        """(position, quaternion) of each object that is shown; of a device or a fitting, that of its handle."""
+        return self._shown.poses()
 
     def fitting_positions(self) -> list[float]:
         """The joint value of each of the workspace's fittings, metres or radians."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -12,6 +12,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError, did_you_mean
+from envs.sim.workspace import Fitting
 from envs.tasks.object_layout import scatter
 from envs.tasks.types import Column, EpisodeSpec, GestureSwitch, Outcome, State, TaskConfig
 from human import Gesture, Person, Unreachable
@@ -47,6 +48,7 @@ class Task(ABC):
     places = False  # the referent is to be brought to a goal
     real_goals = False  # goals are real objects, not see-through targets
     operates = False  # its objects are devices; their positions are those of their handles
+    fixtures: tuple[str, ...] = ()  # nouns of devices or fittings among its objects; its first columns mark them
     nouns: tuple[str, ...] = SHAPES  # what its objects can be
     shapes: tuple[str, ...] = SHAPES  # the bodies that its worlds have, in the order in which episodes count them
     stacks = False  # objects stand in the cells of a board, on top of each other
@@ -112,6 +114,14 @@ class Task(ABC):
         them, so the episode's physics stays the same. Raises LanguageError if no sentence names the goal.
         """
         return None
+
+    def furnish(self, fittings: Mapping[str, Fitting]) -> None:
+        """Takes note of the workspace's fittings, before anything is drawn. Raises ConfigError where one is missing."""
+        return None
+
+    def described(self, episode: EpisodeSpec) -> NDArray[np.float64]:
+        """(K, C) the values of `columns` as the episode begins, where the task has fixtures."""
+        return np.zeros((len(episode.scene), len(self.columns)))
 
     @property
     def points(self) -> bool:

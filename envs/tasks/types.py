@@ -173,10 +173,9 @@ class TaskConfig(Checked):
     reward: dict[str, float] = within(-1000, 1000)  # the weight of every reward term of the task, by name
 
     def __post_init__(self) -> None:
-        if len(self.objects):
-            object.__setattr__(self, "num_objects", len(self.objects))
-            object.__setattr__(self, "min_objects", len(self.objects))
-            object.__setattr__(self, "num_targets", 0)
+        listed = len(self.objects)
+        for name, value in (("num_objects", listed), ("min_objects", listed), ("num_targets", 0)) if listed else ():
+            object.__setattr__(self, name, value)
         super().__post_init__()
         for name in ("num_objects", "min_objects"):
             if (value := getattr(self, name)) > self.most_slots:
@@ -244,6 +243,7 @@ class EpisodeSpec:
     goals: NDArray[np.bool_] | None = None  # (K,) what the referent could be brought to; none: the see-through targets
     shapes: NDArray[np.int64] | None = None  # (K,) indices into the task's `shapes`; none: the nouns of the scene
     resting: NDArray[np.bool_] | None = None  # (K,) what stays at rest on top of others as it begins; none: nothing
+    shares: Array | None = None  # (K,) in [0, 1], by which fittings are open; none: no fitting is shown
 
 
 @dataclass(frozen=True)
@@ -269,7 +269,7 @@ class State:
 
     gripper: (N, 3) metres. objects: (N, K, 3) metres. shown: (N, K). referent: (N,) slots.
     What follows is empty where a task moves nothing. target: (N,) slots. movable, goals: (N, K), what can be moved, and
-    what the referent could be brought to. quaternions: (N, K, 4), x, y, z, w. held: (N,) slots, or -1.
+    what the referent could be brought to. quaternions: (N, K, 4), x, y, z, w. held: (N,) slots, or -1. nouns: (N, K).
     """
 
     gripper: Array
@@ -281,6 +281,7 @@ class State:
     goals: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), bool))
     quaternions: Array = field(default_factory=lambda: np.zeros((0, 0, 4)))
     held: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    nouns: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 0), np.int64))
 
 
 @dataclass(frozen=True)

@@ -139,6 +139,7 @@ def _object_rows(tasks: dict[str, Specs]) -> Rows:
         ("nl_pick_and_place", SHAPES, "move objects"),
         ("nl_push", SHAPES, "push objects"),
         ("press", DEVICES, "operate devices"),
+        ("nl_open", SHAPES, "have fittings among their objects"),
     ):
         task = TASKS[tasks[some].config.task.name]
         more = [*OFFSETS, *(column.name for column in task.columns)] if task.moves else []

@@ -9,8 +9,8 @@ import torch
 import conf
 from conf.overrides import compose
 from envs import make_env, read_env
+from envs.assembly import make_task
 from envs.mdp.gestures import make_person
-from envs.tasks import TASKS as KNOWN
 
 CONF = Path(conf.__file__).parent
 
@@ -32,6 +32,8 @@ UPRIGHT = [robot for robot in ROBOTS if not ARMS[robot].position_first]  # point
 BARE_FLANGES = ("ur5", "xarm7")  # in reaching tasks, which add no magnet, nothing of theirs meets an object
 EVERY_TASK = ["jaco", "kuka", "panda"]  # robots that are tested with every task; the others take turns
 WITH_ALL = ("nl_reach", "nl_pick_and_place")  # tasks with every robot
+IN_A_ROOM = [task for task in TASKS if read_env(compose([f"task={task}"])).workspace.name == "room"]
+ROOM_ROBOTS = ("kuka", "panda")  # reach the handles of its furniture
 # so_arm's area has no room for the way that pushed objects must leave free, and its gripper tilts, so that it reaches
 # nothing between stacks; xarm7 moves too slowly to throw.
 DOES_NOT_FIT = [("so_arm", "nl_push"), ("so_arm", "rearrange"), ("so_arm", "nl_rearrange"), ("xarm7", "throw")]
@@ -42,8 +44,8 @@ def covering(everywhere=TASKS):
 
     Controls take turns.
     """
-    combinations = []
-    for i, task in enumerate(TASKS):
+    combinations = [(ROOM_ROBOTS[i % 2], CONTROLS[i % len(CONTROLS)], task) for i, task in enumerate(IN_A_ROOM)]
+    for i, task in enumerate(task for task in TASKS if task not in IN_A_ROOM):
         more = [robot for robot in ROBOTS if robot not in EVERY_TASK and (robot, task) not in DOES_NOT_FIT]
         robots = [*EVERY_TASK, *(more if task in WITH_ALL else more[i % len(more) :][:1])]
         if task not in everywhere:
@@ -70,7 +72,7 @@ def make(robot="kuka", control="step", task="nl_reach", *more, worlds=1, seed=0,
 def task_of(name, *overrides, worlds=1):
     config = config_of(f"task={name}", *overrides)
     person = make_person(config.workspace.human, config.gesture)
-    return KNOWN[config.task.name](config.task, config.workspace.object_area, worlds, person)
+    return make_task(config, worlds, person)
 
 
 def act(env, td, action):

@@ -7,6 +7,7 @@ import pytest
 
 from language import (
     DEVICES,
+    FITTINGS,
     NOUNS,
     RELATIONS,
     SHAPES,
@@ -152,8 +153,8 @@ def test_an_object_is_not_related_to_itself():
     assert not any("near the blue" in words for words in said)
 
 
-def test_every_noun_is_a_shape_or_a_device():
-    assert (*SHAPES, *DEVICES) == tuple(NOUNS)
+def test_every_noun_is_a_shape_a_device_or_a_fitting():
+    assert (*SHAPES, *DEVICES, *FITTINGS) == tuple(NOUNS)
 
 
 @pytest.mark.parametrize(("verb", "noun"), [("press", "button"), ("switch", "lever"), ("turn", "wheel")])

@@ -9,7 +9,7 @@ from torchrl.envs.utils import check_env_specs
 
 from conf.schema import ConfigError
 from envs.experts import expert
-from envs.mdp.object_rows import FACING, scene_of_rows, static_rows
+from envs.mdp.object_rows import FACING, nouns_of_rows, scene_of_rows, static_rows
 from envs.tasks import State
 from envs.tasks.operate import OPERATED, OTHER_OPERATED
 from language import DEVICES, ground, parse
@@ -77,7 +77,8 @@ def test_observed_rows_describe_the_drawn_scene(name):
     env = make("kuka", "step", name, worlds=4, seed=1)
     td = env.reset()
     for i in range(4):
-        scene = scene_of_rows(td["objects"][i].numpy(), devices=True)
+        rows = td["objects"][i].numpy()
+        scene = scene_of_rows(rows, nouns=nouns_of_rows(rows, devices=True))
         assert ground(parse(env.sentence(i)), scene) == td["privileged", "referent"][i]
     env.close()
 

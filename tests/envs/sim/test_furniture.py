@@ -18,6 +18,9 @@ from tests.helpers.env_cases import LONG_ARMS, act, differences, make, options, 
 WORKSPACES = options("workspace")
 CONFIGS = {name: read_env(compose([f"workspace={name}"])).workspace for name in WORKSPACES}
 FITTINGS = [(name, each) for name in WORKSPACES for each in CONFIGS[name].fittings]
+PUSHED = [
+    (name, each) for name, each in FITTINGS if name != "room"
+]  # stand where grippers that go straight on push them
 BEFORE, BEYOND, AWAY = [0.45, 0.05, 0.12], [0.64, 0.05, 0.12], [0.4, 0.05, 0.3]  # where grippers go to push and leave
 
 
@@ -65,7 +68,7 @@ def test_areas_for_gripper_and_objects_are_clear_of_the_furniture(workspace):
     room = np.reshape(config.gripper_box, (3, 2)).T
     objects = np.concatenate((np.reshape(config.object_area, (2, 2)).T, [[0.0], [0.06]]), axis=1)
     for box in solid:
-        assert not overlap(corners(box), room)
+        assert workspace == "room" or not overlap(corners(box), room)  # in a room grippers reach into the furniture
         assert not overlap(corners(box), objects)
 
 
@@ -84,7 +87,7 @@ def test_a_closed_fitting_does_not_overlap_other_furniture(workspace, name):
 # xarm7's motors are weak: it stalls after 2 of the 10 cm that the drawer can be pushed.
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", [robot for robot in LONG_ARMS if robot != "xarm7"])
-@pytest.mark.parametrize(("workspace", "name"), FITTINGS)
+@pytest.mark.parametrize(("workspace", "name"), PUSHED)
 def test_a_fitting_moves_when_pushed_stays_there_and_is_reset(workspace, name, robot):
     env = make(robot, "step", "reach", f"workspace={workspace}", "task.max_steps=500", worlds=3)
     fitting, td = env.config.workspace.fittings[name], env.reset()
@@ -107,10 +110,10 @@ def test_a_fitting_stays_within_its_limits(workspace, name):
     env = make("kuka", "step", "reach", f"workspace={workspace}")
     env.reset()
     fitting, (world,) = env.config.workspace.fittings[name], env._worlds  # only Bullet can pull
-    (body,) = world.furniture._fittings
+    body = world.furniture.bodies[name]
     for sign, end in ((1, fitting.high), (-1, fitting.low), (1, fitting.high)):
         pull(world, body, fitting, 2.0 * sign * fitting.friction)
-        assert env.fittings[name] == pytest.approx(end, abs=0.03)
+        assert env.fittings[name] == pytest.approx(end, abs=0.03 if fitting.joint == "slide" else 0.08)
     env.close()
 
 
@@ -128,7 +131,7 @@ def pull(world, body, fitting, strength):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("robot", "control"), [("kuka", "step"), ("panda", "joints")])
-@pytest.mark.parametrize(("workspace", "name"), FITTINGS)
+@pytest.mark.parametrize(("workspace", "name"), PUSHED)
 def test_a_seed_gives_the_same_bits_after_a_fitting_was_pushed(workspace, name, robot, control):
     def made(worlds):
         return make(robot, control, "nl_reach", f"workspace={workspace}", "task.hold_steps=60", worlds=worlds, seed=5)

@@ -1,0 +1,92 @@
+"""Open and close: over the handle, down on it, and along its path until the fitting is open or shut."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from envs.experts.base import HOVER, UP, Array, Expert, Slots, choose_rows
+from envs.experts.place import GRASP, PRESS
+from envs.experts.registry import register_expert
+from envs.sim.workspace import HANDLE, Fitting
+from envs.tasks.furnished import Furnished
+from envs.tasks.geometry import length
+from envs.workspace_env import WorkspaceEnv
+
+OVER, STILL_OVER = 0.008, 0.016  # metres beside a handle that count as over it, at first and on the way down
+SLOWLY = 0.015  # metres that a gripper goes down in a control step: faster, a panda leaves the vertical
+SAG = 0.03  # metres below the height of travel at which a gripper still goes sideways
+FIRM = 4  # control steps from the touch of fingers until they pull at full pace: pulled at once, they slip
+STEP = 0.016  # metres that a handle is moved in a control step
+END = {"nl_open": 0.97, "nl_close": 0.0}  # shares to which it is moved
+ENOUGH = 0.03  # share from there at which it is left
+
+
+class FittingExpert(Expert):
+    """Holds the handle of a fitting, and moves it along its path."""
+
+    def __init__(self, env: WorkspaceEnv) -> None:
+        super().__init__(env)
+        task = env.task
+        assert isinstance(task, Furnished)
+        self._task, magnet = task, env.below > 0
+        self._held = np.zeros(len(self._rows), np.int64)  # control steps that the handle has been held
+        self._tops = {noun: fitting.parts[HANDLE].size[2] / 2 * magnet for noun, fitting in self._task.fittings.items()}
+
+    def _move_to(self, slots: Slots, end: float) -> tuple[Array, NDArray[np.bool_]]:
+        """Where the gripper goes (N, 3), and whether it closes (N,), to move fittings, in slots (N,), to the share."""
+        env, held = self._env, self._env.state.held == slots
+        handle, top, onward = self._place(slots), *self._path(slots, end)
+        grip = handle + top[:, None] * UP
+        fetch, close = self._take(grip)
+        self._held = np.where(held, self._held + 1, 0)
+        pace = np.clip((self._held - 1) / FIRM, 0.0, 1.0) if env.below == 0 else np.ones(len(held))
+        pull = env.gripper + (onward - handle) * pace[:, None]
+        pull[:, 1] = handle[:, 1]  # along which fingers close: no handle moves that way
+        place = choose_rows(held, pull, fetch)
+        return place, held | close
+
+    def _take(self, grip: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Up, over the handle and down on it, to grip (N, 3); and whether the gripper closes (N,)."""
+        gripper = self._env.gripper
+        travel, up, down = grip + HOVER * UP, gripper.copy(), grip - PRESS * (self._env.below > 0) * UP
+        up[:, 2] = travel[:, 2]
+        down[:, 2] = np.maximum(down[:, 2], gripper[:, 2] - SLOWLY)
+        high = gripper[:, 2] > travel[:, 2] - SAG
+        over = length((grip - gripper)[:, :2]) < np.where(high, OVER, STILL_OVER)
+        close = over & (np.abs((grip - gripper)[:, 2]) < GRASP)
+        return choose_rows(over, down, choose_rows(high, travel, up)), close
+
+    def _path(self, slots: Slots, end: float) -> tuple[NDArray[np.float64], Array]:
+        """(N,) metres from the centre of each handle up to where it is held, and (N, 3) where the handle goes next."""
+        state = self._env.state
+        nouns, place = state.nouns[self._rows, slots], self._place(slots)
+        tops, onward = np.zeros(len(nouns)), place.copy()
+        for noun, fitting in self._task.fittings.items():
+            which = nouns == noun
+            share = fitting.share(place[which])
+            step = STEP / (radius(fitting) * (fitting.high - fitting.low))
+            onward[which] = fitting.handle_at(fitting.value(share + np.clip(end - share, -step, step)))
+            tops[which] = self._tops[noun]
+        return tops, onward
+
+
+@register_expert("nl_open", "nl_close")
+class OpenCloseExpert(FittingExpert):
+    """Moves the referent to its end, and stays there."""
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        end = END[self._env.config.task.name]
+        place, close = self._move_to(referent, end)
+        share = self._task.shares(self._env.state.nouns[self._rows, referent], self._place(referent))
+        done = np.abs(share - end) < ENOUGH
+        return self._env.towards(choose_rows(done, self._env.gripper, place), close)
+
+
+def radius(fitting: Fitting) -> float:
+    """Metres that the handle moves for each unit of the joint value: metres, or radians."""
+    if fitting.joint == "slide":
+        return 1.0
+    arm = np.subtract(fitting.parts[HANDLE].position, fitting.origin)
+    return float(np.linalg.norm(np.cross(fitting.axis, arm)))

@@ -1,0 +1,115 @@
+"""Common logic of the tasks in which fixtures, the fittings of the workspace, stand among loose objects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from conf.schema import ConfigError
+from envs.sim.workspace import HANDLE, Fitting
+from envs.tasks.manipulation import Manipulation
+from envs.tasks.object_layout import scatter
+from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
+from human import Person
+from language import COLORS, FITTINGS, NOUNS, Placed, Scene
+
+OPEN, SHUT = 0.85, 0.05  # shares of its range from which, and up to which, a fitting is open or shut
+AJAR = (0.0, 0.04)  # shares by which a fitting is open that is drawn as shut
+WIDE = (0.88, 1.0)  # ... as open
+NUMBERS = np.array([list(NOUNS).index(noun) for noun in FITTINGS])
+
+
+class Furnished(Manipulation):
+    """The workspace's fittings are objects with a noun and a colour, whose positions are those of their handles.
+
+    `num_objects` counts them, too; the others are loose.
+    """
+
+    fixtures = FITTINGS
+    grips = True
+    columns = (*(Column(f"is a {noun}", 0.0, 1.0) for noun in FITTINGS), Column("share by which it is open", 0.0, 1.0))
+    potentials: tuple[str, ...] = ()
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        if len(config.objects):
+            raise ConfigError(f"task.objects must be empty in task.name={config.name}: its objects are drawn")
+        if config.min_objects < len(FITTINGS):
+            raise ConfigError(
+                f"task.min_objects={config.min_objects} must be at least {len(FITTINGS)} in task.name={config.name}: "
+                f"{' and '.join(FITTINGS)} are among them"
+            )
+        super().__init__(config, object_area, num_worlds, person)
+        self.fittings: dict[int, Fitting] = {}  # by the number of their noun
+
+    def furnish(self, fittings: Mapping[str, Fitting]) -> None:
+        for noun in FITTINGS:
+            if noun not in fittings or HANDLE not in fittings[noun].parts:
+                raise ConfigError(
+                    f"task.name={self.config.name} needs a workspace whose fittings are {' and '.join(FITTINGS)}, each "
+                    "with a handle within reach: choose workspace=room"
+                )
+            self.fittings[list(NOUNS).index(noun)] = fittings[noun]
+
+    @property
+    def bodies(self) -> tuple[int, int, int]:
+        free, fixed, targets = super().bodies
+        return free - len(FITTINGS), fixed, targets
+
+    # ---- judging
+
+    def shares(self, nouns: NDArray[np.int64], places: Array) -> Array:
+        """(...) by which share each fitting is open; 0 for other objects. nouns: (...). places: (..., 3), metres."""
+        shares = np.zeros(nouns.shape)
+        for noun, fitting in self.fittings.items():
+            which = nouns == noun
+            shares[which] = fitting.share(places[which])
+        return shares
+
+    def seen(self, state: State) -> Array:
+        return self._described(state.nouns, state.objects)
+
+    def described(self, episode: EpisodeSpec) -> Array:
+        return self._described(episode.scene.nouns, episode.scene.positions)
+
+    def _described(self, nouns: NDArray[np.int64], places: Array) -> Array:
+        """(..., C) the values of `columns`. nouns: (...). places: (..., 3), metres."""
+        shares = self.shares(nouns, places)[..., None]
+        return np.concatenate((nouns[..., None] == NUMBERS, shares), axis=-1)
+
+    def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
+        """None: fittings do not move to where words could say."""
+        return None
+
+    # ---- drawing
+
+    def _draw_shares(self, rng: Generator) -> Array:
+        """(F,) by which share each fitting is open as an episode begins: each is shut or open."""
+        low, high = np.where(rng.random((len(FITTINGS), 1)) < 0.5, AJAR, WIDE).T
+        return rng.uniform(low, high)
+
+    def _scene(self, rng: Generator) -> Scene:
+        config = self.config
+        count = int(rng.integers(config.min_objects, config.num_objects + 1)) - len(FITTINGS)
+        loose = scatter(rng, count, self._area, config.spacing, config.object_size / 2)
+        shares = zip(self.fittings.values(), self._draw_shares(rng), strict=True)
+        handles = [fitting.handle_at(fitting.value(share)) for fitting, share in shares]
+        nouns = np.concatenate((self._nouns[rng.integers(len(self._nouns), size=count)], list(self.fittings)))
+        colors = rng.integers(len(COLORS), size=len(nouns))
+        places = np.concatenate((np.reshape(loose, (-1, 3)), handles))
+        return Scene.from_arrays(nouns, colors, places, config.object_size, viewpoint=config.viewpoint)
+
+    def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> EpisodeSpec:
+        """As in other tasks, with the shares by which fittings are open."""
+        episode = super().episode(placed, referent, target, rng)
+        shares = self.shares(placed.scene.nouns, placed.scene.positions)
+        return replace(episode, shares=np.clip(shares, 0.0, 1.0))
+
+    def _fits(self, placed: Placed) -> NDArray[np.bool_]:
+        """(K,) which objects are fittings."""
+        return np.isin(placed.scene.nouns, list(self.fittings))
