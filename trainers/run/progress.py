@@ -1,4 +1,4 @@
-"""Progress of a run: a bar on a terminal; otherwise a line at each evaluation."""
+"""Progress of a run: a bar on a terminal; otherwise a line at each evaluation and every ten seconds."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ LABELS = {  # column of metrics.csv -> label
     "train/success": "in training",
     "grounding/accuracy": "grounding",
 }
+LINE_SECONDS = 10.0
 WINDOW = 100  # training episodes over which success is averaged: a single row may hold one or two, and the shortest
 
 
@@ -32,6 +33,7 @@ class Progress:
         self.total = total
         self.values: dict[str, str] = {}
         self.recent: deque[tuple[float, float]] = deque()  # number of episodes and their success, of the last rows
+        self.line_at = -math.inf  # seconds of the run at the last line
         self.prints_lines = shown and not sys.stderr.isatty()
         self.bar = tqdm(total=total, initial=done, unit="frames", disable=not shown or self.prints_lines)
 
@@ -50,7 +52,9 @@ class Progress:
         shown[LABELS["train/success"]] = self._training_success(row)
         measured = {label: f"{value:.2f}" for label, value in shown.items() if math.isfinite(value)}
         self.values |= measured
-        if self.prints_lines and "success" in measured:
+        due = row["time/total"] - self.line_at >= LINE_SECONDS
+        if self.prints_lines and (due or "success" in measured):
+            self.line_at = row["time/total"]
             text = ", ".join(f"{label} {self.values[label]}" for label in shown if label in self.values)
             print(f"{row['frames']:.0f} of {self.total} frames, {row['time/total']:.0f} s: {text}", flush=True)
         self.bar.set_postfix({**self.values, **(status or {})}, refresh=False)

@@ -1,8 +1,8 @@
 from trainers.run.progress import WINDOW, Progress
 
 
-def row(frames, episodes, success, **more):
-    return {"frames": frames, "time/total": 1.0, "train/episodes": episodes, "train/success": success, **more}
+def row(frames, episodes, success, seconds=1.0, **more):
+    return {"frames": frames, "time/total": seconds, "train/episodes": episodes, "train/success": success, **more}
 
 
 def said(capsys, rows):
@@ -13,17 +13,28 @@ def said(capsys, rows):
     return capsys.readouterr().out.splitlines()
 
 
+def last_line(capsys, rows):
+    return said(capsys, rows)[-1:]
+
+
+def test_a_line_is_printed_at_once_at_evaluations_and_every_ten_seconds(capsys):
+    seconds = (3.0, 5.0, 13.0, 14.0, 22.9, 24.0)
+    rows = [row(10 * i, 1, 0.0, at) for i, at in enumerate(seconds, 1)]
+    rows[3]["eval/success_at_end"] = 0.5
+    assert [line.split()[0] for line in said(capsys, rows)] == ["10", "30", "40", "60"]
+
+
 def test_success_in_training_is_the_mean_of_many_episodes_not_the_last_rows(capsys):
-    lines = said(capsys, [row(10, 30, 0.0), row(20, 10, 1.0, **{"eval/success_at_end": 0.5})])
+    lines = last_line(capsys, [row(10, 30, 0.0), row(20, 10, 1.0, **{"eval/success_at_end": 0.5})])
     assert lines == ["20 of 1000 frames, 1 s: success 0.50, in training 0.25"]
 
 
 def test_only_the_last_episodes_count(capsys):
     rows = [row(10, WINDOW, 0.0), row(20, WINDOW, 0.75, **{"eval/success_at_end": 0.5})]
-    assert said(capsys, rows) == ["20 of 1000 frames, 1 s: success 0.50, in training 0.75"]
+    assert last_line(capsys, rows) == ["20 of 1000 frames, 1 s: success 0.50, in training 0.75"]
 
 
 def test_rows_in_which_no_episode_ended_change_nothing(capsys):
     nan = float("nan")
     rows = [row(10, 0, nan), row(20, 4, 0.5), row(30, 0, nan, **{"eval/success_at_end": 0.5})]
-    assert said(capsys, rows) == ["30 of 1000 frames, 1 s: success 0.50, in training 0.50"]
+    assert last_line(capsys, rows) == ["30 of 1000 frames, 1 s: success 0.50, in training 0.50"]
