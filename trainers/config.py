@@ -22,6 +22,7 @@ NEW_KEYS = (
     "collector.restarts",
     "collector.overlap",
     "algo.grounding_gain",
+    "algo.grounding_lr",
     "algo.loss",
     "checkpoint",
 )  # lacking before they existed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import torch
@@ -43,6 +43,7 @@ class Algorithm(ABC):
 
     def __init__(self, config: AlgorithmConfig, policy: Policy) -> None:
         self.policy = policy
+        self.rates, self.anneals = (config.lr, config.grounding_lr), config.anneal_lr
         self.device = next(policy.parameters()).device
         self.grounding = GroundingSupervision(config, policy, self.device)
 
@@ -86,6 +87,23 @@ class Algorithm(ABC):
             DivergedError: a number is not finite.
         """
 
+    def make_optimizer(self, learned: Sequence[Tensor], **options: Any) -> torch.optim.Adam:
+        """Adam over these parameters. What the grounding loss alone trains has a group and a learning rate of its own.
+
+        options: of Adam.
+        """
+        words = set(self.policy.encoder.parameters()) if self.grounding.active else set()
+        groups = [p for p in learned if p not in words], [p for p in learned if p in words]
+        rated = [{"params": group, "lr": rate} for group, rate in zip(groups, self.rates, strict=True) if group]
+        return torch.optim.Adam(rated, fused=True, **options)
+
+    def anneal_learning_rates(self, progress: float) -> float:
+        """Set the learning rates for this progress in [0, 1] of a run, and return that of actor and critics."""
+        left = 1 - progress if self.anneals else 1.0
+        for group, rate in zip(self.optimizer.param_groups, self.rates, strict=False):  # one of them without words
+            group["lr"] = rate * left
+        return self.rates[0] * left
+
     def state_dict(self) -> dict[str, Any]:
         """Networks and optimizers, without replayed frames."""
         return {name: getattr(self, name).state_dict() for name in self.saved}
@@ -106,13 +124,6 @@ class Algorithm(ABC):
 
     def load_running_state(self, state: dict[str, Any]) -> None:  # noqa: B027
         """Continue from `running_state`, with the same worlds."""
-
-
-def anneal_learning_rate(optimizer: torch.optim.Optimizer, lr: float, anneal: bool, progress: float) -> float:
-    """Set the optimizer's learning rate for this progress in [0, 1] of a run, and return it."""
-    rate = lr * (1 - progress if anneal else 1.0)
-    optimizer.param_groups[0]["lr"] = rate
-    return rate
 
 
 class ExplorationSchedule:

@@ -21,6 +21,7 @@ class AlgorithmConfig(Checked):
     lr: float = within(1e-7, 1.0)
     max_grad_norm: float = within(1e-3)
     grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
+    grounding_lr: float = within(1e-7, 1.0)  # of what the grounding loss alone trains; annealed as lr is
     grounding_batch: int = within(1)  # scenes of one gradient step of the grounding loss
     grounding_memory: int = within(1)  # scenes that the grounding loss is computed on, the latest ones
     grounding_scenes: int = within(0)  # scenes added at each update that are drawn and described but never simulated

@@ -17,7 +17,6 @@ from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 
 from trainers.algorithms.algorithm import (
     Algorithm,
-    anneal_learning_rate,
     averages,
     check_batch,
     descend,
@@ -40,7 +39,7 @@ class BC(Algorithm):
         super().__init__(config, policy)
         self.config = config
         self.parameters = parameters(policy)
-        self.optimizer = torch.optim.Adam(self.parameters, lr=config.lr, fused=True)
+        self.optimizer = self.make_optimizer(self.parameters)
         self.mixture = ExpertMixture(policy)
         self.frames = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer, device=self.device))
         self.pending_steps = 0.0  # gradient steps that the frames so far call for and that are not taken yet
@@ -75,7 +74,7 @@ class BC(Algorithm):
         progress anneals the learning rate and the expert's share of the steps that are collected next.
         """
         check_batch(batch)
-        rate = anneal_learning_rate(self.optimizer, self.config.lr, self.config.anneal_lr, progress)
+        rate = self.anneal_learning_rates(progress)
         share = float(self.mixture.expert_share)
         self.mixture.expert_share.fill_(max(0.0, 1.0 - progress / max(self.config.expert_until, 1e-9)))
         batch = batch.to(self.device)

@@ -13,7 +13,6 @@ from torchrl.data import ReplayBuffer
 
 from trainers.algorithms.algorithm import (
     Algorithm,
-    anneal_learning_rate,
     averages,
     check_batch,
     descend,
@@ -79,7 +78,7 @@ class OffPolicyAlgorithm(Algorithm):
         progress anneals the learning rate.
         """
         check_batch(batch)
-        anneal_learning_rate(self.optimizer, self.config.lr, self.config.anneal_lr, progress)
+        self.anneal_learning_rates(progress)
         relabelled = self.relabelling(batch)
         for frames in (batch, *relabelled):
             self.replay.extend(frames)

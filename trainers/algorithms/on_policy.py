@@ -20,7 +20,6 @@ from torchrl.objectives.value.functional import generalized_advantage_estimate
 from trainers.algorithms.algorithm import (
     Algorithm,
     ExplorationSchedule,
-    anneal_learning_rate,
     averages,
     check_batch,
     descend,
@@ -48,8 +47,8 @@ class OnPolicyAlgorithm(Algorithm):
         self.config, self.critic = config, critic
         self.metrics = (*measured, "std", "lr", "explained_variance", *METRICS)
         self.parameters = parameters(policy, critic)
-        self.clipped = parameters(policy), parameters(critic)
-        self.optimizer = torch.optim.Adam(self.parameters, lr=config.lr, fused=True)
+        self.clipped = parameters(policy.encoder), parameters(policy.actor), parameters(critic)
+        self.optimizer = self.make_optimizer(self.parameters)
         self.exploration = ExplorationSchedule(policy, config.final_std)
         encoded = (policy.context_key,) if self.grounding.active else policy.encoder_keys
         kept = [*encoded, *policy.actor_keys, "move", "move_log_prob", *critic.in_keys]
@@ -58,7 +57,7 @@ class OnPolicyAlgorithm(Algorithm):
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
         """Learn from frames (worlds, steps) of the present policy. progress anneals learning rate and exploration."""
         check_batch(batch)
-        rate = anneal_learning_rate(self.optimizer, self.config.lr, self.config.anneal_lr, progress)
+        rate = self.anneal_learning_rates(progress)
         self.exploration.step(progress)
         batch = batch.to(self.device)
         fresh = self.add_batch_scenes(batch) if self.grounding.active else {}
@@ -124,7 +123,7 @@ class OnPolicyAlgorithm(Algorithm):
         if scenes is not None:
             measured["loss/grounding"] = self.grounding.measure(scenes)["loss/grounding"]
             loss = loss + self.config.grounding_weight * measured["loss/grounding"]
-        # Clipped separately: a large critic loss must not scale down the actor's step.
+        # Clipped separately: a large loss of one must not scale down the step of another.
         descend(self.optimizer, loss, frames, self.config.max_grad_norm, *self.clipped)
         return {name: value.detach() for name, value in measured.items()}
 

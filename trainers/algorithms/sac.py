@@ -58,7 +58,7 @@ class SAC(OffPolicyAlgorithm):
         self.target_parameters: list[Tensor] = list(self.target.parameters())
         self.log_alpha = torch.tensor(math.log(config.initial_alpha), device=self.device, requires_grad=True)
         learned = [*self.actor_parameters, *self.critic_parameters, self.log_alpha]
-        self.optimizer = torch.optim.Adam(learned, lr=config.lr, fused=True)
+        self.optimizer = self.make_optimizer(learned)
         self.target_entropy = config.target_entropy * len(policy.action_unit)
 
     @classmethod

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import Bounded
@@ -49,7 +48,7 @@ class TorchRLOffPolicy(OffPolicyAlgorithm):
         self.updater = build_target_updater(config, self.loss)
         self.exploration = ExplorationSchedule(policy, config.final_std) if config.final_std else None
         learned = parameters(policy, self.loss)
-        self.optimizer = torch.optim.Adam(learned, lr=config.lr, betas=(config.adam_beta1, 0.999), fused=True)
+        self.optimizer = self.make_optimizer(learned, betas=(config.adam_beta1, 0.999))
 
     @classmethod
     def build(cls, config: TorchRLOffPolicyConfig, policy: Policy, specs: Specs) -> TorchRLOffPolicy:
