@@ -1,0 +1,124 @@
+"""Seconds from the start of a training command until its evaluations reach a success rate.
+
+    python -m benchmarks.time_to_success --seeds 0,1,2,3,4
+    python -m benchmarks.time_to_success --seeds 0 scenario=2
+
+Runs `python train.py` with the given overrides, one seed after the other, and prints a table: when the first evaluation
+of at least 0.90, 0.95 and 0.97 was printed, how long the whole command took, its final evaluation, and how busy the
+cores were. All seconds are those of a clock on the wall, from the start of the process; imports, worlds, evaluations
+and the report are in them.
+
+`--peer ppo` or `--peer sac` trains stable-baselines3's algorithm with its default hyperparameters on the Gymnasium
+environment of the same task instead, with evaluations after as many frames, until its success or `--frames` is reached.
+It needs `pip install -e ".[bench]"`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from trainers.run.metrics import read_metrics
+
+ROOT = Path(__file__).resolve().parents[1]
+RATES = (0.90, 0.95, 0.97)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training. evaluations: (seconds, frames, success). final: success and its 95 % interval."""
+
+    seed: int
+    evaluations: Sequence[tuple[float, int, float]]
+    seconds: float
+    busy: float  # CPU seconds / (seconds x cores)
+    final: tuple[float, float, float]
+
+    def reached(self, rate: float) -> str:
+        """When an evaluation was first at this success rate, and after how many frames."""
+        first = next(((at, frames) for at, frames, success in self.evaluations if success >= rate), None)
+        return "not reached" if first is None else f"{first[0]:.0f} s ({first[1]:,})"
+
+
+def train(seed: int, overrides: Sequence[str]) -> Run:
+    """Run `python train.py`. Raises CalledProcessError where it fails."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "run"
+        command = [sys.executable, "train.py", f"seed={seed}", f"hydra.run.dir={folder}", *overrides]
+        lines, seconds, cpu = watched(command)
+        seconds_at = {int(line.split()[0]): at for at, line in lines if " frames, " in line}
+        rows = [row for row in read_metrics(folder / "metrics.csv") if row["eval/success_at_end"] >= 0]
+        evaluations = [(seconds_at[int(r["frames"])], int(r["frames"]), r["eval/success_at_end"]) for r in rows]
+        result = json.loads((folder / "eval.json").read_text())
+    final = (result["success_at_end"], *result["ci95"])
+    return Run(seed, evaluations, seconds, cpu / seconds / len(os.sched_getaffinity(0)), final)
+
+
+def train_peer(name: str, seed: int, frames: int, interval: int, env_id: str) -> Run:
+    """Run stable-baselines3's PPO or SAC, in a process of its own."""
+    program = [sys.executable, "-m", "benchmarks.sb3_training", name, env_id]
+    lines, seconds, cpu = watched([*program, str(seed), str(frames), str(interval)])
+    results = [(at, json.loads(line)) for at, line in lines if line.startswith("{")]
+    *rows, (_, last) = [(at, result) for at, result in results]
+    evaluations = [(at, int(row["frames"]), float(row["success"])) for at, row in rows]
+    return Run(seed, evaluations, seconds, cpu / seconds / len(os.sched_getaffinity(0)), tuple(last["final"]))
+
+
+def watched(command: Sequence[str]) -> tuple[list[tuple[float, str]], float, float]:
+    """Lines that a command prints, each with the seconds since its start; its seconds, and CPU seconds."""
+    before, start = _cpu_of_children(), time.monotonic()
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        lines = [(time.monotonic() - start, line) for line in process.stdout]
+    seconds = time.monotonic() - start
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command)
+    return lines, seconds, _cpu_of_children() - before
+
+
+def _cpu_of_children() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def table(runs: Sequence[Run]) -> Iterator[str]:
+    """The lines of a Markdown table, a row for each run."""
+    yield "| seed | " + " | ".join(f"first {rate:.2f}" for rate in RATES) + " | whole command | busy | final |"
+    yield "|---" * (len(RATES) + 4) + "|"
+    for run in runs:
+        success, low, high = run.final
+        cells = [str(run.seed), *map(run.reached, RATES), f"{run.seconds:.0f} s", f"{run.busy:.0%}"]
+        yield f"| {' | '.join(cells)} | {success:.3f} ({low:.3f}-{high:.3f}) |"
+
+
+def main() -> None:
+    """Train, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", default="0", help="0,1,2")
+    parser.add_argument("--peer", choices=("ppo", "sac"), help="stable-baselines3's algorithm, in place of train.py")
+    parser.add_argument("--env", default="Deixis/NLReach-v0", help="of a peer")
+    parser.add_argument("--frames", type=int, default=1_000_000, help="at most, of a peer")
+    parser.add_argument("--interval", type=int, default=20_000, help="frames between two evaluations of a peer")
+    parser.add_argument("overrides", nargs="*", help="of train.py")
+    args = parser.parse_args()
+    runs = []
+    for seed in map(int, args.seeds.split(",")):
+        if args.peer:
+            runs.append(train_peer(args.peer, seed, args.frames, args.interval, args.env))
+        else:
+            runs.append(train(seed, args.overrides))
+        print(list(table(runs))[-1], file=sys.stderr, flush=True)
+    print("\n".join(table(runs)))
+
+
+if __name__ == "__main__":
+    main()
