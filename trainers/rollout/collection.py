@@ -132,9 +132,9 @@ class Rollouts:
         return {"seed": self.seed, "episodes": episodes.state_dict(), "ahead": self._ahead()}
 
     def _ahead(self) -> list[dict[str, Any]]:
-        """The batches that are being collected ahead, the next one first, each with the weights of its request."""
+        """The batches that were asked for with earlier weights than the present ones, each with these weights."""
         asked = {} if self.pool is None else self.pool.asked
-        later = [(k, since) for k, (_, since) in sorted(asked.items()) if k >= self.iteration]
+        later = [(k, since) for k, (_, since) in sorted(asked.items()) if since < self.iteration <= k]
         return [{"iteration": k, "since": since, "weights": self.published[since]} for k, since in later]
 
     def _ask_again(self, ahead: Sequence[Mapping[str, Any]]) -> None:
