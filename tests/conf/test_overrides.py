@@ -94,13 +94,16 @@ def test_every_key_of_the_config_is_declared(default):
     assert set(default) <= declared
 
 
+NEWER = {"clearance"}  # keys that the configs of earlier policies lack
+
+
 def test_dataclasses_of_the_config_have_no_defaults():
-    """A dataclass that declares a value has no default beside it."""
+    """A dataclass that declares a value has no default beside it, but for configs that are older than the key."""
     config = compose()
     for holder in (read_env(config), read_plan(config)):
         for part in vars(holder).values():
             fields = type(part).__dataclass_fields__.values()
-            assert all(field.default is field.default_factory for field in fields), type(part)
+            assert {field.name for field in fields if field.default is not field.default_factory} <= NEWER, type(part)
 
 
 # ---- overrides as they are typed -----------------------------------------------------------------------------------
