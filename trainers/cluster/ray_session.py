@@ -21,8 +21,9 @@ CONNECT_SECONDS = 3.0
 CHECK_SECONDS = 60.0  # for a node to start a process and to import this project
 OBJECT_STORE_BYTES = 512 * 2**20  # of a Ray that is started here; pages are taken when they are used
 LOOPBACK = "127.0.0.1"
-# Of a Ray that is started here: a killed actor that does not end by itself holds its cores for this long.
-SYSTEM_CONFIG = {"kill_worker_timeout_milliseconds": 500}
+# Of a Ray that is started here: a killed actor that does not end by itself holds its cores for this long, and actors
+# have the priority of other processes. Ray's default gives them the lowest ones: any neighbour would stop a run.
+SYSTEM_CONFIG = {"kill_worker_timeout_milliseconds": 500, "worker_niceness": 0}
 
 
 @dataclass(frozen=True)

@@ -66,6 +66,8 @@ def test_lost_and_stopped_actors_are_replaced_and_change_no_bit(ray, capfd):
     rollouts = Rollouts(make_env, policy, CONFIG, HORIZON, 0)
     try:
         assert same(wanted(0), rollouts.next())
+        priorities = [os.getpriority(os.PRIO_PROCESS, worker.pid) for worker in rollouts.pool.workers]
+        assert priorities == [os.getpriority(os.PRIO_PROCESS, 0)] * 2
         shifted(policy)
         rollouts.sync(policy)
         os.kill(rollouts.pool.workers[1].pid, signal.SIGKILL)
