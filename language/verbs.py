@@ -157,6 +157,9 @@ VERBS: dict[str, Verb] = {
     ),
     "open": Verb(("open {object}", "pull {object} open"), "open", 3),
     "close": Verb(("close {object}", "shut {object}"), "close", 3),
+    "unstack": Verb(
+        ("unstack {object}", "take {object} down", "take {object} off the stack"), "unstack", 3, moves=True
+    ),
 }
 
 OPENINGS = ("please", "first", "could you", "can you", "would you", "now", "robot", "hey", "i want you to")

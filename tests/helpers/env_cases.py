@@ -32,8 +32,9 @@ UPRIGHT = [robot for robot in ROBOTS if not ARMS[robot].position_first]  # point
 BARE_FLANGES = ("ur5", "xarm7")  # in reaching tasks, which add no magnet, nothing of theirs meets an object
 EVERY_TASK = ["jaco", "kuka", "panda"]  # robots that are tested with every task; the others take turns
 WITH_ALL = ("nl_reach", "nl_pick_and_place")  # tasks with every robot
-IN_A_ROOM = [task for task in TASKS if read_env(compose([f"task={task}"])).workspace.name == "room"]
-ROOM_ROBOTS = ("kuka", "panda")  # reach the handles of its furniture
+IN_A_ROOM = [task for task in TASKS if config_of(f"task={task}").workspace.name == "room"]
+FEW_ROBOTS = ("kuka", "panda")  # reach the handles in a room
+WITH_FEW = [*IN_A_ROOM, "nl_unstack"]  # tasks that are tested with one of these in turn
 # so_arm's area has no room for the way that pushed objects must leave free, and its gripper tilts, so that it reaches
 # nothing between stacks; xarm7 moves too slowly to throw.
 DOES_NOT_FIT = [("so_arm", "nl_push"), ("so_arm", "rearrange"), ("so_arm", "nl_rearrange"), ("xarm7", "throw")]
@@ -44,8 +45,8 @@ def covering(everywhere=TASKS):
 
     Controls take turns.
     """
-    combinations = [(ROOM_ROBOTS[i % 2], CONTROLS[i % len(CONTROLS)], task) for i, task in enumerate(IN_A_ROOM)]
-    for i, task in enumerate(task for task in TASKS if task not in IN_A_ROOM):
+    combinations = [(FEW_ROBOTS[i % 2], CONTROLS[i % len(CONTROLS)], task) for i, task in enumerate(WITH_FEW)]
+    for i, task in enumerate(task for task in TASKS if task not in WITH_FEW):
         more = [robot for robot in ROBOTS if robot not in EVERY_TASK and (robot, task) not in DOES_NOT_FIT]
         robots = [*EVERY_TASK, *(more if task in WITH_ALL else more[i % len(more) :][:1])]
         if task not in everywhere:

@@ -52,7 +52,7 @@ WITH_TARGETS = ("pick_and_place", "nl_pick_and_place", "push", "nl_push", "swipe
 
 def four(name):
     """The task with two objects and two goals, where it has any; success takes three steps."""
-    real = 4 if TASKS[name].real_goals else 2
+    real = 4 if TASKS[name].real_goals or name == "nl_unstack" else 2
     more = ["task.hold_steps=3", f"task.num_objects={real}", "task.kinds=[color]"]
     return task_of(name, *more, *["task.num_targets=2"] * (name in WITH_TARGETS))
 
@@ -112,6 +112,11 @@ DONE = {
     "placed at the other target": (["pick_and_place"], [*CARRIED[:2], moment(ELSEWHERE, held=0)]
                                    + [moment(ELSEWHERE)] * 4, "wrong_target"),
     "stacked": (["nl_stack"], RAISED + [moment(TOP)] * 4, "success"),
+    "unstacked": (["nl_unstack"], RAISED[:2] + [moment(THING + [0, -0.2, 0])] * 4, "success"),
+    "unstacked 7 cm beside another": (["nl_unstack"], RAISED[:2] + [moment(GOAL + [0, 0.07, 0])] * 4, "success"),
+    "unstacked 6 cm beside another": (["nl_unstack"], RAISED[:2] + [moment(GOAL + [0, 0.06, 0])] * 4, None),
+    "put on another one": (["nl_unstack"], RAISED + [moment(TOP)] * 4, None),
+    "held over the table": (["nl_unstack"], RAISED[:2] + [moment(THING + [0, -0.2, 0], held=0)] * 9, None),
     "stacked 1.9 cm beside": (["nl_stack"], RAISED + [moment(TOP + [0, 0.019, 0])] * 4, "success"),
     "stacked 2.1 cm beside": (["nl_stack"], RAISED + [moment(TOP + [0, 0.021, 0])] * 4, None),
     "held on top": (["nl_stack"], RAISED + [moment(TOP, held=0)] * 9, None),
