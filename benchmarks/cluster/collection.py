@@ -42,9 +42,9 @@ TRIES = 3  # of a node to join
 
 @row("equal", "2 workers on Ray and in processes: the same metrics and weights, and the frames/s of each", 1)
 def equal(tries: int, random: Random, folder: Path) -> Outcome:
-    """tries: tenths of the default run's 200,000 frames; 10 are the whole run."""
+    """tries: tenths of the default run's 80,000 frames; 10 are the whole run."""
     outcome = Outcome()
-    words = ["collector.workers=2", f"total_frames={20_000 * tries}", f"schedule_frames={20_000 * tries}"]
+    words = ["collector.workers=2", f"total_frames={8_000 * tries}", f"schedule_frames={8_000 * tries}"]
     words += ["eval.video_episodes=0", "logger=[]"]
     rates = {}
     for name in ("local", "ray"):
