@@ -168,6 +168,6 @@ def test_a_resumed_run_keeps_its_worlds_where_another_collector_is_chosen():
     kept = OmegaConf.to_container(compose(["collector.worlds=32", "collector.workers=4"]), resolve=True)
     changed = apply(kept, ["collector=ray", "collector.cpus=0.5"])
     assert (changed.collector.name, changed.collector.worlds, changed.collector.workers) == ("ray", 32, 4)
-    assert (changed.collector.cpus, changed.collector.mode, changed.choices.collector) == (0.5, "sync", "ray")
+    assert (changed.collector.cpus, changed.collector.mode, changed.choices.collector) == (0.5, "async", "ray")
     back = apply(OmegaConf.to_container(changed), ["collector=local", "collector.workers=2"])
     assert (back.collector.workers, "mode" in back.collector) == (2, False)
