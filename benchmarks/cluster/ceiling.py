@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -27,6 +27,8 @@ from trainers.config import read_plan
 from trainers.rollout.worker import Worker, WorkerSpec
 from trainers.rollout.worker_pool import Order, WorkerPool
 
+ROOT = Path(__file__).parents[2]
+PLOT = "docs/cluster_ceiling.png"
 COUNTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 WORLDS, HORIZON = 16, 64  # of each worker: 1,024 frames
 FRAMES_PER_S = 1500.0  # of a worker's physics and policy on one core
@@ -54,11 +56,11 @@ class ReplayedActor:
     def beat(self) -> None:
         """As `CollectorActor.beat`."""
 
-    def collect(self, worker: int, weights: Any) -> tuple[Mapping[Any, Any], dict[int, Any]]:
+    def collect(self, worker: int, weights: Any) -> tuple[Mapping[Any, Any], dict[int, Any], float]:
         """As `CollectorActor.collect`."""
         with self.busy[worker]:
             time.sleep(self.seconds)
-        return self.recorded, self.beginnings
+        return self.recorded, self.beginnings, self.seconds
 
 
 class ReplayedWorker(RayWorker):
@@ -93,9 +95,26 @@ class ReplayHost(RayHost):
         return []
 
 
-@row("ceiling", "frames/s of 1 to 256 simulated workers, sync and async, and of an update", 9)
+@dataclass(frozen=True)
+class Point:
+    """What was measured with so many workers. cpu_share: cores that the main process kept busy."""
+
+    workers: int
+    frames_per_s: float
+    cpu_share: float
+
+    @property
+    def efficiency(self) -> float:
+        """The share of the frames that the workers alone would deliver."""
+        return self.frames_per_s / (self.workers * FRAMES_PER_S)
+
+    def __str__(self) -> str:
+        return f"{self.frames_per_s:.0f} ({self.efficiency:.2f}, {self.cpu_share:.2f})"
+
+
+@row("ceiling", f"frames/s of 1 to 256 simulated workers, sync and async, and of an update; draws {PLOT}", 9)
 def ceiling(tries: int, random: Random, folder: Path) -> Outcome:
-    """tries: how many of the counts 1, 2, 4, ... 256 are measured."""
+    """tries: how many of the counts 1, 2, 4, ... 256 are measured. The plot is drawn if all of them are."""
     outcome = Outcome()
     config = compose(["collector=ray", f"collector.worlds={UPDATE_FRAMES // HORIZON}", "collector.cpus=0.001"])
     plan, make = read_plan(config), partial(build_env, read_env(config))
@@ -107,36 +126,67 @@ def ceiling(tries: int, random: Random, folder: Path) -> Outcome:
     recorded = to_arrays(dict(batch.items(include_nested=True, leaves_only=True)))
     algorithm.add_scenes(env.draw_scenes(algorithm.scenes_per_update, 0))
     whole = torch.cat([batch] * (UPDATE_FRAMES // batch.numel()))
-    start = time.perf_counter()
+    start, cpu = time.perf_counter(), time.process_time()
     algorithm.update(whole, 0.0)
     outcome.figures["update frames/s"] = round(UPDATE_FRAMES / (time.perf_counter() - start))
+    outcome.figures["update frames/CPU s"] = round(UPDATE_FRAMES / (time.process_time() - cpu))
     assert isinstance(plan.collector, RayCollectorConfig)
+    curves: dict[str, list[Point]] = {}
     for mode in ("sync", "async"):
         settings = replace(plan.collector, mode=mode, workers=1, worlds=1)
         host = ReplayHost(make, policy, settings)
         host.share(recorded, beginnings)
+        curves[mode] = []
         for count in COUNTS[:tries]:
-            rate = frames_per_second(host, replace(settings, workers=count, worlds=count * WORLDS))
-            share = rate / (count * FRAMES_PER_S)
-            outcome.figures[f"{mode}, {count} workers: frames/s (efficiency)"] = f"{rate:.0f} ({share:.2f})"
+            point = measured(host, replace(settings, workers=count, worlds=count * WORLDS))
+            curves[mode].append(point)
+            outcome.figures[f"{mode}, {count} workers: frames/s (efficiency, cores of the main process)"] = str(point)
             outcome.count()
         host.session.close()
+    if tries == len(COUNTS):
+        draw(curves, ROOT / PLOT)
     return outcome
 
 
-def frames_per_second(host: ReplayHost, config: RayCollectorConfig) -> float:
-    """Frames per second that the pool delivers, after the first batches."""
+def measured(host: ReplayHost, config: RayCollectorConfig) -> Point:
+    """What the pool delivers, after the first batches."""
     host.count = config.workers
     specs = [WorkerSpec(i, WORLDS, HORIZON, 0) for i in range(config.workers)]
     pool = WorkerPool(host, specs, config, None)
     for iteration in range(2):
         pool.collect(Order(iteration))
-    start = time.perf_counter()
+    start, cpu = time.perf_counter(), time.process_time()
     for iteration in range(2, 2 + BATCHES):
         host.publish()
         pool.collect(Order(iteration))
-    seconds = time.perf_counter() - start
+    seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
     for worker in pool.workers:
         assert isinstance(worker, RayWorker)
         host.session.ray.wait(list(worker.answers), num_returns=max(1, len(worker.answers)), timeout=5)
-    return BATCHES * config.workers * WORLDS * HORIZON / seconds
+    return Point(config.workers, BATCHES * config.workers * WORLDS * HORIZON / seconds, cpu / seconds)
+
+
+def draw(curves: Mapping[str, Sequence[Point]], path: Path) -> None:
+    """Frames/s, efficiency and the main process's cores over the number of workers."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import ScalarFormatter
+
+    figure = Figure(figsize=(11, 3.4), layout="constrained")
+    rates, shares, cores = figure.subplots(1, 3, sharex=True)
+    rates.plot(COUNTS, [FRAMES_PER_S * count for count in COUNTS], ":", color="grey", label="without any loss")
+    for mode, points in curves.items():
+        rates.plot(COUNTS, [point.frames_per_s for point in points], "o-", label=mode)
+        shares.plot(COUNTS, [point.efficiency for point in points], "o-", label=mode)
+        cores.plot(COUNTS, [point.cpu_share for point in points], "o-", label=mode)
+    shares.axhline(0.8, linestyle=":", color="grey")
+    for axes, title in ((rates, "frames/s"), (shares, "efficiency"), (cores, "cores the main process uses")):
+        axes.set_xscale("log", base=2)
+        axes.set_xticks(COUNTS)
+        axes.xaxis.set_major_formatter(ScalarFormatter())
+        axes.set(title=title, xlabel="simulated workers")
+        axes.grid(alpha=0.3)
+    rates.set_yscale("log")
+    shares.set_ylim(0, 1.05)
+    cores.set_ylim(0)
+    rates.legend()
+    figure.savefig(path, dpi=110)

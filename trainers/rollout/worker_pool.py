@@ -84,7 +84,8 @@ class WorkerPool:
         while len(parts) < len(self.workers):
             if order.stop():
                 raise Interrupted
-            for index in self._ready(set(range(len(self.workers))) - set(parts)):
+            ready = self._ready(set(range(len(self.workers))) - set(parts))
+            for index in ready:
                 worker = self.workers[index]
                 starting = not worker.answered
                 try:
@@ -95,7 +96,10 @@ class WorkerPool:
                     beginnings |= {self._first_world(index) + i: state for i, state in began.items()}
                     if not starting:
                         self.durations.append(worker.collect_seconds)
-            self._replace_overdue(set(range(len(self.workers))) - set(parts), order, waiting_since)
+            if ready:
+                waiting_since = time.monotonic()  # answers that take long to read do not make the others late
+            else:
+                self._replace_overdue(set(range(len(self.workers))) - set(parts), order, waiting_since)
         self.age = order.iteration - self.asked[order.iteration][1]
         return self._whole(order.iteration, [parts[index] for index in range(len(self.workers))]), beginnings
 
