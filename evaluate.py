@@ -6,7 +6,10 @@
     worlds=20         simulated in parallel
     splits=false      true: one row for each of train, test_composition, test_paraphrase and test_length
     words=said        instruction ablations: blank (no words) or swapped (those of another episode)
-    reader=policy     oracle: the parser finds the object and a scripted arm goes there, on the same episodes
+    reader=policy     oracle: the parser finds the object and a scripted arm goes there, on the same episodes;
+                      expert: the scripted arm is told what is meant
+    robustness=false  true: also with other start poses, sizes, masses, friction, numbers of objects, time steps and
+                      workspaces, and with noise and delay; one row for each, and its success over the plain one
     in_turn=0         number of scenes in which each object is named in turn, with all else equal; replaces episodes
     by_hand=false     true: a window opens in which you move the person's finger with keys and watch the robot;
                       Escape or episodes=3 ends it; noise_deg, dropout and switch of the gesture are switched off
@@ -39,6 +42,7 @@ from conf.overrides import apply
 from conf.schema import Checked, ConfigError, one_of, read, within
 
 if TYPE_CHECKING:
+    from envs.tasks import RandomizeConfig
     from trainers.rollout.evaluation import EpisodeOutcome
 
 
@@ -53,7 +57,8 @@ class EvaluateConfig(Checked):
     video: int = within(0, 100)
     splits: bool
     words: str = one_of("said", "blank", "swapped")
-    reader: str = one_of("policy", "oracle")
+    reader: str = one_of("policy", "oracle", "expert")
+    robustness: bool
     in_turn: int = within(0, 100_000)
     by_hand: bool
     shards: int | None = within(1, 10_000)
@@ -70,6 +75,7 @@ DEFAULTS = {
     "splits": False,
     "words": "said",
     "reader": "policy",
+    "robustness": False,
     "in_turn": 0,
     "by_hand": False,
     "shards": None,
@@ -88,6 +94,8 @@ def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
     config = read(EvaluateConfig, DEFAULTS | own, "")
     if config.by_hand and (config.splits or config.in_turn or config.video):
         raise ConfigError("by_hand=true needs splits=false, in_turn=0 and video=0: every episode is chosen by hand")
+    if config.robustness and (config.splits or config.in_turn or config.by_hand):
+        raise ConfigError("robustness=true needs splits=false, in_turn=0 and by_hand=false: it has a table of its own")
     if (config.by_hand or config.in_turn) and (config.shards or config.collector != "local"):
         raise ConfigError("by_hand=true and in_turn are evaluated in this process: leave shards and collector out")
     return config, overrides
@@ -112,6 +120,8 @@ def main(arguments: list[str]) -> dict[str, Any]:
     path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path)
     out = check_file("out", config.out or _numbered(path))
+    if config.robustness:
+        return _robustness(config, saved, overrides, path, out)
     by_split = {
         split: _evaluate(config, saved, [*overrides, f"task.split={split}"], None) for split in SPLITS * config.splits
     }
@@ -131,6 +141,32 @@ def main(arguments: list[str]) -> dict[str, Any]:
     if "by_pointing" in report:
         title = f"success of {report['episodes']} episodes by difficulty of the gesture"
         pointing_plot(report["by_pointing"], out.with_suffix(".png"), title)
+    print(f"saved in {out}")
+    return report
+
+
+def _robustness(
+    config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], path: Path, out: Path
+) -> dict[str, Any]:
+    """Evaluate under each of the conditions, print the table and save the rows."""
+    from envs.tools.perturbed_conditions import Condition, each_condition
+    from trainers.cluster.shards import evaluate_shards
+    from trainers.reports.robustness import table, with_ratios
+    from trainers.utils.atomic_io import write_json
+
+    def success(condition: Condition) -> dict[str, Any]:
+        function = partial(
+            _evaluate_shard, config, saved, [*overrides, *condition.overrides], randomize=condition.randomize
+        )
+        return evaluate_shards(function, config.episodes, config.shards, config.collector == "ray")
+
+    results, impossible = each_condition(apply(saved["config"], overrides), success)
+    rows = with_ratios(results)
+    print("\n".join([table(rows), *(f"left out: {name}: {why}" for name, why in impossible.items())]), flush=True)
+    report = {"checkpoint": str(path), "seed": config.seed, "reader": config.reader, "overrides": overrides}
+    report |= {"robustness": rows, "impossible": impossible}
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_json(out, report)
     print(f"saved in {out}")
     return report
 
@@ -163,7 +199,11 @@ def _evaluate(
 
 
 def _evaluate_shard(
-    config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], shard: tuple[int, int]
+    config: EvaluateConfig,
+    saved: dict[str, Any],
+    overrides: list[str],
+    shard: tuple[int, int],
+    randomize: RandomizeConfig | None = None,
 ) -> tuple[list[EpisodeOutcome], Sequence[str]]:
     """The episodes of a shard (its number and how many they are), and the names of the kinds. Runs on any machine."""
     from envs.config import read_env
@@ -175,7 +215,9 @@ def _evaluate_shard(
     cfg = apply(saved["config"], overrides)
     number, episodes = shard
     seed = derive_seed(config.seed, SEED_INDEX + number, evaluation=True)
-    env = build_env(read_env(cfg).without_curriculum(), min(config.worlds, episodes), seed)
+    env_config = read_env(cfg).without_curriculum()
+    env_config = env_config if randomize is None else env_config.randomized(randomize)
+    env = build_env(env_config, min(config.worlds, episodes), seed)
     with closing(env):
         actor = _actor(config, env, fitted_policy(saved, cfg, env).act)
         return run_episodes(env, actor, episodes, seed), list(env.kind_names)
@@ -187,6 +229,7 @@ def _in_this_process(config: EvaluateConfig, saved: dict[str, Any], cfg: Any) ->
     from envs.interactive.by_hand import ByHandEnv
     from train import build_env
     from trainers.algorithms.build import fitted_policy
+    from trainers.rollout.instruction_ablations import success_in_turn
     from trainers.rollout.seeds import derive_seed
 
     env_config, seed = read_env(cfg).without_curriculum(), derive_seed(config.seed, SEED_INDEX, evaluation=True)
@@ -196,18 +239,20 @@ def _in_this_process(config: EvaluateConfig, saved: dict[str, Any], cfg: Any) ->
         actor = _actor(config, env, fitted_policy(saved, cfg, env).act)
         if config.by_hand:
             return _by_hand(env, actor, config.episodes)
-        return _in_turn(env, actor, config.in_turn, seed)
+        return success_in_turn(env, actor, config.in_turn, seed)
 
 
 def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
-    """What acts: the policy, the policy with ablated instructions, or the oracle. Raises ConfigError."""
-    from envs.experts import Oracle
+    """What acts: the policy, the policy with ablated instructions, the oracle or the expert. Raises ConfigError."""
+    from envs.experts import Oracle, expert
     from trainers.rollout.instruction_ablations import AblatedInstructions
 
     if config.reader == "oracle":
         if not env.task.speaks:
             raise ConfigError(f"reader=oracle needs a task with words; {env.config.task.name} has none")
         return Oracle(env)
+    if config.reader == "expert":
+        return expert(env)
     if config.words == "swapped" and env.batch_size[0] < 2:
         raise ConfigError(f"words=swapped needs worlds of at least 2; worlds={env.batch_size[0]}")
     return policy if config.words == "said" else AblatedInstructions(policy, config.words)
@@ -229,28 +274,6 @@ def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
         "wrong_object": sum(each.wrong_object for each in played) / max(len(played), 1),
         "ci95": list(wilson(successes, len(played))),
         "played": [vars(each) for each in played],
-    }
-
-
-def _in_turn(env: Any, actor: Any, scenes: int, seed: int) -> dict[str, Any]:
-    """Success over episodes that name each object of a scene in turn, with all else equal. Raises ConfigError."""
-    import numpy as np
-
-    from trainers.rollout.evaluation import wilson
-    from trainers.rollout.instruction_ablations import run_to_end
-
-    if not env.task.speaks:
-        raise ConfigError(f"in_turn needs a task with words; {env.config.task.name} has none")
-    successes: list[bool] = []
-    for scene in range(scenes):
-        episodes = env.task.each_in_turn(np.random.default_rng([seed, scene]))
-        success = run_to_end(env, actor, env.start(episodes, seed + scene))
-        successes += success[: len(episodes)].tolist()
-    return {
-        "scenes": scenes,
-        "episodes": len(successes),
-        "success_at_end": sum(successes) / len(successes),
-        "ci95": list(wilson(sum(successes), len(successes))),
     }
 
 

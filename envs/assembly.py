@@ -83,7 +83,8 @@ def make_control(config: EnvConfig, task: Task, chain: Kinematics) -> Control:
 def make_initial_states(config: EnvConfig, task: Task, chain: Kinematics) -> InitialStates:
     """Where the arm begins episodes."""
     curriculum = config.task.curriculum.share > 0
-    return InitialStates(chain, config.task.reset_noise, gripper_box(config, task) if curriculum else None)
+    noise = max(config.task.reset_noise, config.task.randomize.start)
+    return InitialStates(chain, noise, gripper_box(config, task) if curriculum else None)
 
 
 def make_grips(config: EnvConfig, task: Task, worlds: Sequence[World], state: State) -> GripController:

@@ -11,7 +11,7 @@ from envs.sim.gripper import GripperConfig
 from envs.sim.robot import RobotConfig, urdf_path
 from envs.sim.workspace import WorkspaceConfig
 from envs.sim.world import PhysicsConfig
-from envs.tasks import TASKS, CurriculumConfig, TaskConfig
+from envs.tasks import TASKS, CurriculumConfig, RandomizeConfig, TaskConfig
 from human import GestureConfig
 
 
@@ -28,8 +28,13 @@ class EnvConfig:
     gripper: GripperConfig
 
     def without_curriculum(self) -> EnvConfig:
-        """The config for evaluation: every episode begins at its beginning."""
-        return replace(self, task=replace(self.task, curriculum=CurriculumConfig(near=0.0, held=0.0, placed=0.0)))
+        """The config for evaluation: every episode begins at its beginning, and nothing is randomized."""
+        task = replace(self.task, curriculum=CurriculumConfig(near=0.0, held=0.0, placed=0.0))
+        return replace(self, task=task).randomized(RandomizeConfig())
+
+    def randomized(self, randomize: RandomizeConfig) -> EnvConfig:
+        """The config with this domain randomisation."""
+        return replace(self, task=replace(self.task, randomize=randomize))
 
 
 def read_env(config: Any) -> EnvConfig:

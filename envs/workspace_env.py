@@ -1,7 +1,4 @@
-"""WorkspaceEnv: N PyBullet worlds behind one TorchRL environment with batch_size [N].
-
-`envs/mdp/observations.py` declares what it observes.
-"""
+"""N PyBullet worlds behind one TorchRL environment; `envs/mdp/observations.py` declares what it observes."""
 
 from __future__ import annotations
 
@@ -25,6 +22,7 @@ from envs.mdp.goals import Goal
 from envs.mdp.grip_controller import ACTION_UNIT
 from envs.mdp.observation_terms import Observer, Setup, Source
 from envs.mdp.observations import OBSERVATIONS, OUTCOMES, observation_spec
+from envs.mdp.perturbations import Perturbations
 from envs.mdp.relabelling import Relabeller
 from envs.mdp.rewards import compute_outcome, reward_weights
 from envs.mdp.scene_sampling import sample_scenes
@@ -79,10 +77,9 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self.control = make_control(config, self.task, self.chain)
         self._initial_states = make_initial_states(config, self.task, self.chain)
         self._arrays = WorldState(self._worlds, config.robot, self.chain, config.task.slots, self.tokenizer)
-        self._state = self._arrays.state
+        self._state, self._weights = self._arrays.state, reward_weights(self.task)
         self._grips = make_grips(config, self.task, self._worlds, self._state)
         self._gestures = Gestures(config.gesture, self._worlds, make_ray_reader(config.workspace, config.gesture))
-        self._weights = reward_weights(self.task)
         self._make_observer()
         self._make_specs()
         self._set_seed(seed)
@@ -91,7 +88,9 @@ class WorkspaceEnv(EpisodeReplayEnv):
         config, width = self.config, len(self.action_unit)
         self._setup = Setup(config.workspace, config.robot, self.chain, self.task, self.tokenizer, width)
         self._observer = Observer(OBSERVATIONS, self._setup)
-        self._source = Source(self.task, self._state, self._arrays, self._grips, self._gestures, self.control)
+        self._noise = Perturbations(config.task, self.batch_size[0], self.control.unit)
+        parts = self._arrays, self._grips, self._gestures, self.control, self._noise
+        self._source = Source(self.task, self._state, *parts)
         task, joints = make_task(config, RELABELLED, self._person), len(config.robot.joints)
         self._relabeller = Relabeller(task, RELABELLED, self.tokenizer, self._observer, joints)
 
@@ -118,7 +117,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return (*self.control.unit.tolist(), *[ACTION_UNIT] * self._grips.width)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
-        action = read_action(tensordict)
+        action = self._noise.action(read_action(tensordict), self._arrays.steps, self._source.hold)
         self._switch_gestures()
         arrays, arm = self._arrays, action[:, : len(self.control.unit)]
         arrays.commanded = self.control.targets(arm, arrays.commanded, arrays.angles)
@@ -171,6 +170,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
             centre = self.chain.forward(joints[None]).position[0]
             self._grips.begin(i, int(slots[episode.referent]) if held else NOTHING, arrays.state.shown[i], centre)
         self._gestures.begin(i, episode)
+        self._noise.begin(i, episode)
 
     def _read_beginning(self, worlds: NDArray[np.int64]) -> None:
         """Read the state of worlds whose episodes have just been set up."""

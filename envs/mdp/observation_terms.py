@@ -15,6 +15,7 @@ from torchrl.data import Bounded, Composite, TensorSpec
 from envs.mdp.controls import Control
 from envs.mdp.gestures import Gestures
 from envs.mdp.grip_controller import GripController
+from envs.mdp.perturbations import Perturbations
 from envs.mdp.world_state import WorldState
 from envs.sim.kinematics import Kinematics
 from envs.sim.robot import RobotConfig
@@ -51,6 +52,7 @@ class Source(GoalSource):
     grips: GripController
     gestures: Gestures
     control: Control
+    perturbations: Perturbations
 
     def hold(self) -> NDArray[np.float32]:
         """(N, A) the action that keeps the arm where it is; 0 for the gripper, whose command is absolute."""

@@ -101,7 +101,8 @@ def _robot(source: Source) -> Array:
 
 
 def _objects(source: Source) -> Array:
-    rows, task, state = source.worlds.rows, source.task, source.state
+    task, state = source.task, source.state
+    rows = source.perturbations.seen(source.worlds.rows, source.worlds.steps)
     if task.moves:
         offset = offsets(rows[..., :3], source.worlds.pose.position[:, None])
         rows = np.concatenate((rows, offset, task.seen(state)), axis=2)
@@ -254,6 +255,13 @@ OBSERVATIONS = (
         spec=_flag_each_slot,
         compute=lambda source: source.state.movable,
         present=lambda task: task.moves,
+    ),
+    ObservationTerm(
+        "privileged/places",
+        "(K, 3), where positions are observed with noise (`task.randomize.observation_noise`): the true ones (m)",
+        spec=lambda setup: bounded([_workspace(setup)[0]], [_workspace(setup)[1]], setup.task.config.slots),
+        compute=lambda source: np.where(source.state.shown[..., None], source.state.objects, 0.0),
+        present=lambda task: task.config.randomize.observation_noise > 0,
     ),
     ObservationTerm(
         "privileged/pointing",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from envs.mdp.goals import Goal, in_bytes, sentence_bytes
 from envs.mdp.object_rows import ATTRIBUTES, OBJECT_WIDTH, attributes
 from envs.sim.kinematics import Array, Kinematics, Pose
-from envs.sim.object_pool import PARKED, Mobility
+from envs.sim.object_pool import PARKED, USUAL, Mobility
 from envs.sim.robot import RobotConfig
 from envs.sim.world import World
 from envs.tasks import EpisodeSpec, State
@@ -64,6 +64,8 @@ class WorldState:
         scene, by_slot = episode.scene, np.argsort(slots, kind="stable")
         yaw = np.zeros(len(scene)) if episode.yaw is None else episode.yaw
         shapes = scene.nouns if episode.shapes is None else episode.shapes
+        drawn = episode.randomized
+        self._worlds[i].pool.dynamics = USUAL if drawn is None else (drawn.mass, drawn.friction)
         self._worlds[i].reset(
             joints.tolist(),
             opening,

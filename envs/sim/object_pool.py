@@ -24,6 +24,7 @@ DYNAMICS = {
     "linearDamping": 0.1,
     "angularDamping": 0.3,
 }
+USUAL = (1.0, 1.0)  # factors of an object's mass and lateral friction
 RESTING_GAP = 1e-3  # metres above the table that an object may be placed and still be at rest
 DYNAMIC_FILTER, STATIC_FILTER = (1, -1), (2, -3)  # Bullet's own collision group and mask of a body that moves, or not
 
@@ -60,7 +61,8 @@ class ObjectPool:
     A body never changes its mobility. Bullet moves a body whose mobility changes to the end of its lists, and the
     same seed would give other bits than in a fresh world.
 
-    bodies: all bodies. shown: the bodies of the current episode, in the order of its objects. nouns: their shapes.
+    dynamics: factors of the mass and lateral friction of the free bodies that are shown next. bodies: all bodies.
+    shown: the bodies of the current episode, in the order of its objects. nouns: their shapes.
 
     Args:
         spec: which bodies to make.
@@ -77,6 +79,8 @@ class ObjectPool:
             [[self._make(noun, spec.size, mobility) for _ in range(count)] for noun in spec.nouns]
             for mobility, count in zip(Mobility, spec.counts, strict=True)
         ]
+        self.dynamics = USUAL
+        self._dynamics: dict[int, tuple[float, float]] = {}  # in force, if ever other than `USUAL`
         self.bodies = self.shown = [body for pool in self._pool for bodies in pool for body in bodies]
         self._resting_height = spec.size / 2 + RESTING_GAP
         self.pose = partial(bullet.getBasePositionAndOrientation, physicsClientId=client)
@@ -98,6 +102,9 @@ class ObjectPool:
         self.shown = [unused[mobility][noun].pop() for mobility, noun in zip(mobilities, nouns, strict=True)]
         self.nouns = [self._spec.nouns[noun] for noun in nouns]
         rests = [False] * len(self.shown) if resting is None else resting
+        for body, mobility in zip(self.shown, mobilities, strict=True):
+            if mobility == Mobility.FREE:
+                self._set_dynamics(body)
         self._forget_neighbours(mobilities)
         for body, mobility, position, angle, still in zip(self.shown, mobilities, positions, yaw, rests, strict=True):
             self._place(body, position, angle)
@@ -133,6 +140,12 @@ class ObjectPool:
         body = bullet.createMultiBody(mass, shape, visual, PARKED, physicsClientId=self._client)
         bullet.changeDynamics(body, -1, **DYNAMICS, physicsClientId=self._client)
         return body
+
+    def _set_dynamics(self, body: int) -> None:
+        if self._dynamics.get(body, USUAL) != self.dynamics:
+            mass, friction = MASS * self.dynamics[0], DYNAMICS["lateralFriction"] * self.dynamics[1]
+            bullet.changeDynamics(body, -1, mass=mass, lateralFriction=friction, physicsClientId=self._client)
+            self._dynamics[body] = self.dynamics
 
     def _forget_neighbours(self, mobilities: Sequence[int]) -> None:
         """Drop the pairs of near bodies that Bullet has recorded for the shown bodies; it finds the present ones again.

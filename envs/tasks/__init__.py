@@ -9,7 +9,8 @@ from pkgutil import iter_modules
 
 from envs.tasks.base import Task
 from envs.tasks.registry import TASKS, register_task
-from envs.tasks.types import NOTHING, CurriculumConfig, EpisodeSpec, GestureSwitch, Outcome, State, TaskConfig
+from envs.tasks.training_episodes import CurriculumConfig, RandomizeConfig
+from envs.tasks.types import NOTHING, EpisodeSpec, GestureSwitch, Outcome, State, TaskConfig
 
 for _module in iter_modules(__path__, f"{__name__}."):
     import_module(_module.name)
@@ -21,6 +22,7 @@ __all__ = [
     "EpisodeSpec",
     "GestureSwitch",
     "Outcome",
+    "RandomizeConfig",
     "State",
     "Task",
     "TaskConfig",

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from conf.schema import ConfigError, did_you_mean
 from envs.sim.workspace import Fitting
 from envs.tasks.object_layout import scatter
+from envs.tasks.training_episodes import draw_randomized
 from envs.tasks.types import Column, EpisodeSpec, GestureSwitch, Outcome, State, TaskConfig
 from human import Gesture, Person, Unreachable
 from language import COLORS, MAX_WORDS, NOUNS, SHAPES, Instruction, LanguageError, Placed, Scene, Wording, parse, say
@@ -145,7 +146,9 @@ class Task(ABC):
 
     def draw(self, rng: Generator) -> EpisodeSpec:
         """Draws an episode for one world, with its gesture. Deterministic given rng."""
-        return self._retry(lambda: self._pointed(self._draw(rng), rng))
+        episode = self._retry(lambda: self._pointed(self._draw(rng), rng))
+        randomized = draw_randomized(self.config.randomize, rng)
+        return episode if randomized is None else replace(episode, randomized=randomized)
 
     def each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
         """One scene, and an episode for each of its objects that the words or the finger single out."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conf.schema import Checked, ConfigError, one_of, within
+from envs.tasks.training_episodes import CurriculumConfig, RandomizeConfig, Randomized
 from human import Gesture
 from language import (
     DEVICES,
@@ -125,25 +126,6 @@ class HeldOutConfig(Checked):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CurriculumConfig(Checked):
-    """Shares of training episodes that begin nearer to success. Evaluations never use them."""
-
-    near: float = within(0, 1)  # the gripper is just over the object
-    held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
-    placed: float = within(0, 1)  # the gripper has just let go of the object at its target
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.share > 1:
-            raise ConfigError(f"near={self.near}, held={self.held} and placed={self.placed} must come to 1 at most")
-
-    @property
-    def share(self) -> float:
-        """The sum of the three shares."""
-        return self.near + self.held + self.placed
-
-
-@dataclass(frozen=True, kw_only=True)
 class TaskConfig(Checked):
     """Lengths in metres, angles in radians, steps in control steps.
 
@@ -170,6 +152,7 @@ class TaskConfig(Checked):
     spacing: float = within(0, 1)  # between the centres of two objects, at reset
     reset_noise: float = within(0, 1)
     curriculum: CurriculumConfig
+    randomize: RandomizeConfig = field(default_factory=RandomizeConfig)  # configs of older versions lack it
     reward: dict[str, float] = within(-1000, 1000)  # the weight of every reward term of the task, by name
 
     def __post_init__(self) -> None:
@@ -244,6 +227,7 @@ class EpisodeSpec:
     shapes: NDArray[np.int64] | None = None  # (K,) indices into the task's `shapes`; none: the nouns of the scene
     resting: NDArray[np.bool_] | None = None  # (K,) what stays at rest on top of others as it begins; none: nothing
     shares: Array | None = None  # (K,) in [0, 1], by which fittings are open; none: no fitting is shown
+    randomized: Randomized | None = None  # what domain randomisation drew; none: nothing
 
 
 @dataclass(frozen=True)

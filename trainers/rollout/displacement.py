@@ -32,7 +32,7 @@ class Displacement:
 
 
 class Displacements:
-    """Follows the objects of N worlds, whose positions are the first three columns of the observation "objects".
+    """Follows the objects of N worlds by "privileged/places", or the first three columns of "objects" if exact.
 
     Args:
         env: says whether its task is to move the referent, and what its grippers reach.
@@ -41,17 +41,17 @@ class Displacements:
 
     def __init__(self, env: TrainingEnv, state: TensorDictBase) -> None:
         self._env = env
-        self._begun = state["objects"][..., :3]
+        self._begun = _places(state)
         self._furthest = torch.zeros(self._begun.shape[:2])
 
     def begin(self, state: TensorDictBase, started: torch.Tensor) -> None:
         """Forget the former episodes. started: (N,) bool, the worlds that `state` has just reset."""
-        self._begun = torch.where(started[:, None, None], state["objects"][..., :3], self._begun)
+        self._begun = torch.where(started[:, None, None], _places(state), self._begun)
         self._furthest = torch.where(started[:, None], 0.0, self._furthest)
 
     def follow(self, state: TensorDictBase) -> None:
         """Measure all worlds. state: after a step. Slots that show no object are 0 all along."""
-        apart = (state["objects"][..., :3] - self._begun).square().sum(-1).sqrt()
+        apart = (_places(state) - self._begun).square().sum(-1).sqrt()
         self._furthest = torch.maximum(self._furthest, apart)
 
     def of(self, world: int, state: TensorDictBase) -> Displacement:
@@ -62,8 +62,14 @@ class Displacements:
         others = max(distances, default=0.0)
         if self._env.moves_referent:
             return Displacement(None, others, None)
-        place = state["objects"][world, referent, :3]
+        place = _places(state)[world, referent]
         return Displacement(moved, others, not self._env.is_reachable(place))
+
+
+def _places(state: TensorDictBase) -> torch.Tensor:
+    """(N, K, 3) metres: the true positions, where those of "objects" are observed with noise."""
+    true = state.get(("privileged", "places"), None)
+    return state["objects"][..., :3] if true is None else true
 
 
 def moved_shares(successful: Sequence[Displacement], ended: Sequence[Displacement]) -> dict[str, float | None]:

@@ -1,13 +1,19 @@
-"""Instruction ablations: the policy acts on blank or swapped instructions."""
+"""Instruction ablations: the policy acts on blank, swapped or other instructions."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
+
+from conf.schema import ConfigError
+from trainers.rollout.evaluation import wilson
 
 ABLATIONS = ("said", "blank", "swapped")  # said: no ablation
 
@@ -66,3 +72,24 @@ def run_to_end(env: EnvBase, policy: TensorDictModuleBase, state: TensorDictBase
             success |= state["success"].flatten() & ~ended
             ended |= state["done"].flatten()
     return success
+
+
+def success_in_turn(env: Any, policy: Any, scenes: int, seed: int) -> dict[str, Any]:
+    """Success over episodes that name each object of a scene in turn, with all else equal.
+
+    Raises:
+        ConfigError: nothing is said in the task.
+    """
+    if not env.task.speaks:
+        raise ConfigError(f"in_turn needs a task with words; {env.config.task.name} has none")
+    successes: list[bool] = []
+    for scene in range(scenes):
+        episodes = env.task.each_in_turn(np.random.default_rng([seed, scene]))
+        success = run_to_end(env, policy, env.start(episodes, seed + scene))
+        successes += success[: len(episodes)].tolist()
+    return {
+        "scenes": scenes,
+        "episodes": len(successes),
+        "success_at_end": sum(successes) / len(successes),
+        "ci95": list(wilson(sum(successes), len(successes))),
+    }

@@ -1,0 +1,85 @@
+"""What training episodes draw that evaluations never do: a curriculum of beginnings, and domain randomisation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.random import Generator
+
+from conf.schema import Checked, ConfigError, within
+
+MOST_STEPS = 10  # control steps that an action may be late
+OFF = [1.0, 1.0]
+
+
+def _range(low: float, high: float, off: Sequence[float]) -> Any:
+    """Declares a field: the two ends of a range within [low, high]; `off`, if it is left out."""
+    return field(default_factory=lambda: list(off), metadata={"within": (low, high), "count": 2})
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurriculumConfig(Checked):
+    """Shares of training episodes that begin nearer to success. Evaluations never use them."""
+
+    near: float = within(0, 1)  # the gripper is just over the object
+    held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
+    placed: float = within(0, 1)  # the gripper has just let go of the object at its target
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.share > 1:
+            raise ConfigError(f"near={self.near}, held={self.held} and placed={self.placed} must come to 1 at most")
+
+    @property
+    def share(self) -> float:
+        """The sum of the three shares."""
+        return self.near + self.held + self.placed
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomizeConfig(Checked):
+    """What each training episode draws, uniformly from [low, high]; a range of one value changes every episode alike.
+
+    Evaluations draw none of it. Without a value, everything is off, and episodes have the same bits as without it.
+    """
+
+    start: float = within(0, 1, default=0.0)  # radians that joints begin from the rest pose; 0: task.reset_noise
+    mass: list[float] = _range(0.01, 100, OFF)  # factor of the objects' mass
+    friction: list[float] = _range(0.01, 10, OFF)  # factor of the objects' lateral friction
+    action_noise: float = within(0, 1, default=0.0)  # std of the arm's motion, of what it moves in one control step
+    observation_noise: float = within(0, 0.1, default=0.0)  # std of the objects' observed positions, metres
+    delay: list[int] = _range(0, MOST_STEPS, [0, 0])  # control steps after which an action is carried out
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("mass", "friction", "delay"):
+            low, high = getattr(self, name)
+            if low > high:
+                raise ConfigError(f"{name}={[low, high]} must be a range: the lower end first")
+
+    @property
+    def is_on(self) -> bool:
+        """Whether an episode draws anything but where the arm begins."""
+        ranges = self.mass != OFF or self.friction != OFF or self.delay != [0, 0]
+        return ranges or self.action_noise > 0 or self.observation_noise > 0
+
+
+@dataclass(frozen=True)
+class Randomized:
+    """What an episode drew. mass, friction: factors. delay: control steps. noise: seed of its noise."""
+
+    mass: float
+    friction: float
+    delay: int
+    noise: int
+
+
+def draw_randomized(config: RandomizeConfig, rng: Generator) -> Randomized | None:
+    """Draws for one episode; None where it is off. rng stays as it is: scenes do not depend on what is drawn."""
+    if not config.is_on:
+        return None
+    rng = Generator(rng.bit_generator.jumped())  # type: ignore[attr-defined]
+    mass, friction = (float(rng.uniform(low, high)) for low, high in (config.mass, config.friction))
+    return Randomized(mass, friction, int(rng.integers(config.delay[0], config.delay[1] + 1)), int(rng.integers(2**31)))
