@@ -15,7 +15,7 @@ from language.instruction import Command, Instruction, ObjectPhrase, say
 from language.lexicon import LONGEST_SENTENCE
 from language.objects import Scene
 from language.placement import ObjectSpec, from_all
-from language.task_generation import generate_tasks
+from language.task_generation import generate_tasks, possible_goals
 from language.verbs import VERBS
 from language.wording import Wording
 
@@ -119,18 +119,19 @@ def _command(scene: Scene, describer: Describer, rng: Generator, steps: int) -> 
 def _instruction(scene: Scene, describer: Describer, rng: Generator) -> Instruction | None:
     """Returns a task, drawn uniformly among the feasible ones, for nameable objects; None if none is feasible."""
     named = describer.nameable(scene)
-    things, movable, targets = (np.flatnonzero(fit) for fit in (named, named & ~scene.targets, named & scene.targets))
+    things, movable = (np.flatnonzero(fit) for fit in (named, named & ~scene.targets))
+    goals_of = {name: np.flatnonzero(named & possible_goals(name, scene)) for name in VERBS}
     possible = [
         name
         for name, task in VERBS.items()
         if len(movable if task.moves else things)
-        and (not task.needs_goal or len(targets if task.effect != "on" else movable[1:]))
+        and (not task.needs_goal or len(goals_of[name][1:] if task.effect == "on" else goals_of[name]))
     ]
     if not possible:
         return None
     task = possible[rng.integers(len(possible))]
     referent = int(rng.choice(movable if VERBS[task].moves else things))
     phrase = describer.phrase(scene, referent, rng)
-    goals = targets if VERBS[task].effect != "on" else movable[movable != referent]
+    goals = goals_of[task][goals_of[task] != referent]
     says_goal = len(goals) and VERBS[task].takes_goal and (VERBS[task].needs_goal or rng.random() < 0.5)
     return Instruction(task, phrase, describer.phrase(scene, int(rng.choice(goals)), rng) if says_goal else None)

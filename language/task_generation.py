@@ -9,7 +9,7 @@ import numpy as np
 from language.describing import Describer
 from language.errors import LanguageError, check_known
 from language.instruction import Chain, Command, Instruction
-from language.objects import Scene
+from language.objects import FITTINGS, NOUNS, Scene
 from language.verbs import LIFTED, VERBS
 
 OCCUPIED = 0.04  # metres between centres below which a place is occupied
@@ -30,7 +30,7 @@ def scene_after(task: str, init: int | None, goal: int | None, scene: Scene) -> 
     """
     check_known("task", task, VERBS)
     effect = VERBS[task].effect
-    if init is None or not effect or (effect in ("goal", "on") and goal is None):
+    if init is None or effect in ("", "out") or (effect != "up" and goal is None):
         return scene
     positions = scene.positions.copy()
     if effect == "up":
@@ -115,9 +115,16 @@ def _feasible(task: str, scene: Scene, describer: Describer) -> list[tuple[str, 
     movable = [thing for thing in things if not scene.targets[thing] and _is_free(scene, thing)]
     if not VERBS[task].takes_goal:
         return [(task, init, None) for init in movable]
-    real = VERBS[task].effect == "on"
-    goals = [goal for goal in things if scene.targets[goal] != real and _is_free(scene, goal)]
+    fit = possible_goals(task, scene)
+    goals = [goal for goal in things if fit[goal] and _is_free(scene, goal)]
     return [(task, init, goal) for init in movable for goal in goals if goal != init]
+
+
+def possible_goals(task: str, scene: Scene) -> np.ndarray:
+    """Returns (K,) bool: which objects can be a task's goal: targets, real objects, or fittings."""
+    if VERBS[task].effect in ("in", "out"):
+        return np.isin(scene.nouns, [list(NOUNS).index(noun) for noun in FITTINGS])
+    return scene.targets != VERBS[task].goal_is_real
 
 
 def _is_free(scene: Scene, thing: int) -> bool:

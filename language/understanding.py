@@ -100,7 +100,7 @@ def _step(instruction: Instruction, resolver: PhraseResolver) -> GroundedStep:
     task = VERBS[instruction.task]
     among = ~resolver.scene.targets if task.moves else None  # targets only mark a place and cannot be moved
     named = resolver.resolve(instruction.phrase, among)
-    real = ~resolver.scene.targets if task.effect == "on" else None  # nothing can stand on a target
+    real = ~resolver.scene.targets if task.goal_is_real else None  # nothing can stand on a target
     goal = None if instruction.goal is None else resolver.resolve(instruction.goal, real)
     if goal == named:
         message = f"'{instruction.goal}' is the object that is to be moved; say another place"

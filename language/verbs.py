@@ -30,7 +30,7 @@ class Verb:
     reward, networks: of the original system's training: the reward's name, and the number of networks, one per phase.
     moves: whether the object is moved ("init"); otherwise the gripper goes to it ("goal").
     effect: the position of the moved object afterwards: "goal" (where the goal was), "on" (on top of the goal, a real
-        object), "up" (LIFTED higher) or "" (unchanged).
+        object), "in" (in the goal, a fitting), "out" (no longer in it), "up" (LIFTED higher) or "" (unchanged).
 
     Raises LanguageError for a template that lacks its slots, or has them in another order.
     """
@@ -53,6 +53,11 @@ class Verb:
     def takes_goal(self) -> bool:
         """Whether a template has a goal."""
         return any(map(has_goal, self.templates))
+
+    @property
+    def goal_is_real(self) -> bool:
+        """Whether its goal is a real object, not a target that only marks a place."""
+        return self.effect in ("on", "in", "out")
 
     @property
     def needs_goal(self) -> bool:
@@ -157,6 +162,16 @@ VERBS: dict[str, Verb] = {
     ),
     "open": Verb(("open {object}", "pull {object} open"), "open", 3),
     "close": Verb(("close {object}", "shut {object}"), "close", 3),
+    "put_in": Verb(
+        ("put {object} in {base}", "put {object} into {base}", "place {object} in {base}"),
+        reward="pnp",
+        networks=3,
+        moves=True,
+        effect="in",
+    ),
+    "take_out": Verb(
+        ("take {object} out of {base}", "remove {object} from {base}"), "pnp", 3, moves=True, effect="out"
+    ),
     "unstack": Verb(
         ("unstack {object}", "take {object} down", "take {object} off the stack"), "unstack", 3, moves=True
     ),

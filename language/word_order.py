@@ -16,7 +16,7 @@ _WORDS = """
     largest biggest smallest littlest at in front before behind back above over below under underneath beneath near
     close next beside by from between that is which not isn't a an this here there same position as then after you
     once please first could can would now robot hey i want thanks thank no meant mean sorry actually but
-    stack drawer fridge door open pull shut unstack off
+    stack drawer fridge door open pull shut unstack off into out remove
     """
 
 WORD_ORDER: tuple[str, ...] = tuple(_WORDS.split())

@@ -41,7 +41,8 @@ class Fitting(Checked):
 
     The joint goes from low to high, metres along the axis or radians about it (right-handed). origin: a point of the
     axis, metres. friction: N or N m that hold the joint back. mass: kg. grip: lateral friction of its surface, which
-    Bullet multiplies with that of what touches it. parts: boxes, with the joint at 0; a gripper holds the fitting by
+    Bullet multiplies with that of what touches it. inside: x0, x1, y0, y1, z0, z1 where objects are in it with the
+    joint at 0, metres; [] where none can be. parts: boxes, with the joint at 0; a gripper holds the fitting by
     the one that is called "handle".
     """
 
@@ -54,6 +55,7 @@ class Fitting(Checked):
     friction: float = within(0, 1000)
     mass: float = within(0.01, 1000)
     grip: float = within(0, 10)
+    inside: list[float] = within(-20, 20)
     parts: dict[str, Box]
 
     def __post_init__(self) -> None:
@@ -66,6 +68,8 @@ class Fitting(Checked):
             raise ConfigError(f"axis={self.axis} must be of length 1")
         if not self.parts:
             raise ConfigError("parts={} must name at least one box")
+        if self.inside:
+            _check_box("inside", self.inside, 6)
 
     def value(self, share: ArrayLike) -> NDArray[np.float64]:
         """(...) the joint value, metres or radians, of a fitting that is open by this share, (...) in [0, 1]."""
@@ -80,6 +84,13 @@ class Fitting(Checked):
             now = places - self.origin
             value = np.arctan2(np.cross(arm, now) @ axis, now @ arm - (now @ axis) * (arm @ axis))
         return (value - self.low) / (self.high - self.low)
+
+    def inside_at(self, share: ArrayLike) -> NDArray[np.float64]:
+        """(..., 2, 3) lowest and highest corner of `inside` in a fitting that is open by this share (...), metres."""
+        corners = np.reshape(self.inside, (3, 2)).T
+        if self.joint == "turn":
+            return np.broadcast_to(corners, (*np.shape(share), 2, 3))
+        return corners + (self.value(share)[..., None] * self.axis)[..., None, :]
 
     def handle_at(self, value: ArrayLike) -> NDArray[np.float64]:
         """(..., 3) where the centre of the handle is, metres, at this joint value, (...) metres or radians."""

@@ -1,0 +1,51 @@
+"""Put in and take out: pick and place, along the fridge's open lid and not through it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.experts.base import OVER, Array, Slots
+from envs.experts.place import OPENING
+from envs.experts.registry import register_expert
+from envs.experts.stack import StackExpert
+from envs.tasks.geometry import length
+from envs.tasks.in_out import InOut
+
+BESIDE = 0.17  # metres from the middle of the table from which a gripper is at a fitting
+CLEAR, TRAVEL = 0.125, 0.14  # metres above the table from which an object passes over all walls, and at which it does
+STRAIGHT = 0.015  # metres beside its aim along x at which a gripper may go to a fitting
+
+
+@register_expert("nl_put_in", "nl_take_out")
+class InOutExpert(StackExpert):
+    """Between the table and a fitting it goes along y alone."""
+
+    wait = OPENING
+
+    def _goal(self, target: Slots) -> Array:
+        task = self._env.task
+        assert isinstance(task, InOut)
+        return task.goal_places(self._env.state)
+
+    def _fetch(self, thing: Array) -> tuple[Array, NDArray[np.bool_]]:
+        place, close = super()._fetch(thing)
+        return self._straight(place), close
+
+    def _carry(self, thing: Array, goal: Array) -> tuple[Array, NDArray[np.bool_]]:
+        place, keep = super()._carry(thing, goal)
+        gripper, beside = self._env.gripper, length((goal - thing)[:, :2]) > OVER
+        place[:, 2] = np.where(beside, gripper[:, 2] + TRAVEL - thing[:, 2], place[:, 2])
+        way = self._straight(place)
+        walled = beside & (thing[:, 2] < CLEAR) & (np.abs(gripper[:, 1]) > BESIDE)
+        way[walled, :2] = gripper[walled, :2]
+        return way, keep
+
+    def _straight(self, place: Array) -> Array:
+        """The places (N, 3), or what is on the way there along x, and then along y."""
+        gripper, way = self._env.gripper, place.copy()
+        at, aim = np.abs(gripper[:, 1]) > BESIDE, np.abs(place[:, 1]) > BESIDE
+        away, aside = at & ~aim, aim & ~at & (np.abs(place[:, 0] - gripper[:, 0]) > STRAIGHT)
+        way[away, 0] = gripper[away, 0]
+        way[aside, 1] = gripper[aside, 1]
+        return way
