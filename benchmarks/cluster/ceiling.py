@@ -33,6 +33,7 @@ COUNTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 WORLDS, HORIZON = 16, 64  # of each worker: 1,024 frames
 FRAMES_PER_S = 1500.0  # of a worker's physics and policy on one core
 BATCHES = 6
+TIMEOUT = 60.0  # seconds: a busy machine is no reason to ask again for a batch
 UPDATE_FRAMES = 4096  # of the batch that an update is timed with
 PROCESSES = 2  # actors, which the workers share: a process for each of them would not fit into memory
 
@@ -133,7 +134,7 @@ def ceiling(tries: int, random: Random, folder: Path) -> Outcome:
     assert isinstance(plan.collector, RayCollectorConfig)
     curves: dict[str, list[Point]] = {}
     for mode in ("sync", "async"):
-        settings = replace(plan.collector, mode=mode, workers=1, worlds=1)
+        settings = replace(plan.collector, mode=mode, workers=1, worlds=1, timeout=TIMEOUT)
         host = ReplayHost(make, policy, settings)
         host.share(recorded, beginnings)
         curves[mode] = []

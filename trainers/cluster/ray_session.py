@@ -19,7 +19,8 @@ from trainers.collector_config import cores
 CURRENT_CLUSTER = Path("/tmp/ray/ray_current_cluster")  # `ray start` writes its address there
 CONNECT_SECONDS = 3.0
 CHECK_SECONDS = 60.0  # for a node to start a process and to import this project
-OBJECT_STORE_BYTES = 512 * 2**20  # of a Ray that is started here; pages are taken when they are used
+SHARED_MEMORY = Path("/dev/shm")
+STORE_BYTES = (512 * 2**20, 4 * 2**30)  # of a Ray that is started here, at least and at most
 LOOPBACK = "127.0.0.1"
 # Of a Ray that is started here: a killed actor that does not end by itself holds its cores for this long, and actors
 # have the priority of other processes. Ray's default gives them the lowest ones: any neighbour would stop a run.
@@ -146,7 +147,7 @@ class RaySession:
                 num_cpus=cores(),
                 include_dashboard=dashboard,
                 dashboard_host=LOOPBACK,
-                object_store_memory=OBJECT_STORE_BYTES,
+                object_store_memory=_store_bytes(),
                 _node_ip_address=LOOPBACK,
                 _system_config=SYSTEM_CONFIG,
                 **options,
@@ -172,6 +173,16 @@ class RaySession:
                 f"collector.address={address} cannot be joined from this machine: {reason}; run "
                 f"`ray start --address={address}` here with the Python of this program first"
             ) from None
+
+
+def _store_bytes() -> int:
+    """Size of the object store: half of the free shared memory. Pages are taken when they are used.
+
+    Batches that do not fit go through the disk.
+    """
+    free = shutil.disk_usage(SHARED_MEMORY).free if SHARED_MEMORY.is_dir() else 0
+    low, high = STORE_BYTES
+    return max(low, min(high, free // 2))
 
 
 def _find_address(address: str | None) -> str | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import socket
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -30,6 +32,13 @@ def test_a_missing_ray_is_named_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(ConfigError, match=r'needs ray, which is not installed: pip install -e "\.\[cluster\]"'):
         import_ray()
+
+
+@pytest.mark.parametrize(("free", "size"), [(64 * 2**20, 2**29), (3 * 2**30, 3 * 2**29), (2**40, 2**32)])
+def test_the_object_store_takes_half_of_the_free_shared_memory_within_limits(monkeypatch, free, size):
+    monkeypatch.setattr(ray_session.shutil, "disk_usage", lambda path: SimpleNamespace(free=free))
+    monkeypatch.setattr(ray_session, "SHARED_MEMORY", Path.cwd())
+    assert ray_session._store_bytes() == size
 
 
 @pytest.mark.slow
