@@ -122,8 +122,8 @@ def _nested_step(expressions: ReferringExpressions, rng: Generator, still: bool)
     if still or not len(real) or rng.random() < 0.5:
         return Instruction(STATIC_VERBS[rng.integers(len(STATIC_VERBS))], phrase), (None, init)
     goal = int(rng.choice(np.setdiff1d(np.flatnonzero(named), init)))
-    on_target = expressions.scene.targets[goal]  # nothing can be stacked on a target
-    verbs = [name for name in MOVING_VERBS if not (on_target and VERBS[name].effect == "on")]
+    on_target = expressions.scene.targets[goal]  # nothing can be put on or in a target
+    verbs = [name for name in MOVING_VERBS if not (on_target and VERBS[name].goal_is_real)]
     return Instruction(verbs[rng.integers(len(verbs))], phrase, expressions.draw_nested(depth, goal, rng)), (init, goal)
 
 
