@@ -140,10 +140,10 @@ def _make_monitored(physics: Physics) -> Any:
     return Monitor(_make_panda_gym("PandaReachDense-v3", physics))
 
 
-def _make_sac(physics: Physics, learning_starts: int) -> Any:
+def _make_sac(physics: Physics, learning_starts: int, cls: Any = None) -> Any:
     from stable_baselines3 import SAC
 
-    return SAC(
+    return (cls or SAC)(
         "MultiInputPolicy",
         _make_monitored(physics),
         batch_size=BATCH_SIZE,
@@ -163,6 +163,16 @@ def sb3_sac(steps: int, physics: Physics) -> Rate:
     return _timed(steps, "gradient steps/s", lambda: model.train(gradient_steps=steps, batch_size=BATCH_SIZE))
 
 
+def sbx_sac(steps: int, physics: Physics) -> Rate:
+    """Gradient steps/s of SBX's SAC, which compiles with JAX: `sb3_sac`, the compilation left out."""
+    from sbx import SAC
+
+    model = _make_sac(physics, learning_starts=SAC_BUFFER_FILL, cls=SAC)
+    model.learn(SAC_BUFFER_FILL)
+    model.train(gradient_steps=steps, batch_size=BATCH_SIZE)  # compiled for this number of steps
+    return _timed(steps, "gradient steps/s", lambda: model.train(gradient_steps=steps, batch_size=BATCH_SIZE))
+
+
 def sb3_sac_frames(steps: int, physics: Physics) -> Rate:
     """Frames/s of stable-baselines3's SAC in `learn()`, one gradient step a frame, one env."""
     model = _make_sac(physics, learning_starts=WARM_UP)
@@ -172,7 +182,7 @@ def sb3_sac_frames(steps: int, physics: Physics) -> Rate:
 
 WORKLOADS = {
     workload.__name__: workload
-    for workload in (panda_gym_reach, panda_gym_reach_lean, lanro_nl_reach, sb3_ppo, sb3_sac, sb3_sac_frames)
+    for workload in (panda_gym_reach, panda_gym_reach_lean, lanro_nl_reach, sb3_ppo, sb3_sac, sbx_sac, sb3_sac_frames)
 }
 
 

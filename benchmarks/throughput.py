@@ -27,10 +27,10 @@ ROOT = Path(__file__).resolve().parents[1]
 QUICK_DIVISOR = 10  # `--quick` divides the steps of each workload by this
 TIME_LIMIT = 900  # seconds for a workload
 OURS, PEERS = "benchmarks.ours", "benchmarks.peers"
-PACKAGES = ("torch", "torchrl", "pybullet", "gymnasium", "numpy", "panda-gym", "stable-baselines3")
+PACKAGES = ("torch", "torchrl", "pybullet", "gymnasium", "numpy", "panda-gym", "stable-baselines3", "sbx-rl")
 
 INTRODUCTION = (
-    "Speed of this project beside the raw PyBullet loop, panda-gym, LANRO-gym and stable-baselines3. Every workload",
+    "Speed of this project beside the raw PyBullet loop, panda-gym, LANRO-gym, stable-baselines3 and SBX. Every workload",
     "runs in a process of its own, in interleaved rounds; a ratio is taken within each round. `benchmarks/ours.py` and",
     "`benchmarks/peers.py` describe the workloads. *Matched* workloads have the physics of the other library.",
     "[Results](results.md#what-falls-short) gives the reasons where a bar is not met.",
@@ -98,6 +98,7 @@ WORKLOADS = (
     Workload("sb3_ppo", PEERS, 8_192, cores=2),
     Workload("sac_gradient_steps", OURS, 1_000, cores=2),
     Workload("sb3_sac", PEERS, 500, cores=2),
+    Workload("sbx_sac", PEERS, 500, cores=2),
     Workload("sac_frames", OURS, 4_000, cores=2),
     Workload("sb3_sac_frames", PEERS, 500, cores=2),
     Workload("memory_per_world", OURS, 16),
@@ -115,6 +116,7 @@ COMPARISONS = (
     Comparison("our panda nl_reach / lanro-gym", "env_panda_nl_matched", "lanro_nl_reach", 1.0),
     Comparison("PPO frames/s / stable-baselines3", "ppo_frames", "sb3_ppo", 4.0),
     Comparison("SAC gradient steps/s / stable-baselines3", "sac_gradient_steps", "sb3_sac", 1.5),
+    Comparison("SAC gradient steps/s / SBX", "sac_gradient_steps", "sbx_sac", 1.0),
     Comparison("memory of a world while training, MiB", "memory_per_world", "", 45.0, at_most=True),
     Comparison("memory after 10 000 resets / before", "reset_memory", "", 1.05, at_most=True),
 )
