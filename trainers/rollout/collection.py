@@ -21,7 +21,9 @@ from trainers.rollout.worker_process import ProcessHost
 
 
 class Rollouts:
-    """Batches (worlds of all workers, steps), collected with the policy that `sync` was last given.
+    """Batches (worlds of all workers, steps), asked for with the policy that `sync` was last given.
+
+    Where batches are collected ahead, `next` asks for a later one before it returns its own.
 
     The policy acts on the CPU, where the worlds are, whatever device it learns on. `close` must be called at the end.
     The batches depend on the arguments alone: whether a worker is lost and replaced on the way changes no bit.
@@ -83,7 +85,7 @@ class Rollouts:
         return 0 if self.pool is None else self.pool.restarts
 
     def sync(self, policy: Policy | ExpertMixture) -> None:
-        """Copy the policy's weights; the following batches are collected with them."""
+        """Copy the policy's weights; the batches that are asked for from now on are collected with them."""
         self.cpu_policy.load_state_dict(policy.state_dict())
         if self.pool is not None:
             self.pool.host.publish()
