@@ -92,7 +92,7 @@ def test_a_partial_reset_resets_the_named_worlds_only(env):
     assert differences(before.select(*shown)[others], after.select(*shown)[others]) == []
     assert {"robot", "objects"} <= set(differences(before.select(*shown)[[1]], after.select(*shown)[[1]]))
     joints = len(env.config.robot.joints)
-    noise = env.config.task.reset_noise
+    noise = max(env.config.task.reset_noise, env.config.task.randomize.start)
     curriculum = env.config.task.curriculum
     if not curriculum.share:  # else some begin elsewhere
         assert np.abs(after["robot"][1, :joints].numpy() - env.chain.rest).max() <= noise + 1e-6

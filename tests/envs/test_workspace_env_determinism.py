@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tests.helpers.env_cases import BARE_FLANGES, CONTROLS, ROBOTS, Poker, act, differences, make, rollout
+from tests.helpers.env_cases import BARE_FLANGES, CONTROLS, ROBOTS, TOUCHING, Poker, act, differences, make, rollout
 
 STEPS = 100
 
@@ -34,7 +34,7 @@ def test_a_fresh_environment_gives_the_same_rollout_bit_for_bit(robot, control):
     histories = []
     task = "nl_push" if robot in BARE_FLANGES else "nl_reach"
     for _ in range(2):
-        env = make(robot, control, task, "task.hold_steps=60", worlds=2, seed=5)  # no end while it pushes
+        env = make(robot, control, task, TOUCHING, "task.hold_steps=60", worlds=2, seed=5)  # no end while it pushes
         histories.append(poked(env))
         env.close()
     assert moved(histories[0]) > 0.002  # else the test would say little

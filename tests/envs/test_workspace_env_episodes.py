@@ -8,7 +8,7 @@ import torch
 
 from conf.overrides import compose
 from language import COLORS, NOUNS, SHAPES, Object, Scene, color_name, ground, parse
-from tests.helpers.env_cases import act, make, task_of
+from tests.helpers.env_cases import TOUCHING, act, make, task_of
 
 DRAWS = 3000
 
@@ -192,7 +192,7 @@ def test_reach_shows_one_object_without_a_sentence():
 
 @pytest.mark.slow
 def test_the_goal_follows_an_object_that_is_pushed():
-    env = make("kuka", "step", "reach", "task.hold_steps=60", seed=3)
+    env = make("kuka", "step", "reach", TOUCHING, "task.hold_steps=60", seed=3)
     td = env.reset()
     start = td["privileged", "goal"].clone()
     beside = start.double().numpy() + np.array([-0.09, 0.0, 0.0])

@@ -29,6 +29,7 @@ ROBOTS, CONTROLS, TASKS = options("robot"), options("control"), options("task")
 ARMS = {robot: config_of(f"robot={robot}").robot for robot in ROBOTS}
 LONG_ARMS = [robot for robot in ROBOTS if not ARMS[robot].reach]  # reach all of every workspace
 UPRIGHT = [robot for robot in ROBOTS if not ARMS[robot].position_first]  # point down all over their gripper box
+TOUCHING = "task.radius=0.005"  # in reaching tasks the gripper stays over the objects, but for so small a radius
 BARE_FLANGES = ("ur5", "xarm7")  # in reaching tasks, which add no magnet, nothing of theirs meets an object
 EVERY_TASK = ["jaco", "kuka", "panda"]  # robots that are tested with every task; the others take turns
 WITH_ALL = ("nl_reach", "nl_pick_and_place")  # tasks with every robot

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from tests.helpers.env_cases import CONTROLS, LONG_ARMS, ROBOTS, UPRIGHT, act, hold, make
+from tests.helpers.env_cases import CONTROLS, LONG_ARMS, ROBOTS, TOUCHING, UPRIGHT, act, hold, make
 
 DIRECTIONS = [np.eye(3)[axis] * sign for axis, sign in itertools.product(range(3), (1, -1))]
 EXACT = 0.003  # metres
@@ -19,7 +19,8 @@ def robot(request):
 
 def start(robot, control, worlds=1, *more):
     """An environment without noise at reset, and its first observation."""
-    env = make(robot, control, "reach", "task.reset_noise=0", "task.max_steps=10000", *more, worlds=worlds)
+    still = ("task.reset_noise=0", "task.randomize.start=0", "task.max_steps=10000")
+    env = make(robot, control, "reach", *still, *more, worlds=worlds)
     return env, env.reset()
 
 
@@ -41,7 +42,7 @@ def tilt(env, td):
 
 @pytest.fixture(scope="module")
 def stepping(robot):
-    env, _ = start(robot, "step", len(DIRECTIONS))
+    env, _ = start(robot, "step", len(DIRECTIONS), TOUCHING)
     yield env
     env.close()
 

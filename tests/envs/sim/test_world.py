@@ -8,7 +8,7 @@ import pybullet as bullet
 import pytest
 import torch
 
-from tests.helpers.env_cases import BARE_FLANGES, ROBOTS, Poker, act, hold, make
+from tests.helpers.env_cases import BARE_FLANGES, ROBOTS, TOUCHING, Poker, act, hold, make
 
 
 @pytest.mark.slow
@@ -71,7 +71,7 @@ def test_untouched_objects_neither_sink_nor_jump(sleeping):
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", [robot for robot in ROBOTS if robot not in BARE_FLANGES])
 def test_an_object_that_was_pressed_down_lies_on_the_table_afterwards(robot):
-    env = make(robot, "step", "nl_reach", "task.hold_steps=1000", "task.max_steps=1000", worlds=4, seed=4)
+    env = make(robot, "step", "nl_reach", TOUCHING, "task.hold_steps=1000", "task.max_steps=1000", worlds=4, seed=4)
     half, lowest = env.config.task.object_size / 2, 1.0
     for _ in range(2):
         td, poker = env.reset(), Poker(env)
@@ -98,7 +98,7 @@ def heights_on_table(env, td):
 
 @pytest.mark.slow
 def test_a_touched_object_moves():
-    env = make("kuka", "step", "reach", "task.hold_steps=200", worlds=4, seed=5)
+    env = make("kuka", "step", "reach", TOUCHING, "task.hold_steps=200", worlds=4, seed=5)
     td = env.reset()
     put, poker = td["objects"][:, 0, :3].clone(), Poker(env)
     for _ in range(50):

@@ -11,12 +11,12 @@ from conf.schema import ConfigError
 from envs.tasks import EpisodeSpec
 from envs.tasks.object_layout import scatter
 from language import COLORS, SHAPES, Object, Scene, rgba
-from tests.helpers.env_cases import Poker, act, differences, hold, make, rollout, task_of
+from tests.helpers.env_cases import TOUCHING, Poker, act, differences, hold, make, rollout, task_of
 
 CUBE = "{noun: cube, color: red, area: [0.35, 0.45, -0.3, -0.1, 0.025, 0.025], random_rotation: true}"
 POST = "{noun: cylinder, color: blue, area: [0.35, 0.5, 0.1, 0.3, 0.025, 0.025], fixed: true}"
 MARK = "{color: green, area: [0.35, 0.55, -0.3, 0.3, 0.05, 0.2]}"
-LONG = ("task.hold_steps=1000", "task.max_steps=1000")
+LONG = (TOUCHING, "task.hold_steps=1000", "task.max_steps=1000")
 INTO = 28  # steps of `swept` until a gripper that nothing stops is in the middle of the cube
 FREE, FIXED, TARGET = "free", "fixed", "target"
 

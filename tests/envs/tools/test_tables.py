@@ -54,7 +54,7 @@ def test_widths_equal_those_of_an_environment(choice, pages):
 
 def test_every_key_has_a_description(pages):
     named = {line.split("`")[1] for line in pages["tasks.md"].splitlines() if line.count("| (N")}
-    assert named == set(descriptions())
+    assert named | {"privileged/places"} == set(descriptions())  # which no task has unless its observations are noisy
 
 
 def test_check_refuses_a_page_that_is_out_of_date(tmp_path, monkeypatch, pages, capsys):
