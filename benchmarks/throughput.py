@@ -32,8 +32,8 @@ PACKAGES = ("torch", "torchrl", "pybullet", "gymnasium", "numpy", "panda-gym", "
 INTRODUCTION = (
     "Speed of this project beside the raw PyBullet loop, panda-gym, LANRO-gym, stable-baselines3 and SBX. Every",
     "workload runs in a process of its own, in interleaved rounds; a ratio is taken within each round.",
-    "`benchmarks/ours.py` and `benchmarks/peers.py` describe the workloads. *Matched* workloads have the physics of the",
-    "other library. [Results](results.md#what-falls-short) gives the reasons where a bar is not met.",
+    "`benchmarks/ours.py` and `benchmarks/peers.py` describe the workloads. *Matched* workloads have the physics of",
+    "the other library. [Results](results.md#what-falls-short) gives the reasons where a bar is not met.",
 )
 
 Round = dict[str, dict[str, Any]]  # workload name -> the JSON object it printed, or {"error": ...}
