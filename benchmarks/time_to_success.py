@@ -4,8 +4,8 @@
     python -m benchmarks.time_to_success --seeds 0 scenario=2
 
 Runs `python train.py` with the given overrides, one seed after the other, and prints a table: when the first evaluation
-of at least 0.90, 0.95 and 0.97 was printed, how long the whole command took, its final evaluation, and how busy the
-cores were. All seconds are those of a clock on the wall, from the start of the process; imports, worlds, evaluations
+of at least 0.90, 0.95 and 0.97 was printed, how long the whole command took, how busy the machine was, and the final
+evaluation. All seconds are those of a clock on the wall, from the start of the process; imports, worlds, evaluations
 and the report are in them.
 
 `--peer ppo` or `--peer sac` trains stable-baselines3's algorithm with its default hyperparameters on the Gymnasium
@@ -17,8 +17,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -40,7 +38,7 @@ class Run:
     seed: int
     evaluations: Sequence[tuple[float, int, float]]
     seconds: float
-    busy: float  # CPU seconds / (seconds x cores)
+    busy: float  # share of the machine's CPU time that anything used meanwhile
     final: tuple[float, float, float]
 
     def reached(self, rate: float) -> str:
@@ -54,40 +52,42 @@ def train(seed: int, overrides: Sequence[str]) -> Run:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "run"
         command = [sys.executable, "train.py", f"seed={seed}", f"hydra.run.dir={folder}", *overrides]
-        lines, seconds, cpu = watched(command)
+        lines, seconds, busy = watched(command)
         seconds_at = {int(line.split()[0]): at for at, line in lines if " frames, " in line}
         rows = [row for row in read_metrics(folder / "metrics.csv") if row["eval/success_at_end"] >= 0]
         evaluations = [(seconds_at[int(r["frames"])], int(r["frames"]), r["eval/success_at_end"]) for r in rows]
         result = json.loads((folder / "eval.json").read_text())
     final = (result["success_at_end"], *result["ci95"])
-    return Run(seed, evaluations, seconds, cpu / seconds / len(os.sched_getaffinity(0)), final)
+    return Run(seed, evaluations, seconds, busy, final)
 
 
 def train_peer(name: str, seed: int, frames: int, interval: int, env_id: str) -> Run:
     """Run stable-baselines3's PPO or SAC, in a process of its own."""
     program = [sys.executable, "-m", "benchmarks.sb3_training", name, env_id]
-    lines, seconds, cpu = watched([*program, str(seed), str(frames), str(interval)])
+    lines, seconds, busy = watched([*program, str(seed), str(frames), str(interval)])
     results = [(at, json.loads(line)) for at, line in lines if line.startswith("{")]
     *rows, (_, last) = [(at, result) for at, result in results]
     evaluations = [(at, int(row["frames"]), float(row["success"])) for at, row in rows]
-    return Run(seed, evaluations, seconds, cpu / seconds / len(os.sched_getaffinity(0)), tuple(last["final"]))
+    return Run(seed, evaluations, seconds, busy, tuple(last["final"]))
 
 
 def watched(command: Sequence[str]) -> tuple[list[tuple[float, str]], float, float]:
-    """Lines that a command prints, each with the seconds since its start; its seconds, and CPU seconds."""
-    before, start = _cpu_of_children(), time.monotonic()
+    """Lines that a command prints, each with the seconds since its start; its seconds, and how busy the machine was."""
+    before, start = _cpu_ticks(), time.monotonic()
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL) as process:
         assert process.stdout is not None
         lines = [(time.monotonic() - start, line) for line in process.stdout]
     seconds = time.monotonic() - start
     if process.returncode:
         raise subprocess.CalledProcessError(process.returncode, command)
-    return lines, seconds, _cpu_of_children() - before
+    used, total = (after - earlier for after, earlier in zip(_cpu_ticks(), before, strict=True))
+    return lines, seconds, used / total
 
 
-def _cpu_of_children() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def _cpu_ticks() -> tuple[int, int]:
+    """The machine's CPU time since its start, used and in total. Workers have a parent of their own to account to."""
+    ticks = [int(each) for each in Path("/proc/stat").read_text().splitlines()[0].split()[1:9]]
+    return sum(ticks) - ticks[3] - ticks[4], sum(ticks)  # without idle and iowait
 
 
 def table(runs: Sequence[Run]) -> Iterator[str]:
