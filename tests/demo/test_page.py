@@ -148,6 +148,8 @@ def test_two_tabs_show_the_same_scene_and_one_can_be_closed(server, browser, pag
 
 
 def test_a_reload_keeps_the_state(page):
+    page.say(f"reach {page.object_names()[0]}")
+    page.wait_for_text("Done in")
     page.tab.reload()
     page.field("Say").wait_for()
     page.wait_for_text("Done in")
