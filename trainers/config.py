@@ -15,17 +15,18 @@ from trainers.algorithms.base_config import AlgorithmConfig
 from trainers.algorithms.registry import read_algorithm
 from trainers.collector_config import CollectorConfig, read_collector
 
-NEW_KEYS = (
-    "schedule_frames",
-    "collector.name",
-    "collector.timeout",
-    "collector.restarts",
-    "collector.overlap",
-    "algo.grounding_gain",
-    "algo.grounding_lr",
-    "algo.loss",
-    "checkpoint",
-)  # lacking before they existed
+# Keys that the configs of earlier versions lack, and the only option of their group that has them; None: each has.
+NEW_KEYS = {
+    "schedule_frames": None,
+    "collector.name": None,
+    "collector.timeout": None,
+    "collector.restarts": None,
+    "collector.overlap": "local",
+    "algo.grounding_gain": None,
+    "algo.grounding_lr": None,
+    "algo.loss": "ppo",
+    "checkpoint": None,
+}
 MISSING = object()
 
 
@@ -138,16 +139,13 @@ def _with_new_keys(config: Any) -> Any:
     from omegaconf import OmegaConf
 
     config = OmegaConf.create(config)
-
-    def has(node: Any, key: str) -> bool:
-        return OmegaConf.select(node, key, default=MISSING) is not MISSING
-
-    missing = [key for key in NEW_KEYS if not has(config, key)]
+    options = {"algo": OmegaConf.select(config, "algo.name"), "collector": OmegaConf.select(config, "collector.name")}
+    options["collector"] = options["collector"] or "local"  # the only one before it had a name
+    had = [key for key, option in NEW_KEYS.items() if option in (None, options.get(key.partition(".")[0]))]
+    missing = [key for key in had if OmegaConf.select(config, key, default=MISSING) is MISSING]
     if missing:
-        # The defaults of its own algorithm and collector: not every one has all of these keys.
-        groups = {key: OmegaConf.select(config, f"{key}.name") for key in ("algo", "collector")}
-        defaults = compose([f"{key}={name}" for key, name in groups.items() if name])
-        for key in [key for key in missing if has(defaults, key)]:
+        defaults = compose([f"{group}={option}" for group, option in options.items()])
+        for key in missing:
             OmegaConf.update(config, key, OmegaConf.select(defaults, key), force_add=True)
     return config
 
