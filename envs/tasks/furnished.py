@@ -19,7 +19,6 @@ from language import COLORS, FITTINGS, NOUNS, Placed, Scene
 
 OPEN, SHUT = 0.85, 0.05  # shares of its range from which, and up to which, a fitting is open or shut
 AJAR = (0.0, 0.04)  # shares by which a fitting is open that is drawn as shut
-WIDE = (0.88, 1.0)  # ... as open
 NUMBERS = np.array([list(NOUNS).index(noun) for noun in FITTINGS])
 
 
@@ -33,6 +32,8 @@ class Furnished(Manipulation):
     grips = True
     columns = (*(Column(f"is a {noun}", 0.0, 1.0) for noun in FITTINGS), Column("share by which it is open", 0.0, 1.0))
     potentials: tuple[str, ...] = ()
+    shut = 0.5  # the share of fittings that are shut as an episode begins
+    wide = (0.88, 1.0)  # shares by which the others are open
 
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
@@ -90,7 +91,7 @@ class Furnished(Manipulation):
 
     def _draw_shares(self, rng: Generator) -> Array:
         """(F,) by which share each fitting is open as an episode begins: each is shut or open."""
-        low, high = np.where(rng.random((len(FITTINGS), 1)) < 0.5, AJAR, WIDE).T
+        low, high = np.where(rng.random((len(FITTINGS), 1)) < self.shut, AJAR, self.wide).T
         return rng.uniform(low, high)
 
     def _scene(self, rng: Generator) -> Scene:

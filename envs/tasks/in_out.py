@@ -17,8 +17,6 @@ from envs.tasks.registry import register_task
 from envs.tasks.types import Array, EpisodeSpec, State
 from language import FITTINGS, Placed, Scene
 
-WIDE = (0.94, 1.0)  # shares by which a fitting is open that objects go into or come out of
-AJAR = (0.0, 0.04)  # ... that is shut
 PUSHED = 0.25  # share by which the fitting that is meant may be opened or closed on the way
 LEVEL = 0.01  # metres above the table up to which an object stands on it
 BESIDE = 1.3  # widths between two objects that stand apart
@@ -37,6 +35,7 @@ class InOut(Furnished, PickAndPlace):
     potentials = PickAndPlace.potentials
     real_goals = True
     fails = True
+    wide = (0.94, 1.0)  # objects go into and come out of them
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
@@ -93,12 +92,6 @@ class InOut(Furnished, PickAndPlace):
 
     def _is_feasible(self, placed: Placed) -> bool:
         return bool(self._possible_goals(placed).any() and self._movable(placed).any())
-
-    def _draw_shares(self, rng: Generator) -> Array:
-        low, high = np.where(rng.random((len(FITTINGS), 1)) < self.shut, AJAR, WIDE).T
-        return rng.uniform(low, high)
-
-    shut: float  # the share of fittings that are shut
 
 
 @register_task("nl_put_in", verb="put_in")
