@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import signal
 import time
+from contextlib import closing
 
 import pytest
 import torch
@@ -143,35 +144,26 @@ def lagged(policy, batches):
 def test_batches_collected_during_updates_have_the_weights_of_one_iteration_before_and_survive_a_lost_worker():
     policy = policy_of(make_env(4, 0))
     wanted = lagged(policy, 6)
-    rollouts = two_workers(make_env, policy, "collector.overlap=true")
-    try:
+    with closing(two_workers(make_env, policy, "collector.overlap=true")) as rollouts:
         for k in range(6):
             rollouts.sync(moved(policy, k))
             if k in (2, 4):
                 os.kill(rollouts.processes[k // 4].pid, signal.SIGKILL)
             assert same(wanted[k], rollouts.next()), f"batch {k}"
         assert rollouts.restarts == 2
-    finally:
-        rollouts.close()
 
 
 @pytest.mark.slow
 def test_a_batch_that_was_asked_for_before_a_resume_has_the_weights_of_then():
     policy = policy_of(make_env(4, 0))
     wanted = lagged(policy, 5)
-    rollouts = two_workers(make_env, policy, "collector.overlap=true")
-    try:
+    with closing(two_workers(make_env, policy, "collector.overlap=true")) as rollouts:
         for k in range(3):
             rollouts.sync(moved(policy, k))
             rollouts.next()
         state = copy.deepcopy(rollouts.state_dict())
-    finally:
-        rollouts.close()
     config = plan(overrides=("collector.workers=2", "collector.overlap=true")).collector
-    resumed = Rollouts(make_env, moved(policy, 3), config, HORIZON, 0, iteration=3, state=state)
-    try:
+    with closing(Rollouts(make_env, moved(policy, 3), config, HORIZON, 0, iteration=3, state=state)) as resumed:
         for k in (3, 4):
             resumed.sync(moved(policy, k))
             assert same(wanted[k], resumed.next()), f"batch {k}"
-    finally:
-        resumed.close()
