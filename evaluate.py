@@ -13,6 +13,9 @@
     in_turn=0         number of scenes in which each object is named in turn, with all else equal; replaces episodes
     by_hand=false     true: a window opens in which you move the person's finger with keys and watch the robot;
                       Escape or episodes=3 ends it; noise_deg, dropout and switch of the gesture are switched off
+    chains=0          number of chains: instructions one after another in the same world, until one is not carried out;
+                      replaces episodes, and needs task=anything
+    length=5          instructions of a chain
     video=0           number of additional episodes to record, with the sentence below each frame
     shards=null       the episodes are shared out over so many seeds; null = 1, with collector=ray one for 500 episodes
     collector=local   ray: the shards are evaluated on a Ray cluster, with the same result: docs/cluster.md
@@ -60,6 +63,8 @@ class EvaluateConfig(Checked):
     reader: str = one_of("policy", "oracle", "expert")
     robustness: bool
     in_turn: int = within(0, 100_000)
+    chains: int = within(0, 1_000_000)
+    length: int = within(1, 1000)
     by_hand: bool
     shards: int | None = within(1, 10_000)
     collector: str = one_of("local", "ray")
@@ -77,9 +82,17 @@ DEFAULTS = {
     "reader": "policy",
     "robustness": False,
     "in_turn": 0,
+    "chains": 0,
+    "length": 5,
     "by_hand": False,
     "shards": None,
     "collector": "local",
+}
+ALONE = {  # what evaluates something else than plain episodes, with the keys that it leaves as they are
+    "by_hand": ("splits", "in_turn", "video", "shards", "collector"),
+    "in_turn": ("shards", "collector"),
+    "chains": ("splits", "in_turn", "by_hand", "video", "shards", "collector"),
+    "robustness": ("splits", "in_turn", "by_hand", "chains"),
 }
 SEED_INDEX = 2**20  # of the seed of the first shard: neither training nor its evaluations use it
 SPLITS = ("train", "test_composition", "test_paraphrase", "test_length")
@@ -92,12 +105,10 @@ def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
     if "checkpoint" not in own:
         raise ConfigError("checkpoint=<run dir or file> is missing")
     config = read(EvaluateConfig, DEFAULTS | own, "")
-    if config.by_hand and (config.splits or config.in_turn or config.video):
-        raise ConfigError("by_hand=true needs splits=false, in_turn=0 and video=0: every episode is chosen by hand")
-    if config.robustness and (config.splits or config.in_turn or config.by_hand):
-        raise ConfigError("robustness=true needs splits=false, in_turn=0 and by_hand=false: it has a table of its own")
-    if (config.by_hand or config.in_turn) and (config.shards or config.collector != "local"):
-        raise ConfigError("by_hand=true and in_turn are evaluated in this process: leave shards and collector out")
+    for mode, others in ALONE.items():
+        if getattr(config, mode) and any(getattr(config, other) != DEFAULTS[other] for other in others):
+            needed = ", ".join(f"{other}={DEFAULTS[other]}".lower() for other in others)
+            raise ConfigError(f"{mode}={getattr(config, mode)}".lower() + f" needs {needed}".replace("none", "null"))
     return config, overrides
 
 
@@ -115,7 +126,6 @@ def main(arguments: list[str]) -> dict[str, Any]:
     from trainers.reports.evaluation_text import describe
     from trainers.reports.plots import pointing_plot
     from trainers.run import checkpoint
-    from trainers.utils.atomic_io import write_json
 
     path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path)
@@ -126,23 +136,23 @@ def main(arguments: list[str]) -> dict[str, Any]:
         split: _evaluate(config, saved, [*overrides, f"task.split={split}"], None) for split in SPLITS * config.splits
     }
     result = by_split["train"] if by_split else _evaluate(config, saved, overrides, out)
-    report: dict[str, Any] = {
-        "checkpoint": str(path),
-        "seed": config.seed,
-        "words": config.words,
-        "reader": config.reader,
-    }
-    report |= {"overrides": overrides, **result}
-    if by_split:
-        report["by_split"] = by_split
-    print(describe(report), flush=True)  # before anything is written: a full disk loses no result
-    out.parent.mkdir(parents=True, exist_ok=True)
-    write_json(out, report)
+    report: dict[str, Any] = {"checkpoint": str(path), "seed": config.seed, "words": config.words}
+    report |= {"reader": config.reader, "overrides": overrides, **result} | ({"by_split": by_split} if by_split else {})
+    _show_and_save(describe(report), report, out)
     if "by_pointing" in report:
         title = f"success of {report['episodes']} episodes by difficulty of the gesture"
         pointing_plot(report["by_pointing"], out.with_suffix(".png"), title)
-    print(f"saved in {out}")
     return report
+
+
+def _show_and_save(text: str, report: dict[str, Any], out: Path) -> None:
+    """Print the text, and save the report as JSON: in this order, so that a full disk loses no result."""
+    from trainers.utils.atomic_io import write_json
+
+    print(text, flush=True)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_json(out, report)
+    print(f"saved in {out}")
 
 
 def _robustness(
@@ -152,7 +162,6 @@ def _robustness(
     from envs.tools.perturbed_conditions import Condition, each_condition
     from trainers.cluster.shards import evaluate_shards
     from trainers.reports.robustness import table, with_ratios
-    from trainers.utils.atomic_io import write_json
 
     def success(condition: Condition) -> dict[str, Any]:
         function = partial(
@@ -162,12 +171,10 @@ def _robustness(
 
     results, impossible = each_condition(apply(saved["config"], overrides), success)
     rows = with_ratios(results)
-    print("\n".join([table(rows), *(f"left out: {name}: {why}" for name, why in impossible.items())]), flush=True)
+    text = "\n".join([table(rows), *(f"left out: {name}: {why}" for name, why in impossible.items())])
     report = {"checkpoint": str(path), "seed": config.seed, "reader": config.reader, "overrides": overrides}
     report |= {"robustness": rows, "impossible": impossible}
-    out.parent.mkdir(parents=True, exist_ok=True)
-    write_json(out, report)
-    print(f"saved in {out}")
+    _show_and_save(text, report, out)
     return report
 
 
@@ -185,7 +192,7 @@ def _evaluate(
     from trainers.rollout.video import record_video
     from trainers.utils.atomic_io import atomic_path
 
-    if config.by_hand or config.in_turn:
+    if config.by_hand or config.in_turn or config.chains:
         return _in_this_process(config, saved, cfg)
     function = partial(_evaluate_shard, config, saved, overrides)
     result = evaluate_shards(function, config.episodes, config.shards, config.collector == "ray")
@@ -224,21 +231,26 @@ def _evaluate_shard(
 
 
 def _in_this_process(config: EvaluateConfig, saved: dict[str, Any], cfg: Any) -> dict[str, Any]:
-    """The evaluations with by_hand and in_turn."""
+    """The evaluations with by_hand, in_turn and chains."""
     from envs.config import read_env
     from envs.interactive.by_hand import ByHandEnv
     from train import build_env
     from trainers.algorithms.build import fitted_policy
+    from trainers.rollout.chains import run_chains, summarize_chains
     from trainers.rollout.instruction_ablations import success_in_turn
     from trainers.rollout.seeds import derive_seed
 
     env_config, seed = read_env(cfg).without_curriculum(), derive_seed(config.seed, SEED_INDEX, evaluation=True)
     worlds = cfg["task"]["num_objects"] * max(1, cfg["task"].get("num_targets", 0))
+    if config.chains:
+        env_config, worlds = env_config.with_instructions(config.length), min(config.worlds, config.chains)
     env = ByHandEnv(env_config, seed) if config.by_hand else build_env(env_config, worlds, seed)
     with closing(env):
         actor = _actor(config, env, fitted_policy(saved, cfg, env).act)
         if config.by_hand:
             return _by_hand(env, actor, config.episodes)
+        if config.chains:
+            return summarize_chains(run_chains(env, actor, config.chains, seed), config.length, env.kind_names)
         return success_in_turn(env, actor, config.in_turn, seed)
 
 
@@ -262,19 +274,10 @@ def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
     """The result of episodes in which a person at the window chooses the referent."""
     from envs.interactive.by_hand import run_by_hand
     from human.suppress_stdout import suppress_stdout
-    from trainers.rollout.evaluation import wilson
+    from trainers.rollout.by_hand import summarize_by_hand
 
     with suppress_stdout():  # PyBullet prints when its window is closed
-        played = run_by_hand(env, actor, episodes, *env.user_interface())
-    successes = sum(each.success for each in played)
-    return {
-        "by_hand": True,
-        "episodes": len(played),
-        "success_at_end": successes / max(len(played), 1),
-        "wrong_object": sum(each.wrong_object for each in played) / max(len(played), 1),
-        "ci95": list(wilson(successes, len(played))),
-        "played": [vars(each) for each in played],
-    }
+        return summarize_by_hand(run_by_hand(env, actor, episodes, *env.user_interface()))
 
 
 def _numbered(path: Path) -> Path:

@@ -1,6 +1,6 @@
 """Talk to a robot and point at things: a page in the browser shows the robot, which does what you say.
 
-    python play.py                                      # http://127.0.0.1:8080, nl_reach with a pretrained policy
+    python play.py                                      # http://127.0.0.1:8080, with a pretrained policy
     python play.py robot=panda task=nl_pick_and_place   # another robot, another task
     python play.py checkpoint=outputs/<run>             # a policy of your own
     python play.py --gui                                # PyBullet's own window and the keyboard, no page
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from demo.session import Session
 
 SESSION_KEYS = ("task", "robot", "control", "workspace", "objects", "driver", "checkpoint")
+TASK_KEYS = {"task", "control", "workspace", "objects", "checkpoint"}  # who gives one does not want just any task
 VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi")
 MAX_VIDEO_STEPS = 2400  # control steps: two minutes
 FINAL_VIDEO_STEPS = 20  # control steps shown after the end: one second
@@ -80,10 +81,12 @@ def make_session(args: argparse.Namespace) -> Session:
     """The session that the arguments choose. Raises ConfigError."""
     from conf.arguments import split
     from demo.session import Session
-    from demo.session_config import check_choices, make_config
+    from demo.session_config import DEFAULTS, check_choices, default_task, make_config
 
     values, overrides = split(args.overrides, SESSION_KEYS, "robot=panda")
     check_choices(values)
+    if not values.keys() & TASK_KEYS:
+        values["task"] = default_task(values.get("robot", DEFAULTS["robot"]))
     return Session(make_config(**values, overrides=overrides), args.seed, args.gui)
 
 

@@ -59,33 +59,35 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     from trainers.collector_config import uses_processes
     from trainers.config import read_plan
     from trainers.rollout import fork_server
+    from trainers.run.progress import Progress
 
     env_config, plan = read_env(config), read_plan(config)
     if uses_processes(plan.collector):
         fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process does
+    with Progress(plan.run.total_frames) as progress:
+        from trainers.algorithms.build import find_device
+        from trainers.run.checkpoint import find
+        from trainers.run.run_folder import FolderLock, name_semaphores
+        from trainers.run.train_loop import fit
+        from trainers.utils.checked_files import write_checked_yaml
 
-    from trainers.algorithms.build import find_device
-    from trainers.run.checkpoint import find
-    from trainers.run.run_folder import FolderLock, name_semaphores
-    from trainers.run.train_loop import fit
-    from trainers.utils.checked_files import write_checked_yaml
-
-    find_device(plan.run.device)
-    plain: Any = OmegaConf.to_container(config, resolve=True)
-    name_semaphores()
-    with FolderLock(folder):
-        write_checked_yaml(folder / "config.yaml", OmegaConf.to_yaml(config, resolve=True))
-        return fit(
-            plan,
-            make_env=partial(build_env, env_config, labelled=plan.algo.imitates),
-            make_eval_env=partial(build_env, env_config.without_curriculum()),
-            folder=folder,
-            config=plain,
-            vocabulary=list(Tokenizer.default().vocabulary),
-            resume=find(Path(config.resume)) if config.resume else None,
-            make_video_env=partial(build_env, env_config.without_curriculum(), 1, plan.run.seed, True),
-            on_result=lambda result: print(summary(result, folder), flush=True),
-        )
+        find_device(plan.run.device)
+        plain: Any = OmegaConf.to_container(config, resolve=True)
+        name_semaphores()
+        with FolderLock(folder):
+            write_checked_yaml(folder / "config.yaml", OmegaConf.to_yaml(config, resolve=True))
+            return fit(
+                plan,
+                make_env=partial(build_env, env_config, labelled=plan.algo.imitates),
+                make_eval_env=partial(build_env, env_config.without_curriculum()),
+                folder=folder,
+                config=plain,
+                vocabulary=list(Tokenizer.default().vocabulary),
+                resume=find(Path(config.resume)) if config.resume else None,
+                make_video_env=partial(build_env, env_config.without_curriculum(), 1, plan.run.seed, True),
+                progress=progress,
+                on_result=lambda result: print(summary(result, folder), flush=True),
+            )
 
 
 def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:

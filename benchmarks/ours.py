@@ -137,7 +137,7 @@ def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
     config = compose([*overrides, *FEW, f"total_frames={steps}", "eval.interval=100_000_000"])
     plan = read_plan(config)
     with tempfile.TemporaryDirectory() as folder:
-        fit(plan, partial(build_env, read_env(config)), Path(folder), {}, [], progress=False)
+        fit(plan, partial(build_env, read_env(config)), Path(folder), {}, [])
         rows = [line.split(",") for line in (Path(folder) / "metrics.csv").read_text().splitlines()]
     columns = [rows[0].index(name) for name in ("time/collect", "time/update")]
     seconds = sum(float(row[column]) for row in rows[2:] for column in columns)

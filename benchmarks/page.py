@@ -226,7 +226,7 @@ def main() -> None:
     """Measures one thing and prints the result as JSON."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("what", choices=list(COMMANDS))
-    options.add_argument("words", nargs="*", help="arguments for play.py, after --")
+    options.add_argument("words", nargs="*", default=["task=nl_reach"], help="arguments for play.py, after --")
     options.add_argument("--count", type=int, default=20, help="sentences")
     options.add_argument("--minutes", type=float, default=30.0)
     options.add_argument("--seed", type=int, default=0)

@@ -86,7 +86,7 @@ def _scene(env: InteractiveEnv, job: Job, sentence: str) -> Iterator[Frame]:
 
 def _paint(env: InteractiveEnv, job: Job, order: Sequence[int]) -> None:
     """Gives the blocks the colours of the Treebank."""
-    bodies = env.bodies()
+    bodies = [body for body in env.bodies() if body is not None]
     for number, (*_, color, _shape) in zip(order, job.board.before.blocks, strict=True):
         rgb = OTHER_COLORS[color] if color in OTHER_COLORS else COLORS[color].rgb
         paint(bodies[number], (*rgb, 1.0), env.client)

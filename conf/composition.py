@@ -96,7 +96,7 @@ def _with_options(words: tuple[str, ...]) -> tuple[Any, Mapping[str, Any]] | Non
     """
     alone = dict(word.split("=") for word in words if _stands_alone(word))
     rest = tuple(word for word in words if not _stands_alone(word))
-    if len(words) < 2 or not alone or len(alone) + len(rest) < len(words):  # a group that is named twice
+    if not alone or len(alone) + len(rest) < len(words):  # a group that is named twice
         return None
     config, choices = composed(rest)
     for group, option in alone.items():

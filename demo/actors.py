@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
 from demo.planning import Subtask
@@ -43,6 +45,14 @@ def actor_of(subtask: Subtask, env: InteractiveEnv, driver: str, policy: Actor |
     if subtask.move is not None and is_move_of_expert(subtask, driver):
         return MoveActor(env, subtask.move)
     return expert(env) if driver == "expert" else policy
+
+
+def attention_of(output: TensorDictBase) -> NDArray[np.float64] | None:
+    """(K,) in [0, 1], the policy's attention over the K objects; None where it has none. output: what it returned."""
+    if "attention_logits" not in output.keys():
+        return None
+    shares = output["attention_logits"][0].softmax(-1)[output["objects_mask"][0]]
+    return shares.numpy().astype(np.float64)
 
 
 def ending_of(actor: Actor | None, after: TensorDictBase) -> str | None:

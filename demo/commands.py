@@ -11,13 +11,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from demo import board
+from demo import board, room
 from demo.dialogue import Dialogue
 from demo.planning import Planner, Subtask, verb_words
 from envs.experts.moves import CARRIED, Move, moves_of, without_takes
 from envs.interactive.interactive_env import InteractiveEnv
-from envs.interactive.object_names import object_name
-from language import LanguageError
+from envs.interactive.object_names import object_name, object_names
+from language import NOUNS, LanguageError
 from language.commands import Action
 
 BIT = 1.5  # "a bit", in radii within which an object counts as being at its place
@@ -37,6 +37,7 @@ DOES = {
     "switch": ("switch",),
     "turn": ("turn",),
 }
+FIXTURES = {"drawer": "drawer", "door": "fridge"}  # what commands call a fitting -> its noun
 STOPS = ("stop", "wait", "home")
 
 
@@ -52,13 +53,26 @@ def dialogue(env: InteractiveEnv) -> Dialogue:
     default = None if task.places else DOES.get(task.verb, (None,))[0]
     little = BIT * env.config.task.radius
     surroundings = {"bounds": tuple(env.config.workspace.object_area), "little": little}
-    return Dialogue(default, surroundings, lambda: _held(env))
+    if task.verbs:
+        default, surroundings["fixtures"] = None, tuple(FIXTURES)
+    return Dialogue(default, surroundings, lambda: env.held)
 
 
-def _held(env: InteractiveEnv) -> int | None:
-    """The number of the object that the gripper holds, or None."""
-    slots = np.flatnonzero(env.state.shown[0])
-    return next(iter(np.flatnonzero(slots == env.state.held[0]).tolist()), None)
+def names_of(env: InteractiveEnv) -> list[str]:
+    """The name of each object."""
+    if env.task.verbs:
+        return room.names_of(env.scene())
+    return board.object_names(env) if env.task.stacks else object_names(env.scene())
+
+
+def sayable(env: InteractiveEnv) -> list[str]:
+    """What can be said now, in sentences; [] where the task has one verb."""
+    return room.sayable(env) if env.task.verbs else []
+
+
+def example(env: InteractiveEnv, planner: Planner) -> str:
+    """A sentence that is possible in this scene."""
+    return board.example(env) if env.task.stacks else planner.example()
 
 
 def stops(actions: Sequence[Action]) -> bool:
@@ -68,7 +82,7 @@ def stops(actions: Sequence[Action]) -> bool:
 
 def moves(actions: Sequence[Action]) -> bool:
     """Whether a sentence has steps that move the arm to an object."""
-    return any(action.object is not None for action in actions)
+    return any(action.object is not None or action.fixture is not None for action in actions)
 
 
 def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_policy: bool) -> list[Subtask]:
@@ -81,6 +95,8 @@ def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_p
     if env.task.stacks:
         return board.plan(actions, env, planner if for_policy else None)
     steps = without_takes(actions)
+    if env.task.verbs:
+        return [_of_room(action, env) for action in steps]
     moves = _moves(steps, planner, env)
     for action, move in zip(steps, moves, strict=True):
         if move is None and (action.kind not in DOES.get(planner.verb, ()) or action.object is None):
@@ -93,6 +109,31 @@ def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_p
             env.put_object(target, (*_within_reach(action.position, env), env.config.task.object_size / 2))
     left = iter(targets)
     return [_subtask(action, move, left, planner) for action, move in zip(steps, moves, strict=True)]
+
+
+def _of_room(action: Action, env: InteractiveEnv) -> Subtask:
+    """The subtask of a step where the task has several verbs. A see-through object marks a place on the table."""
+    scene, thing = env.scene(), action.object
+    if action.fixture is not None:
+        noun = list(NOUNS).index(FIXTURES[action.fixture])
+        return Subtask("", int(np.flatnonzero(scene.nouns == noun)[0]), verb=action.kind)
+    if thing is not None and action.kind == "reach":
+        return Subtask("", thing, verb="reach")
+    if thing is not None and action.kind == "take":
+        boxes = np.flatnonzero(room.room_of(env).inside[thing]).tolist()
+        return Subtask("", thing, boxes[0], verb="take_out") if boxes else Subtask("", thing, verb="lift")
+    if thing is None or action.kind not in CARRIED or action.position is None:
+        raise LanguageError(f"'{action.kind}' is not what this robot does here: try '{room.sayable(env)[0]}'")
+    on = action.on
+    if on is not None and scene.targets[on]:
+        on = None
+    if on is not None:
+        return Subtask("", thing, on, verb="put_in" if room.room_of(env).fits[on] else "stack")
+    target, place = _targets([action], env)[0], _within_reach(action.position, env)
+    assert target is not None
+    marked = np.linalg.norm(scene.positions[target, :2] - place) < SAME_PLACE
+    height = env.config.task.object_size / 2
+    return Subtask("", thing, target, verb="pick_and_place", place=None if marked else (*place, height))
 
 
 def _subtask(action: Action, move: Move | None, targets: Iterator[int | None], planner: Planner) -> Subtask:
@@ -144,6 +185,15 @@ def _within_reach(position: tuple[float, float], env: InteractiveEnv) -> tuple[f
     """The nearest place where objects may be, metres: "the corner" is the corner of the area that the arm serves."""
     x0, x1, y0, y1 = env.config.workspace.object_area
     return float(np.clip(position[0], x0, x1)), float(np.clip(position[1], y0, y1))
+
+
+def put_object(env: InteractiveEnv, index: int, place: NDArray[np.float64]) -> None:
+    """Puts an object at (2,) metres on the table, or at the nearest place where objects may stand."""
+    if env.bodies()[index] is None:
+        raise LanguageError(f"{object_name(index, env.scene())} stays where it is; press Shuffle for another scene")
+    x, y = _within_reach((float(place[0]), float(place[1])), env)
+    on_table = x, y, env.config.task.object_size / 2
+    env.put_object(index, board.free_place(env, index, x, y) if env.task.stacks else on_table)
 
 
 def _targets(steps: Sequence[Action], env: InteractiveEnv) -> list[int | None]:

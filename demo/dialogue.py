@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from demo.spelling import tidied
 from language import (
     Command,
     Correction,
@@ -53,7 +54,10 @@ class Interpretation:
 
 
 class Dialogue:
-    """A dialogue about one scene. previous: the last understood command, which a correction changes."""
+    """A dialogue about one scene. previous: the last understood command, which a correction changes.
+
+    spoken: the objects of the last sentence that was understood, the likeliest of "it" first.
+    """
 
     def __init__(
         self,
@@ -69,6 +73,7 @@ class Dialogue:
         self._held = held
         self._default = default
         self.previous: Understood | None = None
+        self.spoken: tuple[int, ...] = ()
         self._question: OpenQuestion | None = None
         self._commands = commands.Dialogue(surroundings=surroundings or {})
 
@@ -80,7 +85,8 @@ class Dialogue:
             return found
         wide = replace(self._commands, history=[*self._commands.history])
         wide.surroundings["held"] = self._held()
-        return self._beyond(found, wide.answer(sentence, scene, _gestures(sentence, pointed)))
+        outcome = wide.answer(sentence, scene, _gestures(sentence, pointed))
+        return self._tidied(outcome, scene, pointed) or self._beyond(found, outcome)
 
     def hear(self, sentence: str, scene: Scene, pointed: PointedObjects) -> Interpretation:
         """Interprets a sentence. Later sentences can correct it, or answer the question that it raises."""
@@ -88,8 +94,18 @@ class Dialogue:
         found, self._question = self._interpret_instruction(sentence, scene, pointed)
         self._commands.surroundings["held"] = self._held()
         outcome = self._commands.answer(sentence, scene, _gestures(sentence, pointed))  # it remembers every sentence
+        if not _is_settled(found):
+            found = self._tidied(outcome, scene, pointed) or self._beyond(found, outcome)
         self.previous = found.understood or self.previous
-        return found if _is_settled(found) else self._beyond(found, outcome)
+        self.spoken = _objects(found) or self.spoken
+        return found
+
+    def _tidied(self, outcome: commands.Outcome, scene: Scene, pointed: PointedObjects) -> Interpretation | None:
+        """The interpretation of a refused sentence by the instruction grammar, without typing errors; None: none."""
+        if not isinstance(outcome, commands.Refusal):
+            return None
+        found, _ = self._interpret_instruction(tidied(outcome.sentence), scene, pointed)
+        return replace(found, sentence=outcome.sentence) if found.understood is not None else None
 
     def _beyond(self, found: Interpretation, outcome: commands.Outcome) -> Interpretation:
         """The interpretation of a sentence that the instruction grammar does not settle."""
@@ -111,7 +127,10 @@ class Dialogue:
             return answer or (Interpretation(sentence, None, str(error), error.position), self._question)
         try:
             previous = self._question.command if self._question else self.previous
-            return Interpretation(sentence, parse(sentence, scene, pointed(count_gestures(meaning)), previous)), None
+            held = self._held()
+            spoken = self.spoken if held is None else (held, *self.spoken)
+            gestures = pointed(count_gestures(meaning))
+            return Interpretation(sentence, parse(sentence, scene, gestures, previous, spoken)), None
         except LanguageError as error:
             failure = _failure(sentence, error)
             if isinstance(error, SeveralFit) and not isinstance(meaning, Correction):
@@ -131,6 +150,14 @@ class Dialogue:
                 failure = _failure(answer, error)
                 return Interpretation(answer, None, failure.message, 0, failure.candidates), self._question
         return None
+
+
+def _objects(found: Interpretation) -> tuple[int, ...]:
+    """The objects of the last step of what was understood, the one that is moved or acted on first."""
+    if found.understood is not None:
+        return found.understood.steps[-1].objects
+    named = [(action.object, action.on) for action in found.actions[-1:]]
+    return tuple(each for pair in named for each in pair if each is not None)
 
 
 def count_gestures(meaning: Command | Correction) -> int:

@@ -7,7 +7,9 @@ from html import escape
 
 from demo.dialogue import Interpretation
 from demo.planning import verb_words
+from demo.room import in_words
 from demo.view_state import OUTCOMES, ViewState
+from language import VERBS
 from language.commands import Action
 
 GREEN, RED, ORANGE = "#2b8a3e", "#c92a2a", "#e67700"
@@ -32,12 +34,16 @@ def interpretation(result: Interpretation, names: Sequence[str]) -> str:
 
 def _step(verb: str, init: int | None, goal: int | None, names: Sequence[str]) -> str:
     objects = [names[index] for index in (init, goal) if index is not None]
+    if VERBS[verb].goal_is_real:
+        return in_words(verb, *objects)
     return f"{verb_words(verb)} {' to '.join(objects)}"
 
 
 def _action(action: Action, names: Sequence[str]) -> str:
     """A step in words: "place the red cube at x 0.45, y -0.10"."""
     words = [action.kind]
+    if action.fixture is not None:
+        words.append(f"the {action.fixture}")
     if action.object is not None:
         words.append(names[action.object])
     if action.on is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from demo import html
 from demo.dialogue import Interpretation
 from demo.real_time_loop import RealTimeLoop
 from demo.recording_panel import RecordingPanel
+from demo.room import MOST_SAID
 from demo.scene_view import SceneView
 from demo.session import Session
 from demo.session_config import DRIVERS, MOST_OBJECTS, SessionConfig, default_workspace, pretrained_policies
@@ -31,6 +33,7 @@ DIRECTIONS = {  # of keys, as the person sees them, who stands opposite the robo
     "pageup": (0, 0, 1),
     "pagedown": (0, 0, -1),
 }
+LISTED = (222, 235, 250)  # RGB of the buttons that list what can be said
 SPEEDS = (0.1, 1.0)  # range of the clock's speed; 1 is real time
 HELP_BY_HAND = "Choose 'Driven by: hand'. Arrow and page keys move the gripper too."
 
@@ -46,8 +49,9 @@ class Page:
         self._server = server
         self._gui: Any = server.gui
         self._shown_html: dict[str, str] = {}
+        self._listed_for: Array = np.zeros(0)  # positions of the objects, and what is held
         self._finger: Any = None
-        self._shows_board = False  # from near by
+        self._shown_workspace = ""  # by the camera
         self._scene_view = SceneView(server, self._on_click, self._on_drag)
         self._gui.reset()
         self._build(session)
@@ -68,6 +72,10 @@ class Page:
         self._whose_left = gui.add_html("")
         buttons = gui.add_button_group("", ("Stop", "Shuffle", "Go where I point"))
         buttons.on_click(lambda event: self._press(event.target.value))
+        with gui.add_folder("You can say now") as self._list:
+            self._sayable = [gui.add_button("", visible=False, color=LISTED) for _ in range(MOST_SAID)]
+        for each in self._sayable:
+            each.on_click(lambda event: self._say_listed(event.target.label))
         with gui.add_folder("Attention and rewards"):
             self._shares, self._rewards = gui.add_html(""), gui.add_html("")
         self._build_clock()
@@ -127,6 +135,9 @@ class Page:
         if sentence:
             self.loop.ask(lambda session: self._show_interpretation(session, sentence, session.say))
             self._typed.value = ""
+
+    def _say_listed(self, sentence: str) -> None:
+        self.loop.ask(lambda session: self._show_interpretation(session, sentence, session.say))
 
     def _show_interpretation(self, session: Session, sentence: str, interpret: Callable[[str], Interpretation]) -> None:
         self._show_message("")
@@ -231,9 +242,9 @@ class Page:
         """Shows a new environment and its config."""
         config = session.config
         self._scene_view.show_env(session.env)
-        if session.env.task.stacks != self._shows_board:
-            self._shows_board = session.env.task.stacks
-            set_camera(self._server, self._shows_board)
+        if config.workspace != self._shown_workspace:
+            self._shown_workspace = str(config.workspace)
+            set_camera(self._server, self._shown_workspace)
         self._finger = None
         if session.env.has_person:
             self._finger = self._server.scene.add_transform_controls(
@@ -256,10 +267,24 @@ class Page:
             self._scene_view.highlight(view.highlighted, positions)
             self._scene_view.show_pointing(view.ray, view.pointing, positions)
         names = session.object_names()
+        self._list_sayable(session)
         self._put("status", self._status, html.status(view, session.note, self.loop.rate))
         self._put("shares", self._shares, html.object_shares(view, names))
         self._put("rewards", self._rewards, html.rewards_and_outcomes(view))
         self._recording.add(session)
+
+    def _list_sayable(self, session: Session) -> None:
+        """Lists what can be said, while nothing is being done. The list is made anew where something has moved."""
+        held = session.env.held
+        state = np.append(session.scene().positions.round(2), -1 if held is None else held)
+        if session.busy or np.array_equal(state, self._listed_for):
+            return
+        self._listed_for = state
+        sentences = session.sayable()
+        self._list.visible = bool(sentences)
+        for button, sentence in zip_longest(self._sayable, sentences):
+            button.visible = sentence is not None
+            button.label = button.hint = sentence or ""  # the hint is not cut off
 
     def _show_message(self, text: str) -> None:
         self._put("message", self._message, html.message(text))

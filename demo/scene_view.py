@@ -60,13 +60,14 @@ class SceneView:
         self.update_colors()
 
     def update_colors(self) -> None:
-        """Takes over the colours of the objects, which differ from scene to scene."""
+        """Takes over the colours of objects and fittings, which differ from scene to scene."""
         assert self._env is not None
-        bodies = set(self._env.bodies())
-        for mesh, shape in zip(self._meshes, self._env.visual_shapes.shapes(), strict=True):
-            if mesh is not None and shape.body in bodies:
+        shapes = self._env.visual_shapes.shapes()
+        for mesh, before, shape in zip(self._meshes, self._shapes, shapes, strict=True):
+            if mesh is not None and shape.rgba != before.rgba:
                 mesh.color = _rgb(shape)
                 mesh.opacity = _opacity(shape)
+        self._shapes = shapes
 
     def update_poses(self) -> None:
         """Moves the meshes of all links that have moved."""

@@ -14,14 +14,13 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from conf.schema import ConfigError
 from demo import board, commands
-from demo.actors import Actor, actor_of, ending_of, is_move_of_expert
+from demo.actors import Actor, actor_of, attention_of, ending_of, is_move_of_expert
 from demo.dialogue import Interpretation
 from demo.finger import Finger
-from demo.planning import Planner, Subtask, verb_words
+from demo.planning import Planner, Subtask
 from demo.returning import Return
 from demo.session_config import SessionConfig, Setup, build
 from demo.view_state import ViewState
-from envs.interactive.object_names import object_names
 from human import Unreachable
 from language import Instruction, LanguageError, ObjectPhrase, Scene, whose_left
 
@@ -86,11 +85,15 @@ class Session:
 
     def object_names(self) -> list[str]:
         """The name of each object."""
-        return board.object_names(self.env) if self.env.task.stacks else object_names(self.scene())
+        return commands.names_of(self.env)
 
     def example(self) -> str:
         """A sentence that is possible in this scene."""
-        return board.example(self.env) if self.env.task.stacks else self._planner.example()
+        return commands.example(self.env, self._planner)
+
+    def sayable(self) -> list[str]:
+        """What can be said now, in sentences; [] where the task has one verb."""
+        return commands.sayable(self.env)
 
     @property
     def whose_left(self) -> str:
@@ -109,11 +112,12 @@ class Session:
         if interpretation.understood is None and not commands.moves(interpretation.actions):
             return interpretation
         try:
-            self._subtasks = deque(self._plan(interpretation))
+            first, *others = self._plan(interpretation)
+            first = self._planner.begin(first)
         except LanguageError as error:
             return Interpretation(sentence, None, str(error))
-        self.view.sentence = sentence
-        self._start_next_subtask()
+        self.view.sentence, self._subtasks = sentence, deque(others)
+        self._start_subtask(first)
         return interpretation
 
     def _plan(self, interpretation: Interpretation) -> list[Subtask]:
@@ -154,17 +158,12 @@ class Session:
             raise LanguageError("this task needs a target too: click an object, then a target, and say what to do")
         instruction = Instruction(self._planner.verb, ObjectPhrase(determiner="this"))
         sentence = self._planner.policy_sentence(instruction, referent, None)
-        self._subtasks = deque([Subtask(sentence, referent)])
-        self._start_next_subtask()
+        self._subtasks.clear()
+        self._start_subtask(Subtask(sentence, referent))
 
     def put_object(self, index: int, place: Array) -> None:
         """Puts an object at (2,) metres on the table, or at the nearest place where objects may stand."""
-        if self.env.task.operates:
-            raise LanguageError("devices cannot be moved; press Shuffle for others")
-        x0, x1, y0, y1 = self.env.config.workspace.object_area
-        x, y = np.clip(place, (x0, y0), (x1, y1))
-        on_table = float(x), float(y), self.env.config.task.object_size / 2
-        self.env.put_object(index, board.free_place(self.env, index, x, y) if self.env.task.stacks else on_table)
+        commands.put_object(self.env, index, place)
 
     # ---- Who drives
 
@@ -179,7 +178,7 @@ class Session:
             raise ConfigError(f"there is no trained policy for task={self.config.task} with robot={self.config.robot}")
         self.config = replace(self.config, driver=driver)
         self.hand_target = self.env.gripper[0] if driver == "hand" else None
-        self._end_subtasks()
+        self._end(self.view.status)
 
     def move_hand(self, place: Array) -> None:
         """Drives the gripper by hand to (3,) metres, or to the nearest place in the gripper's box."""
@@ -195,43 +194,48 @@ class Session:
 
     def stop(self) -> None:
         """Ends the current subtask and drops the following ones."""
-        self._end_subtasks()
-        self.view.status, self.view.highlighted = "Stopped.", ()
+        self._end("Stopped.")
+        self.view.highlighted = ()
 
-    def _end_subtasks(self) -> None:
+    def _end(self, status: str) -> None:
         board.mark(self.env, None)
         self._subtasks.clear()
         self._subtask = self._actor = None
+        self.view.status = status
 
-    def _start_next_subtask(self) -> None:
+    def _start_subtask(self, subtask: Subtask) -> None:
         """Policies are trained to start at the rest position, so the gripper returns there first.
 
-        Exceptions: a correction while the gripper is high takes effect at once; the expert of moves starts anywhere.
+        Exceptions: a correction while the gripper is high takes effect at once; the expert of moves starts anywhere,
+        and so does what was trained on one instruction after another.
         """
         is_correction = self._actor is not None and self._return.is_high
-        self._subtask, self._actor = self._subtasks.popleft(), None
-        self._show_subtask(self._subtask)
+        self._subtask, self._actor = subtask, None
+        self._show_subtask(subtask)
         self._return.start()
-        if is_correction or is_move_of_expert(self._subtask, self.config.driver):
+        if is_correction or self.env.task.continues or is_move_of_expert(subtask, self.config.driver):
             self._return.skip()
         if self._return.is_over:
-            self._begin(self._subtask)
+            self._begin(subtask)
+
+    def _start_next(self) -> None:
+        """Starts the next step of a chain, or says why it cannot be done."""
+        try:
+            self._start_subtask(self._planner.begin(self._subtasks.popleft()))
+        except LanguageError as error:
+            self._end(f"Not done: {error}.")
 
     def _show_subtask(self, subtask: Subtask) -> None:
-        names = self.object_names()
-        goal = "" if subtask.target is None or subtask.move else f" to {names[subtask.target]}"
-        verb = self._planner.verb if subtask.move is None else "place" if subtask.move.release else "take"
-        self.view.status = f"Doing: {verb_words(verb)} {names[subtask.referent]}{goal}"
+        self.view.status = f"Doing: {self._planner.in_words(subtask, self.object_names())}"
         self.view.policy_sentence = subtask.sentence
-        objects = (subtask.referent, subtask.target)
-        self.view.highlighted = tuple(index for index in objects if index is not None)
+        self.view.highlighted = subtask.objects
 
     def _begin(self, subtask: Subtask) -> None:
         if self.env.task.points and not (self.finger.is_new and subtask.referent == self.finger.last_referent):
             self._show_referent(subtask.referent)
         self.finger.is_new = False
         board.mark(self.env, subtask.move.place if subtask.move and subtask.move.release else None)
-        self._state = self.env.give_instruction(subtask.sentence, subtask.referent, subtask.target)
+        self._state = self.env.give_instruction(subtask.sentence, subtask.referent, subtask.target, subtask.verb)
         self._actor = actor_of(subtask, self.env, self.config.driver, self._policy)
         self.view.rewards = dict.fromkeys(self.env.reward_names, 0.0)
 
@@ -272,9 +276,7 @@ class Session:
         if self._actor is None:
             return self.env.towards(self._return.next_position()[None])
         output = self._actor(self._state.exclude("privileged"))
-        if "attention_logits" in output.keys():
-            shown = self._state["objects_mask"][0]
-            self.view.attention = output["attention_logits"][0].softmax(-1)[shown].numpy().astype(np.float64)
+        self.view.attention = attention_of(output)
         return output["action"]
 
     def _update_subtask(self, after: TensorDictBase) -> None:
@@ -287,10 +289,9 @@ class Session:
         self.view.outcome_counts[ending] += 1
         seconds = self.env.elapsed[0] * self.period
         if ending == "success" and self._subtasks:
-            self._start_next_subtask()
+            self._start_next()
             return
-        self._end_subtasks()
-        self.view.status = f"Done in {seconds:.1f} s." if ending == "success" else f"Not done: {ending}."
+        self._end(f"Done in {seconds:.1f} s." if ending == "success" else f"Not done: {ending}.")
 
     def close(self) -> None:
         """Closes the environment."""

@@ -14,6 +14,7 @@ from envs.config import read_env
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.window import Window
 from envs.tasks import TASKS
+from language import FITTINGS
 from trainers.algorithms.build import fitted_policy
 from trainers.export import pretrained
 from trainers.run import checkpoint
@@ -38,7 +39,7 @@ class SessionConfig(Checked):
     """What a person chooses.
 
     task, robot, control, workspace: options of the config groups. Without a workspace: a board for tasks with stacks,
-        else a table with a person.
+        a room for tasks with fittings, else a table with a person.
     objects: number of objects that can be the referent; None: as many as the task has.
     driver: who drives the robot, one of DRIVERS.
     checkpoint: run directory, checkpoint file or pretrained policy; None: the pretrained policy that fits, if any.
@@ -64,7 +65,14 @@ class SessionConfig(Checked):
 
 def default_workspace(task: str) -> str:
     """The workspace of a task, unless a person chooses another one."""
+    if set(FITTINGS) <= set(TASKS[task].fixtures):
+        return "room"
     return "board" if TASKS[task].stacks else "collabtable"
+
+
+def default_task(robot: str) -> str:
+    """The task of `play.py` with this robot where nothing else is chosen: everything, if there is a policy for it."""
+    return "anything" if f"anything_{robot}" in pretrained.names() else DEFAULTS["task"]
 
 
 def make_config(**values: Any) -> SessionConfig:

@@ -8,14 +8,17 @@ import numpy as np
 import viser
 
 CAMERA, LOOK_AT = (1.25, -1.9, 0.9), (1.2, 0.0, 0.3)  # metres: shows robot, table and person left of the panel
-BOARD_CAMERA, BOARD_LOOK_AT = (0.72, -0.8, 0.6), (0.68, 0.0, 0.12)  # metres: shows a board from near by
+VIEWS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {  # from near by, by workspace
+    "board": ((0.72, -0.8, 0.6), (0.68, 0.0, 0.12)),
+    "room": ((1.21, -0.56, 0.74), (0.53, 0.145, 0.05)),
+}
 FIELD_OF_VIEW = np.deg2rad(60)  # vertical
 MESSAGE = '<div style="padding:2px 12px;font-size:14px">One moment: the robot is loading.</div>'
 
 
-def set_camera(server: viser.ViserServer, on_board: bool) -> None:
-    """Shows a board, or robot, table and person, in all browsers and in those that come later."""
-    position, look_at = (BOARD_CAMERA, BOARD_LOOK_AT) if on_board else (CAMERA, LOOK_AT)
+def set_camera(server: viser.ViserServer, workspace: str) -> None:
+    """Shows the workspace, in all browsers and in those that come later."""
+    position, look_at = VIEWS.get(workspace, (CAMERA, LOOK_AT))
     cameras: list[Any] = [server.initial_camera, *(client.camera for client in server.get_clients().values())]
     for camera in cameras:
         camera.position, camera.look_at = position, look_at

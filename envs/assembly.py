@@ -11,6 +11,8 @@ from envs.config import EnvConfig
 from envs.mdp.controls import CONTROLS, Control
 from envs.mdp.grip_controller import GripController
 from envs.mdp.initial_states import InitialStates
+from envs.sim.device_bodies import DeviceSpec
+from envs.sim.devices import DEVICES
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.object_pool import PoolSpec
 from envs.sim.robot import read_chain
@@ -45,7 +47,8 @@ def make_world(config: EnvConfig, task: Task, render: bool = False, window: Wind
     objects = PoolSpec(task.shapes, task.bodies, config.task.object_size)
     gripper = config.gripper if task.moves else None
     holds = task.grips or not task.devices
-    return World(config.robot, config.workspace, config.physics, objects, render, window, gripper, task.devices, holds)
+    devices = DeviceSpec(task.devices, task.device_width)
+    return World(config.robot, config.workspace, config.physics, objects, render, window, gripper, devices, holds)
 
 
 def gripper_name(config: EnvConfig, task: Task) -> str | None:
@@ -62,8 +65,9 @@ def gripper_box(config: EnvConfig, task: Task) -> Array:
     box = np.reshape(config.workspace.gripper_box, (3, 2)).T.copy()
     if not task.moves:  # it reaches objects from above, and pushes none
         box[0, 2] = max(box[0, 2], config.task.object_size / 2 + reaching_height(config.task, config.robot.clearance))
-    elif gripper_name(config, task) == "magnet" and task.grips:  # it grips objects from above
-        box[0, 2] = max(box[0, 2], config.task.object_size - PRESS_DEPTH)
+    elif gripper_name(config, task) == "magnet" and task.grips:  # it grips objects, and presses buttons, from above
+        handles = [task.device_width * DEVICES[noun].lowest for noun in task.devices]
+        box[0, 2] = max(box[0, 2], min([config.task.object_size - PRESS_DEPTH, *handles]))
     if box[0, 2] >= box[1, 2]:
         raise ConfigError(
             f"workspace.gripper_box={list(config.workspace.gripper_box)} must end above z={box[0, 2]:g}: the gripper "

@@ -28,9 +28,13 @@ class EnvConfig:
     gripper: GripperConfig
 
     def without_curriculum(self) -> EnvConfig:
-        """The config for evaluation: every episode begins at its beginning, and nothing is randomized."""
-        task = replace(self.task, curriculum=CurriculumConfig(near=0.0, held=0.0, placed=0.0))
+        """The config for evaluation: episodes begin at their beginning, with one instruction and nothing random."""
+        task = replace(self.task, curriculum=CurriculumConfig(near=0.0, held=0.0, placed=0.0), instructions=1)
         return replace(self, task=task).randomized(RandomizeConfig())
+
+    def with_instructions(self, count: int) -> EnvConfig:
+        """The config whose episodes have so many instructions, one after another."""
+        return replace(self, task=replace(self.task, instructions=count))
 
     def randomized(self, randomize: RandomizeConfig) -> EnvConfig:
         """The config with this domain randomisation."""

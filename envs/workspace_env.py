@@ -20,6 +20,7 @@ from envs.mdp.actions import read_action
 from envs.mdp.gestures import Gestures, make_person, make_ray_reader
 from envs.mdp.goals import Goal
 from envs.mdp.grip_controller import ACTION_UNIT
+from envs.mdp.next_goals import next_goals
 from envs.mdp.observation_terms import Observer, Setup, Source
 from envs.mdp.observations import OBSERVATIONS, OUTCOMES, observation_spec
 from envs.mdp.perturbations import Perturbations
@@ -148,6 +149,10 @@ class WorkspaceEnv(EpisodeReplayEnv):
     def _outcome(self) -> dict[str, Tensor]:
         """The rewards of a control step, and the ends of episodes."""
         outcome = compute_outcome(self.task, self._state, self._weights)
+        success = outcome["success"].numpy()[:, 0]
+        for i, goal in next_goals(self._arrays, self.task, success, self._generators):
+            self._set_goal(i, goal)
+            outcome["terminated"][i] = False
         out_of_time = torch.from_numpy(self._arrays.steps[:, None] >= self.config.task.max_steps)
         truncated = out_of_time & ~outcome["terminated"]
         return outcome | {"truncated": truncated, "done": truncated | outcome["terminated"]}
@@ -189,10 +194,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         """Begin these episodes, one in each world, instead of drawn ones. Worlds beyond them repeat the last.
 
         All else, slots and joint noise, is drawn from the same seed in every world: two worlds with the same episode
-        begin with the same bits.
-
-        Raises:
-            ValueError: for no episode, or for more than there are worlds.
+        begin with the same bits. Raises ValueError for no episode, or for more than there are worlds.
         """
         if not 0 < len(episodes) <= len(self._worlds):
             raise ValueError(f"{len(episodes)} episodes for {len(self._worlds)} worlds")
@@ -203,7 +205,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return self._first_observation()
 
     def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
-        """(count,) observed scenes that are never simulated, in about a millisecond each; see `sample_scenes`."""
+        """(count,) observed scenes that are never simulated; see `sample_scenes`."""
         return sample_scenes(self._setup, self._observer, count, seed)
 
     def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:

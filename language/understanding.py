@@ -10,9 +10,9 @@ from language.errors import LanguageError, NothingFits, SeveralFit
 from language.grammar import parse_words
 from language.grounding import PhraseResolver
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase
-from language.objects import Scene
+from language.objects import FITTINGS, NOUNS, Scene
 from language.task_generation import scene_after
-from language.verbs import HERE, POINTING, VERBS
+from language.verbs import HERE, OPERATED, POINTING, VERBS
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,11 @@ class GroundedStep:
     goal: int | None
     reward: str
     networks: int
+
+    @property
+    def objects(self) -> tuple[int, ...]:
+        """The objects, the one that is moved or acted on first."""
+        return tuple(each for each in (self.init, self.goal) if each is not None)
 
 
 @dataclass(frozen=True)
@@ -49,10 +54,18 @@ class Understood:
 def parse(sentence: str) -> Meaning: ...
 @overload
 def parse(
-    sentence: str, scene: Scene, pointed: Sequence[int] = (), previous: Command | Understood | None = None
+    sentence: str,
+    scene: Scene,
+    pointed: Sequence[int] = (),
+    previous: Command | Understood | None = None,
+    spoken: Sequence[int] = (),
 ) -> Understood: ...
 def parse(
-    sentence: str, scene: Scene | None = None, pointed: Sequence[int] = (), previous: Command | Understood | None = None
+    sentence: str,
+    scene: Scene | None = None,
+    pointed: Sequence[int] = (),
+    previous: Command | Understood | None = None,
+    spoken: Sequence[int] = (),
 ) -> Meaning | Understood:
     """Parses a sentence and, if a scene is given, grounds it: which task to perform with which objects.
 
@@ -62,6 +75,7 @@ def parse(
         pointed: the object of each gesture, in the order of the words that need one ("this", "there").
         previous: the previous instruction, which a correction ("no, the blue one") revises. An `Understood` also
             carries its gestures.
+        spoken: the objects that were spoken of before, the likeliest of "it" first.
 
     Returns:
         The meaning; with a scene, the meaning with its grounded steps.
@@ -78,22 +92,34 @@ def parse(
         if previous is None:
             raise NothingFits("there is no previous instruction to correct; say what to do", sentence, 0)
         return revise(previous, meaning, scene, pointed)
-    return understand(meaning, scene, pointed)
+    return understand(meaning, scene, pointed, spoken)
 
 
-def understand(command: Command, scene: Scene, pointed: Sequence[int] = ()) -> Understood:
+def understand(command: Command, scene: Scene, pointed: Sequence[int] = (), spoken: Sequence[int] = ()) -> Understood:
     """Grounds each step of a command in the scene after the steps before it. Raises NothingFits or SeveralFit.
 
-    pointed: the object of each gesture, in the order of the words that need one.
+    "It" is the object of the step before; where something is opened or closed, the fitting that was spoken of last.
+
+    pointed: the object of each gesture, in the order of the words that need one. spoken: the objects that were spoken
+    of before, the likeliest of "it" first.
     """
     resolver = PhraseResolver(scene, pointed)
     steps: list[GroundedStep] = []
     for instruction in command.steps:
+        resolver.it = _it(instruction.task, scene, spoken)
         step = _step(instruction, resolver)
-        resolver.it = step.goal if step.init is None else step.init
+        spoken = [*step.objects, *spoken]
         resolver.scene = scene_after(step.task, step.init, step.goal, resolver.scene)
         steps.append(step)
     return Understood(command, tuple(steps), resolver.scene, tuple(pointed))
+
+
+def _it(task: str, scene: Scene, spoken: Sequence[int]) -> int | None:
+    """Returns the object that "it" refers to, of those that were spoken of, the latest first."""
+    nouns = list(NOUNS)
+    fittings = (each for each in spoken if nouns[scene.nouns[each]] in FITTINGS)
+    it = next(fittings, None) if task in OPERATED else None
+    return next(iter(spoken), None) if it is None else it
 
 
 def _step(instruction: Instruction, resolver: PhraseResolver) -> GroundedStep:

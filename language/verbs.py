@@ -70,6 +70,8 @@ def has_goal(template: str) -> bool:
     return GOAL in template or BASE in template
 
 
+OPERATED = ("open", "close")  # what is done to fittings
+
 LIFTED = 0.15  # metres by which a lifted object rises
 
 VERBS: dict[str, Verb] = {

@@ -25,7 +25,7 @@ def port():
 @pytest.mark.slow
 def test_headless_writes_a_video_of_a_pretrained_policy(tmp_path, capsys):
     video = tmp_path / "new" / "said.mp4"
-    play.main(["--headless", str(video), "--say", "reach {0} then reach {1}"])
+    play.main(["--headless", str(video), "--say", "reach {0} then reach {1}", "task=nl_reach"])
     assert "Done in" in capsys.readouterr().out
     frames = imageio.mimread(video, memtest=False)
     assert len(frames) > 15
@@ -38,7 +38,7 @@ def test_a_bad_sentence_raises_and_writes_no_video(tmp_path):
     unknown = r"--say: .* is not understood"
     for sentence, message in (("reach the elephant", unknown), ("reach {9}", "--say: 3 things fit"), ("{", unknown)):
         with pytest.raises(ConfigError, match=message):
-            play.main(["--headless", str(video), "--say", sentence])
+            play.main(["--headless", str(video), "--say", sentence, "task=nl_reach"])
     assert not video.exists()
 
 

@@ -9,25 +9,11 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
-from conf.overrides import compose
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 from trainers.algorithms.base_config import AlgorithmConfig
 from trainers.algorithms.registry import read_algorithm
 from trainers.collector_config import CollectorConfig, read_collector
-
-# Keys that the configs of earlier versions lack, and the only option of their group that has them; None: each has.
-NEW_KEYS = {
-    "schedule_frames": None,
-    "collector.name": None,
-    "collector.timeout": None,
-    "collector.restarts": None,
-    "collector.overlap": "local",
-    "algo.grounding_gain": None,
-    "algo.grounding_lr": None,
-    "algo.loss": "ppo",
-    "checkpoint": None,
-}
-MISSING = object()
+from trainers.config_versions import of_this_version
 
 
 @dataclass(frozen=True)
@@ -121,7 +107,7 @@ class Plan:
 
 def read_plan(config: Any) -> Plan:
     """The keys run, collector, eval, checkpoint, policy and algo of a composed config. Raises ConfigError."""
-    config = _with_new_keys(config)
+    config = of_this_version(config)
     plan = Plan(
         run=read(RunConfig, {name: config[name] for name in RunConfig.__dataclass_fields__}, ""),
         collector=read_collector(config["collector"]),
@@ -132,22 +118,6 @@ def read_plan(config: Any) -> Plan:
     )
     _check_together(plan)
     return plan
-
-
-def _with_new_keys(config: Any) -> Any:
-    """The config, which a checkpoint of an earlier version may lack keys of, with their default values."""
-    from omegaconf import OmegaConf
-
-    config = OmegaConf.create(config)
-    options = {"algo": OmegaConf.select(config, "algo.name"), "collector": OmegaConf.select(config, "collector.name")}
-    options["collector"] = options["collector"] or "local"  # the only one before it had a name
-    had = [key for key, option in NEW_KEYS.items() if option in (None, options.get(key.partition(".")[0]))]
-    missing = [key for key in had if OmegaConf.select(config, key, default=MISSING) is MISSING]
-    if missing:
-        defaults = compose([f"{group}={option}" for group, option in options.items()])
-        for key in missing:
-            OmegaConf.update(config, key, OmegaConf.select(defaults, key), force_add=True)
-    return config
 
 
 def frames_per_batch(plan: Plan) -> int:

@@ -109,7 +109,7 @@ def train(folder: Path, fault: Fault | None) -> None:
     for each in patches:
         each.start()
     try:
-        fit(read_plan(config), _maker(config), folder, plain, list(Tokenizer.default().vocabulary), progress=False)
+        fit(read_plan(config), _maker(config), folder, plain, list(Tokenizer.default().vocabulary))
     finally:
         for each in patches:
             each.stop()

@@ -49,5 +49,5 @@ def buffer(tries: int, random: Random, folder: Path) -> Outcome:
         if seconds > 1 or bytes_used > 1.3 * stored:
             outcome.failures.append(f"{seconds:.2f} s, {bytes_used / stored:.2f} of the buffer's bytes")
     run.rollouts.close()
-    run.eval_env.close()
+    run.close()
     return outcome

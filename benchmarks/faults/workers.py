@@ -24,6 +24,7 @@ from envs.workspace_env import WorkspaceEnv
 from language import Tokenizer
 from trainers.config import read_plan
 from trainers.rollout.worker_pool import WorkerPool
+from trainers.run.evaluator import Evaluator
 from trainers.run.train_loop import fit
 from trainers.run.training_run import TrainingRun
 
@@ -74,6 +75,7 @@ class Fault:
     def __init__(self, kind: str, phase: str, iteration: int, trigger: Path, random: Random) -> None:
         self.kind, self.phase, self.iteration, self.trigger, self.random = kind, phase, iteration, trigger, random
         self.pool: Any = None
+        self.collected = 0  # iteration of the batch that was asked for last
         self.waited_from = 0.0
         self.noticed: float | None = None
         self.done = False
@@ -94,10 +96,10 @@ class Fault:
     def patches(self) -> list[Any]:
         """What has to be patched, as arguments of `patch.object`."""
         collect, replace = WorkerPool.collect, WorkerPool._replace
-        update, evaluated = TrainingRun.add_drawn_scenes, TrainingRun.evaluate
+        update, evaluated = TrainingRun.add_drawn_scenes, Evaluator.evaluate
 
         def collecting(pool: Any, order: Any) -> Any:
-            self.pool = pool
+            self.pool, self.collected = pool, order.iteration
             if self.due("collection", order.iteration):
                 threading.Timer(self.random.uniform(0.0, 0.2), self.happen).start()
             if self.done and self.noticed is None:
@@ -112,14 +114,14 @@ class Fault:
             (WorkerPool, "collect", collecting),
             (WorkerPool, "_replace", replacing),
             (TrainingRun, "add_drawn_scenes", self._before("update", update)),
-            (TrainingRun, "evaluate", self._before("evaluation", evaluated)),
+            (Evaluator, "evaluate", self._before("evaluation", evaluated)),
         ]
 
     def _before(self, phase: str, function: Callable) -> Callable:
-        def called(run: TrainingRun, *more: Any) -> Any:
-            if self.due(phase, run.counters["iteration"]):
+        def called(*arguments: Any) -> Any:
+            if self.due(phase, self.collected):
                 self.happen()
-            return function(run, *more)
+            return function(*arguments)
 
         return called
 
@@ -134,7 +136,7 @@ def train(folder: Path, overrides: list[str], fault: Fault | None) -> None:
         each.start()
     try:
         plain: Any = OmegaConf.to_container(config, resolve=True)
-        fit(read_plan(config), make, folder, plain, list(Tokenizer.default().vocabulary), progress=False)
+        fit(read_plan(config), make, folder, plain, list(Tokenizer.default().vocabulary))
     finally:
         for each in patches:
             each.stop()

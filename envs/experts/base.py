@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from envs.tasks import Task
 from envs.workspace_env import WorkspaceEnv
 
 Array = NDArray[np.float64]
@@ -25,8 +26,10 @@ UP = np.array([0.0, 0.0, 1.0])
 class Expert(ABC):
     """A callable like a policy: it writes "action" (N, A), and reads referent and target from the environment."""
 
-    def __init__(self, env: WorkspaceEnv) -> None:
+    def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
+        """task: what it carries out; None: the environment's."""
         self._env, self._rows = env, np.arange(len(env.gripper))
+        self._task = env.task if task is None else task
 
     def __call__(self, tensordict: TensorDictBase) -> TensorDictBase:
         state = self._env.state
@@ -39,6 +42,17 @@ class Expert(ABC):
     def _place(self, slots: Slots) -> Array:
         """(N, 3) positions of the objects in these slots (N,), metres."""
         return self._env.state.objects[self._rows, slots]
+
+
+class AimingExpert(Expert):
+    """It tells where each gripper goes next, and whether it closes; the environment's control does the rest."""
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        return self._env.towards(*self.aim(referent, target))
+
+    @abstractmethod
+    def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
+        """Where the grippers go (N, 3), metres, and whether they close (N,). Arguments: of `act`."""
 
 
 def choose_rows(which: NDArray[np.bool_], these: Array, those: Array) -> Array:

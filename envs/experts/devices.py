@@ -19,6 +19,8 @@ ABOVE = 0.13  # metres above the table at which a gripper travels: over every de
 ENOUGH = 0.92  # share of its range at which the expert stops
 STEP = 0.015  # metres that a handle is pushed in a control step
 BEHIND = 0.046  # metres from the middle of a handle at which a gripper goes down beside it
+CLOSE = 0.025  # metres behind the middle of a knob from which thin fingers may touch it
+RISE = 0.02  # metres that they are led up or down with it at most: they are rough, and would hold it back
 LOW = 0.004  # metres below the middle of a handle at which it is pushed: a wide flange passes over it
 ASIDE = 0.015  # metres beside the line that it pushes along at which a gripper goes back for another try
 LEAD = 0.35  # radians that a gripper goes ahead of itself round a wheel
@@ -36,7 +38,8 @@ class DeviceExpert(Expert):
         way = task.travel(state)[self._rows, referent]
         place, turn = self._place(referent), state.quaternions[self._rows, referent]
         done = np.abs(way) >= ENOUGH
-        return self._env.towards(choose_rows(done, self._env.gripper, self._operate(place, turn, way)))
+        shut = np.full(len(self._rows), self._env.below == 0)  # fingers push while shut; a magnet holds nothing
+        return self._env.towards(choose_rows(done, self._env.gripper, self._operate(place, turn, way)), shut)
 
     @abstractmethod
     def _operate(self, place: Array, turn: Array, way: Array) -> Array:
@@ -53,7 +56,7 @@ class DeviceExpert(Expert):
         return choose_rows(over, down, choose_rows(gripper[:, 2] > ABOVE - 0.03, travel, up))
 
 
-@register_expert("press")
+@register_expert("press", "nl_press")
 class PressExpert(DeviceExpert):
     """Moves down onto the button and goes on until it is pressed."""
 
@@ -63,7 +66,7 @@ class PressExpert(DeviceExpert):
         return self._down(below)
 
 
-@register_expert("switch")
+@register_expert("switch", "nl_switch")
 class SwitchExpert(DeviceExpert):
     """Moves down behind the lever's knob, then along the knob's path."""
 
@@ -74,17 +77,23 @@ class SwitchExpert(DeviceExpert):
         aside = offset - along[:, None] * ahead
         pushing = (np.abs(along + BEHIND) < 0.035) & (length(aside[:, :2]) < ASIDE) & (offset[:, 2] < REACHED)
         onward = self._env.gripper - aside + STEP * ahead
+        onward[:, 2] += np.where(along > -CLOSE, self._rise(way), 0.0)
         return choose_rows(pushing, onward, self._down(level - BEHIND * ahead))
 
+    def _rise(self, way: Array) -> NDArray[np.float64]:
+        """(N,) metres that a gripper that touches a knob is led up or down, as the knob goes."""
+        lever = DEVICES["lever"]
+        return -RISE * np.sin(lever.start + lever.way * way)
 
-@register_expert("turn")
+
+@register_expert("turn", "nl_turn")
 class TurnExpert(DeviceExpert):
     """Moves down beside the wheel's peg, then around the axis with it."""
 
     def __init__(self, env: WorkspaceEnv) -> None:
         super().__init__(env)
         device = DEVICES["wheel"]
-        self._radius = env.config.task.object_size * float(np.subtract(device.handle, device.pivot)[0])
+        self._radius = env.task.device_width * float(np.subtract(device.handle, device.pivot)[0])
 
     def _operate(self, place: Array, turn: Array, way: Array) -> Array:
         out, gripper = _flat(facing(turn)), self._env.gripper

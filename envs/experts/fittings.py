@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from torch import Tensor
 
-from envs.experts.base import HOVER, UP, Array, Expert, Slots, choose_rows
+from envs.experts.base import HOVER, UP, AimingExpert, Array, Slots, choose_rows
 from envs.experts.place import GRASP, PRESS
 from envs.experts.registry import register_expert
 from envs.sim.workspace import HANDLE, Fitting
+from envs.tasks import Task
 from envs.tasks.furnished import Furnished
 from envs.tasks.geometry import length
 from envs.workspace_env import WorkspaceEnv
@@ -23,16 +23,17 @@ END = {"nl_open": 0.97, "nl_close": 0.0}  # shares to which it is moved
 ENOUGH = 0.03  # share from there at which it is left
 
 
-class FittingExpert(Expert):
+class FittingExpert(AimingExpert):
     """Holds the handle of a fitting, and moves it along its path."""
 
-    def __init__(self, env: WorkspaceEnv) -> None:
-        super().__init__(env)
-        task = env.task
-        assert isinstance(task, Furnished)
-        self._task, magnet = task, env.below > 0
+    def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
+        super().__init__(env, task)
+        assert isinstance(self._task, Furnished)
+        self._furnished, magnet = self._task, env.below > 0
         self._held = np.zeros(len(self._rows), np.int64)  # control steps that the handle has been held
-        self._tops = {noun: fitting.parts[HANDLE].size[2] / 2 * magnet for noun, fitting in self._task.fittings.items()}
+        self._tops = {
+            noun: fitting.parts[HANDLE].size[2] / 2 * magnet for noun, fitting in self._furnished.fittings.items()
+        }
 
     def _move_to(self, slots: Slots, end: float) -> tuple[Array, NDArray[np.bool_]]:
         """Where the gripper goes (N, 3), and whether it closes (N,), to move fittings, in slots (N,), to the share."""
@@ -63,7 +64,7 @@ class FittingExpert(Expert):
         state = self._env.state
         nouns, place = state.nouns[self._rows, slots], self._place(slots)
         tops, onward = np.zeros(len(nouns)), place.copy()
-        for noun, fitting in self._task.fittings.items():
+        for noun, fitting in self._furnished.fittings.items():
             which = nouns == noun
             share = fitting.share(place[which])
             step = STEP / (radius(fitting) * (fitting.high - fitting.low))
@@ -76,12 +77,12 @@ class FittingExpert(Expert):
 class OpenCloseExpert(FittingExpert):
     """Moves the referent to its end, and stays there."""
 
-    def act(self, referent: Slots, target: Slots) -> Tensor:
-        end = END[self._env.config.task.name]
+    def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
+        end = END[self._task.config.name]
         place, close = self._move_to(referent, end)
-        share = self._task.shares(self._env.state.nouns[self._rows, referent], self._place(referent))
+        share = self._furnished.shares(self._env.state.nouns[self._rows, referent], self._place(referent))
         done = np.abs(share - end) < ENOUGH
-        return self._env.towards(choose_rows(done, self._env.gripper, place), close)
+        return choose_rows(done, self._env.gripper, place), close
 
 
 def radius(fitting: Fitting) -> float:

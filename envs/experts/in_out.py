@@ -24,9 +24,8 @@ class InOutExpert(StackExpert):
     wait = OPENING
 
     def _goal(self, target: Slots) -> Array:
-        task = self._env.task
-        assert isinstance(task, InOut)
-        return task.goal_places(self._env.state)
+        assert isinstance(self._task, InOut)
+        return self._task.goal_places(self._env.state)
 
     def _fetch(self, thing: Array) -> tuple[Array, NDArray[np.bool_]]:
         place, close = super()._fetch(thing)

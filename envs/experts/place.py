@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from torch import Tensor
 
-from envs.experts.base import HOVER, OVER, UP, Array, Expert, Slots, choose_rows
+from envs.experts.base import HOVER, OVER, UP, AimingExpert, Array, Expert, Slots, choose_rows
 from envs.experts.registry import register_expert
+from envs.tasks import Task
 from envs.workspace_env import WorkspaceEnv
 
 GRASP = 0.012  # metres from the place of a grip or release within which a gripper closes or opens
@@ -18,7 +18,9 @@ THERE = 0.03  # metres from its target within which an object counts as placed
 
 
 class Fetch(Expert):
-    """Grips the referent."""
+    """Grips the referent. hover: metres above it at which the gripper travels."""
+
+    hover = HOVER
 
     def _fetch(self, thing: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Where the gripper goes (N, 3) to take hold of the object, and whether it closes (N,)."""
@@ -26,24 +28,25 @@ class Fetch(Expert):
         offset = grip - self._env.gripper
         over = np.linalg.norm(offset[:, :2], axis=1) < OVER
         close = over & (np.abs(offset[:, 2]) < GRASP)
-        grip[:, 2] += np.where(over, -PRESS * (self._env.below > 0), HOVER)
+        grip[:, 2] += np.where(over, -PRESS * (self._env.below > 0), self.hover)
         return grip, close
 
 
 @register_expert("pick_and_place", "nl_pick_and_place")
-class PlaceExpert(Fetch):
+class PlaceExpert(Fetch, AimingExpert):
     """Picks the referent up, and releases it at its target.
 
-    wait: control steps after the release until it rises.
+    wait: control steps after the release until it rises. height: metres above its target at which it is carried.
     """
 
     wait = 0
+    height = CARRY
 
-    def __init__(self, env: WorkspaceEnv) -> None:
-        super().__init__(env)
+    def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
+        super().__init__(env, task)
         self._released = np.zeros(len(self._rows), np.int64)  # control steps that the referent has been at its goal
 
-    def act(self, referent: Slots, target: Slots) -> Tensor:
+    def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
         thing, goal = self._place(referent), self._goal(target)
         held = self._env.state.held == referent
         there = ~held & (np.linalg.norm(thing - goal, axis=1) < THERE)
@@ -52,7 +55,7 @@ class PlaceExpert(Fetch):
         carry, keep = self._carry(thing, goal)
         rise = self._env.gripper + np.where(self._released > self.wait, HOVER, 0.0)[:, None] * UP
         place = choose_rows(there, rise, choose_rows(held, carry, fetch))
-        return self._env.towards(place, np.where(held, keep, close) & ~there)
+        return place, np.where(held, keep, close) & ~there
 
     def _goal(self, target: Slots) -> Array:
         """(N, 3) where the referent goes, metres."""
@@ -62,8 +65,8 @@ class PlaceExpert(Fetch):
         """Where the gripper goes (N, 3) with the object that it holds, and whether it keeps it (N,)."""
         offset = goal - thing
         over = np.linalg.norm(offset[:, :2], axis=1) < OVER
-        low = thing[:, 2] < goal[:, 2] + CARRY / 2
+        low = thing[:, 2] < goal[:, 2] + self.height / 2
         aim = choose_rows(over | ~low, goal, thing)
-        aim[:, 2] = np.where(over, goal[:, 2], goal[:, 2] + CARRY)
+        aim[:, 2] = np.where(over, goal[:, 2], goal[:, 2] + self.height)
         keep = ~(over & (np.abs(offset[:, 2]) < GRASP))
         return self._env.gripper + aim - thing, keep

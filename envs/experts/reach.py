@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import numpy as np
-from torch import Tensor
+from numpy.typing import NDArray
 
-from envs.experts.base import HOVER, OVER, Array, Expert, Slots
+from envs.experts.base import HOVER, OVER, AimingExpert, Array, Slots
 from envs.experts.registry import register_expert
 from envs.tasks.reach import reaching_height
 
 
 @register_expert("reach", "nl_reach", "reach_gesture", "nl_reach_gesture")
-class ReachExpert(Expert):
-    """Goes over the referent, then down on it."""
+class ReachExpert(AimingExpert):
+    """Goes over the referent, then down on it. hover: metres above it at which the gripper travels."""
 
-    def act(self, referent: Slots, target: Slots) -> Tensor:
-        return self.towards(self._place(referent))
+    hover = HOVER
 
-    def towards(self, goal: Array) -> Tensor:
-        """The action (N, A) that brings each gripper over its goal (N, 3), metres, and then down on it."""
+    def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
+        return self.over(self._place(referent)), np.zeros(len(referent), bool)
+
+    def over(self, goal: Array) -> Array:
+        """Where each gripper goes (N, 3), metres, over its goal (N, 3) and then down on it."""
         goal = goal.copy()
         beside = np.linalg.norm((goal - self._env.gripper)[:, :2], axis=1)
-        config = self._env.config
-        goal[:, 2] += np.where(beside < OVER, reaching_height(config.task, config.robot.clearance), HOVER)
-        return self._env.towards(goal)
+        height = reaching_height(self._task.config, self._env.config.robot.clearance)
+        goal[:, 2] += np.where(beside < OVER, height, self.hover)
+        return goal

@@ -19,7 +19,7 @@ class StackExpert(PlaceExpert):
     wait = OPENING  # fingers that rise at once would take the stack along
 
     def _goal(self, target: Slots) -> Array:
-        return self._place(target) + self._env.config.task.object_size * UP
+        return self._place(target) + self._task.config.object_size * UP
 
     def _carry(self, thing: Array, goal: Array) -> tuple[Array, NDArray[np.bool_]]:
         place, keep = super()._carry(thing, goal)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from torch import Tensor
+import numpy as np
+from numpy.typing import NDArray
 
 from envs.experts.base import Array, Slots
 from envs.experts.place import OPENING
@@ -17,10 +18,9 @@ class UnstackExpert(StackExpert):
 
     wait = OPENING
 
-    def act(self, referent: Slots, target: Slots) -> Tensor:
-        return super().act(referent, referent)
+    def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
+        return super().aim(referent, referent)
 
     def _goal(self, target: Slots) -> Array:
-        task = self._env.task
-        assert isinstance(task, Unstack)
-        return task.free_places()[self._rows, target]
+        assert isinstance(self._task, Unstack)
+        return self._task.free_places()[self._rows, target]

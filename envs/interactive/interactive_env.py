@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -17,20 +18,21 @@ from envs.sim.visual_shapes import VisualShapes
 from envs.sim.window import Window
 from envs.workspace_env import WorkspaceEnv
 from human import Gesture
-from language import Scene
+from language import NOUNS, SHAPES, Scene
 
 Array = NDArray[np.float64]
 POINTING_STEPS = 60  # physics steps of a pointing motion: a quarter of a second, about as long as people take
 
 
 class InteractiveEnv(WorkspaceEnv):
-    """One world whose episodes start with `give_instruction`. Objects are numbered as in `scene()`.
+    """One world whose episodes start with `give_instruction` and have one. Objects are numbered as in `scene()`.
 
     client: PyBullet's client number. visual_shapes: what is drawn, and its poses. has_person: whether the workspace
     has a person who can point.
     """
 
     def __init__(self, config: EnvConfig, seed: int = 0, window: Window | None = None) -> None:
+        config = replace(config, task=replace(config.task, instructions=1))
         super().__init__(config, 1, seed, render=True, window=window)
         self._single_world = self._worlds[0]
         self.client = self._single_world.client
@@ -44,12 +46,14 @@ class InteractiveEnv(WorkspaceEnv):
         slots = self._slots
         return scene_of_rows(self._arrays.rows[0, slots], self.config.task.viewpoint, self._state.nouns[0, slots])
 
-    def bodies(self) -> list[int]:
-        """PyBullet's body number of each object; [] for devices, which have several bodies."""
-        return list(self._single_world.pool.shown)
+    def bodies(self) -> list[int | None]:
+        """PyBullet's body number of each object; None for devices and fittings, which are no single bodies."""
+        loose = np.array([noun in SHAPES for noun in NOUNS])[self._state.nouns[0, self._slots]]
+        shown = iter(self._single_world.pool.shown)
+        return [next(shown) if each else None for each in loose]
 
     def shapes(self) -> list[str]:
-        """The shape of each object: a noun of the scene, or "pyramid"; [] for devices."""
+        """The shape of each loose object: a noun of the scene, or "pyramid"."""
         return list(self._single_world.pool.nouns)
 
     @property
@@ -62,18 +66,29 @@ class InteractiveEnv(WorkspaceEnv):
         return np.flatnonzero(self._state.shown[0])
 
     @property
+    def held(self) -> int | None:
+        """The number of the object that the gripper holds; None for nothing."""
+        return next(iter(np.flatnonzero(self._slots == self._state.held[0]).tolist()), None)
+
+    @property
     def rest_position(self) -> Array:
         """(3,) metres: where the gripper is when an episode starts, without the noise."""
         return self.chain.forward(self.chain.rest[None]).position[0]
 
     # ---- Instructions
 
-    def give_instruction(self, sentence: str, referent: int, target: int | None = None) -> TensorDictBase:
-        """Starts an episode with this instruction. Moves nothing. Returns the observation."""
+    def give_instruction(
+        self, sentence: str, referent: int, target: int | None = None, verb: str | None = None
+    ) -> TensorDictBase:
+        """Starts an episode with this instruction. Moves nothing. Returns the observation.
+
+        verb: of the sentence, where the task has several (`Task.verbs`).
+        """
         slots, arrays = self._slots, self._arrays
         arrays.read(arrays.index)
         where = int(slots[referent if target is None else target])
-        self._set_goal(0, Goal(int(slots[referent]), where, sentence, sentence, arrays.goals[0].kind))
+        kind = arrays.goals[0].kind if verb is None else self.task.kind_names.index(verb)
+        self._set_goal(0, Goal(int(slots[referent]), where, sentence, sentence, kind))
         arrays.steps[0] = 0
         return self._first_observation()
 
@@ -101,8 +116,10 @@ class InteractiveEnv(WorkspaceEnv):
         return origin, direction
 
     def put_object(self, index: int, position: Sequence[float]) -> None:
-        """Puts an object at position (3,), metres, without turning it. A held object is released first."""
+        """Puts a loose object at position (3,), metres, without turning it. A held object is released first."""
         if self._state.held[0] == self._slots[index]:
             self._single_world.release()
-        self._single_world.pool.move(index, position)
+        pool, body = self._single_world.pool, self.bodies()[index]
+        assert body is not None, "fittings and devices stay where they are"
+        pool.move(pool.shown.index(body), position)
         self._arrays.read(self._arrays.index)

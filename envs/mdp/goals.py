@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks import EpisodeSpec
+from envs.tasks import EpisodeSpec, Said
 from language import LanguageError, Tokenizer
 
 
@@ -31,6 +31,13 @@ class Goal:
         target = episode.referent if episode.target is None else episode.target
         sentence = policy_sentence(episode)
         return cls(int(slots[episode.referent]), int(slots[target]), episode.sentence, sentence, episode.kind)
+
+    @classmethod
+    def of_said(cls, said: Said, slots: NDArray[np.int64]) -> Goal:
+        """The goal of an instruction in a scene whose objects stand in these slots (K,)."""
+        target = said.referent if said.target is None else said.target
+        heard = said.sentence if said.heard is None else said.heard
+        return cls(int(slots[said.referent]), int(slots[target]), said.sentence, heard, said.kind)
 
 
 def policy_sentence(episode: EpisodeSpec) -> str:

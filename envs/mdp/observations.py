@@ -222,6 +222,14 @@ OBSERVATIONS = (
         goal=True,
     ),
     ObservationTerm(
+        "privileged/verb",
+        "() int64, where the words name one of several verbs: which one, an index into the task's `verbs`",
+        spec=lambda setup: Categorical(len(setup.task.verbs), shape=(), dtype=torch.int64),
+        compute=lambda source: source.state.kind,
+        present=lambda task: bool(task.verbs),
+        goal=True,
+    ),
+    ObservationTerm(
         "privileged/goal",
         "(G,): the referent's position (m). Where objects are moved: also the target's (without one, the referent's), "
         "the offsets (clipped twice, as in `objects`) from gripper to referent, from referent to target, and from "

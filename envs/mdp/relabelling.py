@@ -108,7 +108,8 @@ class Relabeller:
         target = self._history(frames, "privileged", "target") if self._task.places else referent
         goals = shown & ((rows[..., OBJECT_WIDTH - 1] > 0.5) != self._task.real_goals)
         quaternions, nouns = rows[..., 3:7].astype(float), np.zeros(shown.shape, np.int64)
-        return State(gripper, places, shown, referent, target, movable, goals, quaternions, held, nouns)
+        known = places, shown, referent, target, movable, goals, quaternions, held, nouns, np.zeros_like(referent)
+        return State(gripper, *known)
 
     @staticmethod
     def _history(frames: TensorDictBase, *key: str) -> Any:

@@ -26,12 +26,13 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
 
     Returns:
         (count,) objects, objects_mask, instruction, privileged/referent; where there are targets, privileged/target;
+        where there are several verbs, privileged/verb;
         where a person points, gesture.
     """
     task, rng = setup.task, np.random.default_rng(seed)
     slots, width = observer.shape("objects")
     rows, shown = np.zeros((count, slots, width)), np.zeros((count, slots), bool)
-    instructions, goals = np.zeros((count, setup.tokenizer.length), np.int64), np.zeros((count, 2), np.int64)
+    instructions, goals = np.zeros((count, setup.tokenizer.length), np.int64), np.zeros((count, 3), np.int64)
     low, high = np.reshape(setup.workspace.bounds, (3, 2)).T.astype(np.float32)
     grippers = rng.uniform(low, high, (count, 3)) if task.moves else None
     rays = np.zeros((count, RAY_WIDTH))
@@ -42,7 +43,7 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
         rows[i, order, :OBJECT_WIDTH], shown[i, order] = static_rows(episode.scene, episode.yaw), True
         instructions[i] = tokens(episode, setup.tokenizer)
         goal = Goal.of(episode, order)
-        goals[i] = goal.referent, goal.target
+        goals[i] = goal.referent, goal.target, goal.kind
         rays[i] = ray_of(episode.gesture)
         if task.fixtures:
             columns[i, order] = task.described(episode)
@@ -58,6 +59,7 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
     if task.points:
         values["gesture"] = rays
     tensors = {key: observer.tensor(key, value) for key, value in values.items()}
-    referents, targets = (torch.from_numpy(slots.copy()) for slots in goals.T)
+    referents, targets, kinds = (torch.from_numpy(numbers.copy()) for numbers in goals.T)
     privileged = {"referent": referents} | ({"target": targets} if task.places else {})
+    privileged |= {"verb": kinds} if task.verbs else {}
     return TensorDict(tensors | {"privileged": TensorDict(privileged, [count])}, [count])

@@ -27,7 +27,8 @@ class WorldState:
     the observation `objects`, but for slots that are not shown. joints: (N, J + F, 2) angle and speed, fingers last.
     commanded, angles: (N, J) joint angles last commanded and measured. pose: of the grippers. slots: for each world,
     the slots of its objects in their order. goals: of each world; `set_goal` writes it, and also
-    instruction (N, L), kind (N,) and sentence (N, B). steps: (N,) control steps since an episode began.
+    instruction (N, L), kind (N,) and sentence (N, B). steps: (N,) control steps since an instruction was
+    given. said: (N,) how many instructions the episode has had.
     """
 
     def __init__(
@@ -44,22 +45,21 @@ class WorldState:
         shown, movable, goals = np.zeros((3, count, slots), bool)
         referent, target, held = np.zeros((3, count), np.int64)
         places, quaternions = self.rows[..., :3], self.rows[..., 3:7]
-        nouns = np.zeros((count, slots), np.int64)
-        self.state = State(
-            np.zeros((count, 3)), places, shown, referent, target, movable, goals, quaternions, held, nouns
-        )
+        nouns, self.kind = np.zeros((count, slots), np.int64), np.zeros(count, np.int64)
+        seen = places, shown, referent, target, movable, goals, quaternions, held, nouns, self.kind
+        self.state = State(np.zeros((count, 3)), *seen)
         self.slots = [np.arange(slots) for _ in range(count)]
         self.goals = [Goal(0, 0, "", "", 0)] * count
         self.instruction = np.zeros((count, tokenizer.length), np.int64)
-        self.kind = np.zeros(count, np.int64)
         self.sentence = np.zeros((count, sentence_bytes(tokenizer)), np.uint8)
         self.steps = np.zeros(count, np.int64)
+        self.said = np.ones(count, np.int64)
 
     def begin(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64], joints: Array, opening: float) -> None:
         """Begin an episode in world i. slots: (K,) of its objects. joints (J,), opening: how the arm begins."""
         self._show(i, episode, slots)
         self.set_goal(i, Goal.of(episode, slots))
-        self.steps[i] = 0
+        self.steps[i], self.said[i] = 0, 1
         self.commanded[i] = joints
         scene, by_slot = episode.scene, np.argsort(slots, kind="stable")
         yaw = np.zeros(len(scene)) if episode.yaw is None else episode.yaw

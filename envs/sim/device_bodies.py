@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pybullet as bullet
@@ -20,14 +21,23 @@ CYLINDER_ROTATIONS = {"x": (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)), "y": (mat
 Pose = tuple[tuple[float, ...], tuple[float, ...]]
 
 
-class DeviceBodies:
-    """bodies: one for each of `nouns`. shown: those of the current episode, in the order of its devices.
+@dataclass(frozen=True)
+class DeviceSpec:
+    """The devices that an episode shows at most: the noun of each, and their width, metres."""
 
-    width: of a device, metres. visuals: load visual shapes.
+    nouns: Sequence[str] = ()
+    width: float = 1.0
+
+
+class DeviceBodies:
+    """bodies: one for each noun of `spec`. shown: those of the current episode, in the order of its devices.
+
+    visuals: load visual shapes.
     """
 
-    def __init__(self, nouns: Sequence[str], width: float, client: int, visuals: bool) -> None:
-        self._width, self._client, self._visuals = width, client, visuals
+    def __init__(self, spec: DeviceSpec, client: int, visuals: bool) -> None:
+        self._width, self._client, self._visuals = spec.width, client, visuals
+        nouns = spec.nouns
         self._devices = [DEVICES[noun] for noun in nouns]
         self.bodies = [self._body(device, -PARKED_SPACING * i) for i, device in enumerate(self._devices)]
         self._nouns, self.shown = list(nouns), self.bodies[:0]

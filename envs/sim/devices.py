@@ -58,6 +58,21 @@ class Device:
         """The factor from a joint value in widths or radians to one in metres or radians."""
         return width if self.joint == "slide" else 1.0
 
+    @property
+    def lowest(self) -> float:
+        """Widths above the table at which the handle is lowest."""
+        if self.joint == "slide":
+            return min(self.handle[2] + self.axis[2] * value for value in (self.low, self.high))
+        arm = np.subtract(self.handle, self.pivot)
+        return self.pivot[2] + min(float(_rotated(arm, self.axis, value)[2]) for value in (self.low, self.high))
+
+    def travelled(self, width: float, before: Array, now: Array) -> Array:
+        """(...) in [-1, 1]: the share of `way` from one joint value to another, (...) metres or radians."""
+        gone = now - before
+        if self.joint == "turn":
+            gone = np.arctan2(np.sin(gone), np.cos(gone))
+        return np.clip(gone / (self.way * self.scale(width)), -1.0, 1.0)
+
     def grip(self, width: float) -> Array:
         """(3,) position of the handle at the start, metres."""
         arm = np.subtract(self.handle, self.pivot)

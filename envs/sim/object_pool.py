@@ -82,6 +82,7 @@ class ObjectPool:
         self.dynamics = USUAL
         self._dynamics: dict[int, tuple[float, float]] = {}  # in force, if ever other than `USUAL`
         self.bodies = self.shown = [body for pool in self._pool for bodies in pool for body in bodies]
+        self._free: list[int] = []
         self._resting_height = spec.size / 2 + RESTING_GAP
         self.pose = partial(bullet.getBasePositionAndOrientation, physicsClientId=client)
 
@@ -101,15 +102,20 @@ class ObjectPool:
         unused = [[list(reversed(bodies)) for bodies in pool] for pool in self._pool]
         self.shown = [unused[mobility][noun].pop() for mobility, noun in zip(mobilities, nouns, strict=True)]
         self.nouns = [self._spec.nouns[noun] for noun in nouns]
+        self._free = [body for body, mobility in zip(self.shown, mobilities, strict=True) if mobility == Mobility.FREE]
         rests = [False] * len(self.shown) if resting is None else resting
-        for body, mobility in zip(self.shown, mobilities, strict=True):
-            if mobility == Mobility.FREE:
-                self._set_dynamics(body)
+        for body in self._free:
+            self._set_dynamics(body)
         self._forget_neighbours(mobilities)
         for body, mobility, position, angle, still in zip(self.shown, mobilities, positions, yaw, rests, strict=True):
             self._place(body, position, angle)
             if mobility == Mobility.FREE and position[2] > self._resting_height and not still:
                 self._wake(body)
+
+    def wake(self) -> None:
+        """Wake what is shown and moves. Bullet wakes nothing that sleeps on a link as a joint moves it."""
+        for body in self._free:
+            self._wake(body)
 
     def park(self) -> None:
         """Move the shown bodies out of the workspace, apart from each other, and let them sleep."""

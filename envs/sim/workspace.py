@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,9 +81,9 @@ class Fitting(Checked):
         if self.joint == "slide":
             value = (places - self.parts[HANDLE].position) @ self.axis
         else:
-            arm, axis = self._arm(), np.array(self.axis)
+            _, sine, cosine = self._turning
             now = places - self.origin
-            value = np.arctan2(np.cross(arm, now) @ axis, now @ arm - (now @ axis) * (arm @ axis))
+            value = np.arctan2(now @ sine, now @ cosine)
         return (value - self.low) / (self.high - self.low)
 
     def inside_at(self, share: ArrayLike) -> NDArray[np.float64]:
@@ -94,16 +95,21 @@ class Fitting(Checked):
 
     def handle_at(self, value: ArrayLike) -> NDArray[np.float64]:
         """(..., 3) where the centre of the handle is, metres, at this joint value, (...) metres or radians."""
-        value, axis = np.asarray(value, np.float64)[..., None], np.array(self.axis)
+        value = np.asarray(value, np.float64)[..., None]
         if self.joint == "slide":
-            return self.parts[HANDLE].position + value * axis
-        arm = self._arm()  # Source: Rodrigues' rotation formula
-        turned = arm * np.cos(value) + np.cross(axis, arm) * np.sin(value) + axis * (axis @ arm) * (1 - np.cos(value))
-        return np.array(self.origin) + turned
+            return self.parts[HANDLE].position + value * self.axis
+        middle, sine, cosine = self._turning
+        return middle + sine * np.sin(value) + cosine * np.cos(value)
 
-    def _arm(self) -> NDArray[np.float64]:
-        """(3,) from a point of the axis to the handle, with the joint at 0."""
-        return np.subtract(self.parts[HANDLE].position, self.origin)
+    @cached_property
+    def _turning(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """The middle of the handle's circle, and the vectors from there to the handle that its sine and cosine have.
+
+        (3,) metres each. Source: Rodrigues' rotation formula.
+        """
+        axis, arm = np.array(self.axis), np.subtract(self.parts[HANDLE].position, self.origin)
+        along = axis * (axis @ arm)
+        return self.origin + along, np.cross(axis, arm), arm - along
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,9 +12,9 @@ import pybullet_data
 from numpy.typing import NDArray
 
 from conf.schema import Checked, within
-from envs.sim.device_bodies import DeviceBodies
+from envs.sim.device_bodies import DeviceBodies, DeviceSpec
 from envs.sim.furniture import Furniture
-from envs.sim.gripper import GRIPPERS, Gripper, GripperConfig
+from envs.sim.gripper import BASE, GRIPPERS, Gripper, GripperConfig
 from envs.sim.object_pool import ObjectPool, PoolSpec
 from envs.sim.rendering import Renderer, paint
 from envs.sim.robot import Robot, RobotConfig
@@ -28,6 +28,7 @@ SLEEP_STEPS = 3  # physics steps until a body that is put to sleep is asleep
 CONE = (1.0, 1.0, 1.0, SEE_THROUGH)  # RGBA of the cone along a pointing finger
 INVISIBLE = (0.0, 0.0, 0.0, 0.0)
 CONTACT_BREAKING = 0.02  # metres, Bullet's own
+NO_DEVICES = DeviceSpec()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +56,7 @@ class World:
         visuals: load visual shapes, for `render`. A world without them takes half the memory.
         window: where the world is shown. The world closes it.
         gripper: what the robot grips with; None: it cannot grip.
-        devices: the noun of each device that an episode shows at most.
+        devices: those that an episode shows at most.
         holds: whether the gripper holds what it grips; else it is only a body.
 
     Raises:
@@ -73,7 +74,7 @@ class World:
         visuals: bool = False,
         window: Window | None = None,
         gripper: GripperConfig | None = None,
-        devices: Sequence[str] = (),
+        devices: DeviceSpec = NO_DEVICES,
         holds: bool = True,
     ) -> None:
         self.client = bullet.connect(bullet.DIRECT) if window is None else window.client
@@ -91,7 +92,7 @@ class World:
         robot: RobotConfig,
         gripper: GripperConfig | None,
         objects: PoolSpec,
-        devices: Sequence[str],
+        devices: DeviceSpec,
         holds: bool,
     ) -> None:
         """Builds the bodies. Their order must not change: Bullet solves contacts in this order."""
@@ -105,7 +106,7 @@ class World:
         if gripper and name and holds:
             self._gripper = GRIPPERS[name](gripper, self.robot, self.client)
         self.furniture = Furniture(self._workspace, self.robot, self.client, self._visuals)
-        self.devices = DeviceBodies(devices, objects.size, self.client, self._visuals)
+        self.devices = DeviceBodies(devices, self.client, self._visuals)
         for body in self.devices.bodies:
             self.furniture.join(body)
         self.pool = ObjectPool(objects, self.client, self._visuals, self._physics.sleeping)
@@ -214,7 +215,11 @@ class World:
         near: numbers of the objects that are near enough to be held. centre: the gripper's, metres.
         """
         assert self._gripper is not None
+        before = self._gripper.held
         self._gripper.update([self._shown.holdable[number] for number in near], centre)
+        held = self._gripper.held
+        if held is not None and held is not before and held.link != BASE:
+            self.pool.wake()  # what lies in the drawer goes with it
 
     @property
     def held(self) -> int | None:

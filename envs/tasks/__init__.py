@@ -10,7 +10,7 @@ from pkgutil import iter_modules
 from envs.tasks.base import Task
 from envs.tasks.registry import TASKS, register_task
 from envs.tasks.training_episodes import CurriculumConfig, RandomizeConfig
-from envs.tasks.types import NOTHING, EpisodeSpec, GestureSwitch, Outcome, State, TaskConfig
+from envs.tasks.types import NOTHING, EpisodeSpec, GestureSwitch, Outcome, Said, State, TaskConfig
 
 for _module in iter_modules(__path__, f"{__name__}."):
     import_module(_module.name)
@@ -23,6 +23,7 @@ __all__ = [
     "GestureSwitch",
     "Outcome",
     "RandomizeConfig",
+    "Said",
     "State",
     "Task",
     "TaskConfig",

@@ -15,7 +15,7 @@ from conf.schema import ConfigError, did_you_mean
 from envs.sim.workspace import Fitting
 from envs.tasks.object_layout import scatter
 from envs.tasks.training_episodes import draw_randomized
-from envs.tasks.types import Column, EpisodeSpec, GestureSwitch, Outcome, State, TaskConfig
+from envs.tasks.types import Column, EpisodeSpec, GestureSwitch, Outcome, Said, State, TaskConfig
 from human import Gesture, Person, Unreachable
 from language import COLORS, MAX_WORDS, NOUNS, SHAPES, Instruction, LanguageError, Placed, Scene, Wording, parse, say
 
@@ -53,6 +53,8 @@ class Task(ABC):
     nouns: tuple[str, ...] = SHAPES  # what its objects can be
     shapes: tuple[str, ...] = SHAPES  # the bodies that its worlds have, in the order in which episodes count them
     stacks = False  # objects stand in the cells of a board, on top of each other
+    verbs: tuple[str, ...] = ()  # that the words choose from; none: all sentences have the same one
+    continues = False  # after a success there can be another instruction
     marks = False  # the first of its columns marks the referent where no words name it
     stages = 1  # number of stages that `stage` returns
 
@@ -69,6 +71,11 @@ class Task(ABC):
             raise ConfigError(
                 f"gesture.switch={person.config.switch} needs words that fit another object as well, and those of "
                 f"task.name={config.name} do not; take reach_gesture or nl_reach_gesture"
+            )
+        if config.instructions > 1 and not self.continues:
+            raise ConfigError(
+                f"task.instructions={config.instructions} must be 1 in task.name={config.name}: take task=anything for "
+                "one instruction after another"
             )
         if not set(config.nouns) <= set(self.nouns):
             raise ConfigError(f"task.nouns={config.nouns} must be of {list(self.nouns)} in task.name={config.name}")
@@ -116,13 +123,20 @@ class Task(ABC):
         """
         return None
 
+    def next_instruction(self, scene: Scene, held: int, rng: Generator) -> Said | None:
+        """Another instruction after a success, in the scene as it is; None where there is none.
+
+        held: the object that the gripper holds, or NOTHING.
+        """
+        return None
+
     def furnish(self, fittings: Mapping[str, Fitting]) -> None:
         """Takes note of the workspace's fittings, before anything is drawn. Raises ConfigError where one is missing."""
         return None
 
     def described(self, episode: EpisodeSpec) -> NDArray[np.float64]:
         """(K, C) the values of `columns` as the episode begins, where the task has fixtures."""
-        return np.zeros((len(episode.scene), len(self.columns)))
+        return np.zeros((len(episode.scene), 0))
 
     @property
     def points(self) -> bool:
@@ -143,6 +157,11 @@ class Task(ABC):
     def devices(self) -> tuple[str, ...]:
         """The nouns of the devices that an episode can show."""
         return ()
+
+    @property
+    def device_width(self) -> float:
+        """Metres across a device."""
+        return self.config.object_size
 
     def draw(self, rng: Generator) -> EpisodeSpec:
         """Draws an episode for one world, with its gesture. Deterministic given rng."""
@@ -199,8 +218,12 @@ class Task(ABC):
         self, placed: Placed, referent: int, kind: int, sentence: str, gesture: Gesture | None = None
     ) -> EpisodeSpec:
         """The episode of these objects and this referent, with the sentence as the policy reads it."""
-        heard = say(parse(sentence)) if sentence and self.config.rephrased else None
+        heard = self._heard(sentence)
         return EpisodeSpec(placed.scene, referent, kind, sentence, heard, placed.yaw, placed.fixed, gesture)
+
+    def _heard(self, sentence: str) -> str | None:
+        """The sentence as the policy reads it; None: as it is said."""
+        return say(parse(sentence)) if sentence and self.config.rephrased else None
 
     def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, Gesture] | None:
         """Another object that fits the same sentence, and a gesture at it; None if there is no other."""

@@ -83,6 +83,31 @@ class Furnished(Manipulation):
         shares = self.shares(nouns, places)[..., None]
         return np.concatenate((nouns[..., None] == NUMBERS, shares), axis=-1)
 
+    def rooms(self, nouns: NDArray[np.int64], places: Array) -> Array:
+        """(..., 2, 3) lowest and highest corner of the room in each fitting, metres; of other objects, 0.
+
+        nouns: (...). places: (..., 3), metres.
+        """
+        rooms, shares = np.zeros((*nouns.shape, 2, 3)), self.shares(nouns, places)
+        for noun, fitting in self.fittings.items():
+            rooms[nouns == noun] = fitting.inside_at(shares[nouns == noun])
+        return rooms
+
+    def _inside(self, nouns: NDArray[np.int64], places: Array) -> NDArray[np.bool_]:
+        """(..., K, K) whether the first of two objects is in the second. nouns: (..., K). places: (..., K, 3)."""
+        rooms = self.rooms(nouns, places)
+        low, high = rooms[..., 0, :], rooms[..., 1, :]
+        at = places[..., :, None, :]
+        return np.all((at >= low[..., None, :, :]) & (at <= high[..., None, :, :]), axis=-1)
+
+    def middles(self, nouns: NDArray[np.int64], places: Array) -> Array:
+        """(..., 3) where an object lies in the middle of each fitting, metres."""
+        rooms = self.rooms(nouns, places)
+        low, high = rooms[..., 0, :], rooms[..., 1, :]
+        middle = (low + high) / 2
+        middle[..., 2] = low[..., 2] + self.config.object_size / 2
+        return middle
+
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """None: fittings do not move to where words could say."""
         return None

@@ -15,7 +15,7 @@ from envs.tasks.types import NOTHING, Array, State
 class Grasp(Manipulation):
     """ "grasp the red cube".
 
-    Success: the referent is held for `hold_steps` steps. Another object held for as long is the wrong object.
+    Success: the referent is held for `hold_steps` steps. Another object taken and held for as long is the wrong object.
     Potentials: approach (metres from gripper to object, negative; 0 while it is held) and grasp (1 while it is held).
     """
 
@@ -25,12 +25,15 @@ class Grasp(Manipulation):
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
         self._other = np.zeros(worlds, np.int64)  # control steps that another object has been held
+        self._before = np.full(worlds, NOTHING)  # what was held as the episode began, until it is let go
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         self._other[worlds] = 0
+        self._before[worlds] = state.held[worlds]
 
     def _update_memory(self, state: State) -> None:
-        other = (state.held != NOTHING) & (state.held != state.referent)
+        self._before = np.where(state.held == self._before, self._before, NOTHING)
+        other = (state.held != NOTHING) & (state.held != state.referent) & (state.held != self._before)
         self._other = np.where(other, self._other + 1, 0)
 
     def _at_goal(self, state: State) -> NDArray[np.bool_]:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError
+from envs.tasks.free_places import COLUMNS, ToTable
 from envs.tasks.furnished import OPEN, Furnished
-from envs.tasks.geometry import length
 from envs.tasks.manipulation import SCENES
 from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.registry import register_task
@@ -18,8 +16,6 @@ from envs.tasks.types import Array, EpisodeSpec, State
 from language import FITTINGS, Placed, Scene
 
 PUSHED = 0.25  # share by which the fitting that is meant may be opened or closed on the way
-LEVEL = 0.01  # metres above the table up to which an object stands on it
-BESIDE = 1.3  # widths between two objects that stand apart
 JITTER = 0.012  # metres from the middle of a fitting at which an object in it begins, at most
 
 
@@ -50,39 +46,9 @@ class InOut(Furnished, PickAndPlace):
         share = self.shares(state.nouns[each], state.objects[each])
         return np.abs(share - self._opened[each]) > PUSHED
 
-    def rooms(self, nouns: NDArray[np.int64], places: Array) -> Array:
-        """(..., 2, 3) lowest and highest corner of the room in each fitting, metres; of other objects, 0.
-
-        nouns: (...). places: (..., 3), metres.
-        """
-        rooms, shares = np.zeros((*nouns.shape, 2, 3)), self.shares(nouns, places)
-        for noun, fitting in self.fittings.items():
-            rooms[nouns == noun] = fitting.inside_at(shares[nouns == noun])
-        return rooms
-
-    def _inside(self, nouns: NDArray[np.int64], places: Array) -> NDArray[np.bool_]:
-        """(..., K, K) whether the first of two objects is in the second. nouns: (..., K). places: (..., K, 3)."""
-        low, high = np.moveaxis(self.rooms(nouns, places), -2, 0)
-        at = places[..., :, None, :]
-        return ((at >= low[..., None, :, :]) & (at <= high[..., None, :, :])).all(-1)
-
     def _referent_in(self, state: State) -> NDArray[np.bool_]:
         """(N, K) which fittings the referents are in."""
         return self._inside(state.nouns, state.objects)[self._rows, state.referent]
-
-    def middles(self, nouns: NDArray[np.int64], places: Array) -> Array:
-        """(..., 3) where an object lies in the middle of each fitting, metres."""
-        low, high = np.moveaxis(self.rooms(nouns, places), -2, 0)
-        middle = (low + high) / 2
-        middle[..., 2] = low[..., 2] + self.config.object_size / 2
-        return middle
-
-    @abstractmethod
-    def goal_places(self, state: State) -> Array:
-        """(N, 3) where the expert, and the reward, brings the referent, metres."""
-
-    def _goal(self, state: State) -> Array:
-        return self.goal_places(state)
 
     # ---- drawing
 
@@ -100,7 +66,7 @@ class PutIn(InOut):
 
     shut = 0.25
 
-    def goal_places(self, state: State) -> Array:
+    def _goal(self, state: State) -> Array:
         each = self._rows, state.target
         return self.middles(state.nouns[each], state.objects[each])
 
@@ -118,40 +84,15 @@ class PutIn(InOut):
 
 
 @register_task("nl_take_out", verb="take_out")
-class TakeOut(InOut):
+class TakeOut(ToTable, InOut):
     """ "take the red cube out of the fridge": an object lies in each fitting, and one or more on the table."""
 
+    columns = (*InOut.columns, *COLUMNS)
     shut = 0.0
-
-    def _allocate(self, worlds: int) -> None:
-        super()._allocate(worlds)
-        self._free = np.zeros((worlds, 3))  # where the table is free
-
-    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
-        super()._reset_memory(worlds, state)
-        self._free[worlds] = self._free_places(state)[worlds]
-
-    def _free_places(self, state: State) -> Array:
-        """(N, 3) the place of the table that is farthest from all objects, metres."""
-        x0, x1, y0, y1 = self._area
-        table = np.stack(np.meshgrid(np.linspace(x0, x1, 5), np.linspace(y0, y1, 5)), axis=-1).reshape(-1, 2)
-        apart = length(table[:, None] - state.objects[:, None, :, :2])  # world, place, object
-        best = table[np.where(state.shown[:, None], apart, np.inf).min(2).argmax(1)]
-        return np.column_stack((best, np.full(len(best), self.config.object_size / 2)))
-
-    def goal_places(self, state: State) -> Array:
-        return self._free
 
     def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
         """(N,) whether the referent stands on the table, beside all others."""
-        place, others = self._referent(state), state.shown.copy()
-        others[self._rows, state.referent] = False
-        apart = length((state.objects - place[:, None])[..., :2]).min(1, where=others, initial=np.inf)
-        level = place[:, 2] < self.config.object_size / 2 + LEVEL
-        return level & (apart >= BESIDE * self.config.object_size) & ~self._referent_in(state).any(1)
-
-    def _misplaced(self, state: State) -> NDArray[np.bool_]:
-        return np.zeros(len(self._rows), bool)
+        return super()._is_near_goal(state) & ~self._referent_in(state).any(1)
 
     def _scene(self, rng: Generator) -> Scene:
         """The first objects lie in the fittings."""

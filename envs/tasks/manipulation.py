@@ -16,14 +16,12 @@ from envs.tasks.geometry import length, lifted, with_object_at
 from envs.tasks.referring import ReferringTask
 from envs.tasks.types import NOTHING, Array, EpisodeSpec, GripperStart, Outcome, State, TaskConfig
 from human import Person
-from language import MAX_WORDS, VERBS, Instruction, Placed, Scene
-from language.tokenizer import count_words
+from language import VERBS, Placed, Scene
 
 DISTURBED = 0.05  # metres by which another object must be moved to count as the wrong object
 NEAR = 0.1  # metres at which a gripper is near an object
 STILL = 0.002  # metres in a control step below which an object is at rest
 SCENES = 1000  # scenes drawn at most until one is feasible
-PHRASES = 100  # pairs of phrases drawn at most until a sentence is short enough
 # Bounds in metres of the offset of a gripper that begins near its object, from where it would hold the object.
 NEAR_OFFSETS = np.array([[-0.04, -0.04, 0.06], [0.04, 0.04, 0.12]])
 
@@ -158,19 +156,23 @@ class Manipulation(ReferringTask):
         return state.objects
 
     def _disturbed(self, state: State) -> NDArray[np.bool_]:
-        """(N,) whether an object other than the referent has been moved."""
+        """(N,) whether an object has been moved that is to stay where it is."""
+        return np.any(self._stays(state) & (length(state.objects - self._begun) > self.disturbed), axis=1)
+
+    def _stays(self, state: State) -> NDArray[np.bool_]:
+        """(N, K) which objects are to stay where they are: all but the referent."""
         others = state.movable.copy()
         others[self._rows, state.referent] = False
         if self.real_goals:  # the task itself bounds how far its goals may be moved
             others[self._rows, state.target] = False
-        return np.any(others & (length(state.objects - self._begun) > self.disturbed), axis=1)
+        return others
 
     def _misplaced(self, state: State) -> NDArray[np.bool_]:
         """(N,) whether the referent has been brought to another goal, and left there."""
         if not self.places:
             return np.zeros(len(self._rows), bool)
         others = state.goals.copy()
-        others[self._rows, state.target] = False
+        others[self._rows, state.target] = others[self._rows, state.referent] = False
         place = self._referent(state)
         there = others & (length(self._goals(state) - place[:, None]) <= self.config.radius)
         moved = length(place - self._begun[self._rows, state.referent]) > self.disturbed
@@ -212,20 +214,10 @@ class Manipulation(ReferringTask):
         """The episode in which these objects of the scene are named. Raises LanguageError where one cannot be."""
         sentence, kind = "", 0
         if self.speaks:
-            sentence, kind = self._instruction(placed.scene, referent, target, rng)
+            sentence, instruction = self._sentence(self.verb, placed.scene, referent, target, rng)
+            kind = self.kind_names.index(instruction.kind)
         goals = self._possible_goals(placed)
         return replace(self._episode(placed, referent, kind, sentence), target=target, goals=goals)
-
-    def _instruction(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> tuple[str, int]:
-        """A sentence that names these objects, and the index of its kind. It has at most MAX_WORDS words."""
-        for _ in range(PHRASES):
-            phrase = self._describer.phrase(scene, referent, rng)
-            goal = None if target is None else self._describer.phrase(scene, target, rng)
-            instruction = Instruction(self.verb, phrase, goal)
-            sentence = self._say(instruction, rng)
-            if count_words(sentence) <= MAX_WORDS:
-                return sentence, self.kind_names.index(instruction.kind)
-        raise ConfigError(f"task.kinds={list(self.config.kinds)} gives only sentences of more than {MAX_WORDS} words")
 
     def _placed(self, rng: Generator) -> Placed:
         for _ in range(SCENES):

@@ -45,6 +45,11 @@ class OpenClose(Furnished):
     def _at_goal(self, state: State) -> NDArray[np.bool_]:
         return self._done(state) >= 1.0
 
+    def _stays(self, state: State) -> NDArray[np.bool_]:
+        """(N, K) which objects are to stay where they are: what lies in the referent goes with it."""
+        along = self._inside(state.nouns, state.objects)[self._rows, :, state.referent]
+        return super()._stays(state) & ~along
+
     def _movable(self, placed: Placed) -> NDArray[np.bool_]:
         """(K,) the fittings that are not yet open."""
         return self._fits(placed) & (self.shares(placed.scene.nouns, placed.scene.positions) < SHUT)

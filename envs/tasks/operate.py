@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from conf.schema import ConfigError
 from envs.sim.devices import DEVICES, facing
+from envs.tasks.device_motion import MOTIONS
 from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
 from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
@@ -24,7 +24,7 @@ MARGIN = 0.05  # metres from the border of the object area to the handles, so th
 
 
 class Operate(Manipulation):
-    """All objects are devices of one noun. Their poses are those of their handles.
+    """The referent is a device of one noun. The pose of a device is that of its handle.
 
     Success: the referent has travelled `OPERATED` of its range, for `hold_steps` steps. Another device that has
     travelled `OTHER_OPERATED` of its range ends the episode as `wrong_object`.
@@ -33,52 +33,40 @@ class Operate(Manipulation):
     """
 
     noun: str
-    operates = True
-    columns = (Column("faces x", -1.0, 1.0), Column("faces y", -1.0, 1.0), Column("share of its way", -1.0, 1.0))
+    columns: tuple[Column, ...] = (
+        Column("faces x", -1.0, 1.0),
+        Column("faces y", -1.0, 1.0),
+        Column("share of its way", -1.0, 1.0),
+    )
     potentials = ("approach", "operate")
 
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
     ) -> None:
-        self.nouns = (self.noun,)
-        device = DEVICES[self.noun]
-        self._way = device.way * device.scale(config.object_size)
         if len(config.objects):
             raise ConfigError(f"task.objects must be empty in task.name={config.name}: its devices are drawn")
         super().__init__(config, object_area, num_worlds, person)
 
-    @property
-    def bodies(self) -> tuple[int, int, int]:
-        return 0, 0, 0
-
-    @property
-    def devices(self) -> tuple[str, ...]:
-        return (self.noun,) * self.config.num_objects
-
     # ---- judging
-
-    @abstractmethod
-    def _measure(self, state: State) -> Array:
-        """(N, K) the joint value of each device, metres or radians, from any zero."""
-
-    @abstractmethod
-    def _from(self, state: State, place: Array) -> Array:
-        """(N, 3) the position from which a gripper operates the referent, whose handle is at place (N, 3)."""
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
-        self._zero = np.zeros((worlds, self.config.slots))  # measures as the episode began
+        self._zero = np.zeros((worlds, self.config.slots))  # joint values as the episode began
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         self._zero[worlds] = self._measure(state)[worlds]
 
-    def seen(self, state: State) -> Array:
-        return np.concatenate((facing(state.quaternions), self.travel(state)[..., None]), axis=2)
+    def _measure(self, state: State) -> Array:
+        """(N, K) the joint value of each device, metres or radians, from any zero."""
+        return MOTIONS[self.noun].measure(state.objects, state.quaternions)
 
     def travel(self, state: State) -> Array:
-        """(N, K) in [-1, 1]: the share of its range that each device has travelled."""
-        gone = self._measure(state) - self._zero
-        return np.clip(np.where(state.shown, gone / self._way, 0.0), -1.0, 1.0)
+        """(N, K) in [-1, 1]: the share of its range that each device has travelled; 0 for other objects."""
+        gone = DEVICES[self.noun].travelled(self.device_width, self._zero, self._measure(state))
+        return np.where(state.shown, gone, 0.0)
+
+    def seen(self, state: State) -> Array:
+        return np.concatenate((facing(state.quaternions), self.travel(state)[..., None]), axis=2)
 
     def _gone(self, state: State) -> Array:
         """(N,) the share of its range that the referent has travelled, in either direction."""
@@ -93,8 +81,10 @@ class Operate(Manipulation):
         return np.any(ways >= OTHER_OPERATED, axis=1)
 
     def _potentials(self, state: State) -> dict[str, Array]:
+        turns = state.quaternions[self._rows, state.referent]
+        start = MOTIONS[self.noun].start(self._referent(state), turns, state.gripper)
         return {
-            "approach": -length(self._from(state, self._referent(state)) - state.gripper),
+            "approach": -length(start - state.gripper),
             "operate": np.minimum(self._gone(state) / OPERATED, 1.0),
         }
 
@@ -102,13 +92,31 @@ class Operate(Manipulation):
         """None: an episode ends before another device is operated."""
         return None
 
-    # ---- drawing
+
+class OperateAlone(Operate):
+    """All objects are devices of that noun."""
+
+    operates = True
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        self.nouns = (self.noun,)
+        super().__init__(config, object_area, num_worlds, person)
+
+    @property
+    def bodies(self) -> tuple[int, int, int]:
+        return 0, 0, 0
+
+    @property
+    def devices(self) -> tuple[str, ...]:
+        return (self.noun,) * self.config.num_objects
 
     def _placed(self, rng: Generator) -> Placed:
         """Devices with random yaw."""
         placed = super()._placed(rng)
         positions = placed.scene.positions.copy()
-        positions[:, 2] = DEVICES[self.noun].grip(self.config.object_size)[2]
+        positions[:, 2] = DEVICES[self.noun].grip(self.device_width)[2]
         yaw = rng.uniform(-math.pi, math.pi, len(positions))
         return placed._replace(scene=placed.scene.moved(positions), yaw=yaw)
 

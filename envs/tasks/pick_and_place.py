@@ -58,6 +58,10 @@ class PickAndPlace(Manipulation):
     def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
         return length(self._goal(state) - self._referent(state)) <= self.config.radius
 
+    def goal_places(self, state: State) -> Array:
+        """(N, 3) where the reward, and the expert, brings the referents, metres."""
+        return self._goal(state)
+
     def _potentials(self, state: State) -> dict[str, Array]:
         placed = self._placed_there(state)
         has = (state.held == state.referent) | placed

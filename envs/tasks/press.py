@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from envs.tasks.operate import Operate
+from envs.tasks.operate import OperateAlone
+from envs.tasks.operate_among import OperateAmong
 from envs.tasks.registry import register_task
-from envs.tasks.types import Array, State
 
 
 @register_task("press", verb="press")
-class PressButton(Operate):
+class PressButton(OperateAlone):
     """ "press the red button"."""
 
     noun = "button"
 
-    def _measure(self, state: State) -> Array:
-        return -state.objects[..., 2]
 
-    def _from(self, state: State, place: Array) -> Array:
-        return place
+@register_task("nl_press", verb="press")
+class PressButtonAmong(OperateAmong):
+    """ "press the red button", among other objects."""
+
+    noun = "button"

@@ -11,9 +11,11 @@ from conf.schema import ConfigError
 from envs.tasks.base import Task
 from envs.tasks.types import TaskConfig
 from human import Person
-from language import KINDS, Describer, Placed
+from language import KINDS, MAX_WORDS, Describer, Instruction, Placed, Scene
+from language.tokenizer import count_words
 
 TRIES = 1000
+PHRASES = 100  # pairs of phrases drawn at most until a sentence is short enough
 WHOLE_SCENE_SPLITS = ("all", "train", "test_paraphrase")  # splits in which every object of a scene can be named
 
 
@@ -33,6 +35,19 @@ class ReferringTask(Task):
         super().__init__(config, object_area, num_worlds, person)
         kinds = ["nested"] if self._split.name == "test_length" else config.kinds
         self._describer = Describer(kinds or KINDS, self._split)
+
+    def _sentence(
+        self, verb: str, scene: Scene, referent: int, target: int | None, rng: Generator
+    ) -> tuple[str, Instruction]:
+        """Words for what is to be done with these objects, MAX_WORDS at most, and what they mean."""
+        for _ in range(PHRASES):
+            phrase = self._describer.phrase(scene, referent, rng)
+            goal = None if target is None else self._describer.phrase(scene, target, rng)
+            instruction = Instruction(verb, phrase, goal)
+            sentence = self._say(instruction, rng)
+            if count_words(sentence) <= MAX_WORDS:
+                return sentence, instruction
+        raise ConfigError(f"task.kinds={list(self.config.kinds)} gives only sentences of more than {MAX_WORDS} words")
 
     def _nameable_scene(self, rng: Generator) -> tuple[Placed, np.ndarray]:
         """A scene, and (K,) bool whether each of its objects can be named."""

@@ -153,6 +153,7 @@ class TaskConfig(Checked):
     reset_noise: float = within(0, 1)
     curriculum: CurriculumConfig
     randomize: RandomizeConfig = field(default_factory=RandomizeConfig)  # configs of older versions lack it
+    instructions: int = within(1, 1000, default=1)  # of an episode: after a success the next one is said
     reward: dict[str, float] = within(-1000, 1000)  # the weight of every reward term of the task, by name
 
     def __post_init__(self) -> None:
@@ -230,6 +231,16 @@ class EpisodeSpec:
     randomized: Randomized | None = None  # what domain randomisation drew; none: nothing
 
 
+class Said(NamedTuple):
+    """An instruction in a scene. kind: index of its verb. heard: what the policy reads, if not the sentence."""
+
+    kind: int
+    referent: int
+    target: int | None
+    sentence: str
+    heard: str | None
+
+
 @dataclass(frozen=True)
 class GripperStart:
     """The gripper begins at the referent: offset (3,) metres from where it would hold it; held: whether it does."""
@@ -254,6 +265,7 @@ class State:
     gripper: (N, 3) metres. objects: (N, K, 3) metres. shown: (N, K). referent: (N,) slots.
     What follows is empty where a task moves nothing. target: (N,) slots. movable, goals: (N, K), what can be moved, and
     what the referent could be brought to. quaternions: (N, K, 4), x, y, z, w. held: (N,) slots, or -1. nouns: (N, K).
+    kind: (N,) of the instruction.
     """
 
     gripper: Array
@@ -266,6 +278,7 @@ class State:
     quaternions: Array = field(default_factory=lambda: np.zeros((0, 0, 4)))
     held: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     nouns: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 0), np.int64))
+    kind: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True)

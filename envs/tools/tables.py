@@ -139,6 +139,7 @@ def _object_rows(tasks: dict[str, Specs]) -> Rows:
         ("nl_pick_and_place", SHAPES, "move objects"),
         ("nl_push", SHAPES, "push objects"),
         ("press", DEVICES, "operate devices"),
+        ("nl_press", SHAPES, "have devices among their objects"),
         ("nl_open", SHAPES, "have fittings among their objects"),
     ):
         task = TASKS[tasks[some].config.task.name]

@@ -46,6 +46,8 @@ def test_the_same_overrides_are_composed_once_and_give_configs_of_their_own(monk
 @pytest.mark.parametrize(
     "words",
     [
+        ["robot=panda"],
+        ["workspace=room"],
         ["task=switch", "robot=panda", "control=joints", "algo=sac", "policy=mlp"],
         ["robot=xarm7", "workspace=fridge", "gesture=camera", "physics=stacks"],
         ["scenario=2", "robot=so_arm", "control=step"],
@@ -94,7 +96,7 @@ def test_every_key_of_the_config_is_declared(default):
     assert set(default) <= declared
 
 
-NEWER = {"clearance", "randomize"}  # keys that the configs of earlier policies lack
+NEWER = {"instructions", "clearance", "randomize"}  # keys that the configs of earlier policies lack
 
 
 def test_dataclasses_of_the_config_have_no_defaults():

@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="Chr
 @pytest.fixture(scope="module")
 def server():
     """The page, driven by the expert, which loads faster than a policy."""
-    server = PlayServer("--seed", "3", "driver=expert")
+    server = PlayServer("--seed", "3", "driver=expert", "task=nl_reach")
     yield server
     errors = server.close()
     assert server.process.returncode == 0
@@ -160,6 +160,18 @@ def test_a_reload_keeps_the_state(page):
 
 def test_the_clock_runs(page):
     assert 0.2 < page.clock() <= 1.05  # 1.00 on an idle machine: python -m benchmarks.page start
+
+
+def test_what_can_be_said_in_a_room_is_listed_and_a_click_says_it(browser):
+    server = PlayServer("--seed", "3", "driver=expert", "task=anything")
+    page = PageTab(browser, server.address)
+    sentence = page.wait_for_text("^(open|close) the ")
+    page.press(sentence)
+    page.wait_for_text(f"understood: {sentence.split()[0]}")
+    page.wait_for_text("Done in")
+    other = {"open": "close", "close": "open"}[sentence.split()[0]]
+    page.wait_for_text(f"^{other} {sentence.split(maxsplit=1)[1]}$")
+    assert "Traceback" not in server.close()
 
 
 def test_commands_on_the_board_are_carried_out_and_the_page_tells_whose_left_is_meant(browser):

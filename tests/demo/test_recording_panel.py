@@ -30,7 +30,7 @@ def start_video(browser, server):
 
 
 def test_a_video_is_saved_when_the_last_tab_is_closed_and_when_the_server_ends(tmp_path):
-    server = PlayServer("--seed", "3", "driver=expert", folder=tmp_path)
+    server = PlayServer("--seed", "3", "task=nl_reach", "driver=expert", folder=tmp_path)
     with headless_browser() as browser:
         start_video(browser, server).close()
         assert len(videos(tmp_path, 1)) == 1

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+import yaml
 
 import conf
 from conf.overrides import compose
@@ -20,6 +21,13 @@ def options(group):
     return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
 
 
+def workspace_of(task):
+    """The workspace that a task's YAML chooses, read without Hydra, which takes long; None: it chooses none."""
+    defaults = yaml.safe_load((CONF / "task" / f"{task}.yaml").read_text("utf-8"))["defaults"]
+    chosen = [entry.get("override /workspace@_global_.workspace") for entry in defaults if isinstance(entry, dict)]
+    return next(filter(None, chosen), None)
+
+
 @lru_cache(maxsize=256)
 def config_of(*overrides):
     return read_env(compose(overrides))
@@ -33,9 +41,11 @@ TOUCHING = "task.radius=0.005"  # in reaching tasks the gripper stays over the o
 BARE_FLANGES = ("ur5", "xarm7")  # in reaching tasks, which add no magnet, nothing of theirs meets an object
 EVERY_TASK = ["jaco", "kuka", "panda"]  # robots that are tested with every task; the others take turns
 WITH_ALL = ("nl_reach", "nl_pick_and_place")  # tasks with every robot
-IN_A_ROOM = [task for task in TASKS if config_of(f"task={task}").workspace.name == "room"]
+IN_A_ROOM = [task for task in TASKS if workspace_of(task) == "room"]
+assert IN_A_ROOM
 FEW_ROBOTS = ("kuka", "panda")  # reach the handles in a room
-WITH_FEW = [*IN_A_ROOM, "nl_unstack"]  # tasks that are tested with one of these in turn
+DEVICES_AMONG = ["nl_press", "nl_switch", "nl_turn"]
+WITH_FEW = [*IN_A_ROOM, *DEVICES_AMONG, "nl_unstack"]  # tasks that are tested with one of these in turn
 # so_arm's area has no room for the way that pushed objects must leave free, and its gripper tilts, so that it reaches
 # nothing between stacks; xarm7 moves too slowly to throw.
 DOES_NOT_FIT = [("so_arm", "nl_push"), ("so_arm", "rearrange"), ("so_arm", "nl_rearrange"), ("xarm7", "throw")]

@@ -23,7 +23,7 @@ def train(
 ) -> dict[str, Any]:
     """Train in `folder` and return the values of eval.json. options: of `fit`."""
     small = plan(algo, policy, tuple(overrides))
-    return fit(small, make, folder, config(algo, policy, tuple(overrides)), WORDS, progress=False, **options)
+    return fit(small, make, folder, config(algo, policy, tuple(overrides)), WORDS, **options)
 
 
 def untimed_rows(folder: Path) -> list[dict[str, str]]:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from language import Chain, NothingFits, SeveralFit, parse, revise, say
+from language import Chain, NothingFits, Object, Scene, SeveralFit, parse, revise, say
 from tests.helpers.language_cases import PLACES, TABLE, answer, steps
 
 LIFT_AND_TOUCH = [("lift", 1, None), ("reach", None, 2)]
@@ -49,6 +49,23 @@ def test_it_refers_to_the_object_of_the_previous_step():
         ("reach", None, 4),
         ("lift", 2, None),
     ]
+
+
+def test_it_refers_to_what_was_spoken_of_before_and_to_the_fitting_where_it_is_opened_or_closed():
+    things = [Object("cube", "red", (0.5, 0.0, 0.02)), Object("drawer", "blue", (0.4, -0.3, 0.08))]
+    scene = Scene(things)
+    assert steps("put the red cube in the drawer and close it", scene) == [("put_in", 0, 1), ("close", None, 1)]
+    assert steps("open the drawer, put the cube in it and close it", scene) == [
+        ("open", None, 1),
+        ("put_in", 0, 1),
+        ("close", None, 1),
+    ]
+    with pytest.raises(NothingFits, match="'it' refers to nothing"):
+        parse("open it", scene)
+    spoken = [
+        parse(sentence, scene, spoken=(0, 1)).steps[0].objects for sentence in ("open it", "put it in the drawer")
+    ]
+    assert spoken == [(1,), (0, 1)]
 
 
 def test_a_step_is_grounded_in_the_scene_after_the_previous_step():

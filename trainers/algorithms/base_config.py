@@ -25,9 +25,6 @@ class AlgorithmConfig(Checked):
     grounding_batch: int = within(1)  # scenes of one gradient step of the grounding loss
     grounding_memory: int = within(1)  # scenes that the grounding loss is computed on, the latest ones
     grounding_scenes: int = within(0)  # scenes added at each update that are drawn and described but never simulated
-    # Share of gradient steps and added scenes that learn words: this times the share of fresh scenes that the attention
-    # has wrong, at most 1 and at least 1/8. None = all.
-    grounding_gain: float | None = within(0.0)
 
     @property
     def squashes(self) -> bool:
@@ -60,6 +57,9 @@ class OnPolicyConfig(AlgorithmConfig):
     minibatch: int = within(2)
     lmbda: float = within(0.0, 1.0)
     final_std: float = within(0.01, 2.0)  # upper bound of the exploration noise at the end, after a linear decline
+    # Share of gradient steps and added scenes that learn words: this times the share of fresh scenes that the attention
+    # has wrong, at most 1 and at least 1/8. None = all.
+    grounding_gain: float | None = within(0.0)
 
     def check_batch(self, frames: int) -> None:
         if self.minibatch > frames:

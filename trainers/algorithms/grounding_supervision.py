@@ -31,6 +31,7 @@ class GroundingSupervision:
 
     Attributes:
         active: False if the weight is 0 or the policy has no attention; then the words are learned from reward alone.
+        gain: the share of gradient steps that learn from scenes, over the error; None: all of them do.
         error: share of fresh scenes that the attention has wrong, a running mean; 1 before the first batch.
     """
 
@@ -39,13 +40,13 @@ class GroundingSupervision:
         self.active = config.grounding_weight > 0 and policy.attends
         self.keys = [*policy.encoder_keys, *policy.label_keys]
         self.scenes = TensorDictReplayBuffer(storage=LazyTensorStorage(config.grounding_memory, device=device))
+        self.gain: float | None = None
         self.error = 1.0
 
     @property
     def share(self) -> float:
         """The share of gradient steps that learn from scenes: in proportion to the error, between LEAST_SHARE and 1."""
-        gain = self.config.grounding_gain
-        return 1.0 if gain is None else min(1.0, max(LEAST_SHARE, gain * self.error))
+        return 1.0 if self.gain is None else min(1.0, max(LEAST_SHARE, self.gain * self.error))
 
     @property
     def scenes_per_update(self) -> int:

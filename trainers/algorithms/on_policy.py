@@ -45,6 +45,7 @@ class OnPolicyAlgorithm(Algorithm):
     ) -> None:
         super().__init__(config, policy)
         self.config, self.critic = config, critic
+        self.grounding.gain = config.grounding_gain
         self.metrics = (*measured, "std", "lr", "explained_variance", *METRICS)
         self.parameters = parameters(policy, critic)
         self.clipped = parameters(policy.encoder), parameters(policy.actor), parameters(critic)

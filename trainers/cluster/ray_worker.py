@@ -20,7 +20,7 @@ from trainers.models.expert_mixture import ExpertMixture
 from trainers.models.policy import Policy
 from trainers.rollout.episode_log import Beginning, Episodes
 from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
-from trainers.rollout.worker_host import START_SECONDS, Failure, WorkerLostError
+from trainers.rollout.worker_host import Failure, RequestClock, WorkerLostError
 
 HEARTBEAT = "heartbeat"  # concurrency group: its thread answers while another one collects
 BEAT_SECONDS = 1.0  # between two questions
@@ -99,7 +99,7 @@ class CollectorActor:
         return to_arrays(dict(batch.items(include_nested=True, leaves_only=True))), beginnings, time.monotonic() - start
 
 
-class RayWorker:
+class RayWorker(RequestClock):
     """The main process's side of an actor: a `RemoteWorker`.
 
     Args:
@@ -109,9 +109,8 @@ class RayWorker:
     """
 
     def __init__(self, session: RaySession, actor: Any, spec: WorkerSpec) -> None:
+        super().__init__()
         self.ray, self.actor, self.spec = session.ray, actor, spec
-        self.answered = False
-        self.requested_at = self.collect_seconds = 0.0
         self.answers: deque[Any] = deque()  # references to the batches that were asked for, the next one first
         self.node_id: str | None = None  # None while it is starting
         self.pid: int | None = None
@@ -176,9 +175,7 @@ class RayWorker:
         return not self.silence
 
     def overdue(self, patience: float, waiting_since: float) -> bool:
-        """Whether it has not answered for so many seconds, or more where it is starting."""
-        limit = patience + (0.0 if self.answered else START_SECONDS)
-        overdue = time.monotonic() - max(waiting_since, self.requested_at) > limit
+        overdue = super().overdue(patience, waiting_since)
         self.unresponsive = self.unresponsive or overdue
         return overdue
 

@@ -20,8 +20,10 @@ SCENE_KEYS = ("objects", "objects_mask")
 GESTURE = "gesture"
 NEAR, OBSTACLE = "objects_near", "obstacle"
 RAY_FEATURES = 5  # numbers that tell how an object lies to a ray
-REFERENT, TARGET = ("privileged", "referent"), ("privileged", "target")
-LABELS = {"attention_logits": REFERENT, "target_logits": TARGET}  # the attention, and the slot that it should choose
+REFERENT, TARGET, VERB = ("privileged", "referent"), ("privileged", "target"), ("privileged", "verb")
+SLOTS = {"attention_logits": REFERENT, "target_logits": TARGET}  # the attention, and the slot that it should choose
+VERB_LOGITS = "verb_logits"
+LABELS = SLOTS | {VERB_LOGITS: VERB}
 MAPS = 4  # linear maps of a position to three numbers; with 8 of them, accuracy on fresh scenes was lower
 MASKED = -1e9  # the logit of an absent slot: finite, so that an empty sentence or scene gives no NaN
 
@@ -30,7 +32,8 @@ class GroundingEncoder(nn.Module):
     """Instruction (N, L) and scene to attention logits (N, K) and the referent's row (N, D).
 
     The scene is objects (N, K, D), mask (N, K) and, where a person points, gesture (N, 7); `scene_keys` has their keys.
-    With two choices (referent and target) there are two logits, and the two rows are concatenated, (N, 2 * D).
+    With two choices (referent and target) there are two logits, and the two rows are concatenated, (N, 2 * D). Where
+    the words name one of V verbs, there are logits (N, V) of them too, and their probabilities follow the rows.
 
     A slot's logit has four parts:
 
@@ -51,6 +54,7 @@ class GroundingEncoder(nn.Module):
         reads_gesture: whether the scene has a gesture.
         choices: 1, or 2 where the words name a target as well.
         observes_obstacles: whether to write the nearest obstacle as well, from objects_near (N, K).
+        verbs: V; 0 where there is one verb only, which the words need not tell.
     """
 
     def __init__(
@@ -63,15 +67,18 @@ class GroundingEncoder(nn.Module):
         reads_gesture: bool = False,
         choices: int = 1,
         observes_obstacles: bool = False,
+        verbs: int = 0,
     ) -> None:
         super().__init__()
         self.scene_keys = (*SCENE_KEYS, GESTURE) if reads_gesture else SCENE_KEYS
         self.observes_obstacles = observes_obstacles
-        self.logit_keys = tuple(LABELS)[:choices]
+        self.slot_keys, self.verbs = tuple(SLOTS)[:choices], verbs
+        self.logit_keys = (*self.slot_keys, VERB_LOGITS) if verbs else self.slot_keys
         self.out_keys = (*self.logit_keys, "referent")
         row = objects.shape[-1]
-        self.normalise, self.outputs = objects, row * choices
-        self.query_encoder = QueryEncoder(word_embedding, length, embedding, choices)
+        self.normalise, self.outputs = objects, row * choices + verbs
+        self.query_encoder = QueryEncoder(word_embedding, length, embedding, choices, verbs > 0)
+        self.verb_scorer = nn.Linear(embedding, verbs) if verbs else None
         self.slot_mlp = mlp(row, [width], width)
         self.slot_linear = nn.Linear(row, width)
         self.query_projection = nn.Linear(embedding, width)
@@ -89,19 +96,24 @@ class GroundingEncoder(nn.Module):
         return self.attend(self.encode_words(instruction), *scene)
 
     def encode_words(self, instruction: Tensor) -> Tensor:
-        """Tokens (N, L) to queries (N, 4 * choices, E)."""
+        """Tokens (N, L) to queries (N, Q, E)."""
         return self.query_encoder(instruction)
 
     def attend(
         self, queries: Tensor, objects: Tensor, mask: Tensor, gesture: Tensor | None = None
     ) -> tuple[Tensor, ...]:
-        """`forward`, given the queries (N, 4 * choices, E) of `encode_words`."""
+        """`forward`, given the queries (N, Q, E) of `encode_words`."""
         rows = self.normalise(objects)
         slots = self.slot_mlp(rows) + self.slot_linear(rows)
         logits = [
-            self._attention_logits(each, rows, slots, objects, mask, gesture) for each in queries.split(QUERIES, dim=1)
+            self._attention_logits(each, rows, slots, objects, mask, gesture)
+            for each in queries[:, : QUERIES * len(self.slot_keys)].split(QUERIES, dim=1)
         ]
-        return *logits, torch.cat([(each.softmax(-1).unsqueeze(1) @ rows).squeeze(1) for each in logits], -1)
+        context = [(each.softmax(-1).unsqueeze(1) @ rows).squeeze(1) for each in logits]
+        if self.verb_scorer is not None:
+            logits.append(self.verb_scorer(queries[:, -1]))
+            context.append(logits[-1].softmax(-1))
+        return *logits, torch.cat(context, -1)
 
     def _attention_logits(
         self, queries: Tensor, rows: Tensor, slots: Tensor, objects: Tensor, mask: Tensor, gesture: Tensor | None
@@ -136,21 +148,25 @@ class GroundingEncoder(nn.Module):
         self.write_obstacle(frames, frames[self.logit_keys[0]].argmax(-1))
 
     def select_likeliest(self, frames: TensorDictBase) -> None:
-        """Replace the attention-weighted rows by the likeliest slot's, and write the obstacle.
+        """Replace the attention-weighted rows by the likeliest slot's, verbs by the likeliest, and write the obstacle.
 
         A mean of two objects is a position at neither.
         """
         self._select(frames, [frames[key].argmax(-1) for key in self.logit_keys])
 
     def select_labelled(self, frames: TensorDictBase) -> None:
-        """Write the rows of the labelled slots, and the obstacle; the words are not read."""
+        """Write the rows of the labelled slots, the labelled verb and the obstacle; the words are not read."""
         self._select(frames, [frames[LABELS[key]] for key in self.logit_keys])
 
-    def _select(self, frames: TensorDictBase, slots: Sequence[Tensor]) -> None:
+    def _select(self, frames: TensorDictBase, chosen: Sequence[Tensor]) -> None:
+        """chosen: (N,) for each of the logits."""
         rows = self.normalise(frames["objects"])
         each = torch.arange(len(rows), device=rows.device)
-        frames.set("referent", torch.cat([rows[each, slot] for slot in slots], -1))
-        self.write_obstacle(frames, slots[0])
+        context = [rows[each, slot] for slot in chosen[: len(self.slot_keys)]]
+        if self.verbs:
+            context.append(F.one_hot(chosen[-1], self.verbs).to(rows))
+        frames.set("referent", torch.cat(context, -1))
+        self.write_obstacle(frames, chosen[0])
 
     def write_obstacle(self, frames: TensorDictBase, referent: Tensor) -> None:
         """Write "obstacle", the row of the nearest object that the arm could hit, other than the referent.
@@ -186,7 +202,7 @@ def ray_features(positions: Tensor, gesture: Tensor) -> Tensor:
 
 
 def grounding_loss(frames: TensorDictBase) -> tuple[Tensor, Tensor]:
-    """Cross-entropy of the attention against the labelled slots, and the share of frames where all are right, scalars.
+    """Cross-entropy against the labelled slots and verbs, and the share of frames where all are right, scalars.
 
     frames: 1-D, with the logits (N, K) of a policy that attends, and the labels (N,).
     """

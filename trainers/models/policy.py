@@ -21,7 +21,7 @@ from torchrl.envs.utils import ExplorationType, exploration_type
 from conf.schema import ConfigError
 from trainers.config import GroundedConfig, PolicyConfig
 from trainers.models.flat_encoder import FlatEncoder
-from trainers.models.grounding import GESTURE, LABELS, NEAR, OBSTACLE, TARGET, GroundingEncoder
+from trainers.models.grounding import GESTURE, LABELS, NEAR, OBSTACLE, TARGET, VERB, GroundingEncoder
 from trainers.models.networks import GaussianActor, Normalise, StagedActor, normal_log_prob
 from trainers.models.sentence_encoder import SentenceWords
 
@@ -215,6 +215,7 @@ def _build_encoder(config: PolicyConfig, spec: Composite, vocabulary: Sequence[s
         reads_gesture=gesture > 0,
         choices=1 + (TARGET in spec.keys(include_nested=True)),
         observes_obstacles=NEAR in spec.keys(),
+        verbs=spec[VERB].space.n if VERB in spec.keys(include_nested=True) else 0,
     )
 
 

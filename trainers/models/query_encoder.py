@@ -11,21 +11,25 @@ UNIQUE_ABOVE = 64  # sentences; larger batches are searched for repetitions
 
 
 class QueryEncoder(nn.Module):
-    """An instruction (N, L) int64, 0 = pad, to queries (N, 4 * choices, E).
+    """An instruction (N, L) int64, 0 = pad, to queries (N, Q, E): Q = 4 * choices, and one more for the verb.
 
     choices: how many objects the words name: the referent and, if it is to be brought somewhere, its target.
+    reads_verb: whether the last query is for the verb.
     """
 
     hash_weights: Tensor
 
-    def __init__(self, word_embedding: nn.Module, length: int, width: int, choices: int = 1) -> None:
+    def __init__(
+        self, word_embedding: nn.Module, length: int, width: int, choices: int = 1, reads_verb: bool = False
+    ) -> None:
         super().__init__()
         self.word_embedding = word_embedding  # (N, L) to (N, L, E)
         self.positions = nn.Parameter(0.1 * torch.randn(length, width))
         self.convolutions = nn.ModuleList(nn.Linear(3 * width, width) for _ in range(2))
-        self.roles = nn.Linear(width, QUERIES * choices)
+        queries = QUERIES * choices + reads_verb
+        self.roles = nn.Linear(width, queries)
         # Two choices differ even where nothing is said of them: one can be moved, the other marks a place.
-        self.base_queries = nn.Parameter(0.1 * torch.randn(QUERIES * choices, width)) if choices > 1 else None
+        self.base_queries = nn.Parameter(0.1 * torch.randn(queries, width)) if choices > 1 else None
         generator = torch.Generator().manual_seed(1)
         self.register_buffer("hash_weights", torch.randint(2**62, (length,), generator=generator))
 

@@ -7,11 +7,14 @@ from typing import Any
 from trainers.reports.plots import bin_name
 from trainers.sweeps.runs import share_cell
 
+WORST = 5  # transitions that are shown
 SHARES = {"success_once": "success_once", "wrong_object": "wrong object", "disturbed": "disturbed"}
 
 
 def describe(report: dict[str, Any]) -> str:
     """By kind of instruction, by difficulty of the gesture, overall or by split, and how far objects were moved."""
+    if "reached" in report:
+        return _chains(report)
     lines = [_line(kind, part) for kind, part in report.get("by_kind", {}).items()]
     lines += [
         _line(f"{name} {bin_name(name, part['range'])}", part)
@@ -20,6 +23,17 @@ def describe(report: dict[str, Any]) -> str:
     ]
     overall = [_line(split, part) for split, part in report.get("by_split", {"all": report}).items()]
     return "\n".join([*lines, *overall, *_moved(report)])
+
+
+def _chains(report: dict[str, Any]) -> str:
+    """How many instructions were carried out in a row, and which ones were not."""
+    rows = [*report["by_task"].items(), *list(report["by_transition"].items())[:WORST]]
+    lines = [f"{name:34} {row['success']:.3f} of {row['tried']}" for name, row in rows]
+    low, high = report["mean_length_ci95"]
+    counts = [f"{share:.3f}" for share in report["reached"]]
+    lines.append(f"reached 1 to {report['length']:<22} {' '.join(counts)}")
+    mean = f"{'mean length':34} {report['mean_length']:.3f} of {report['length']} (95 %: {low:.3f}-{high:.3f})"
+    return "\n".join([*lines, f"{mean}, {report['chains']} chains"])
 
 
 def _line(name: str, part: dict[str, Any]) -> str:

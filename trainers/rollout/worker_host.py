@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
@@ -88,6 +89,22 @@ class RemoteWorker(Protocol):
 
     def kill(self) -> None:
         """End it, whatever it is doing."""
+
+
+class RequestClock:
+    """The part of a `RemoteWorker` that is the same on any machine: since when its answer is waited for.
+
+    requested_at: when a batch was asked for last, as `time.monotonic` has it; 0 before.
+    """
+
+    def __init__(self) -> None:
+        self.answered = False
+        self.requested_at = self.collect_seconds = 0.0
+
+    def overdue(self, patience: float, waiting_since: float) -> bool:
+        """As `RemoteWorker.overdue`."""
+        limit = patience + (0.0 if self.answered else START_SECONDS)
+        return time.monotonic() - max(waiting_since, self.requested_at) > limit
 
 
 W = TypeVar("W", bound=RemoteWorker)

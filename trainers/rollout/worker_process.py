@@ -23,7 +23,7 @@ from trainers.models.policy import Policy
 from trainers.rollout import fork_server
 from trainers.rollout.episode_log import Beginning, Episodes
 from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
-from trainers.rollout.worker_host import START_SECONDS, Failure, WorkerLostError
+from trainers.rollout.worker_host import Failure, RequestClock, WorkerLostError
 from trainers.utils.parent_death import signal_at_parent_death
 
 Policies = Sequence[Policy | ExpertMixture]
@@ -32,7 +32,7 @@ RECEIVE_SECONDS = 10.0  # to read an answer that has begun, or the end of a proc
 EXIT_SECONDS = 1.0  # to wait for the exit code of a process whose pipe is closed
 
 
-class WorkerProcess:
+class WorkerProcess(RequestClock):
     """Starts at once. Batches are received in the order of their requests.
 
     Args:
@@ -50,9 +50,8 @@ class WorkerProcess:
         episodes: Episodes | None = None,
         buffers: Sequence[TensorDictBase] = (),
     ) -> None:
+        super().__init__()
         self.spec = spec
-        self.answered = False  # whether a batch was received: until then it may still be starting
-        self.requested_at = self.collect_seconds = 0.0
         context: Any = fork_server.start()
         self.connection, theirs = context.Pipe()
         arguments = (theirs, make_env, policies, spec, episodes, buffers)
@@ -93,11 +92,6 @@ class WorkerProcess:
         """Append the answer; nothing if the process has ended."""
         with suppress(EOFError, OSError):
             answers.append(self.connection.recv())
-
-    def overdue(self, patience: float, waiting_since: float) -> bool:
-        """Whether it has not answered for so many seconds, or more where it is starting."""
-        since = max(waiting_since, self.requested_at)
-        return time.monotonic() - since > patience + (0.0 if self.answered else START_SECONDS)
 
     def kill(self) -> None:
         """End the process, whatever it is doing."""

@@ -1,4 +1,7 @@
-"""Progress of a run: a bar on a terminal; otherwise a line at each evaluation and every ten seconds."""
+"""Progress of a run: a bar on a terminal; otherwise a line at each evaluation and every ten seconds.
+
+This file imports no torch, so that a program can show that it starts before its slow imports.
+"""
 
 from __future__ import annotations
 
@@ -21,27 +24,34 @@ WINDOW = 100  # training episodes over which success is averaged: a single row m
 
 
 class Progress:
-    """Shows the rows of metrics.csv as they are measured. A context manager.
+    """Shows at once that a run starts, then the rows of metrics.csv as they are measured. A context manager.
 
     Args:
         total: frames of the run.
-        done: frames of the run that it resumes.
         shown: False to show nothing.
     """
 
-    def __init__(self, total: int, done: int, shown: bool) -> None:
+    def __init__(self, total: int, shown: bool = True) -> None:
         self.total = total
         self.values: dict[str, str] = {}
         self.recent: deque[tuple[float, float]] = deque()  # number of episodes and their success, of the last rows
         self.line_at = -math.inf  # seconds of the run at the last line
         self.prints_lines = shown and not sys.stderr.isatty()
-        self.bar = tqdm(total=total, initial=done, unit="frames", disable=not shown or self.prints_lines)
+        self.bar = tqdm(total=total, unit="frames", disable=not shown or self.prints_lines)
+        self.bar.set_postfix_str("starting")
+        if self.prints_lines:
+            print(f"starting a run of {total} frames", flush=True)
 
     def __enter__(self) -> Progress:
         return self
 
     def __exit__(self, *error: Any) -> None:
         self.bar.close()
+
+    def resume(self, done: int) -> None:
+        """Begin at the frames of the run that is resumed."""
+        self.bar.initial = self.bar.n = done
+        self.bar.refresh()
 
     def show(self, row: Mapping[str, float], status: Mapping[str, str] | None = None) -> None:
         """Show a row of metrics.csv. Values that it lacks keep their last value: evaluations are rarer than rows.

@@ -29,7 +29,7 @@ def fit(
     vocabulary: list[str],
     resume: Path | None = None,
     make_video_env: Callable[[], EnvBase] | None = None,
-    progress: bool = True,
+    progress: Progress | None = None,
     make_eval_env: MakeEnv | None = None,
     on_result: Callable[[dict[str, Any]], None] | None = None,
 ) -> dict[str, Any]:
@@ -43,7 +43,7 @@ def fit(
         vocabulary: the tokenizer's words.
         resume: a checkpoint file to continue from.
         make_video_env: builds an environment of one world that renders. None for no video.
-        progress: whether to show progress on the terminal.
+        progress: where the rows of metrics.csv are shown; None: nowhere.
         make_eval_env: like `make_env`, for evaluations; by default `make_env`.
         on_result: given the values of eval.json before any file of the report is written.
 
@@ -58,12 +58,12 @@ def fit(
     """
     folder.mkdir(parents=True, exist_ok=True)
     run = TrainingRun(plan, make_env, folder, config, vocabulary, make_eval_env)
-    with closing(run.eval_env):
+    with closing(run), progress or Progress(plan.run.total_frames, shown=False) as shown:
         if resume is not None:
             run.resume(resume)
-        done = run.counters["frames"]
+            shown.resume(run.counters["frames"])
         metrics = MetricsWriter(folder, run.columns, plan.run.logger, run.kept_frames)
-        with closing(metrics), StopSignal() as stop, Progress(plan.run.total_frames, done, progress) as shown:
+        with closing(metrics), StopSignal() as stop:
             try:
                 run.train(metrics, stop, shown)
                 return run.finish(stop, make_video_env, on_result)

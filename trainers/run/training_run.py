@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import time
 from collections.abc import Callable
@@ -11,23 +10,21 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from tensordict.nn import TensorDictModuleBase
 from torchrl.envs import EnvBase
 
 from trainers.algorithms.build import build_algorithm
 from trainers.collector_config import cores
 from trainers.config import Plan, frames_per_batch
-from trainers.models.policy import Policy
 from trainers.reports.plots import learning_curve
 from trainers.rollout.collection import Rollouts
 from trainers.rollout.collection import columns as collector_columns
 from trainers.rollout.episode_statistics import EpisodeStatistics
-from trainers.rollout.evaluation import EvalResult, Interrupted, evaluate
+from trainers.rollout.evaluation import EvalResult, Interrupted
 from trainers.rollout.seeds import derive_seed
 from trainers.rollout.video import record_video
 from trainers.rollout.worker import MakeEnv
-from trainers.rollout.worker_pool import CollectionError
 from trainers.run import checkpoint
+from trainers.run.evaluator import Evaluator, on_cpu
 from trainers.run.memories import MemoryFiles
 from trainers.run.metrics import EVALUATION_NAMES, MetricsWriter
 from trainers.run.progress import Progress
@@ -43,6 +40,7 @@ SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn sce
 class TrainingRun:
     """One training run: the state that the steps of `fit` share.
 
+    env: one world, for what is not simulated: specs, scenes and relabelling.
     counters: plain numbers that a resumed run continues from. row: of metrics.csv, for the latest iteration; {} before
     the first one. evaluated: whether the row is complete. consistent: whether no update is half done, so that the run
     can be saved.
@@ -62,13 +60,12 @@ class TrainingRun:
         self.counters: dict[str, Any] = {"frames": 0, "iteration": 0, "evaluations": 0, "best": -1.0, "seconds": 0.0}
         self.start_time, self.earlier_seconds = time.perf_counter(), 0.0
         torch.manual_seed(plan.run.seed)
-        eval_seed = derive_seed(plan.run.seed, 0, evaluation=True)
-        self.eval_env = (make_eval_env or make_env)(plan.eval.worlds, eval_seed)
-        self.policy, self.algorithm = build_algorithm(
-            plan, self.eval_env.observation_spec, self.eval_env.action_unit, vocabulary, self.eval_env.hindsight
-        )
-        self.widths = checkpoint.widths(self.eval_env.observation_spec, self.eval_env.action_spec)
-        self.statistics = EpisodeStatistics(self.eval_env.reward_names)
+        self.evaluator = Evaluator(make_eval_env or make_env, plan.eval.worlds, plan.run.seed)
+        self.env = self.evaluator.make_worlds(1)
+        spec = self.env.observation_spec
+        self.policy, self.algorithm = build_algorithm(plan, spec, self.env.action_unit, vocabulary, self.env.hindsight)
+        self.widths = checkpoint.widths(spec, self.env.action_spec)
+        self.statistics = EpisodeStatistics(self.env.reward_names)
         self.row: dict[str, float] = {}
         self.evaluated = self.consistent = True
         self.rollouts: Rollouts | None = None
@@ -76,6 +73,11 @@ class TrainingRun:
         self.resumed: dict[str, Any] = {}  # what the first batch after a resume depends on
         memories = MemoryFiles(folder / "checkpoints" / "memory", self.algorithm.memories)
         self.writer = CheckpointWriter(folder / "checkpoints", plan.checkpoint, memories)
+
+    def close(self) -> None:
+        """End the worlds of this process."""
+        self.env.close()
+        self.evaluator.close()
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -166,6 +168,7 @@ class TrainingRun:
         steps = self._frames_left(self.plan.schedule_frames) // self.plan.collector.worlds
         self.rollouts = Rollouts(self.make_env, behaviour, self.plan.collector, horizon, seed, first, state, steps)
         with closing(self.rollouts):
+            self.evaluator.prepare()  # while the workers build theirs
             if self.resumed:
                 torch.set_rng_state(self.resumed.pop("rng"))  # after the worlds were built, as it was saved
             while not self.frames_exhausted():
@@ -225,7 +228,7 @@ class TrainingRun:
         """Give the algorithm generated, unsimulated scenes to learn grounding from; they use no frames."""
         if self.algorithm.scenes_per_update:
             seed = derive_seed(self.plan.run.seed, SCENE_SEEDS + self.counters["iteration"])
-            self.algorithm.add_scenes(self.eval_env.draw_scenes(self.algorithm.scenes_per_update, seed))
+            self.algorithm.add_scenes(self.env.draw_scenes(self.algorithm.scenes_per_update, seed))
 
     def frames_exhausted(self) -> bool:
         """Whether another batch would exceed total_frames. The last one of the schedule is shortened to fit."""
@@ -244,26 +247,11 @@ class TrainingRun:
         if same_interval and self._frames_left(self.plan.schedule_frames):
             return None
         index = self.counters["evaluations"] + 1
-        result = self.evaluate(self.plan.eval.interval_episodes, index, stop)
+        result = self.evaluator.evaluate(self.policy, self.plan.eval.interval_episodes, index, stop)
         self.counters["evaluations"] = index
         values = {name: getattr(result, name) for name in EVALUATION_NAMES}
         self.row |= {f"eval/{name}": math.nan if value is None else value for name, value in values.items()}
         return result
-
-    def evaluate(self, episodes: int, index: int, stop: StopSignal) -> EvalResult:
-        """Evaluate the deterministic policy on episodes that neither training nor another `index` uses.
-
-        Raises:
-            CollectionError: the environment raised because of a value that is not finite.
-        """
-        seed = derive_seed(self.plan.run.seed, index, evaluation=True)
-        with torch.random.fork_rng(devices=[]):  # an evaluation that is interrupted and repeated changes nothing
-            try:
-                return evaluate(self.eval_env, _on_cpu(self.policy), episodes, seed, stop)
-            except ValueError as error:
-                if not hasattr(error, "frame"):
-                    raise
-                raise CollectionError(f"an evaluation raised {type(error).__name__}: {error}") from error
 
     def finish(
         self,
@@ -281,7 +269,7 @@ class TrainingRun:
         Returns:
             The values of eval.json.
         """
-        result = self.evaluate(self.plan.eval.episodes, 0, stop).as_dict()
+        result = self.evaluator.evaluate(self.policy, self.plan.eval.episodes, 0, stop).as_dict()
         frames, seconds = self.counters["frames"], self.seconds()
         result |= {"frames": frames, "wall_s": seconds, "frames_per_s": frames / max(seconds, 1e-9)}
         result["seed"] = self.plan.run.seed
@@ -291,10 +279,5 @@ class TrainingRun:
         learning_curve(self.folder / "metrics.csv", self.folder / "learning_curve.png")
         if make_video_env is not None and self.plan.eval.video_episodes:
             with closing(make_video_env()) as env, atomic_path(self.folder / "evaluation.mp4") as video:
-                record_video(env, _on_cpu(self.policy), video, self.plan.eval.video_episodes)
+                record_video(env, on_cpu(self.policy), video, self.plan.eval.video_episodes)
         return result
-
-
-def _on_cpu(policy: Policy) -> TensorDictModuleBase:
-    """The policy as it acts in the worlds, which are on the CPU; a copy if it learns on another device."""
-    return policy.act if next(policy.parameters()).device.type == "cpu" else copy.deepcopy(policy).cpu().act

@@ -10,6 +10,7 @@ from typing import Any
 
 from conf.overrides import compose, groups
 from conf.schema import ConfigError
+from trainers.config_versions import without_former_keys
 from trainers.sweeps.runs import flatten
 
 FIRST = ("scenario", "task")  # their options choose options of other groups
@@ -37,7 +38,8 @@ def overrides_of(config: Mapping[str, Any]) -> list[str]:
         if _composed(words)["choices"][group] != option:
             words.append(f"{group}={option}")
     defaults = dict(flatten(_composed(words)))
-    return words + [f"{key}={_hydra_value(v)}" for key, v in flatten(config) if defaults.get(key, ...) != v]
+    values = flatten(without_former_keys(config))
+    return words + [f"{key}={_hydra_value(value)}" for key, value in values if defaults.get(key, ...) != value]
 
 
 def _composed(words: list[str]) -> dict[str, Any]:

@@ -23,7 +23,8 @@ def arm_touches_furniture(env):
         for contact in bullet.getContactPoints(bodyA=robot.body, physicsClientId=client):
             body, link = contact[2], contact[3]
             furniture = body != robot.body and bullet.getDynamicsInfo(body, -1, client)[0] == 0
-            handled = body in world.furniture.bodies.values() and link >= robot.hand  # a drawer by its handle
+            operated = {*world.furniture.bodies.values(), *world.devices.bodies}  # a drawer by its handle, a button
+            handled = body in operated and link >= robot.hand
             if furniture and not handled and link not in fixed and contact[8] < 0:
                 return True
     return False

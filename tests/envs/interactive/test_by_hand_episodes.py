@@ -73,7 +73,7 @@ def test_reaching_another_object_than_the_chosen_one_fails(env):
     expert = ReachExpert(env)
     goal = state["objects"][:, int(np.flatnonzero(np.arange(3) != slot)[0]), :3].numpy().astype(float)
     while not state["done"].any():
-        state = env.step(state.set("action", expert.towards(goal)))["next"]
+        state = env.step(state.set("action", env.towards(expert.over(goal))))["next"]
     assert state["wrong_object"].all()
 
 

@@ -38,7 +38,7 @@ env.close()
 
 @pytest.mark.slow
 def test_play_draws_the_robot_in_a_window_and_ends_with_escape(start):  # noqa: F811
-    program = start("play.py", "--gui")
+    program = start("play.py", "--gui", "task=nl_reach")
     deadline = time.monotonic() + TIMEOUT
     while not is_drawn(program.picture()) and program.process.poll() is None:
         assert time.monotonic() < deadline

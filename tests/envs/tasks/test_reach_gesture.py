@@ -175,7 +175,7 @@ def test_after_a_gesture_switch_only_the_new_referent_is_a_success(task):
     env = make("kuka", "step", task, "gesture.switch=1", worlds=16)
     assert run_to_end(env, Oracle(env), env.reset()).all()
     expert = ReachExpert(env)
-    stubborn = lambda td: td.set("action", expert.towards(first))  # noqa: E731
+    stubborn = lambda td: td.set("action", env.towards(expert.over(first)))  # noqa: E731
     env.set_seed(0)
     td = env.reset()
     first = td["privileged", "goal"].numpy().astype(np.float64)

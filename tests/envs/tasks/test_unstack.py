@@ -8,7 +8,7 @@ import pytest
 from conf.schema import ConfigError
 from envs.experts import expert
 from envs.tasks import NOTHING
-from envs.tasks.unstack import APART
+from envs.tasks.free_places import APART
 from language import ground, parse
 from tests.helpers.env_cases import act, make, task_of
 

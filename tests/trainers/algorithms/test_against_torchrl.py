@@ -4,101 +4,115 @@ import copy
 
 import pytest
 import torch
-from tensordict.nn import TensorDictModule
 from torchrl.objectives import ClipPPOLoss, SACLoss
 from torchrl.objectives.value import GAE
 
 from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
+from tests.helpers.short_training import train, untimed_rows
 from trainers.algorithms.algorithm import total_loss
 from trainers.algorithms.build import build_algorithm
 from trainers.algorithms.ppo import MEASURED
-from trainers.models.actors import stochastic_actor
-from trainers.models.networks import SingleCritic
 
 TOLERANCE = {"atol": 1e-5, "rtol": 1e-5}
 
 
 def learner(algo, *overrides):
-    """The algorithm in double precision, and frames (8, 40) of its policy."""
+    """The algorithm in double precision, and frames (8, 40) of its policy. The same seed gives the same weights."""
     env = make_env(8, 0)
     torch.manual_seed(0)
     policy, algorithm = build_algorithm(plan(algo, overrides=overrides), env.observation_spec, env.action_unit)
     with torch.no_grad():
         batch = env.rollout(40, policy.act, break_when_any_done=False)
-        for part in (policy, algorithm.critic, getattr(algorithm, "target", None)):
-            if part is not None:
+        for part in (policy, *(getattr(algorithm, name, None) for name in ("critic", "target", "loss"))):
+            if isinstance(part, torch.nn.Module):
                 part.double()
     return policy, algorithm, batch.apply(lambda x: x.double() if x.is_floating_point() else x)
-
-
-def single_critics(critic):
-    """The heads of a critic as modules of their own."""
-    modules = []
-    for head in copy.deepcopy(critic).heads:
-        single = SingleCritic.__new__(SingleCritic)
-        torch.nn.Module.__init__(single)
-        single.robot, single.goal = copy.deepcopy(critic.robot), copy.deepcopy(critic.goal)
-        single.heads = torch.nn.ModuleList([head])
-        modules.append(single)
-    return modules
-
-
-def torchrl_sac(policy, sac):
-    keys = ["robot", sac.critic_key, "move"]
-    critics = [TensorDictModule(m, in_keys=keys, out_keys=["state_action_value"]) for m in single_critics(sac.critic)]
-    loss = SACLoss(
-        stochastic_actor(policy),
-        critics,
-        num_qvalue_nets=2,
-        loss_function="l2",
-        alpha_init=sac.config.initial_alpha,
-        target_entropy=sac.target_entropy,
-    )
-    loss.set_keys(action="move", state_action_value="state_action_value")
-    loss.make_value_estimator(loss.default_value_estimator, gamma=sac.config.gamma)
-    return loss
 
 
 def gradients(loss, parameters):
     return torch.autograd.grad(loss, parameters, retain_graph=True)
 
 
+def stacked_heads(critic, theirs):
+    """Parameters of a critic with two heads, name by name as (head 0, head 1, both in TorchRL's critics)."""
+    heads = [dict(head.named_parameters()) for head in critic.heads]
+    return [(*(head[name] for head in heads), theirs["module", "heads", "0", *name.split(".")]) for name in heads[0]]
+
+
 @pytest.mark.parametrize("state_dependent_std", ["true", "false"])
 def test_sac_has_the_losses_and_gradients_of_sacloss(state_dependent_std):
-    policy, sac, batch = learner("sac", f"policy.state_dependent_std={state_dependent_std}")
+    override = f"policy.state_dependent_std={state_dependent_std}"
+    policy, sac, batch = learner("sac", override)
+    _, reference, _ = learner("sac", override, "algo.loss=torchrl")
+    assert isinstance(reference.loss, SACLoss)
     sac.replay.extend(batch)
     frames = sac.replay.sample(64)
     frames["next", "terminated"][::5] = True
-    frames["next", "done"] = frames["next", "terminated"]
-    reference = torchrl_sac(policy, sac)
     torch.manual_seed(1)
     ours = sac.losses(frames.clone())
     torch.manual_seed(1)
-    theirs = reference(frames.clone())
-    for name, key in (("loss/critic", "loss_qvalue"), ("loss/actor", "loss_actor"), ("loss/alpha", "loss_alpha")):
-        torch.testing.assert_close(ours[name].double(), theirs[key].double(), **TOLERANCE)
-    torch.testing.assert_close(ours["entropy"], theirs["entropy"], **TOLERANCE)
-    actor = list(policy.actor.parameters())
-    assert_same(gradients(ours["loss/actor"], actor), gradients(theirs["loss_actor"], actor))
-    critic = dict(sac.critic.named_parameters())
-    stacked = reference.qvalue_network_params
-    for name, parameter in critic.items():
-        head, layer = int(name.split(".")[1]), name.split(".", 2)[2]
-        theirs_parameter = stacked["module", "heads", "0", *layer.split(".")]
-        (mine,) = gradients(ours["loss/critic"], [parameter])
-        (other,) = gradients(theirs["loss_qvalue"], [theirs_parameter])
-        torch.testing.assert_close(mine, other[head], **TOLERANCE)
+    theirs = reference.losses(frames.clone())
+    assert {name for name in ours if name.startswith("loss/")} == {"loss/actor", "loss/critic", "loss/alpha"}
+    for name in set(ours) - {"q"}:
+        torch.testing.assert_close(ours[name].double(), theirs[name].double(), **TOLERANCE)
+    assert_same(
+        gradients(ours["loss/actor"], [*policy.actor.parameters()]),
+        gradients(theirs["loss/actor"], [*reference.policy.actor.parameters()]),
+    )
+    for *heads, both in stacked_heads(sac.critic, reference.loss.qvalue_network_params):
+        (other,) = gradients(theirs["loss/critic"], [both])
+        assert_same(gradients(ours["loss/critic"], heads), other)
     (mine,), (other,) = (
         gradients(ours["loss/alpha"], [sac.log_alpha]),
-        gradients(theirs["loss_alpha"], [reference.log_alpha]),
+        gradients(theirs["loss/alpha"], [reference.loss.log_alpha]),
     )
-    torch.testing.assert_close(mine, other, **TOLERANCE)
+    torch.testing.assert_close(mine.double(), other, **TOLERANCE)
+
+
+@pytest.mark.slow
+def test_an_update_of_sac_is_that_with_sacloss():
+    """Gradient clipping, Adam, target critics and temperature too, over forty steps."""
+    each = []
+    for overrides in ((), ("algo.loss=torchrl",)):
+        policy, algorithm, batch = learner("sac", "algo.updates_per_frame=0.125", *overrides)
+        before = copy.deepcopy(policy.state_dict())
+        torch.manual_seed(1)
+        measured = algorithm.update(batch, 0.25)
+        assert measured["updates"] == 40
+        assert any(not torch.equal(value, before[name]) for name, value in policy.state_dict().items())
+        each.append((policy, algorithm, measured))
+    (ours, sac, mine), (theirs, reference, other) = each
+    for name in set(mine) - {"q"}:
+        assert mine[name] == pytest.approx(other[name], rel=1e-5, abs=1e-5), name
+    torch.testing.assert_close(ours.state_dict(), theirs.state_dict(), **TOLERANCE)
+    torch.testing.assert_close(sac.log_alpha.double(), reference.loss.log_alpha.double(), **TOLERANCE)
+    for critic, learned in (
+        (sac.critic, reference.loss.qvalue_network_params),
+        (sac.target, reference.loss.target_qvalue_network_params),
+    ):
+        for *heads, both in stacked_heads(critic, learned):
+            assert_same(heads, both)
 
 
 def assert_same(ours, theirs):
     for mine, other in zip(ours, theirs, strict=True):
         torch.testing.assert_close(mine, other, **TOLERANCE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_a_run_with_the_loss_of_torchrl_begins_as_one_with_ours(tmp_path, algo):
+    names = ("loss/actor", "loss/critic", "loss/grounding", "entropy")
+    runs = []
+    for loss in ("own", "torchrl"):
+        result = train(tmp_path / loss, algo, overrides=[f"algo.loss={loss}"])
+        assert result["frames"] == 512
+        runs.append([{name: float(row[name]) for name in names} for row in untimed_rows(tmp_path / loss)])
+    ours, theirs = runs
+    assert len(ours) == len(theirs)
+    first = next(i for i, row in enumerate(ours) if row["loss/critic"] == row["loss/critic"])  # not NaN
+    assert theirs[first] == pytest.approx(ours[first], rel=1e-2)
 
 
 def test_ppo_has_the_losses_and_gradients_of_clipppoloss():

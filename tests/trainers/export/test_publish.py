@@ -124,4 +124,4 @@ def test_training_cannot_resume_from_a_published_policy(policy, tmp_path):
     from tests.helpers.plans import plan
 
     with pytest.raises(CheckpointError, match="a published policy"):
-        fit(plan(), FakeEnv, tmp_path, {}, [], resume=checkpoint.find(policy), progress=False)
+        fit(plan(), FakeEnv, tmp_path, {}, [], resume=checkpoint.find(policy))

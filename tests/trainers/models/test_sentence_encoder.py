@@ -194,7 +194,7 @@ def test_the_sentence_encoder_needs_the_vocabulary():
 @needs_weights
 def test_a_small_checkpoint_restores_the_same_policy(tmp_path):
     overrides = (*SENTENCE, "total_frames=256")
-    fit(plan(overrides=overrides), make_env, tmp_path, config(overrides=overrides), WORDS, progress=False)
+    fit(plan(overrides=overrides), make_env, tmp_path, config(overrides=overrides), WORDS)
     path = checkpoint.find(tmp_path)
     assert path.stat().st_size < 3 * 2**20
     env = make_env(4, 1)

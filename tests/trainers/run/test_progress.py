@@ -1,4 +1,12 @@
+import io
+import re
+import subprocess
+import sys
+from pathlib import Path
+
 from trainers.run.progress import WINDOW, Progress
+
+ROOT = Path(__file__).parents[3]
 
 
 def row(frames, episodes, success, seconds=1.0, **more):
@@ -6,10 +14,12 @@ def row(frames, episodes, success, seconds=1.0, **more):
 
 
 def said(capsys, rows):
-    """The lines that are printed where nobody looks at a terminal."""
-    with Progress(1000, 0, shown=True) as progress:
+    """The lines that are printed where nobody looks at a terminal, after the one that says that the run starts."""
+    with Progress(1000) as progress:
+        first = capsys.readouterr().out
         for each in rows:
             progress.show(each)
+    assert first == "starting a run of 1000 frames\n"
     return capsys.readouterr().out.splitlines()
 
 
@@ -38,3 +48,30 @@ def test_rows_in_which_no_episode_ended_change_nothing(capsys):
     nan = float("nan")
     rows = [row(10, 0, nan), row(20, 4, 0.5), row(30, 0, nan, **{"eval/success_at_end": 0.5})]
     assert last_line(capsys, rows) == ["30 of 1000 frames, 1 s: success 0.50, in training 0.50"]
+
+
+def test_the_start_is_shown_before_torch_is_imported():
+    code = "import sys; from trainers.run.progress import Progress; Progress(10); sys.exit('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert (done.stdout, done.returncode) == ("starting a run of 10 frames\n", 0)
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_a_bar_begins_at_the_frames_of_the_run_that_is_resumed(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    with Progress(1000) as progress:
+        progress.resume(400)
+        progress.show(row(500, 1, 0.5))
+    seen = re.findall(r"(\d+)/1000", terminal.getvalue())
+    assert [int(frames) for frames in dict.fromkeys(seen)] == [0, 400, 500]
+
+
+def test_nothing_is_shown_where_it_is_not_wanted(capsys):
+    with Progress(1000, shown=False) as progress:
+        progress.resume(400)
+        progress.show(row(500, 1, 0.5, **{"eval/success_at_end": 0.5}))
+    assert capsys.readouterr() == ("", "")

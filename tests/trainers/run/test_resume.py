@@ -102,7 +102,7 @@ def test_an_evaluation_that_was_interrupted_is_repeated(tmp_path, monkeypatch):
 
     overrides, folder = overrides_of("ppo"), tmp_path / "stopped"
     train(tmp_path / "whole", overrides=overrides)
-    monkeypatch.setattr("trainers.run.training_run.evaluate", stopped)
+    monkeypatch.setattr("trainers.run.evaluator.evaluate", stopped)
     with pytest.raises(SystemExit) as left:
         train(folder, overrides=overrides)
     assert left.value.code == 128 + signal.SIGHUP
@@ -159,5 +159,5 @@ def test_a_row_that_another_collector_measured_is_resumed_without_its_own_column
     run = TrainingRun(plan(), make_env, tmp_path, config(), WORDS)
     row = {"frames": 128.0, "time/restarts": 1.0, "time/batch_age": 0.0}
     run.load_running_state({**run.running_state(), "row": row, "memories": {}})
-    run.eval_env.close()
+    run.close()
     assert run.row == {"frames": 128.0}

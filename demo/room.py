@@ -1,0 +1,171 @@
+"""A room, where several verbs can be said: what can be done in it as it is, and if not, why not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from itertools import chain, zip_longest
+
+import numpy as np
+
+from envs.interactive.interactive_env import InteractiveEnv
+from envs.interactive.object_names import object_name
+from envs.tasks.anything import Anything
+from envs.tasks.feasible import CARRY, THROUGH, Option, Room, options
+from envs.tasks.free_places import BESIDE
+from envs.tasks.furnished import OPEN, SHUT
+from envs.tasks.geometry import length
+from envs.tasks.types import NOTHING
+from language import SUPERLATIVES, VERBS, LanguageError, ObjectPhrase, Scene, Split, matches
+from language.describing import plain_name
+from language.generator import ReferringExpressions
+from language.verbs import BASE, GOAL, OBJECT, OPERATED, has_goal
+
+MOST_SAID = 12  # instructions that are listed
+PLACE = {"pick_and_place": "put {object} {goal}"}  # templates in place of the first one, where that is long
+AT = "at"  # before the object that marks a place
+
+
+def in_words(verb: str, referent: str, target: str | None = None) -> str:
+    """An instruction with these names: "put the red cube in the drawer"."""
+    fits = (each for each in VERBS[verb].templates if has_goal(each) == (target is not None))
+    sentence = PLACE.get(verb, next(fits)).replace(OBJECT, referent)
+    return sentence if target is None else sentence.replace(BASE, target).replace(GOAL, f"{AT} {target}")
+
+
+def names_of(scene: Scene) -> list[str]:
+    """The name of each object; "the transparent cube" for a see-through one, where there is no other."""
+    phrases = [plain_phrase(scene, index) for index in range(len(scene))]
+    names = [object_name(i, scene) if phrase is None else str(phrase) for i, phrase in enumerate(phrases)]
+    if scene.targets.sum() == 1:
+        target = int(scene.targets.argmax())
+        names[target] = f"the transparent {scene[target].noun}"
+    return names
+
+
+def plain_phrase(scene: Scene, index: int) -> ObjectPhrase | None:
+    """The simplest phrase that fits this object alone; None if there is none.
+
+    As people do, it says which of two alike is the highest or leftmost where the difference is small.
+    """
+    with suppress(LanguageError):
+        return plain_name(index, ReferringExpressions(scene, Split()))
+    thing = scene[index]
+    for word in SUPERLATIVES:
+        phrase = ObjectPhrase(noun=thing.noun, color=thing.color, superlative=word)
+        if np.flatnonzero(matches(phrase, scene)).tolist() == [index]:
+            return phrase
+    return None
+
+
+def room_of(env: InteractiveEnv, scene: Scene | None = None) -> Room:
+    """The room as it is, or as it would be with this scene."""
+    assert isinstance(env.task, Anything)
+    return env.task.room(env.scene() if scene is None else scene)
+
+
+def sayable(env: InteractiveEnv) -> list[str]:
+    """What can be said now, MOST_SAID sentences at most: first one of each verb, about different objects."""
+    scene = env.scene()
+    names, held = names_of(scene), NOTHING if env.held is None else env.held
+    by_verb: dict[str, list[Option]] = {}
+    for option in options(room_of(env, scene), held):
+        if all(names[each].startswith("the ") for each in option[1:] if each is not None):
+            by_verb.setdefault(option.verb, []).append(option)
+    turned = [each[at % len(each) :] + each[: at % len(each)] for at, each in enumerate(by_verb.values())]
+    found = [option for option in chain(*zip_longest(*turned)) if option is not None]
+    return [
+        in_words(verb, names[referent], None if target is None else names[target])
+        for verb, referent, target in found[:MOST_SAID]
+    ]
+
+
+def check(env: InteractiveEnv, option: Option, scene: Scene) -> None:
+    """Raises LanguageError, with the reason, unless this can be done in the scene."""
+    room, names = room_of(env, scene), names_of(scene)
+    held = NOTHING if env.held is None else env.held
+    reason = next(_reasons(room, option, held, names), "")
+    leaves_here = option.verb == "pick_and_place" and held == option.referent
+    possible = option.verb in OPERATED or leaves_here or option in options(room, held)  # a fitting may be half open
+    if not reason and not possible:
+        verb, referent, target = option
+        reason = f"'{in_words(verb, names[referent], None if target is None else names[target])}' cannot be done now"
+    if reason:
+        raise LanguageError(reason)
+
+
+def _reasons(room: Room, option: Option, held: int, names: Sequence[str]) -> Iterator[str]:
+    """Why this cannot be done, the first reason first."""
+    verb, referent, target = option
+    name = names[referent]
+    if held != NOTHING and room.loose[held]:
+        if held != referent:
+            yield f"put down {names[held]} first"
+        elif verb not in CARRY:
+            yield f"the gripper holds {name} already: say where to put it"
+    if verb in OPERATED:
+        yield from _of_operating(room, verb, referent, name)
+        return
+    if room.scene.targets[referent]:
+        yield f"{name} only marks a place: name another object"
+    if verb != "reach" and room.fits[referent]:
+        yield f"{name} stays where it is: name something on the table"
+    yield from _of_taking(room, option, names)
+    if target is not None:
+        yield from _of_target(room, option, held, names)
+
+
+def _of_operating(room: Room, verb: str, referent: int, name: str) -> Iterator[str]:
+    if not room.fits[referent]:
+        yield f"'{verb}' needs a drawer or a fridge, which {name} is not"
+    elif verb == "open" and room.shares[referent] >= OPEN:
+        yield f"{name} is open already"
+    elif verb == "close" and room.shares[referent] <= SHUT:
+        yield f"{name} is shut already"
+    elif room.blocked():
+        yield f"{name} cannot move: something lies in its way"
+
+
+def _of_taking(room: Room, option: Option, names: Sequence[str]) -> Iterator[str]:
+    verb, referent, target = option
+    name, boxes = names[referent], np.flatnonzero(room.inside[referent]).tolist()
+    if verb == "take_out" and target not in boxes:
+        yield f"{name} is not in {names[target or 0]}"
+    if verb != "take_out" and boxes:
+        yield f"{name} is in {names[boxes[0]]}: take it out first"
+    if room.covered[referent]:
+        upper = int(np.flatnonzero(room.upon[:, referent])[0])
+        yield f"{names[upper]} stands on {name}: take that down first"
+    if verb == "unstack" and not room.upon[referent].any():
+        yield f"{name} stands on no other object"
+
+
+def _of_target(room: Room, option: Option, held: int, names: Sequence[str]) -> Iterator[str]:
+    verb, referent, target = option
+    assert target is not None
+    there = names[target]
+    if verb == "pick_and_place":
+        if not room.scene.targets[target]:
+            yield f"{there} marks no place: name the see-through object, or say 'on top of {there}'"
+        elif _is_taken(room, option, held):
+            yield "something stands there already"
+    elif verb == "stack":
+        if room.upon[referent, target]:
+            yield f"{names[referent]} stands on {there} already"
+        if not (room.loose & room.ready & room.level)[target]:
+            yield f"nothing can be put on {there} now"
+    elif not room.fits[target]:
+        yield f"nothing goes in {there}: name the drawer or the fridge"
+    elif room.shares[target] <= THROUGH:
+        yield f"{there} is not open: open it first"
+    elif verb == "put_in" and room.inside[:, target].any():
+        inside = int(np.flatnonzero(room.inside[:, target])[0])
+        yield f"{there} is full: {names[inside]} is in it"
+
+
+def _is_taken(room: Room, option: Option, held: int) -> bool:
+    """Whether an object stands at the target; the referent counts unless it is held."""
+    others, (_, referent, target) = room.loose.copy(), option
+    others[referent] &= held != referent
+    apart = length((room.scene.positions - room.scene.positions[target])[:, :2])
+    return bool((others & (apart < BESIDE * room.scene.sizes)).any())

@@ -1,0 +1,64 @@
+"""Anything: does what the verb's expert does, but lets go of other things first, and goes up before sideways."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.experts.base import OVER, UP, AimingExpert, Array, Slots, choose_rows
+from envs.experts.grasp import LiftExpert
+from envs.experts.place import Fetch, PlaceExpert
+from envs.experts.reach import ReachExpert
+from envs.experts.registry import EXPERTS, register_expert
+from envs.tasks import NOTHING, Task
+from envs.tasks.anything import Anything
+from envs.tasks.furnished import NUMBERS
+from envs.tasks.geometry import length
+from envs.workspace_env import WorkspaceEnv
+
+HOVER = 0.14  # metres above an object at which grippers travel: over stacks of two
+HEIGHT = 0.12  # metres above their targets at which objects are carried: over stacks of two
+BESIDE, CLEAR = 0.05, 0.06  # metres beside and over a handle from which a gripper may go sideways
+SAG = 0.03  # metres below the height of travel at which a gripper still goes sideways
+
+
+@register_expert("anything")
+class AnythingExpert(AimingExpert):
+    """Each world's gripper goes where the expert of its verb wants it."""
+
+    def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
+        super().__init__(env, task)
+        assert isinstance(self._task, Anything)
+        self._members = [self._member(member) for member in self._task.members]
+
+    def _member(self, task: Task) -> AimingExpert:
+        member = EXPERTS[task.config.name](self._env, task)
+        assert isinstance(member, AimingExpert)
+        if isinstance(member, Fetch | ReachExpert):
+            member.hover = HOVER
+        if isinstance(member, PlaceExpert):
+            member.height = HEIGHT
+        if isinstance(member, LiftExpert):  # also from the top of another object, and nobody remembers where it stood
+            member.more += task.config.object_size
+        return member
+
+    def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
+        state, gripper = self._env.state, self._env.gripper
+        aims = [member.aim(referent, target) for member in self._members]
+        place, close = (np.stack(parts)[state.kind, self._rows] for parts in zip(*aims, strict=True))
+        beside = length((place - gripper)[:, :2]) > OVER
+        low = beside & (gripper[:, 2] < place[:, 2] - SAG)
+        place[low, :2] = gripper[low, :2]
+        leaves = self._at_other_handle(referent)
+        place = choose_rows(leaves, gripper + HOVER * UP, place)
+        other = (state.held != NOTHING) & (state.held != referent)
+        return choose_rows(other, gripper, place), close & ~other
+
+    def _at_other_handle(self, referent: Slots) -> NDArray[np.bool_]:
+        """(N,) whether a gripper is at the handle of a fitting that is not the referent: it goes up from there."""
+        state = self._env.state
+        offset = self._env.gripper[:, None] - state.objects
+        at = (length(offset[..., :2]) < BESIDE) & (offset[..., 2] < CLEAR) & (offset[..., 2] > -CLEAR) & state.shown
+        at &= np.isin(state.nouns, NUMBERS)
+        at[self._rows, referent] = False
+        return np.any(at, axis=1)

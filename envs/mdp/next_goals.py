@@ -1,0 +1,33 @@
+"""Episodes of several instructions: after a success the next one is said, in the world as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from envs.mdp.goals import Goal
+from envs.mdp.object_rows import scene_of_rows
+from envs.mdp.world_state import WorldState
+from envs.tasks import NOTHING, Task
+
+
+def next_goals(
+    arrays: WorldState, task: Task, success: NDArray[np.bool_], generators: Sequence[Generator]
+) -> Iterator[tuple[int, Goal]]:
+    """The worlds whose episodes go on after this control step, each with its next goal. Their clocks start again.
+
+    success: (N,). generators: of each world.
+    """
+    for i in np.flatnonzero(success & (arrays.said < task.config.instructions)).tolist():
+        slots, held = np.sort(arrays.slots[i]), arrays.state.held[i]
+        scene = scene_of_rows(arrays.rows[i, slots], task.config.viewpoint, arrays.state.nouns[i, slots])
+        said = task.next_instruction(
+            scene, NOTHING if held == NOTHING else int(np.searchsorted(slots, held)), generators[i]
+        )
+        if said is not None:
+            arrays.said[i] += 1
+            arrays.steps[i] = 0
+            yield i, Goal.of_said(said, slots)

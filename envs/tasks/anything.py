@@ -1,0 +1,258 @@
+"""Anything: each episode says one of the instructions that are feasible in a room, and after success another one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from conf.schema import ConfigError
+from envs.sim.workspace import Fitting
+from envs.tasks.base import Task
+from envs.tasks.feasible import CARRY, VERBS, Option, Room, options
+from envs.tasks.free_places import COLUMNS, FreeTable, described_free
+from envs.tasks.furnished import Furnished
+from envs.tasks.manipulation import SCENES
+from envs.tasks.nl_reach import NLReach
+from envs.tasks.object_layout import scatter
+from envs.tasks.registry import TASKS, register_task
+from envs.tasks.types import NOTHING, Array, EpisodeSpec, GripperStart, Outcome, Said, State, TaskConfig
+from human import Person
+from language import COLORS, FITTINGS, Placed, Scene
+
+STACK_RADIUS = 0.02  # metres from the place on top of the base, as in conf/task/nl_stack.yaml
+STORED, STACKED = 0.3, 0.5  # chances that an object lies in each fitting, and that one stands on another
+AT_AN_OBJECT = 0.5  # share of the episodes that the curriculum begins elsewhere, in which that is over another object
+ABOVE = 0.12  # metres over an object up to which a gripper begins there
+HIGH = (0.2, 0.4)  # metres over the table between which a gripper begins anywhere
+LEAST_ON_TABLE = 2  # loose objects that stand on the table, at least
+
+
+class ReachNext(NLReach):
+    """Reach after another instruction: the object at which the gripper begins is not the wrong one until it left it."""
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._first = np.full(worlds, NOTHING)  # the slot at which it begins, until it leaves it
+
+    def reset(self, worlds: NDArray[np.int64], state: State) -> None:
+        super().reset(worlds, state)
+        distances = self._distances(state)[worlds]
+        nearest = distances.argmin(1)
+        self._first[worlds] = np.where(distances.min(1) <= self.config.radius, nearest, NOTHING)
+
+    def step(self, state: State) -> Outcome:
+        distances = self._distances(state)
+        stays = (distances.argmin(1) == self._first) & (distances.min(1) <= self.config.radius)
+        self._first = np.where(stays, self._first, NOTHING)
+        self._held_other = np.where(stays, -1, self._held_other)
+        return super().step(state)
+
+
+@register_task("anything", verb="pick_and_place")
+class Anything(Furnished):
+    """Each episode draws a verb among those that are feasible in its room, and then its referent and target.
+
+    Success and the ends of episodes are those of the task that is said: `members` has one for each verb, and this class
+    has no goal or potential of its own. Reward terms of all members have the same weights. Scenes are drawn so that
+    several verbs are feasible: fittings are open or shut, with an object in them or without, and an object may stand
+    on another one.
+
+    kind_names: the verbs.
+    """
+
+    columns = (*Furnished.columns, *COLUMNS)
+    potentials = ("progress", "approach", "grasp", "lift", "height", "transport", "release", "operate")
+    fails = True
+    continues = True
+    wide = (0.85, 1.0)
+    kind_names = verbs = VERBS
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        self._table = FreeTable(object_area, config.object_size)
+        self._room: Room | None = None  # the last one
+        super().__init__(config, object_area, num_worlds, person)
+        self.kind_names = VERBS
+
+    def _allocate(self, worlds: int) -> None:
+        self._free = np.zeros((worlds, self.config.slots, 3))  # where the table is free for each object
+        self.members = [self._member(verb, worlds) for verb in VERBS]
+
+    def _member(self, verb: str, worlds: int) -> Task:
+        """The task of a verb, as far as it evaluates steps: it draws nothing."""
+        name, config = f"nl_{verb}", self.config
+        kind = ReachNext if verb == "reach" else TASKS[name]
+        targets = config.num_targets if verb == "pick_and_place" else 0
+        return kind(
+            replace(
+                config,
+                name=name,
+                instructions=1,
+                num_objects=config.slots - targets,
+                min_objects=config.slots - targets,
+                num_targets=targets,
+                radius=STACK_RADIUS if verb == "stack" else config.radius,
+                reward={term: config.reward[term] for term in kind.terms},
+            ),
+            self._area,
+            worlds,
+        )
+
+    def furnish(self, fittings: Mapping[str, Fitting]) -> None:
+        super().furnish(fittings)
+        for member in self.members:
+            member.furnish(fittings)
+
+    # ---- judging
+
+    def reset(self, worlds: NDArray[np.int64], state: State) -> None:
+        """Begins new episodes in these worlds, or continues with another instruction."""
+        self._free[worlds] = self._table.nearest(state.objects[worlds], state.shown[worlds])
+        for member in self.members:
+            member.reset(worlds, state)
+
+    def step(self, state: State) -> Outcome:
+        """Evaluates one control step of all worlds, each by the member whose verb is said there."""
+        outcomes = [member.step(state) for member in self.members]
+        never = np.zeros(len(self._rows))
+
+        def said(values: Iterable[Array | NDArray[np.bool_] | None]) -> Array:
+            each = np.stack([never if value is None else value for value in values])
+            return np.asarray(each[state.kind, self._rows], np.float64)
+
+        flags = {
+            name: said(getattr(each, name) for each in outcomes).astype(bool)
+            for name in ("success", "wrong_object", "at_goal", "wrong_target", "failed")
+        }
+        terms = {name: said(each.terms.get(name) for each in outcomes) for name in self.terms}
+        return Outcome(terms, **flags)
+
+    def _potentials(self, state: State) -> dict[str, Array]:
+        raise NotImplementedError("members have potentials")
+
+    def _at_goal(self, state: State) -> NDArray[np.bool_]:
+        raise NotImplementedError("members have goals")
+
+    @property
+    def memory(self) -> Array:
+        """(N, M) what the members remember."""
+        return np.concatenate([member.memory for member in self.members], axis=1)
+
+    def seen(self, state: State) -> Array:
+        return np.concatenate((super().seen(state), (self._free - state.objects)[..., :2]), axis=-1)
+
+    def described(self, episode: EpisodeSpec) -> Array:
+        return np.concatenate((super().described(episode), described_free(self._table, episode)), axis=-1)
+
+    # ---- drawing
+
+    def room(self, scene: Scene) -> Room:
+        """What the scene is like, for what is feasible in it."""
+        if self._room is None or self._room.scene is not scene:  # computed once for several calls
+            nouns, places = scene.nouns, scene.positions
+            fits = np.isin(nouns, list(self.fittings))
+            self._room = Room(scene, self.shares(nouns, places), self._inside(nouns, places), fits, self._area)
+        return self._room
+
+    def next_instruction(self, scene: Scene, held: int, rng: Generator) -> Said | None:
+        """An instruction that is feasible in the scene as it is: first a verb is drawn, and then what it is done to.
+
+        held: the object that the gripper holds, or NOTHING. None where nothing is feasible that words can name.
+        """
+        feasible = self._sayable(scene, held)
+        if not feasible:
+            return None
+        verbs = sorted({each.verb for each in feasible})
+        verb = verbs[rng.integers(len(verbs))]
+        chosen = [each for each in feasible if each.verb == verb]
+        return self._said(scene, chosen[rng.integers(len(chosen))], rng)
+
+    def _sayable(self, scene: Scene, held: int = NOTHING, verb: str | None = None) -> list[Option]:
+        """The feasible instructions, of one verb or of all, whose referents and targets words can name."""
+        feasible = [each for each in options(self.room(scene), held) if verb in (None, each.verb)]
+        if not feasible:
+            return []
+        named = self._describer.nameable(scene)
+        return [each for each in feasible if named[each.referent] and (each.target is None or named[each.target])]
+
+    def _said(self, scene: Scene, option: Option, rng: Generator) -> Said:
+        verb, referent, target = option
+        sentence, _ = self._sentence(verb, scene, referent, target, rng)
+        return Said(VERBS.index(verb), referent, target, sentence, self._heard(sentence))
+
+    def _scene(self, rng: Generator) -> Scene:
+        """Loose objects, targets and fittings. The first objects may lie in fittings, and the next one on the last."""
+        config = self.config
+        count = int(rng.integers(config.min_objects, config.num_objects + 1)) - len(FITTINGS)
+        places = np.array(scatter(rng, count + config.num_targets, self._area, config.spacing, config.object_size / 2))
+        fitting_nouns = list(self.fittings)
+        shares = zip(self.fittings.values(), self._draw_shares(rng), strict=True)
+        handles = np.array([fitting.handle_at(fitting.value(share)) for fitting, share in shares])
+        stored = np.flatnonzero(rng.random(len(handles)) < STORED)[: max(count - LEAST_ON_TABLE, 0)]
+        places[: len(stored)] = self.middles(np.array(fitting_nouns)[stored], handles[stored])
+        if rng.random() < STACKED and count - len(stored) > 1:
+            places[len(stored)] = places[count - 1] + [0.0, 0.0, config.object_size]
+        nouns = np.concatenate((self._nouns[rng.integers(len(self._nouns), size=len(places))], fitting_nouns))
+        targets = (np.arange(len(nouns)) >= count) & (np.arange(len(nouns)) < len(places))
+        places = np.concatenate((places, handles))
+        colors = rng.integers(len(COLORS), size=len(nouns))
+        return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
+
+    def _draw(self, rng: Generator) -> EpisodeSpec:
+        """Draws a verb, scenes until it is feasible, and where the gripper begins."""
+        verb = VERBS[rng.integers(len(VERBS))]
+        for _ in range(SCENES):
+            placed = self._placed(rng)
+            chosen = self._sayable(placed.scene, verb=verb)
+            if chosen:
+                return self._episode_of(placed, chosen[rng.integers(len(chosen))], rng)
+        raise ConfigError(f"task.name={self.config.name}: no scene was found in which '{verb}' can be said")
+
+    def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
+        placed = self._placed(rng)
+        said = [self._said(placed.scene, option, rng) for option in self._sayable(placed.scene)]
+        return [self._pointed(self._spoken(placed, each), rng) for each in said]
+
+    def _episode_of(self, placed: Placed, option: Option, rng: Generator) -> EpisodeSpec:
+        """The episode, which the curriculum may begin with the object held, or with the gripper elsewhere."""
+        curriculum, chance, start = self.config.curriculum, rng.random(), None
+        if chance < curriculum.near:
+            start = GripperStart(self._elsewhere_offset(placed.scene, option.referent, rng), held=False)
+        elif chance < curriculum.near + curriculum.held and option.verb in CARRY:
+            held = self._held_scene(placed.scene, option.referent, None, rng)
+            if held is not None and option in self._sayable(held, option.referent, option.verb):
+                placed, start = placed._replace(scene=held), GripperStart(np.zeros(3), held=True)
+        return replace(self._spoken(placed, self._said(placed.scene, option, rng)), start=start)
+
+    def _elsewhere_offset(self, scene: Scene, referent: int, rng: Generator) -> Array:
+        """(3,) metres from where the gripper would hold the referent to where it begins: over another object, as if
+        something had been done there, or anywhere in the air."""
+        at, room = scene.positions[referent], self.room(scene)
+        if rng.random() < AT_AN_OBJECT:
+            anchors = np.flatnonzero(room.ready | room.fits)
+            place = scene.positions[anchors[rng.integers(len(anchors))]] + [0.0, 0.0, rng.uniform(0.0, ABOVE)]
+        else:
+            low, high = scene.positions[:, :2].min(0), scene.positions[:, :2].max(0)
+            place = np.append(rng.uniform(low, high), rng.uniform(*HIGH))
+        return place - at
+
+    def _spoken(self, placed: Placed, said: Said) -> EpisodeSpec:
+        scene, count = placed.scene, len(placed.scene)
+        return EpisodeSpec(
+            scene,
+            said.referent,
+            said.kind,
+            said.sentence,
+            said.heard,
+            placed.yaw,
+            placed.fixed,
+            target=said.target,
+            goals=np.ones(count, bool),
+            resting=np.any(self.room(scene).upon, axis=1),
+            shares=np.clip(self.room(scene).shares, 0.0, 1.0),
+        )

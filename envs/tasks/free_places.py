@@ -1,0 +1,106 @@
+"""Where the table is free: for tasks that take an object away from where it is, and put it down on the table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.tasks.geometry import length
+from envs.tasks.pick_and_place import PickAndPlace
+from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
+from human import Person
+
+APART = 0.12  # metres between the middle of a free place and all other objects
+BESIDE = 1.3  # widths between two objects that stand apart
+LEVEL = 0.01  # metres above the table up to which an object stands on it
+FREE = 0.3  # metres at which the observed offset to a free place is clipped
+GRID = (4, 9)  # places along x and y that are looked at
+WORST = 10.0  # metres of way for which a place is worth a metre of clearance less
+COLUMNS = (
+    Column("metres along x to where the table is free for it", -FREE, FREE),
+    Column("metres along y to where the table is free for it", -FREE, FREE),
+)
+
+
+class FreeTable:
+    """Places of a table in a grid.
+
+    Args:
+        area: x0, x1, y0, y1 of the objects' centres, metres.
+        size: of an object, metres.
+    """
+
+    def __init__(self, area: Sequence[float], size: float) -> None:
+        x0, x1, y0, y1 = area
+        xs, ys = (np.linspace(low, high, count) for low, high, count in zip((x0, y0), (x1, y1), GRID, strict=True))
+        self._places = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+        self._height = size / 2
+
+    def nearest(self, objects: Array, shown: NDArray[np.bool_]) -> Array:
+        """(N, K, 3) for each object, a place near it that is free of all others, metres.
+
+        objects: (N, K, 3), metres. shown: (N, K).
+        """
+        slots = np.arange(objects.shape[1])
+        apart = length(self._places[:, None] - objects[:, None, :, :2])  # world, place, object
+        others = shown[:, None] & (slots != slots[:, None])  # world, object, other
+        clear = np.where(others[:, :, None], apart[:, None], np.inf).min(3)  # world, object, place
+        worth = apart.transpose(0, 2, 1) + WORST * np.maximum(APART - clear, 0.0)
+        best = self._places[worth.argmin(2)]
+        return np.concatenate((best, np.full((*best.shape[:2], 1), self._height)), axis=2)
+
+
+class ToTable(PickAndPlace):
+    """The referent is put down on the table, beside all other objects: anywhere, though the reward has a free place.
+
+    Potentials: those of pick and place, with the nearest place of the table that was free as the episode began, which
+    is observed, as the target.
+    """
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        self._table = FreeTable(object_area, config.object_size)
+        super().__init__(config, object_area, num_worlds, person)
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._free = np.zeros((worlds, self.config.slots, 3))  # where the table is free for each object
+
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
+        self._free[worlds] = self._table.nearest(state.objects[worlds], state.shown[worlds])
+        super()._reset_memory(worlds, state)
+        self._raised[worlds] = (state.held == state.referent)[worlds]  # also what stands there already is lifted
+
+    def seen(self, state: State) -> Array:
+        return np.concatenate((super().seen(state), (self._free - state.objects)[..., :2]), axis=-1)
+
+    def described(self, episode: EpisodeSpec) -> Array:
+        return np.concatenate((super().described(episode), described_free(self._table, episode)), axis=-1)
+
+    def free_places(self) -> Array:
+        """(N, K, 3) where the table was free for each object as the episode began, metres."""
+        return self._free
+
+    def _goal(self, state: State) -> Array:
+        return self._free[self._rows, state.referent]
+
+    def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
+        """(N,) whether the referent stands on the table, beside all others."""
+        place = self._referent(state)
+        others = state.shown.copy()
+        others[self._rows, state.referent] = False
+        apart = length((state.objects - place[:, None])[..., :2]).min(1, where=others, initial=np.inf)
+        level = place[:, 2] < self.config.object_size / 2 + LEVEL
+        return level & (apart >= BESIDE * self.config.object_size)
+
+    def _misplaced(self, state: State) -> NDArray[np.bool_]:
+        return np.zeros(len(self._rows), bool)
+
+
+def described_free(table: FreeTable, episode: EpisodeSpec) -> Array:
+    """(K, 2) metres along x and y from each object to where the table is free for it, as the episode begins."""
+    places = episode.scene.positions
+    return (table.nearest(places[None], np.ones((1, len(places)), bool))[0] - places)[:, :2]
