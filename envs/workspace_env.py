@@ -56,12 +56,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
     batch_locked = True
 
     def __init__(
-        self,
-        config: EnvConfig,
-        num_worlds: int = 1,
-        seed: int = 0,
-        render: bool = False,
-        window: Window | None = None,
+        self, config: EnvConfig, num_worlds: int = 1, seed: int = 0, render: bool = False, window: Window | None = None
     ) -> None:
         for name, value, least in (("num_worlds", num_worlds, 1), ("seed", seed, 0)):
             if value < least:
@@ -272,6 +267,11 @@ class WorkspaceEnv(EpisodeReplayEnv):
     def below(self) -> float:
         """Metres from the gripper centre down to the centre of an object that it holds."""
         return self._grips.below
+
+    @property
+    def fingers_apart(self) -> NDArray[np.bool_]:
+        """(N,) whether the fingers are as far apart as they get; magnets have none, and always are."""
+        return self._grips.are_apart(self._arrays.joints[..., 0])
 
     def towards(
         self,

@@ -17,8 +17,7 @@ from envs.workspace_env import WorkspaceEnv
 OVER, STILL_OVER = 0.008, 0.016  # metres beside a handle that count as over it, at first and on the way down
 SLOWLY = 0.015  # metres that a gripper goes down in a control step: faster, a panda leaves the vertical
 SAG = 0.03  # metres below the height of travel at which a gripper still goes sideways
-FIRM = 4  # control steps from the touch of fingers until they pull at full pace: pulled at once, they slip
-STEP = 0.016  # metres that a handle is moved in a control step
+STEP = {True: 0.016, False: 0.008}  # metres that a magnet, and fingers, move a handle in a control step
 END = {"nl_open": 0.97, "nl_close": 0.0}  # shares to which it is moved
 ENOUGH = 0.03  # share from there at which it is left
 
@@ -30,7 +29,7 @@ class FittingExpert(AimingExpert):
         super().__init__(env, task)
         assert isinstance(self._task, Furnished)
         self._furnished, magnet = self._task, env.below > 0
-        self._held = np.zeros(len(self._rows), np.int64)  # control steps that the handle has been held
+        self._step = STEP[magnet]
         self._tops = {
             noun: fitting.parts[HANDLE].size[2] / 2 * magnet for noun, fitting in self._furnished.fittings.items()
         }
@@ -41,9 +40,7 @@ class FittingExpert(AimingExpert):
         handle, top, onward = self._place(slots), *self._path(slots, end)
         grip = handle + top[:, None] * UP
         fetch, close = self._take(grip)
-        self._held = np.where(held, self._held + 1, 0)
-        pace = np.clip((self._held - 1) / FIRM, 0.0, 1.0) if env.below == 0 else np.ones(len(held))
-        pull = env.gripper + (onward - handle) * pace[:, None]
+        pull = env.gripper + onward - handle
         pull[:, 1] = handle[:, 1]  # along which fingers close: no handle moves that way
         place = choose_rows(held, pull, fetch)
         return place, held | close
@@ -67,7 +64,7 @@ class FittingExpert(AimingExpert):
         for noun, fitting in self._furnished.fittings.items():
             which = nouns == noun
             share = fitting.share(place[which])
-            step = STEP / (radius(fitting) * (fitting.high - fitting.low))
+            step = self._step / (radius(fitting) * (fitting.high - fitting.low))
             onward[which] = fitting.handle_at(fitting.value(share + np.clip(end - share, -step, step)))
             tops[which] = self._tops[noun]
         return tops, onward

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.experts.base import OVER, Array, Slots
-from envs.experts.place import OPENING
 from envs.experts.registry import register_expert
 from envs.experts.stack import StackExpert
 from envs.tasks.geometry import length
@@ -20,8 +19,6 @@ STRAIGHT = 0.015  # metres beside its aim along x at which a gripper may go to a
 @register_expert("nl_put_in", "nl_take_out")
 class InOutExpert(StackExpert):
     """Between the table and a fitting it goes along y alone."""
-
-    wait = OPENING
 
     def _goal(self, target: Slots) -> Array:
         assert isinstance(self._task, InOut)

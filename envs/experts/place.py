@@ -7,13 +7,10 @@ from numpy.typing import NDArray
 
 from envs.experts.base import HOVER, OVER, UP, AimingExpert, Array, Expert, Slots, choose_rows
 from envs.experts.registry import register_expert
-from envs.tasks import Task
-from envs.workspace_env import WorkspaceEnv
 
 GRASP = 0.012  # metres from the place of a grip or release within which a gripper closes or opens
 PRESS = 0.005  # metres that a magnet goes below contact
 CARRY = 0.08  # metres above its target at which an object is carried
-OPENING = 3  # control steps from the release until fingers no longer touch the object
 THERE = 0.03  # metres from its target within which an object counts as placed
 
 
@@ -34,26 +31,17 @@ class Fetch(Expert):
 
 @register_expert("pick_and_place", "nl_pick_and_place")
 class PlaceExpert(Fetch, AimingExpert):
-    """Picks the referent up, and releases it at its target.
+    """Picks the referent up, and releases it at its target. height: metres above its target at which it is carried."""
 
-    wait: control steps after the release until it rises. height: metres above its target at which it is carried.
-    """
-
-    wait = 0
     height = CARRY
-
-    def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
-        super().__init__(env, task)
-        self._released = np.zeros(len(self._rows), np.int64)  # control steps that the referent has been at its goal
 
     def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
         thing, goal = self._place(referent), self._goal(target)
         held = self._env.state.held == referent
         there = ~held & (np.linalg.norm(thing - goal, axis=1) < THERE)
-        self._released = np.where(there, self._released + 1, 0)
         fetch, close = self._fetch(thing)
         carry, keep = self._carry(thing, goal)
-        rise = self._env.gripper + np.where(self._released > self.wait, HOVER, 0.0)[:, None] * UP
+        rise = self._env.gripper + np.where(self._env.fingers_apart, HOVER, 0.0)[:, None] * UP  # else it takes it along
         place = choose_rows(there, rise, choose_rows(held, carry, fetch))
         return place, np.where(held, keep, close) & ~there
 

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from envs.experts.base import UP, Array, Slots, choose_rows
-from envs.experts.place import CARRY, GRASP, OPENING, Fetch
+from envs.experts.place import CARRY, GRASP, Fetch
 from envs.experts.registry import register_expert
-from envs.workspace_env import WorkspaceEnv
 
 ANGLE = math.radians(70)  # to which it turns the gripper
 GENTLY = 0.012  # metres that it goes up or down in a control step beside what it does not hold, or is to put down
@@ -22,20 +21,15 @@ ENOUGH = math.radians(60)  # from which on it puts down what it holds
 class RotateExpert(Fetch):
     """Grips with the gripper as it points at rest, so that the gripper's yaw tells how far the object is turned."""
 
-    def __init__(self, env: WorkspaceEnv) -> None:
-        super().__init__(env)
-        self._done = np.zeros(len(self._rows), np.int64)  # control steps since it let go
-
     def act(self, referent: Slots, target: Slots) -> Tensor:
         env, thing = self._env, self._place(referent)
         held = env.state.held == referent
         turned = env.yaw > ENOUGH
         rest = env.config.task.object_size / 2
         done = turned & ~held & (thing[:, 2] < rest + GRASP)
-        self._done = np.where(done, self._done + 1, 0)
         fetch, close = self._fetch(thing)
         carry, keep = self._carry(thing, turned, rest)
-        rise = env.gripper + np.where(self._done > OPENING, GENTLY, 0.0)[:, None] * UP
+        rise = env.gripper + np.where(env.fingers_apart, GENTLY, 0.0)[:, None] * UP
         place = choose_rows(done, rise, choose_rows(held, carry, fetch))
         yaw = np.where(held | done, ANGLE, 0.0)
         return env.towards(place, np.where(held, keep, close) & ~done, yaw)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.experts.base import UP, Array, Slots
-from envs.experts.place import OPENING, PlaceExpert
+from envs.experts.place import PlaceExpert
 from envs.experts.registry import register_expert
 
 SINK = 0.02  # metres that it goes down in a control step with the object: faster, arms under joint control go astray
@@ -15,8 +15,6 @@ SINK = 0.02  # metres that it goes down in a control step with the object: faste
 @register_expert("nl_stack")
 class StackExpert(PlaceExpert):
     """Picks the referent up, and releases it on top of the target."""
-
-    wait = OPENING  # fingers that rise at once would take the stack along
 
     def _goal(self, target: Slots) -> Array:
         return self._place(target) + self._task.config.object_size * UP

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.experts.base import Array, Slots
-from envs.experts.place import OPENING
 from envs.experts.registry import register_expert
 from envs.experts.stack import StackExpert
 from envs.tasks.unstack import Unstack
@@ -15,8 +14,6 @@ from envs.tasks.unstack import Unstack
 @register_expert("nl_unstack")
 class UnstackExpert(StackExpert):
     """Picks the referent up, and releases it where the table is free."""
-
-    wait = OPENING
 
     def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
         return super().aim(referent, referent)

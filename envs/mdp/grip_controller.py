@@ -17,6 +17,7 @@ from envs.tasks import NOTHING, State
 
 ACTION_UNIT = 0.5  # reduced gain, so that noise of the arm's scale does not toggle the gripper
 FINGER_STEP = 0.02  # metres a finger moves in a control step, 0.4 m/s: brief noise neither grasps nor drops
+APART = 0.9  # share of their greatest opening from which fingers no longer touch what they have released
 MAX_DISTANCE = 0.1  # metres from the gripper centre to the centre of an object that it could hold
 
 
@@ -101,6 +102,12 @@ class GripController:
             slots, world = np.flatnonzero(state.shown[i]), self._worlds[i]  # a world numbers only what it shows
             world.update_grasp(np.flatnonzero(near[i, slots]).tolist(), state.gripper[i].tolist())
             self.held[i] = NOTHING if world.held is None else slots[world.held]
+
+    def are_apart(self, joints: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) whether the fingers are as far apart as they get. joints: (N, J + F), metres of the fingers last."""
+        if not self._max_opening:
+            return np.ones(len(joints), bool)
+        return joints[:, -self._num_fingers :].mean(1) > APART * self._max_opening
 
     def observation(self, joints: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 1 or 3) in [0, 1]: how far the fingers are open; where it can grip, also how far they are commanded to be
