@@ -37,6 +37,7 @@ TYPING_KEYS = {  # while sentences are typed
     bullet.B3G_BACKSPACE: "backspace",
     **{bullet.B3G_F1 + number: f"f{number + 1}" for number in range(5)},
 }
+PROJECTION, YAW = 3, 8  # of what PyBullet tells of a window's camera
 CLOSED = bullet.error  # raised by PyBullet after a person has closed the window
 UNKNOWN = -1  # PyBullet's number of any other key
 PAGE_KEYSYMS = {0xFF55: "pageup", 0xFF56: "pagedown"}  # X11's keysyms
@@ -119,7 +120,7 @@ class WindowDisplay:
 
     @property
     def yaw(self) -> float:
-        return bullet.getDebugVisualizerCamera(self._client)[8]
+        return bullet.getDebugVisualizerCamera(self._client)[YAW]
 
     def write(self, lines: Sequence[str]) -> None:
         with suppress(CLOSED):
@@ -127,6 +128,8 @@ class WindowDisplay:
 
     def _write(self, lines: list[str]) -> None:
         camera = bullet.getDebugVisualizerCamera(self._client)
+        if not camera[PROJECTION][0]:  # the window has not drawn anything yet
+            return
         moved, self._camera = camera != self._camera, camera
         for row, line in enumerate(lines):
             if moved or line != (self._lines[row] if row < len(self._lines) else None):

@@ -99,6 +99,13 @@ class Program:
         self._log.seek(0)
         raise AssertionError(f"{words!r} never came, but {seen}; {self._log.read()[-1000:]}")
 
+    def exit_code(self) -> int:
+        """The exit code of a program that is ending. An error is raised with what it printed if it is not 0."""
+        code = self.process.wait(TIMEOUT)
+        self._log.seek(0)
+        assert code == 0, f"exit code {code}; {self._log.read()[-2000:]}"
+        return code
+
     def press(self, name: str, until: str | None = None) -> str:
         """Taps a key, or holds it until a line with these words comes. Returns that line."""
         from Xlib import XK, X

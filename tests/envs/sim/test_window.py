@@ -46,7 +46,7 @@ def test_play_draws_the_robot_in_a_window_and_ends_with_escape(start):  # noqa: 
     if program.process.poll() is not None:
         program.until("an end")  # skips if PyBullet cannot open a window at all
     program.press("Escape")
-    assert program.process.wait(60) == 0
+    assert program.exit_code() == 0
 
 
 @pytest.mark.slow
@@ -81,7 +81,7 @@ def test_keys_at_the_window_choose_the_referent(start):  # noqa: F811
     result = program.until("results")
     assert result.count("EpisodeResult(") == 1
     assert "success" in result
-    assert program.process.wait(60) == 0
+    assert program.exit_code() == 0
 
 
 def metres_in(line: str) -> list[float]:
