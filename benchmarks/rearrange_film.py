@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from tensordict import TensorDict
 
+from benchmarks.gif import Frame, write_gif
 from benchmarks.rearrange import Job, begin, difference, moves, understood
 from conf.overrides import compose
 from envs import read_env
@@ -55,7 +56,6 @@ WHOSE = "left, right, front and back are those of the arm, which faces its front
 SOURCE = "Robot Commands Treebank (Dukes 2014), SemEval-2014 task 6; real time"
 
 Picture = NDArray[np.uint8]
-Frame = tuple[Image.Image, int]  # and for how many milliseconds it is shown
 
 
 def film(jobs: Sequence[tuple[str, Job]], robot: str) -> Iterator[Frame]:
@@ -119,18 +119,6 @@ def pixel(place: Sequence[float]) -> tuple[float, float]:
     return WIDTH / 2 + focal * x / depth, HEIGHT / 2 + focal * y / depth
 
 
-def write(path: Path, frames: Sequence[Frame]) -> None:
-    """Writes a GIF whose frames have one palette."""
-    scenes = [image for image, time in frames if time == FIRST_TIME]
-    sheet = Image.new("RGB", (WIDTH, HEIGHT * len(scenes)))
-    for row, image in enumerate(scenes):
-        sheet.paste(image.crop((0, 0, WIDTH, HEIGHT)), (0, row * HEIGHT))
-    palette = sheet.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=3)
-    images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image, _ in frames]
-    times = [time for _, time in frames]
-    images[0].save(path, save_all=True, append_images=images[1:], duration=times, loop=0, optimize=True)
-
-
 def main() -> int:
     """Writes the film. Returns 1 if a command is not in the data, or not understood."""
     options = _arguments().parse_args()
@@ -141,7 +129,7 @@ def main() -> int:
         print(f"error: --numbers: {len(wanted) - len(jobs)} of these commands are not understood", file=sys.stderr)
         return 1
     frames = list(film(jobs, options.robot))
-    write(options.out, frames)
+    write_gif(options.out, frames, [image for image, time in frames if time == FIRST_TIME])
     print(f"{options.out}: {len(frames)} frames, {options.out.stat().st_size} bytes")
     return 0
 

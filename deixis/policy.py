@@ -50,7 +50,12 @@ class LoadedPolicy(TensorDictModuleBase):
         self.in_keys, self.out_keys = self._actor.in_keys, ["action"]
 
     def make_env(
-        self, num_worlds: int = 1, overrides: Sequence[str] = (), seed: int = 0, render: bool = False
+        self,
+        num_worlds: int = 1,
+        overrides: Sequence[str] = (),
+        seed: int = 0,
+        render: bool = False,
+        instructions: int = 1,
     ) -> WorkspaceEnv:
         """The environment that the policy was trained in, without the curriculum.
 
@@ -59,11 +64,15 @@ class LoadedPolicy(TensorDictModuleBase):
             overrides: Hydra overrides on top of the run's config, such as `task.num_objects=6`.
             seed: of the episodes.
             render: whether to load visuals, which `env.render` needs.
+            instructions: of an episode, with `task=anything`: after a success the next one is said, in the room as it
+                is then.
 
         Raises:
-            ConfigError: for an override that is unknown, or that changes what the policy was trained with.
+            ConfigError: for an override that is unknown, or that changes what the policy was trained with, and for
+                several instructions with another task.
         """
-        return WorkspaceEnv(read_env(apply(self.config, overrides)).without_curriculum(), num_worlds, seed, render)
+        config = read_env(apply(self.config, overrides)).without_curriculum().with_instructions(instructions)
+        return WorkspaceEnv(config, num_worlds, seed, render)
 
     @torch.no_grad()
     def forward(self, observation: TensorDictBase) -> TensorDictBase:

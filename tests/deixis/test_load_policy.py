@@ -79,6 +79,19 @@ def test_its_environment_takes_overrides(policy):
         policy.make_env(overrides=["robot=panda"])
 
 
+@pytest.mark.slow
+def test_its_environment_says_several_instructions_one_after_another(policy):
+    anything = deixis.load_policy("anything_kuka")
+    env = anything.make_env(num_worlds=4, seed=1, instructions=2)
+    try:
+        steps = env.rollout(150, anything, break_when_any_done=False)["next"]
+        assert (steps["success"] & ~steps["done"]).any()  # the first instruction was carried out, and the next one said
+    finally:
+        env.close()
+    with pytest.raises(ConfigError, match="task.instructions=2 must be 1 in task.name=nl_reach"):
+        policy.make_env(instructions=2)
+
+
 def test_an_unknown_name_is_refused_with_all_names():
     with pytest.raises(ConfigError) as error:
         deixis.load_policy("nl_reach_kuca")

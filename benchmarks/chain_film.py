@@ -1,0 +1,83 @@
+"""A film of a chain: a policy is given one instruction after another in the same room.
+
+    python -m benchmarks.chain_film --checkpoint anything_kuka --seed 1 --out docs/chain.gif
+
+The film runs in real time and has no cuts. The subtitle is the instruction, one that is feasible in the room as it is
+then. Exits with 1, and writes nothing, if an instruction is not carried out; another seed draws another room.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+import deixis
+from benchmarks.gif import Frame, write_gif
+from trainers.rollout.video import sentence_of, wrap_text
+
+WIDTH, HEIGHT, CAPTION = 520, 360, 60  # pixels
+SUPERSAMPLING = 2
+CAMERA = {"target": [0.46, -0.03, 0.08], "distance": 1.3, "yaw": 52, "pitch": -36, "fov": 42}
+FRAME_TIME, LAST_TIME = 50, 1500  # milliseconds: a control step takes 50
+SKIPPED = 2  # one of so many control steps is shown
+SAMPLED = 40  # one of so many frames has a part in the palette
+
+
+def film(checkpoint: str, seed: int, length: int) -> Iterator[Frame]:
+    """The frames of a chain. Raises RuntimeError if an instruction is not carried out."""
+    policy = deixis.load_policy(checkpoint)
+    size = {"width": SUPERSAMPLING * WIDTH, "height": SUPERSAMPLING * HEIGHT}
+    camera = [f"workspace.camera.{key}={value}" for key, value in (CAMERA | size).items()]
+    with closing(policy.make_env(1, camera, seed, render=True, instructions=length)) as env:
+        state, done, steps = env.reset(), 0, 0
+        while done < length:
+            sentence = sentence_of(state)
+            if steps % SKIPPED == 0:
+                yield _frame(env.render(), f"{done + 1}. {sentence}"), SKIPPED * FRAME_TIME
+            step = env.step(policy(state))
+            state, steps = env.step_mdp(step), steps + 1
+            if step["next", "success"][0]:
+                done += 1
+                print(f"{done} of {length}: {sentence}", flush=True)
+            elif step["next", "done"][0]:
+                raise RuntimeError(f"'{sentence}' was not carried out")
+        yield _frame(env.render(), f"{done}. {sentence}"), LAST_TIME
+
+
+def _frame(picture: NDArray[np.uint8], sentence: str) -> Image.Image:
+    """The room with its subtitle."""
+    image = Image.new("RGB", (WIDTH, HEIGHT + CAPTION), "black")
+    image.paste(Image.fromarray(picture).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS), (0, 0))
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=18)
+    for row, text in enumerate(wrap_text(sentence, WIDTH - 16, font)[:2]):
+        draw.text((8, HEIGHT + 6 + 24 * row), text, fill="white", font=font)
+    return image
+
+
+def main() -> int:
+    """Writes the film."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--checkpoint", default="anything_kuka", help="a run, a file or a pretrained policy")
+    parser.add_argument("--seed", type=int, default=0, help="of the room and its instructions")
+    parser.add_argument("--length", type=int, default=10, help="instructions")
+    parser.add_argument("--out", type=Path, required=True, help="the GIF")
+    options = parser.parse_args()
+    try:
+        frames = list(film(options.checkpoint, options.seed, options.length))
+    except RuntimeError as error:
+        print(f"error: --seed={options.seed}: {error}", file=sys.stderr)
+        return 1
+    write_gif(options.out, frames, [image for image, _ in frames[::SAMPLED]])
+    print(f"{options.out}: {len(frames)} frames, {options.out.stat().st_size} bytes")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
