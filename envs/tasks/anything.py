@@ -76,6 +76,7 @@ class Anything(Furnished):
     ) -> None:
         self._table = FreeTable(object_area, config.object_size)
         self._room: Room | None = None  # the last one
+        self._verbs = [verb for verb in VERBS if verb in config.verbs] or list(VERBS)  # that are said
         super().__init__(config, object_area, num_worlds, person)
         self.kind_names = VERBS
 
@@ -93,6 +94,7 @@ class Anything(Furnished):
                 config,
                 name=name,
                 instructions=1,
+                verbs=[],
                 num_objects=config.slots - targets,
                 min_objects=config.slots - targets,
                 num_targets=targets,
@@ -173,8 +175,9 @@ class Anything(Furnished):
         return self._said(scene, chosen[rng.integers(len(chosen))], rng)
 
     def _sayable(self, scene: Scene, held: int = NOTHING, verb: str | None = None) -> list[Option]:
-        """The feasible instructions, of one verb or of all, whose referents and targets words can name."""
-        feasible = [each for each in options(self.room(scene), held) if verb in (None, each.verb)]
+        """The feasible instructions, of one verb or of all that are said, whose objects words can name."""
+        verbs = self._verbs if verb is None else (verb,)
+        feasible = [each for each in options(self.room(scene), held) if each.verb in verbs]
         if not feasible:
             return []
         named = self._describer.nameable(scene)
@@ -205,7 +208,7 @@ class Anything(Furnished):
 
     def _draw(self, rng: Generator) -> EpisodeSpec:
         """Draws a verb, scenes until it is feasible, and where the gripper begins."""
-        verb = VERBS[rng.integers(len(VERBS))]
+        verb = self._verbs[rng.integers(len(self._verbs))]
         for _ in range(SCENES):
             placed = self._placed(rng)
             chosen = self._sayable(placed.scene, verb=verb)

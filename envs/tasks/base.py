@@ -79,6 +79,12 @@ class Task(ABC):
             )
         if not set(config.nouns) <= set(self.nouns):
             raise ConfigError(f"task.nouns={config.nouns} must be of {list(self.nouns)} in task.name={config.name}")
+        if unknown := [verb for verb in config.verbs if verb not in self.verbs]:
+            known = f"of {', '.join(self.verbs)}" if self.verbs else "empty"
+            raise ConfigError(
+                f"task.verbs={config.verbs} must be {known} in task.name={config.name}"
+                + did_you_mean(unknown[0], self.verbs)
+            )
         self.config, self._area, self._person = config, object_area, person
         self._split = config.says()
         self._wording = (

@@ -154,6 +154,7 @@ class TaskConfig(Checked):
     curriculum: CurriculumConfig
     randomize: RandomizeConfig = field(default_factory=RandomizeConfig)  # configs of older versions lack it
     instructions: int = within(1, 1000, default=1)  # of an episode: after a success the next one is said
+    verbs: list[str] = field(default_factory=list)  # that are said, of those that the task has; empty: all
     reward: dict[str, float] = within(-1000, 1000)  # the weight of every reward term of the task, by name
 
     def __post_init__(self) -> None:

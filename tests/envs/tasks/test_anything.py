@@ -11,6 +11,7 @@ from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS
 from envs.tasks.feasible import VERBS, options
+from envs.tasks.types import NOTHING
 from language import parse
 from tests.helpers.env_cases import act, config_of, differences, make, partial_reset, task_of
 
@@ -41,6 +42,22 @@ def test_every_verb_is_drawn_as_often_and_its_sentence_names_what_the_episode_is
         verbs[VERBS[episode.kind]] += 1
     assert set(verbs) == set(VERBS)
     assert max(verbs.values()) < 3 * min(verbs.values())
+
+
+def test_only_the_verbs_that_are_asked_for_are_said_first_and_after_a_success():
+    task, rng = task_of("anything", "task.verbs=[stack,lift]"), np.random.default_rng(3)
+    episodes = [task.draw(rng) for _ in range(20)]
+    assert {VERBS[episode.kind] for episode in episodes} == {"stack", "lift"}
+    following = [task.next_instruction(episode.scene, NOTHING, rng) for episode in episodes]
+    assert {VERBS[said.kind] for said in following if said is not None} <= {"stack", "lift"}
+    assert task.kind_names == VERBS  # the policy tells all verbs apart, whichever are said
+
+
+def test_verbs_that_a_task_does_not_have_are_refused():
+    with pytest.raises(ConfigError, match=r"task.verbs=\['stak'\] must be of reach, .*did you mean 'stack'"):
+        task_of("anything", "task.verbs=[stak]")
+    with pytest.raises(ConfigError, match=r"task.verbs=\['reach'\] must be empty in task.name=nl_reach"):
+        task_of("nl_reach", "task.verbs=[reach]")
 
 
 def test_one_scene_is_asked_for_all_that_is_feasible_and_nameable_in_it():
