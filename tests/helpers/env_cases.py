@@ -147,3 +147,37 @@ def rollout(env, steps, policy, resets=lambda t, i: False):
             td = partial_reset(env, td, over)
             kept.append(td.clone())
     return torch.stack(kept)
+
+
+def paced(env, policy, steps=70):
+    """What is observed (T, N) while each world is reset in its own time, without what is observed after resets.
+
+    T does not depend on the number of worlds.
+    """
+    td, kept = env.reset(), []
+    for t in range(steps):
+        td = act(env, td, policy(td))
+        kept.append(td.exclude("reward", "action").clone())
+        over = [i for i in range(env.batch_size[0]) if td["done"][i] or t % (27 + 7 * i) == 24]
+        td = partial_reset(env, td, over) if over else td
+    return torch.stack(kept)
+
+
+def check_same_bits(made, policy, between=None):
+    """A seed gives the same bits after any history, and for any number of worlds.
+
+    made: from a number of worlds to an environment with seed 5. policy: from an environment to what acts in it.
+    between: what is done to the environment before it is seeded again. Returns what was observed (T, 2).
+    """
+    env, other = made(2), made(3)
+    fresh = paced(env, policy(env))
+    env.set_seed(6)
+    if between is None:
+        paced(env, policy(env), 45)
+    else:
+        between(env)
+    env.set_seed(5)
+    for again in (env, other):
+        assert differences(paced(again, policy(again))[:, :2], fresh) == []
+        again.close()
+    return fresh
