@@ -15,7 +15,7 @@ from envs.tasks.base import Task
 from envs.tasks.feasible import CARRY, VERBS, Option, Room, options
 from envs.tasks.free_places import COLUMNS, FreeTable, described_free
 from envs.tasks.furnished import Furnished
-from envs.tasks.manipulation import SCENES
+from envs.tasks.movable_objects import SCENES
 from envs.tasks.nl_reach import NLReach
 from envs.tasks.object_layout import scatter
 from envs.tasks.registry import TASKS, register_task
@@ -56,17 +56,16 @@ class ReachNext(NLReach):
 class Anything(Furnished):
     """Each episode draws a verb among those that are feasible in its room, and then its referent and target.
 
-    Success and the ends of episodes are those of the task that is said: `members` has one for each verb, and this class
-    has no goal or potential of its own. Reward terms of all members have the same weights. Scenes are drawn so that
-    several verbs are feasible: fittings are open or shut, with an object in them or without, and an object may stand
-    on another one.
+    Success and the ends of episodes are those of the task that is said: `members` has one for each verb. Reward terms
+    of all members have the same weights. Scenes are drawn so that several verbs are feasible: fittings are open or
+    shut, with an object in them or without, and an object may stand on another one.
 
     kind_names: the verbs.
     """
 
     columns = (*Furnished.columns, *COLUMNS)
-    potentials = ("progress", "approach", "grasp", "lift", "height", "transport", "release", "operate")
-    fails = True
+    ends = ("success", "wrong_object", "wrong_target", "failed", "time")
+    terms = ("progress", "approach", "grasp", "lift", "height", "transport", "release", "operate", *ends)
     continues = True
     wide = (0.85, 1.0)
     kind_names = verbs = VERBS
@@ -133,12 +132,6 @@ class Anything(Furnished):
         }
         terms = {name: said(each.terms.get(name) for each in outcomes) for name in self.terms}
         return Outcome(terms, **flags)
-
-    def _potentials(self, state: State) -> dict[str, Array]:
-        raise NotImplementedError("members have potentials")
-
-    def _at_goal(self, state: State) -> NDArray[np.bool_]:
-        raise NotImplementedError("members have goals")
 
     @property
     def memory(self) -> Array:

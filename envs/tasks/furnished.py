@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from conf.schema import ConfigError
 from envs.sim.workspace import HANDLE, Fitting
-from envs.tasks.manipulation import Manipulation
+from envs.tasks.movable_objects import MovableObjects
 from envs.tasks.object_layout import scatter
 from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
 from human import Person
@@ -22,7 +22,7 @@ AJAR = (0.0, 0.04)  # shares by which a fitting is open that is drawn as shut
 NUMBERS = np.array([list(NOUNS).index(noun) for noun in FITTINGS])
 
 
-class Furnished(Manipulation):
+class Furnished(MovableObjects):
     """The workspace's fittings are objects with a noun and a colour, whose positions are those of their handles.
 
     `num_objects` counts them, too; the others are loose.
@@ -31,7 +31,6 @@ class Furnished(Manipulation):
     fixtures = FITTINGS
     grips = True
     columns = (*(Column(f"is a {noun}", 0.0, 1.0) for noun in FITTINGS), Column("share by which it is open", 0.0, 1.0))
-    potentials: tuple[str, ...] = ()
     shut = 0.5  # the share of fittings that are shut as an episode begins
     wide = (0.88, 1.0)  # shares by which the others are open
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from conf.schema import ConfigError
 from envs.tasks.free_places import COLUMNS, ToTable
 from envs.tasks.furnished import OPEN, Furnished
-from envs.tasks.manipulation import SCENES
+from envs.tasks.movable_objects import SCENES
 from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.registry import register_task
 from envs.tasks.types import Array, EpisodeSpec, State

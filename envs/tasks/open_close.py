@@ -7,13 +7,14 @@ from numpy.typing import NDArray
 
 from envs.tasks.furnished import OPEN, SHUT, Furnished
 from envs.tasks.geometry import funnel
+from envs.tasks.manipulation import Manipulation
 from envs.tasks.pick_and_place import ABOVE, MOUTH
 from envs.tasks.registry import register_task
 from envs.tasks.types import Array, State
 from language import Placed
 
 
-class OpenClose(Furnished):
+class OpenClose(Furnished, Manipulation):
     """The referent is a fitting. It stays where it is left.
 
     Success: it is open, or shut, for `hold_steps` steps, pulled or pushed. Another object, or another fitting's handle,

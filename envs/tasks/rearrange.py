@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from conf.schema import ConfigError
 from envs.tasks.geometry import funnel, length, tops_on_the_way, with_object_at
 from envs.tasks.grid import Grid, above
-from envs.tasks.manipulation import SCENES
+from envs.tasks.movable_objects import SCENES
 from envs.tasks.pick_and_place import CLEAR, LIFT, PickAndPlace
 from envs.tasks.registry import register_task
 from envs.tasks.types import NOTHING, Array, Column, EpisodeSpec, GripperStart, State, TaskConfig

@@ -1,0 +1,156 @@
+"""Scenes, starts and stages of the tasks in which objects are moved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from conf.schema import ConfigError
+from envs.tasks.geometry import length, lifted, with_object_at
+from envs.tasks.referring import ReferringTask
+from envs.tasks.types import NOTHING, Array, EpisodeSpec, GripperStart, State, TaskConfig
+from human import Person
+from language import VERBS, Placed, Scene
+
+NEAR = 0.1  # metres at which a gripper is near an object
+SCENES = 1000  # scenes drawn at most until one is feasible
+# Bounds in metres of the offset of a gripper that begins near its object, from where it would hold the object.
+NEAR_OFFSETS = np.array([[-0.04, -0.04, 0.06], [0.04, 0.04, 0.12]])
+
+
+class MovableObjects(ReferringTask):
+    """The referent is a real object. If the task has goals, one of them is where the referent goes.
+
+    A goal is a see-through target or, with `real_goals`, another real object. Without kinds of sentences there are no
+    words: one object, and one target at most. Subclasses say what success is.
+    """
+
+    moves = True
+    stages = 3
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        self.speaks = bool(config.kinds)
+        self.kind_names: tuple[str, ...] = ReferringTask.kind_names if self.speaks else ("none",)
+        super().__init__(config, object_area, num_worlds, person)
+        real = len(config.objects.init) or config.num_objects
+        targets = len(config.objects.goal) or config.num_targets
+        self.places = targets > 0 or self.real_goals
+        verb = VERBS[self.verb]
+        marked = verb.needs_goal and not self.real_goals  # by a see-through target
+        if (marked and not targets) or (targets and (self.real_goals or not verb.takes_goal)):
+            wanted = "at least 1" if marked else "0"
+            raise ConfigError(f"task.num_targets={targets} must be {wanted} in task.name={config.name}")
+        if self.real_goals and real < 2:
+            raise ConfigError(f"task.num_objects={real} must be at least 2 in task.name={config.name}")
+        if not self.speaks and not self.marks and (real > 1 or targets > 1):
+            raise ConfigError(
+                f"task.num_objects={real} and task.num_targets={targets} must be 1 at most in a task without words, "
+                "or nothing would tell which is meant; give task.kinds"
+            )
+
+    def stage(self, state: State) -> NDArray[np.int64]:
+        """(N,) in [0, 3): moving to an object, holding one, and holding one beside a possible goal.
+
+        If the task does not grip, being near an object counts as holding it. Independent of the referent and target.
+        """
+        offset = state.objects - state.gripper[:, None]
+        near = length(offset) < NEAR
+        has = state.held != NOTHING if self.grips else (near & state.movable).any(1)
+        goals = state.goals & (np.arange(state.goals.shape[1]) != state.held[:, None])
+        beside = (goals & (length(offset[..., :2]) < 2 * self.config.radius)).any(1)
+        return np.where(has, np.where(beside, 2, 1), 0)
+
+    def _draw(self, rng: Generator) -> EpisodeSpec:
+        placed, nameable = self._draw_scene(rng)
+        target = self._one_of(self._possible_goals(placed) & nameable, rng) if self.places else None
+        movable = self._movable(placed) & nameable
+        if target is not None:
+            movable[target] = False
+        referent = self._one_of(movable, rng)
+        start, scene = self._draw_start(placed, referent, target, rng)
+        return replace(self.episode(placed._replace(scene=scene), referent, target, rng), start=start)
+
+    def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
+        placed, nameable = self._draw_scene(rng)
+        movable = np.flatnonzero(self._movable(placed) & nameable).tolist()
+        targets = np.flatnonzero(self._possible_goals(placed) & nameable).tolist() if self.places else [None]
+        pairs = [(referent, target) for referent in movable for target in targets if referent != target]
+        return [self._pointed(self.episode(placed, referent, target, rng), rng) for referent, target in pairs]
+
+    def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> EpisodeSpec:
+        """The episode in which these objects of the scene are named. Raises LanguageError where one cannot be."""
+        sentence, kind = "", 0
+        if self.speaks:
+            sentence, instruction = self._sentence(self.verb, placed.scene, referent, target, rng)
+            kind = self.kind_names.index(instruction.kind)
+        goals = self._possible_goals(placed)
+        return replace(self._episode(placed, referent, kind, sentence), target=target, goals=goals)
+
+    def _placed(self, rng: Generator) -> Placed:
+        for _ in range(SCENES):
+            placed = super()._placed(rng)
+            if self._is_feasible(placed):
+                return placed
+        raise ConfigError(
+            f"task.name={self.config.name} does not fit its {self.config.slots} objects into "
+            f"workspace.object_area={list(self._area)}: take fewer, or list some that leave the way free"
+        )
+
+    def _is_feasible(self, placed: Placed) -> bool:
+        """Whether every referent and target of this scene can be asked for."""
+        return True
+
+    def _draw_scene(self, rng: Generator) -> tuple[Placed, NDArray[np.bool_]]:
+        if self.speaks:
+            return self._nameable_scene(rng)
+        placed = self._placed(rng)
+        return placed, np.ones(len(placed.scene), bool)
+
+    def _movable(self, placed: Placed) -> NDArray[np.bool_]:
+        return ~placed.scene.targets & ~placed.fixed
+
+    def _possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
+        """(K,) what could be the goal."""
+        return placed.scene.targets != self.real_goals
+
+    def _one_of(self, choices: NDArray[np.bool_], rng: Generator) -> int:
+        if not choices.any():
+            raise ConfigError(f"task.name={self.config.name} needs an object that can be moved, and named")
+        return int(rng.choice(np.flatnonzero(choices)))
+
+    def _draw_start(
+        self, placed: Placed, referent: int, target: int | None, rng: Generator
+    ) -> tuple[GripperStart | None, Scene]:
+        """Where the gripper begins by the curriculum, and the scene with the referent moved accordingly."""
+        curriculum, chance = self.config.curriculum, rng.random()
+        if chance < curriculum.near:
+            return GripperStart(self._near_offset(placed.scene, referent, target, rng), held=False), placed.scene
+        held = chance < curriculum.near + curriculum.held
+        scene = None
+        if self.grips and held:
+            scene = self._held_scene(placed.scene, referent, target, rng)
+        elif self.grips and target is not None and chance < curriculum.share:
+            scene = with_object_at(placed.scene, referent, self._goal_place(placed.scene, target))
+        meant = [referent] if target is None else [referent, target]
+        if scene is None or (self.speaks and not self._describer.nameable(scene)[meant].all()):
+            return None, placed.scene
+        return GripperStart(np.zeros(3), held), scene
+
+    def _goal_place(self, scene: Scene, target: int) -> Array:
+        """(3,) where the referent lies once it has been brought to the target, metres."""
+        return scene.positions[target]
+
+    def _near_offset(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Array:
+        """(3,) offset of a gripper that begins near its object, from where it would hold the object, metres."""
+        return rng.random() * rng.uniform(*NEAR_OFFSETS)
+
+    def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
+        """The scene with the referent where the gripper holds it; None if no free place was found."""
+        config = self.config
+        return lifted(scene, referent, target, self._area, config.object_size, config.spacing, rng)
