@@ -1,6 +1,6 @@
 """A film of a chain: a policy is given one instruction after another in the same room.
 
-    python -m benchmarks.chain_film --checkpoint anything_kuka --seed 1 --out docs/chain.gif
+    python -m benchmarks.chain_film --checkpoint anything_kuka --seed 3 --out docs/chain.gif
 
 The film runs in real time and has no cuts. The subtitle is the instruction, one that is feasible in the room as it is
 then. Exits with 1, and writes nothing, if an instruction is not carried out; another seed draws another room.

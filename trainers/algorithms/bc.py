@@ -1,7 +1,7 @@
 """Imitation of an expert that labels every state the policy meets: DAgger, Ross et al. 2011 (arXiv:1011.0686).
 
-All labelled frames are kept, and the mean move is regressed on the expert's. The words are learned as by all other
-algorithms, by the grounding loss.
+All labelled frames are kept, and the mean move is regressed on the expert's, both before the tanh. The words are
+learned as by all other algorithms, by the grounding loss.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ from trainers.algorithms.specs import Specs
 from trainers.models.expert_mixture import LABEL, ExpertMixture
 from trainers.models.policy import Policy, parameters
 
+FULL = 0.95  # of the largest move, which labels have at most: that of 1 has no finite preimage
+BOUND = 0.9999  # of a mean whose preimage is computed
 WIDTH = 0.1  # of a move: the loss is quadratic in smaller errors and linear in larger ones
 
 
@@ -107,10 +109,19 @@ class BC(Algorithm):
         if not self.grounding.active:
             self.policy.encode(frames)
         move, _ = self.policy.move_parameters(frames)
-        measured = {"loss/imitation": F.smooth_l1_loss(move, frames["move"], beta=WIDTH)}
+        measured = {"loss/imitation": F.smooth_l1_loss(preimage(move), preimage(FULL * frames["move"]), beta=WIDTH)}
         loss = measured["loss/imitation"]
         if scenes is not None:
             measured |= self.grounding.measure(scenes)
             loss = loss + self.config.grounding_weight * measured["loss/grounding"]
         descend(self.optimizer, loss, frames, self.config.max_grad_norm, self.parameters)
         return {name: value.detach() for name, value in measured.items()}
+
+
+def preimage(move: Tensor) -> Tensor:
+    """What the actor's tanh maps to a move.
+
+    Moves are compared there: a tanh that has saturated has no gradient, so that a gripper's command which was right in
+    nearly all states could not be learned any more in the few where it is the opposite.
+    """
+    return torch.atanh(move.clamp(-BOUND, BOUND))

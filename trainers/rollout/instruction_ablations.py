@@ -77,16 +77,20 @@ def run_to_end(env: EnvBase, policy: TensorDictModuleBase, state: TensorDictBase
 def success_in_turn(env: Any, policy: Any, scenes: int, seed: int) -> dict[str, Any]:
     """Success over episodes that name each object of a scene in turn, with all else equal.
 
+    Where a scene has more episodes than there are worlds, they take turns.
+
     Raises:
         ConfigError: nothing is said in the task.
     """
     if not env.task.speaks:
         raise ConfigError(f"in_turn needs a task with words; {env.config.task.name} has none")
     successes: list[bool] = []
+    worlds = env.batch_size[0]
     for scene in range(scenes):
         episodes = env.task.each_in_turn(np.random.default_rng([seed, scene]))
-        success = run_to_end(env, policy, env.start(episodes, seed + scene))
-        successes += success[: len(episodes)].tolist()
+        for first in range(0, len(episodes), worlds):
+            part = episodes[first : first + worlds]
+            successes += run_to_end(env, policy, env.start(part, seed + scene))[: len(part)].tolist()
     return {
         "scenes": scenes,
         "episodes": len(successes),

@@ -76,6 +76,22 @@ def test_all_frames_are_kept_with_the_experts_move_whoever_acted(batch):
     assert set(kept.keys()) == {"robot", "referent", "move"}  # the rows of the labelled slots, no words
 
 
+@pytest.mark.slow
+def test_a_move_that_was_the_largest_for_long_can_still_be_reversed_in_some_states(batch):
+    """As the command of a gripper that opens only at the goal: its mean saturated, and never came back."""
+    _, policy, bc = build("algo.grounding_weight=0")
+    frames = batch.reshape(-1)
+    first = frames["robot"][:, 0]
+    for some, steps in ((first > first.max(), 1500), (first > first.quantile(0.8), 400)):
+        frames[LABEL] = frames["hold"] + policy.action_unit * (1 - 2 * some[:, None].float())
+        labelled = bc.labelled(frames)
+        for _ in range(steps):
+            bc.step(labelled.clone())
+    loc, _ = policy.move_parameters(policy.encode(labelled))
+    assert (loc[some] < 0).float().mean() > 0.9
+    assert (loc[~some] > 0).float().mean() > 0.9
+
+
 def test_the_words_are_learned_with_the_move_where_they_are_not_supervised(batch):
     _, policy, bc = build("algo.grounding_weight=0")
     bc.update(batch, 0.0)

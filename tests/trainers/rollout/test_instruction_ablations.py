@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 import torch
 
+from envs.experts import expert
+from tests.helpers.env_cases import make
 from tests.helpers.fake_env import make_env
-from trainers.rollout.instruction_ablations import AblatedInstructions, run_to_end
+from trainers.rollout.instruction_ablations import AblatedInstructions, run_to_end, success_in_turn
 
 
 class RecordingPolicy:
@@ -59,3 +61,19 @@ def test_run_to_end_returns_the_success_of_each_world():
     assert reaching.all()
     still = make_env(6, 3)
     assert not run_to_end(still, RecordingPolicy(), still.reset()).all()
+
+
+@pytest.mark.slow
+def test_a_scene_with_more_to_say_than_there_are_worlds_is_evaluated_whole():
+    env = make(
+        "kuka",
+        "step",
+        "anything",
+        "task.verbs=[reach,grasp]",
+        "task.curriculum={near: 0, held: 0, placed: 0}",
+        worlds=4,
+    )
+    result = success_in_turn(env, expert(env), scenes=1, seed=3)
+    env.close()
+    assert result["episodes"] > 4
+    assert result["success_at_end"] == 1
