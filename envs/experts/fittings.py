@@ -17,7 +17,7 @@ from envs.workspace_env import WorkspaceEnv
 OVER, STILL_OVER = 0.008, 0.016  # metres beside a handle that count as over it, at first and on the way down
 SLOWLY = 0.015  # metres that a gripper goes down in a control step: faster, a panda leaves the vertical
 SAG = 0.03  # metres below the height of travel at which a gripper still goes sideways
-STEP = {True: 0.016, False: 0.008}  # metres that a magnet, and fingers, move a handle in a control step
+MAGNET_STEP, FINGER_STEP = 0.016, 0.008  # metres that they move a handle in a control step: fingers slip when faster
 END = {"nl_open": 0.97, "nl_close": 0.0}  # shares to which it is moved
 ENOUGH = 0.03  # share from there at which it is left
 
@@ -29,7 +29,7 @@ class FittingExpert(AimingExpert):
         super().__init__(env, task)
         assert isinstance(self._task, Furnished)
         self._furnished, magnet = self._task, env.below > 0
-        self._step = STEP[magnet]
+        self._step = MAGNET_STEP if magnet else FINGER_STEP
         self._tops = {
             noun: fitting.parts[HANDLE].size[2] / 2 * magnet for noun, fitting in self._furnished.fittings.items()
         }

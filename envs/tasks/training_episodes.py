@@ -40,9 +40,9 @@ class CurriculumConfig(Checked):
 
 @dataclass(frozen=True, kw_only=True)
 class RandomizeConfig(Checked):
-    """What each training episode draws, uniformly from [low, high]; a range of one value changes every episode alike.
+    """Domain randomisation: each training episode draws these values, uniformly from [low, high].
 
-    Evaluations draw none of it. Without a value, everything is off, and episodes have the same bits as without it.
+    If low equals high, every episode has that value. Evaluations are not randomised. By default nothing is.
     """
 
     start: float = within(0, 1, default=0.0)  # radians that joints begin from the rest pose; 0: task.reset_noise

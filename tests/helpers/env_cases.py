@@ -135,6 +135,12 @@ class Poker:
         return self._env.towards(aim + [0.0, 0.0, -0.02] + 0.08 * noise * [1, 1, 0.3])
 
 
+def begun(env, seed=3):
+    """The first observation after this seed was set."""
+    env.set_seed(seed)
+    return env.reset()
+
+
 def rollout(env, steps, policy, resets=lambda t, i: False):
     """The "next" of every step, stacked (T, N): episodes that end, or that `resets` names, begin anew."""
     td = env.reset()

@@ -13,7 +13,7 @@ from envs.mdp.object_rows import COLUMNS
 from envs.tasks.feasible import VERBS, options
 from envs.tasks.types import NOTHING
 from language import parse
-from tests.helpers.env_cases import act, config_of, differences, make, partial_reset, task_of
+from tests.helpers.env_cases import act, begun, config_of, differences, make, partial_reset, task_of
 
 WORLDS, LENGTH = 6, 4
 PLAIN = "task.curriculum={near: 0, held: 0, placed: 0}"
@@ -24,11 +24,6 @@ def env(request):
     made = make(request.param, "step", "anything", PLAIN, f"task.instructions={LENGTH}", worlds=WORLDS)
     yield made
     made.close()
-
-
-def begun(env, seed=5):
-    env.set_seed(seed)
-    return env.reset()
 
 
 def test_every_verb_is_drawn_as_often_and_its_sentence_names_what_the_episode_is_about():
@@ -80,7 +75,7 @@ def test_the_curriculum_begins_with_the_object_held_or_with_the_gripper_elsewher
 
 
 def test_the_expert_carries_out_one_instruction_after_another_and_the_world_goes_on(env):
-    td, guide = begun(env), expert(env)
+    td, guide = begun(env, seed=5), expert(env)
     done, successes = np.zeros(WORLDS, bool), np.zeros(WORLDS, int)
     for _ in range(LENGTH * 80):
         said, places = [env.sentence(i) for i in range(WORLDS)], env.state.objects.copy()
@@ -137,7 +132,7 @@ def test_the_verb_that_is_said_decides_about_success():
 
 
 def test_the_observed_place_is_free_for_each_object_and_scenes_without_a_simulator_show_the_same_columns(env):
-    td = begun(env)
+    td = begun(env, seed=5)
     shown = td["objects_mask"]
     free = td["objects"][..., :2] + td["objects"][..., -2:]
     x0, x1, y0, y1 = env.config.workspace.object_area
@@ -152,7 +147,7 @@ def test_the_observed_place_is_free_for_each_object_and_scenes_without_a_simulat
 
 
 def test_a_new_episode_of_one_world_leaves_the_instructions_of_the_others(env):
-    td = begun(env)
+    td = begun(env, seed=5)
     before = [env.sentence(i) for i in range(WORLDS)]
     partial_reset(env, td, [2])
     assert [env.sentence(i) for i in range(WORLDS) if i != 2] == [before[i] for i in range(WORLDS) if i != 2]

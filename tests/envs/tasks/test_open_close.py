@@ -12,7 +12,7 @@ from envs.experts.fittings import OpenCloseExpert
 from envs.mdp.object_rows import COLUMNS, nouns_of_rows
 from envs.tasks.furnished import OPEN, SHUT
 from language import FITTINGS, NOUNS, ground, parse
-from tests.helpers.env_cases import act, check_same_bits, make, partial_reset, task_of
+from tests.helpers.env_cases import act, begun, check_same_bits, make, partial_reset, task_of
 
 WORLDS = 4
 TASKS = ("nl_open", "nl_close")
@@ -27,11 +27,6 @@ def env(request):
     made = make(request.param[0], "step", request.param[1], PLAIN, "task.hold_steps=30", worlds=WORLDS)
     yield made
     made.close()
-
-
-def begun(env, seed=3):
-    env.set_seed(seed)
-    return env.reset()
 
 
 def shares(env):

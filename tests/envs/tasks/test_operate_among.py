@@ -10,7 +10,7 @@ from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS, nouns_of_rows, scene_of_rows
 from envs.tasks.operate import OPERATED
 from language import DEVICES, NOUNS, SHAPES, ground, parse
-from tests.helpers.env_cases import Poker, act, check_same_bits, hold, make, task_of
+from tests.helpers.env_cases import Poker, act, begun, check_same_bits, hold, make, task_of
 
 WORLDS = 4
 VERBS = {"nl_press": "button", "nl_switch": "lever", "nl_turn": "wheel"}
@@ -25,11 +25,6 @@ def env(request):
     made = make(request.param[0], "step", request.param[1], "task.hold_steps=30", worlds=WORLDS)
     yield made
     made.close()
-
-
-def begun(env, seed=3):
-    env.set_seed(seed)
-    return env.reset()
 
 
 def is_device(env):
