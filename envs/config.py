@@ -11,7 +11,7 @@ from envs.sim.gripper import GripperConfig
 from envs.sim.robot import RobotConfig, urdf_path
 from envs.sim.workspace import WorkspaceConfig
 from envs.sim.world import PhysicsConfig
-from envs.tasks import TASKS, CurriculumConfig, RandomizeConfig, TaskConfig
+from envs.tasks import NO_CURRICULUM, TASKS, RandomizeConfig, TaskConfig
 from human import GestureConfig
 
 
@@ -29,7 +29,7 @@ class EnvConfig:
 
     def without_curriculum(self) -> EnvConfig:
         """The config for evaluation: episodes begin at their beginning, with one instruction and nothing random."""
-        task = replace(self.task, curriculum=CurriculumConfig(near=0.0, held=0.0, placed=0.0), instructions=1)
+        task = replace(self.task, curriculum=NO_CURRICULUM, instructions=1)
         return replace(self, task=task).randomized(RandomizeConfig())
 
     def with_instructions(self, count: int) -> EnvConfig:

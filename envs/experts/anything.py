@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.experts.base import OVER, UP, AimingExpert, Array, Slots, choose_rows
+from envs.experts.base import UP, AimingExpert, Array, Slots, choose_rows
 from envs.experts.grasp import LiftExpert
 from envs.experts.place import Fetch, PlaceExpert
 from envs.experts.reach import ReachExpert
@@ -19,7 +19,7 @@ from envs.workspace_env import WorkspaceEnv
 HOVER = 0.14  # metres above an object at which grippers travel: over stacks of two
 HEIGHT = 0.12  # metres above their targets at which objects are carried: over stacks of two
 BESIDE, CLEAR = 0.05, 0.06  # metres beside and over a handle from which a gripper may go sideways
-SAG = 0.03  # metres below the height of travel at which a gripper still goes sideways
+SAG = 0.02  # metres below its aim up to which a gripper goes sideways, and less so down to twice as much
 
 
 @register_expert("anything")
@@ -46,9 +46,8 @@ class AnythingExpert(AimingExpert):
         state, gripper = self._env.state, self._env.gripper
         aims = [member.aim(referent, target) for member in self._members]
         place, close = (np.stack(parts)[state.kind, self._rows] for parts in zip(*aims, strict=True))
-        beside = length((place - gripper)[:, :2]) > OVER
-        low = beside & (gripper[:, 2] < place[:, 2] - SAG)
-        place[low, :2] = gripper[low, :2]
+        sideways = np.clip(2.0 - (place - gripper)[:, 2] / SAG, 0.0, 1.0)[:, None]
+        place[:, :2] = gripper[:, :2] + sideways * (place - gripper)[:, :2]
         leaves = self._at_other_handle(referent)
         place = choose_rows(leaves, gripper + HOVER * UP, place)
         other = (state.held != NOTHING) & (state.held != referent)

@@ -20,6 +20,7 @@ Slots = NDArray[np.int64]
 
 HOVER = 0.10  # metres above a place at which a gripper travels, so that it pushes nothing aside
 OVER = 0.015  # metres beside a place that count as over it
+FULL_HEIGHT = 0.04  # metres beside a place from which on a gripper is at its full height above it
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -58,3 +59,11 @@ class AimingExpert(Expert):
 def choose_rows(which: NDArray[np.bool_], these: Array, those: Array) -> Array:
     """(N, 3) rows of `these` where which (N,) is true, else of `those`."""
     return np.where(which[:, None], these, those)
+
+
+def rising(beside: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) shares of its full height above a place that a gripper has at distances (N,) beside it, metres.
+
+    The height is continuous. A policy that imitates a switch between up and down stands still at the switch.
+    """
+    return np.clip((beside - OVER / 2) / (FULL_HEIGHT - OVER / 2), 0.0, 1.0)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.experts.base import OVER, Array, Slots
+from envs.experts.base import Array, Slots, rising
 from envs.experts.registry import register_expert
 from envs.experts.stack import StackExpert
 from envs.tasks.geometry import length
 from envs.tasks.in_out import InOut
 
 BESIDE = 0.17  # metres from the middle of the table from which a gripper is at a fitting
-CLEAR, TRAVEL = 0.125, 0.14  # metres above the table from which an object passes over all walls, and at which it does
+TRAVEL = 0.14  # metres above the table at which an object passes over all walls
+BELOW = 0.015  # metres below its height at which an object goes nowhere but up at a fitting
 STRAIGHT = 0.015  # metres beside its aim along x at which a gripper may go to a fitting
 
 
@@ -30,12 +31,14 @@ class InOutExpert(StackExpert):
 
     def _carry(self, thing: Array, goal: Array) -> tuple[Array, NDArray[np.bool_]]:
         place, keep = super()._carry(thing, goal)
-        gripper, beside = self._env.gripper, length((goal - thing)[:, :2]) > OVER
-        place[:, 2] = np.where(beside, gripper[:, 2] + TRAVEL - thing[:, 2], place[:, 2])
-        way = self._straight(place)
-        walled = beside & (thing[:, 2] < CLEAR) & (np.abs(gripper[:, 1]) > BESIDE)
+        gripper, way = self._env.gripper, self._straight(place)
+        height = goal[:, 2] + self._full_height(goal) * rising(length((goal - thing)[:, :2]))
+        walled = (thing[:, 2] < height - BELOW) & (np.abs(gripper[:, 1]) > BESIDE)
         way[walled, :2] = gripper[walled, :2]
         return way, keep
+
+    def _full_height(self, goal: Array) -> NDArray[np.float64]:
+        return TRAVEL - goal[:, 2]
 
     def _straight(self, place: Array) -> Array:
         """The places (N, 3), or what is on the way there along x, and then along y."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.experts.base import HOVER, OVER, UP, AimingExpert, Array, Expert, Slots, choose_rows
+from envs.experts.base import HOVER, OVER, UP, AimingExpert, Array, Expert, Slots, choose_rows, rising
 from envs.experts.registry import register_expert
+from envs.tasks.geometry import length
 
 GRASP = 0.012  # metres from the place of a grip or release within which a gripper closes or opens
 PRESS = 0.005  # metres that a magnet goes below contact
@@ -23,9 +24,10 @@ class Fetch(Expert):
         """Where the gripper goes (N, 3) to take hold of the object, and whether it closes (N,)."""
         grip = thing + self._env.below * UP
         offset = grip - self._env.gripper
-        over = np.linalg.norm(offset[:, :2], axis=1) < OVER
-        close = over & (np.abs(offset[:, 2]) < GRASP)
-        grip[:, 2] += np.where(over, -PRESS * (self._env.below > 0), self.hover)
+        beside = length(offset[:, :2])
+        close = (beside < OVER) & (np.abs(offset[:, 2]) < GRASP)
+        press = PRESS * (self._env.below > 0)
+        grip[:, 2] += (self.hover + press) * rising(beside) - press
         return grip, close
 
 
@@ -38,7 +40,7 @@ class PlaceExpert(Fetch, AimingExpert):
     def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
         thing, goal = self._place(referent), self._goal(target)
         held = self._env.state.held == referent
-        there = ~held & (np.linalg.norm(thing - goal, axis=1) < THERE)
+        there = ~held & (length(thing - goal) < THERE)
         fetch, close = self._fetch(thing)
         carry, keep = self._carry(thing, goal)
         rise = self._env.gripper + np.where(self._env.fingers_apart, HOVER, 0.0)[:, None] * UP  # else it takes it along
@@ -52,9 +54,13 @@ class PlaceExpert(Fetch, AimingExpert):
     def _carry(self, thing: Array, goal: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Where the gripper goes (N, 3) with the object that it holds, and whether it keeps it (N,)."""
         offset = goal - thing
-        over = np.linalg.norm(offset[:, :2], axis=1) < OVER
-        low = thing[:, 2] < goal[:, 2] + self.height / 2
-        aim = choose_rows(over | ~low, goal, thing)
-        aim[:, 2] = np.where(over, goal[:, 2], goal[:, 2] + self.height)
-        keep = ~(over & (np.abs(offset[:, 2]) < GRASP))
+        beside, full = length(offset[:, :2]), self._full_height(goal)
+        height = goal[:, 2] + full * rising(beside)
+        aim = choose_rows(thing[:, 2] < height - full / 2, thing, goal)
+        aim[:, 2] = height
+        keep = (beside > OVER) | (np.abs(offset[:, 2]) > GRASP)
         return self._env.gripper + aim - thing, keep
+
+    def _full_height(self, goal: Array) -> NDArray[np.float64]:
+        """(N,) metres above its goal (N, 3) at which an object travels."""
+        return np.full(len(goal), self.height)

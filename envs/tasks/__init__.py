@@ -9,7 +9,7 @@ from pkgutil import iter_modules
 
 from envs.tasks.base import Task
 from envs.tasks.registry import TASKS, register_task
-from envs.tasks.training_episodes import CurriculumConfig, RandomizeConfig
+from envs.tasks.training_episodes import NO_CURRICULUM, CurriculumConfig, RandomizeConfig
 from envs.tasks.types import NOTHING, EpisodeSpec, GestureSwitch, Outcome, Said, State, TaskConfig
 
 for _module in iter_modules(__path__, f"{__name__}."):
@@ -17,6 +17,7 @@ for _module in iter_modules(__path__, f"{__name__}."):
 
 __all__ = [
     "NOTHING",
+    "NO_CURRICULUM",
     "TASKS",
     "CurriculumConfig",
     "EpisodeSpec",

@@ -19,7 +19,9 @@ from envs.tasks.movable_objects import SCENES
 from envs.tasks.nl_reach import NLReach
 from envs.tasks.object_layout import scatter
 from envs.tasks.registry import TASKS, register_task
+from envs.tasks.training_episodes import NO_CURRICULUM
 from envs.tasks.types import NOTHING, Array, EpisodeSpec, GripperStart, Outcome, Said, State, TaskConfig
+from envs.tasks.verb_sampling import VerbSampler
 from human import Person
 from language import COLORS, FITTINGS, Placed, Scene
 
@@ -81,6 +83,8 @@ class Anything(Furnished):
 
     def _allocate(self, worlds: int) -> None:
         self._free = np.zeros((worlds, self.config.slots, 3))  # where the table is free for each object
+        self._sampler = VerbSampler(VERBS, worlds, self.config.curriculum.automatic)
+        self._succeeded = np.zeros(worlds, bool)  # at the last step
         self.members = [self._member(verb, worlds) for verb in VERBS]
 
     def _member(self, verb: str, worlds: int) -> Task:
@@ -94,6 +98,7 @@ class Anything(Furnished):
                 name=name,
                 instructions=1,
                 verbs=[],
+                curriculum=NO_CURRICULUM,
                 num_objects=config.slots - targets,
                 min_objects=config.slots - targets,
                 num_targets=targets,
@@ -114,6 +119,7 @@ class Anything(Furnished):
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
         """Begins new episodes in these worlds, or continues with another instruction."""
         self._free[worlds] = self._table.nearest(state.objects[worlds], state.shown[worlds])
+        self._sampler.begin(worlds, state.kind[worlds], self._succeeded[worlds])
         for member in self.members:
             member.reset(worlds, state)
 
@@ -130,6 +136,7 @@ class Anything(Furnished):
             name: said(getattr(each, name) for each in outcomes).astype(bool)
             for name in ("success", "wrong_object", "at_goal", "wrong_target", "failed")
         }
+        self._succeeded = flags["success"]
         terms = {name: said(each.terms.get(name) for each in outcomes) for name in self.terms}
         return Outcome(terms, **flags)
 
@@ -162,8 +169,7 @@ class Anything(Furnished):
         feasible = self._sayable(scene, held)
         if not feasible:
             return None
-        verbs = sorted({each.verb for each in feasible})
-        verb = verbs[rng.integers(len(verbs))]
+        verb = self._sampler.draw(sorted({each.verb for each in feasible}), rng)
         chosen = [each for each in feasible if each.verb == verb]
         return self._said(scene, chosen[rng.integers(len(chosen))], rng)
 
@@ -201,7 +207,7 @@ class Anything(Furnished):
 
     def _draw(self, rng: Generator) -> EpisodeSpec:
         """Draws a verb, scenes until it is feasible, and where the gripper begins."""
-        verb = self._verbs[rng.integers(len(self._verbs))]
+        verb = self._sampler.draw(self._verbs, rng)
         for _ in range(SCENES):
             placed = self._placed(rng)
             chosen = self._sayable(placed.scene, verb=verb)

@@ -77,6 +77,11 @@ class Task(ABC):
                 f"task.instructions={config.instructions} must be 1 in task.name={config.name}: take task=anything for "
                 "one instruction after another"
             )
+        if config.curriculum.automatic and not self.verbs:
+            raise ConfigError(
+                f"task.curriculum.automatic=true needs several verbs, and task.name={config.name} has one: take "
+                "task=anything, or false"
+            )
         if not set(config.nouns) <= set(self.nouns):
             raise ConfigError(f"task.nouns={config.nouns} must be of {list(self.nouns)} in task.name={config.name}")
         if unknown := [verb for verb in config.verbs if verb not in self.verbs]:

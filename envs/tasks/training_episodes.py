@@ -21,11 +21,14 @@ def _range(low: float, high: float, off: Sequence[float]) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class CurriculumConfig(Checked):
-    """Shares of training episodes that begin nearer to success. Evaluations never use them."""
+    """Shares of training episodes that begin nearer to success, and what they practise. Evaluations never use them."""
 
     near: float = within(0, 1)  # the gripper is just over the object
     held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
     placed: float = within(0, 1)  # the gripper has just let go of the object at its target
+    # Whether verbs that failed lately are said more often, in a task that has several. The draws of a world then
+    # depend on what happened in the other worlds of its process.
+    automatic: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -36,6 +39,9 @@ class CurriculumConfig(Checked):
     def share(self) -> float:
         """The sum of the three shares."""
         return self.near + self.held + self.placed
+
+
+NO_CURRICULUM = CurriculumConfig(near=0.0, held=0.0, placed=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

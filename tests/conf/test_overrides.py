@@ -96,7 +96,13 @@ def test_every_key_of_the_config_is_declared(default):
     assert set(default) <= declared
 
 
-NEWER = {"instructions", "verbs", "clearance", "randomize"}  # keys that the configs of earlier policies lack
+NEWER = {
+    "instructions",
+    "verbs",
+    "clearance",
+    "randomize",
+    "automatic",
+}  # keys that the configs of earlier policies lack
 
 
 def test_dataclasses_of_the_config_have_no_defaults():

@@ -55,6 +55,29 @@ def test_verbs_that_a_task_does_not_have_are_refused():
         task_of("nl_reach", "task.verbs=[reach]")
 
 
+@pytest.mark.parametrize(("automatic", "least", "most"), [(False, 0.35, 0.65), (True, 0.75, 1.0)])
+def test_an_automatic_curriculum_says_verbs_more_often_that_failed_lately(automatic, least, most):
+    shares = f"task.curriculum={{near: 0, held: 0, placed: 0, automatic: {automatic}}}"
+    env = make("kuka", "step", "anything", shares, "task.verbs=[grasp,stack]", "task.max_steps=25", worlds=8)
+    td, guide, drawn = env.reset(), expert(env), []
+    for step in range(500):
+        succeeds = env.state.kind == VERBS.index("grasp")  # the arm stands still where it is to stack
+        action = torch.where(torch.from_numpy(succeeds)[:, None], guide(td.clone())["action"], td["hold"])
+        td = env.step_and_maybe_reset(td.set("action", action))[1]
+        if step > 300:
+            drawn += env.state.kind[env.elapsed == 0].tolist()
+    env.close()
+    assert len(drawn) > 40
+    assert least < np.mean(np.array(drawn) == VERBS.index("stack")) <= most
+
+
+def test_a_task_with_one_verb_refuses_an_automatic_curriculum():
+    with pytest.raises(
+        ConfigError, match=r"task.curriculum.automatic=true needs several verbs, and task.name=nl_reach"
+    ):
+        task_of("nl_reach", "task.curriculum.automatic=true")
+
+
 def test_one_scene_is_asked_for_all_that_is_feasible_and_nameable_in_it():
     task, rng = task_of("anything", "task.kinds=[color_shape, superlative, relation]"), np.random.default_rng(1)
     for _ in range(5):
