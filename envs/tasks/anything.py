@@ -153,6 +153,11 @@ class Anything(Furnished):
 
     # ---- drawing
 
+    @property
+    def failures(self) -> dict[str, float]:
+        """The share of the last instructions with each verb that failed; 1 before any has ended."""
+        return dict(zip(VERBS, self._sampler.failures.tolist(), strict=True))
+
     def room(self, scene: Scene) -> Room:
         """What the scene is like, for what is feasible in it."""
         if self._room is None or self._room.scene is not scene:  # computed once for several calls
