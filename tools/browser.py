@@ -22,6 +22,11 @@ SOFTWARE_RENDERING = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader
 TIMEOUT = 120  # seconds: drawn in software, on a shared core
 SIZE, WIDE = (900, 800), (1040, 640)  # pixels of a tab, (width, height)
 LOW_RESOLUTION = 0.25  # device scale factor that software rendering can draw in time
+BLANK = """for (const context of [WebGLRenderingContext, WebGL2RenderingContext])
+  for (const name in context.prototype) if (name.startsWith("draw")) {
+    const kind = Object.getOwnPropertyDescriptor(context.prototype, name);
+    if (kind && typeof kind.value == "function") context.prototype[name] = () => {};
+  }"""
 PAUSE = "() => new Promise(done => setTimeout(done, 100))"  # milliseconds
 
 
@@ -67,12 +72,17 @@ class PlayServer:
 
 
 class PageTab:
-    """The page of `play.py` in a tab of a Playwright browser. sharp: full resolution, for pictures."""
+    """The page of `play.py` in a tab of a Playwright browser.
 
-    def __init__(self, browser: Any, address: str, sharp: bool = False) -> None:
+    sharp: full resolution, for pictures. blank: the scene is not drawn, which takes most of the time in software.
+    """
+
+    def __init__(self, browser: Any, address: str, sharp: bool = False, blank: bool = False) -> None:
         scale, size, url = (1, WIDE, f"{address}/?fixedDpr=1") if sharp else (LOW_RESOLUTION, SIZE, address)
         self.tab = browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale)
         self.tab.set_default_timeout(1000 * TIMEOUT)
+        if blank:
+            self.tab.add_init_script(BLANK)
         self.tab.goto(url)
         self.field("Say").wait_for()
         self.wait_for_text("clock:")

@@ -54,7 +54,7 @@ def pixel_of(place):
 
 @pytest.fixture(scope="module")
 def page(server, browser):
-    return PageTab(browser, server.address)
+    return PageTab(browser, server.address, blank=True)
 
 
 def test_a_clicked_object_is_pointed_at_and_reached(page, first_scene):
@@ -140,7 +140,7 @@ def test_the_robot_can_be_changed(page):
 
 def test_two_tabs_show_the_same_scene_and_one_can_be_closed(server, browser, page):
     name = page.object_names()[1]
-    other = PageTab(browser, server.address)
+    other = PageTab(browser, server.address, blank=True)
     assert other.say_and_wait(f"reach {name}") == "Done in"
     other.tab.close()
     page.wait_for_text(f'the policy hears: "reach {name}"')
@@ -164,7 +164,7 @@ def test_the_clock_runs(page):
 
 def test_what_can_be_said_in_a_room_is_listed_and_a_click_says_it(browser):
     server = PlayServer("--seed", "3", "driver=expert", "task=anything")
-    page = PageTab(browser, server.address)
+    page = PageTab(browser, server.address, blank=True)
     sentence = page.wait_for_text("^(open|close) the ")
     page.press(sentence)
     page.wait_for_text(f"understood: {sentence.split()[0]}")
@@ -176,7 +176,7 @@ def test_what_can_be_said_in_a_room_is_listed_and_a_click_says_it(browser):
 
 def test_commands_on_the_board_are_carried_out_and_the_page_tells_whose_left_is_meant(browser):
     server = PlayServer("--seed", "3", "driver=expert", "task=rearrange")
-    page = PageTab(browser, server.address)
+    page = PageTab(browser, server.address, blank=True)
     page.wait_for_text("left and right are the robot's")
     example = page.wait_for_text("^Try: ").removeprefix("Try: ")
     assert page.say_and_wait(example) == "Done in"
