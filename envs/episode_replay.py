@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -20,14 +20,29 @@ from torch import Tensor
 from torchrl.envs import EnvBase
 
 
+class Draws(Protocol):
+    """Draws episodes, by what happened before."""
+
+    @property
+    def draw_state(self) -> dict[str, float]:
+        """What a drawn episode depends on beside its generator."""
+        ...
+
+    def load_draw_state(self, state: Mapping[str, float]) -> None:
+        """Draw again as with this `draw_state`."""
+        ...
+
+
 class EpisodeReplayEnv(EnvBase):
     """N worlds, each with a generator of its own, whose episodes can be continued (`continue_episodes`).
 
-    beginnings: for each world, the state of its generator when its present episode began. Subclasses define
-    `_begin_episodes` in the place of `_reset`, and call `_set_seed` before the first reset.
+    beginnings: for each world, the state of its generator when its present episode began, and under "draws" whatever
+    else that was drawn from. Subclasses define `_begin_episodes` in the place of `_reset`, and call `_set_seed` before
+    the first reset.
     """
 
     beginnings: list[Mapping[str, Any]]
+    _draws: Draws | None = None  # what episodes are drawn by
     _generators: list[Generator]
     _continued: tuple[Sequence[Mapping[str, Any]], Tensor, Tensor] | None = None  # of `continue_episodes`
 
@@ -35,10 +50,21 @@ class EpisodeReplayEnv(EnvBase):
     def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
         """Begin a new episode in each of these worlds. Returns the observation (N,) of all worlds."""
 
+    def _beginning(self, i: int) -> Mapping[str, Any]:
+        draws = {} if self._draws is None else self._draws.draw_state
+        return {**self._generators[i].bit_generator.state, "draws": draws}
+
+    def _restore(self, i: int, beginning: Mapping[str, Any]) -> None:
+        """Let the next episode of world i be the one that had this beginning."""
+        self.beginnings[i] = beginning
+        self._generators[i].bit_generator.state = {key: beginning[key] for key in beginning if key != "draws"}
+        if self._draws is not None:
+            self._draws.load_draw_state(beginning.get("draws", {}))  # earlier versions had none
+
     def _set_seed(self, seed: int | None) -> None:
         seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(self.batch_size[0])]
         self._generators = [np.random.default_rng(sequence) for sequence in seeds]
-        self.beginnings = [generator.bit_generator.state for generator in self._generators]
+        self.beginnings = [self._beginning(i) for i in range(len(seeds))]
 
     def continue_episodes(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> None:
         """The next reset of all worlds continues these episodes instead of beginning new ones.
@@ -58,7 +84,7 @@ class EpisodeReplayEnv(EnvBase):
         if tensordict is not None and "_reset" in tensordict.keys():
             worlds = np.flatnonzero(tensordict["_reset"].numpy().reshape(len(worlds), -1).any(1))
         for i in worlds.tolist():
-            self.beginnings[i] = self._generators[i].bit_generator.state
+            self.beginnings[i] = self._beginning(i)
         return self._begin_episodes(worlds)
 
     def _replay(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> TensorDictBase:
@@ -71,12 +97,10 @@ class EpisodeReplayEnv(EnvBase):
         starts = steps - lengths.numpy()
         observed = self._begin_episodes(np.arange(len(starts)))
         for t in range(int(starts.min()), steps + 1):
-            due = np.flatnonzero(starts == t)
-            if len(due):
-                for i in due.tolist():
-                    self.beginnings[i] = beginnings[i]
-                    self._generators[i].bit_generator.state = beginnings[i]
-                observed = _merged(self._begin_episodes(due), observed, torch.from_numpy(starts == t))
+            for i in np.flatnonzero(starts == t).tolist():
+                self._restore(i, beginnings[i])
+                began = self._begin_episodes(np.array([i]))
+                observed = _merged(began, observed, torch.arange(len(starts)) == i)
             if t < steps:
                 waits = torch.from_numpy(starts > t)[:, None]
                 action = torch.where(waits, observed["hold"], actions[:, t])

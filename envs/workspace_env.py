@@ -66,7 +66,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self.config, self.tokenizer = config, Tokenizer.default()
         config.task.objects.check(config.workspace.bounds)
         self._person = make_person(config.workspace.human, config.gesture)
-        self.task = make_task(config, num_worlds, self._person)
+        self.task = self._draws = make_task(config, num_worlds, self._person)
         self.task.draw(np.random.default_rng(0))  # raises now where no episode can be drawn
         self.chain = make_chain(config, self.task)
         self._worlds = [make_world(config, self.task, render, window) for _ in range(num_worlds)]

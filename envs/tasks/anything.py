@@ -30,6 +30,7 @@ STORED, STACKED = 0.3, 0.5  # chances that an object lies in each fitting, and t
 AT_AN_OBJECT = 0.5  # share of the episodes that the curriculum begins elsewhere, in which that is over another object
 ABOVE = 0.12  # metres over an object up to which a gripper begins there
 HIGH = (0.2, 0.4)  # metres over the table between which a gripper begins anywhere
+ENDED = ("success", "wrong_object", "wrong_target", "failed")  # of an outcome: what ends an instruction
 LEAST_ON_TABLE = 2  # loose objects that stand on the table, at least
 
 
@@ -83,8 +84,8 @@ class Anything(Furnished):
 
     def _allocate(self, worlds: int) -> None:
         self._free = np.zeros((worlds, self.config.slots, 3))  # where the table is free for each object
-        self._sampler = VerbSampler(VERBS, worlds, self.config.curriculum.automatic)
-        self._succeeded = np.zeros(worlds, bool)  # at the last step
+        self._sampler = VerbSampler(VERBS, self.config.curriculum.automatic)
+        self._steps = np.zeros(worlds, np.int64)  # since each world's instruction was given
         self.members = [self._member(verb, worlds) for verb in VERBS]
 
     def _member(self, verb: str, worlds: int) -> Task:
@@ -119,7 +120,7 @@ class Anything(Furnished):
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
         """Begins new episodes in these worlds, or continues with another instruction."""
         self._free[worlds] = self._table.nearest(state.objects[worlds], state.shown[worlds])
-        self._sampler.begin(worlds, state.kind[worlds], self._succeeded[worlds])
+        self._steps[worlds] = 0
         for member in self.members:
             member.reset(worlds, state)
 
@@ -136,7 +137,9 @@ class Anything(Furnished):
             name: said(getattr(each, name) for each in outcomes).astype(bool)
             for name in ("success", "wrong_object", "at_goal", "wrong_target", "failed")
         }
-        self._succeeded = flags["success"]
+        self._steps += 1
+        ended = np.any([flags[name] for name in ENDED], axis=0) | (self._steps >= self.config.max_steps)
+        self._sampler.note(state.kind[ended], flags["success"][ended])
         terms = {name: said(each.terms.get(name) for each in outcomes) for name in self.terms}
         return Outcome(terms, **flags)
 
@@ -154,9 +157,12 @@ class Anything(Furnished):
     # ---- drawing
 
     @property
-    def failures(self) -> dict[str, float]:
-        """The share of the last instructions with each verb that failed; 1 before any has ended."""
+    def draw_state(self) -> dict[str, float]:
+        """For each verb, the share of its last instructions that failed; 1 before any has ended."""
         return dict(zip(VERBS, self._sampler.failures.tolist(), strict=True))
+
+    def load_draw_state(self, state: Mapping[str, float]) -> None:
+        self._sampler.failures[:] = [state.get(verb, 1.0) for verb in VERBS]
 
     def room(self, scene: Scene) -> Room:
         """What the scene is like, for what is feasible in it."""
@@ -174,7 +180,8 @@ class Anything(Furnished):
         feasible = self._sayable(scene, held)
         if not feasible:
             return None
-        verb = self._sampler.draw(sorted({each.verb for each in feasible}), rng)
+        verbs = sorted({each.verb for each in feasible})
+        verb = verbs[rng.integers(len(verbs))]
         chosen = [each for each in feasible if each.verb == verb]
         return self._said(scene, chosen[rng.integers(len(chosen))], rng)
 

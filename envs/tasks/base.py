@@ -141,6 +141,14 @@ class Task(ABC):
         """
         return None
 
+    @property
+    def draw_state(self) -> dict[str, float]:
+        """What `draw` depends on beside its generator: what happened in the worlds, under a name each."""
+        return {}
+
+    def load_draw_state(self, state: Mapping[str, float]) -> None:  # noqa: B027
+        """Draw again as with this `draw_state`."""
+
     def furnish(self, fittings: Mapping[str, Fitting]) -> None:
         """Takes note of the workspace's fittings, before anything is drawn. Raises ConfigError where one is missing."""
         return None

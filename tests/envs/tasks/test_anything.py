@@ -58,14 +58,14 @@ def test_verbs_that_a_task_does_not_have_are_refused():
 def test_failures_of_verbs_are_counted_as_their_instructions_end():
     env = make("kuka", "step", "anything", PLAIN, "task.verbs=[grasp,stack]", "task.max_steps=25", worlds=6)
     td, guide = env.reset(), expert(env)
-    assert set(env.task.failures.values()) == {1.0}
+    assert set(env.task.draw_state.values()) == {1.0}
     for _ in range(60):
         succeeds = env.state.kind == VERBS.index("grasp")  # the arm stands still where it is to stack
         action = torch.where(torch.from_numpy(succeeds)[:, None], guide(td.clone())["action"], td["hold"])
         td = env.step_and_maybe_reset(td.set("action", action))[1]
     env.close()
-    assert env.task.failures["grasp"] < 0.9
-    assert env.task.failures["stack"] == env.task.failures["reach"] == 1.0
+    assert env.task.draw_state["grasp"] < 0.9
+    assert env.task.draw_state["stack"] == env.task.draw_state["reach"] == 1.0
 
 
 def test_a_task_with_one_verb_refuses_an_automatic_curriculum():
