@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
-from trainers.algorithms.base_config import AlgorithmConfig
+from trainers.algorithms.base_config import AlgorithmConfig, OffPolicyConfig
 from trainers.algorithms.registry import read_algorithm
 from trainers.collector_config import CollectorConfig, read_collector
 from trainers.config_versions import of_this_version
@@ -152,6 +152,12 @@ def _check_together(plan: Plan) -> None:
         raise ConfigError(
             f"total_frames={plan.run.total_frames} must be at least collector.worlds={plan.collector.worlds}: each "
             "step of all worlds is that many frames"
+        )
+    shown = plan.algo.demonstrations if isinstance(plan.algo, OffPolicyConfig) else 0
+    if shown >= plan.run.total_frames:
+        raise ConfigError(
+            f"algo.demonstrations={shown} must be less than total_frames={plan.run.total_frames}: the policy acts, and "
+            "learns, after them"
         )
     if plan.schedule_frames < plan.run.total_frames:
         raise ConfigError(

@@ -29,7 +29,7 @@ class VerbSampler:
     def draw(self, feasible: Sequence[str], rng: Generator) -> str:
         """One of these verbs."""
         if not self._automatic:
-            return feasible[rng.integers(len(feasible))]
+            return feasible[int(rng.integers(len(feasible)))]
         weights = LEAST + self.failures[[self._verbs.index(verb) for verb in feasible]]
         return feasible[int(rng.choice(len(feasible), p=weights / weights.sum()))]
 

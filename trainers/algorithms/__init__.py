@@ -5,5 +5,5 @@ algorithm           what every algorithm has
 on_policy           advantages, epochs and minibatches          ppo, torchrl_on_policy
 off_policy          replay, relabelling, gradient steps         sac, torchrl_off_policy
 bc                  imitation of an expert
-grounding_supervision, replay, relabelling      the parts that algorithms share
+grounding_supervision, replay, relabelling, expert_frames      the parts that algorithms share
 """

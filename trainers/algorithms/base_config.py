@@ -38,7 +38,7 @@ class AlgorithmConfig(Checked):
 
     @property
     def imitates(self) -> bool:
-        """Whether the worlds must observe what an expert would do."""
+        """Whether the worlds must observe what the task's expert would do."""
         return False
 
     def check_batch(self, frames: int) -> None:
@@ -82,8 +82,19 @@ class OffPolicyConfig(AlgorithmConfig):
     learning_starts: int = within(0)  # frames collected before the first gradient step
     grounding_every: int = within(1)  # gradient steps for each one that includes the grounding loss
     hindsight: float = within(0.0, 100.0)  # relabelled copies of each episode; 0 = none, a fraction is a probability
+    # First frames in which the task's expert acts. Half of each batch is drawn from them: RLPD, Ball et al. 2023
+    # (arXiv:2302.02948).
+    demonstrations: int = within(0, default=0)
+
+    @property
+    def imitates(self) -> bool:
+        return self.demonstrations > 0
 
     def check_batch(self, frames: int) -> None:
         needed = max(frames, self.batch)
         if self.buffer < needed:
             raise ConfigError(f"algo.buffer={self.buffer} must hold a batch of {needed} frames")
+        if 0 < self.demonstrations < frames:
+            raise ConfigError(
+                f"algo.demonstrations={self.demonstrations} must be 0, or at least a batch: {frames} frames"
+            )

@@ -19,9 +19,11 @@ from trainers.algorithms.algorithm import (
     total_loss,
 )
 from trainers.algorithms.base_config import OffPolicyConfig
+from trainers.algorithms.expert_frames import ExpertFrames
 from trainers.algorithms.grounding_supervision import METRICS, first_steps
 from trainers.algorithms.relabelling import Relabel, Relabelling
 from trainers.algorithms.replay import Replay
+from trainers.models.expert_mixture import ExpertMixture
 from trainers.models.policy import Policy, parameters
 
 
@@ -50,25 +52,36 @@ class OffPolicyAlgorithm(Algorithm):
         self.config, self.critic_key = config, critic_key
         self.actor_parameters = parameters(policy)
         self.replay = Replay(policy, critic_key, config.buffer, self.device, self.grounding.active, *priority)
+        self.demonstrations: ExpertFrames | None = None
+        if config.demonstrations:
+            self.demonstrations = ExpertFrames(policy, critic_key, config, self.device, self.grounding.active)
         self.relabelling = Relabelling(relabel, config.hindsight)
         self.starts: Tensor | None = None  # (worlds, 1) whether the next frame begins an episode
         self.pending_steps = 0.0  # gradient steps that the frames so far call for and that are not taken yet
         self.steps_taken = 0
 
     @property
+    def behaviour(self) -> Policy | ExpertMixture:
+        return self.policy if self.demonstrations is None else self.demonstrations.mixture
+
+    @property
     def memories(self) -> dict[str, ReplayBuffer]:
-        return super().memories | {"frames": self.replay.frames}
+        shown = {} if self.demonstrations is None else {"demonstrations": self.demonstrations.replay.frames}
+        return super().memories | {"frames": self.replay.frames} | shown
 
     def running_state(self) -> dict[str, Any]:
         counts = {"pending_steps": self.pending_steps, "steps_taken": self.steps_taken}
         priorities = self.replay.frames.sampler.state_dict() if self.replay.prioritised else {}
         episodes = {"starts": self.starts, "unfinished": self.relabelling.state_dict()}
-        return counts | episodes | {"priorities": priorities}
+        shown = {} if self.demonstrations is None else self.demonstrations.running_state()
+        return counts | episodes | {"priorities": priorities} | shown
 
     def load_running_state(self, state: dict[str, Any]) -> None:
         self.pending_steps, self.steps_taken = state["pending_steps"], state["steps_taken"]
         self.starts = state["starts"]
         self.relabelling.load_state_dict(state["unfinished"])
+        if self.demonstrations is not None:
+            self.demonstrations.load_running_state(state)
         if self.replay.prioritised:
             self.replay.frames.sampler.load_state_dict(state["priorities"])
 
@@ -80,10 +93,13 @@ class OffPolicyAlgorithm(Algorithm):
         check_batch(batch)
         self.anneal_learning_rates(progress)
         relabelled = self.relabelling(batch)
+        self.add_batch_scenes(batch, relabelled)
+        if self.demonstrations is not None and self.demonstrations.add(batch):
+            return {"updates": 0.0}
         for frames in (batch, *relabelled):
             self.replay.extend(frames)
-        self.add_batch_scenes(batch, relabelled)
-        if len(self.replay) < max(self.config.learning_starts, self.config.batch):
+        starts = self.config.learning_starts if self.demonstrations is None else 0
+        if len(self.replay) < max(starts, self.config.batch):
             return {"updates": 0.0}
         self.pending_steps += batch.numel() * self.config.updates_per_frame
         steps, self.pending_steps = int(self.pending_steps), self.pending_steps % 1.0
@@ -107,9 +123,20 @@ class OffPolicyAlgorithm(Algorithm):
         if self.replay.prioritised:  # drawn one by one: priorities change with every step
             frames = (self.replay.sample(self.config.batch) for _ in range(steps))
         else:
-            frames = self.replay.sample(steps * self.config.batch).split(self.config.batch)
+            frames = self.sample(steps).split(self.config.batch)
         pairs = self.grounding.paired(frames, steps, 1 / self.config.grounding_every)
         return [self.step(part, scenes) for part, scenes in pairs]
+
+    def sample(self, steps: int) -> TensorDictBase:
+        """The frames of `steps` batches, one after another; half of each are demonstrations, where there are any."""
+        if self.demonstrations is None:
+            return self.replay.sample(steps * self.config.batch)
+        shown = self.config.batch // 2
+        parts = (
+            source.sample(steps * count).reshape(steps, count)
+            for source, count in ((self.replay, self.config.batch - shown), (self.demonstrations.replay, shown))
+        )
+        return torch.cat(list(parts), 1).reshape(-1)
 
     def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
         """One gradient step on frames (B,) for actor and critics, and on scenes (G,) for the grounding."""

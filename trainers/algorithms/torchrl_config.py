@@ -54,3 +54,7 @@ class TorchRLOffPolicyConfig(OffPolicyConfig):
         if self.deterministic != (self.final_std is not None):
             needed = "a number" if self.deterministic else "null"
             raise ConfigError(f"final_std={self.final_std} must be {needed} with deterministic={self.deterministic}")
+        if self.demonstrations and self.priority_alpha:
+            raise ConfigError(
+                f"demonstrations={self.demonstrations} needs priority_alpha=0: they are drawn evenly, half of a batch"
+            )

@@ -1,4 +1,4 @@
-"""Acts with a mixture of a policy and an expert, to collect states for imitation."""
+"""Acts with a mixture of a policy and an expert, to collect states for imitation, or demonstrations."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ExpertMixture(nn.Module):
 
 
 class MixedAct(TensorDictModuleBase):
-    """Observations (N,) with privileged/expert_action (N, A) to "action" (N, A)."""
+    """Observations (N,) with privileged/expert_action (N, A) to "action" (N, A), and the "move" that it is."""
 
     def __init__(self, mixture: ExpertMixture) -> None:
         super().__init__()
@@ -45,4 +45,6 @@ class MixedAct(TensorDictModuleBase):
     def forward(self, frames: TensorDictBase) -> TensorDictBase:
         action, expert = self.policy_act(frames)["action"], frames[LABEL]
         follows = torch.rand(len(action), 1, device=action.device) < self.mixture.expert_share
+        move = ((expert - frames["hold"]) / self.mixture.policy.action_unit).clamp(-1.0, 1.0)
+        frames.set("move", torch.where(follows, move, frames["move"]))
         return frames.set("action", torch.where(follows, expert, action))

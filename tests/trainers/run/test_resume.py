@@ -19,11 +19,12 @@ from trainers.run.training_run import TrainingRun
 LONG = ["total_frames=512", "eval.interval=192", "eval.episodes=8", "algo.grounding_scenes=8"]
 IMITATION = ["algo.updates_per_frame=0.1", "algo.buffer=300", "algo.expert_until=1.0"]
 OFF_POLICY = ["algo.updates_per_frame=0.1", "algo.learning_starts=100", "algo.buffer=300"]  # overwritten before the end
+DEMONSTRATED = [*OFF_POLICY, "algo.demonstrations=128"]
 OVERLAP = ["collector.workers=2", "collector.overlap=true"]
 
 
 def overrides_of(algo):
-    own = {"sac": OFF_POLICY, "td3": OFF_POLICY, "bc": IMITATION}
+    own = {"sac": OFF_POLICY, "td3": OFF_POLICY, "tqc": DEMONSTRATED, "bc": IMITATION}
     return [*LONG, *own.get(algo, ["algo.epochs=1"])]
 
 
@@ -64,10 +65,12 @@ def stop_in_collection(monkeypatch, iteration):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("algo", "iteration"), [("ppo", 2), ("sac", 12), ("td3", 11), ("bc", 2)])
+@pytest.mark.parametrize(
+    ("algo", "iteration"), [("ppo", 2), ("sac", 12), ("td3", 11), ("tqc", 2), ("tqc", 11), ("bc", 2)]
+)
 def test_a_run_that_a_signal_stopped_goes_on_exactly(tmp_path, monkeypatch, algo, iteration):
     overrides, folder = overrides_of(algo), tmp_path / "stopped"
-    options = {"make": make_labelled} if algo == "bc" else {}
+    options = {"make": make_labelled} if algo in ("bc", "tqc") else {}
     train(tmp_path / "whole", algo, overrides=overrides, **options)
     with monkeypatch.context() as patch:
         stop_in_collection(patch, iteration)
