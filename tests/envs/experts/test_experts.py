@@ -8,7 +8,7 @@ from envs.experts import expert
 from envs.experts.reach import ReachExpert
 from tests.helpers.env_cases import COMBINATIONS, ROBOTS, act, make, name_of, options, partial_reset
 
-WORLDS, EPISODES = 4, 24
+WORLDS, EPISODES = 4, 16
 ENOUGH = 0.9  # of so few episodes; `python -m benchmarks.experts` asks for 0.95 of 200
 
 
