@@ -40,7 +40,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
     """N worlds that step together, and are reset one by one.
 
     World i draws all randomness from its own generator, seeded with (seed, i): its rollouts are the same, bit for bit,
-    whatever N is.
+    whatever N is, unless task.curriculum.automatic makes draws depend on what happened in all N.
 
     Args:
         config: what to build.

@@ -61,7 +61,7 @@ def choose_rows(which: NDArray[np.bool_], these: Array, those: Array) -> Array:
     return np.where(which[:, None], these, those)
 
 
-def rising(beside: NDArray[np.float64]) -> NDArray[np.float64]:
+def height_share(beside: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N,) shares of its full height above a place that a gripper has at distances (N,) beside it, metres.
 
     The height is continuous. A policy that imitates a switch between up and down stands still at the switch.

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.experts.base import Array, Slots, rising
+from envs.experts.base import Array, Slots
 from envs.experts.registry import register_expert
 from envs.experts.stack import StackExpert
-from envs.tasks.geometry import length
 from envs.tasks.in_out import InOut
 
 BESIDE = 0.17  # metres from the middle of the table from which a gripper is at a fitting
@@ -32,12 +31,11 @@ class InOutExpert(StackExpert):
     def _carry(self, thing: Array, goal: Array) -> tuple[Array, NDArray[np.bool_]]:
         place, keep = super()._carry(thing, goal)
         gripper, way = self._env.gripper, self._straight(place)
-        height = goal[:, 2] + self._full_height(goal) * rising(length((goal - thing)[:, :2]))
-        walled = (thing[:, 2] < height - BELOW) & (np.abs(gripper[:, 1]) > BESIDE)
+        walled = (thing[:, 2] < self._height(thing, goal) - BELOW) & (np.abs(gripper[:, 1]) > BESIDE)
         way[walled, :2] = gripper[walled, :2]
         return way, keep
 
-    def _full_height(self, goal: Array) -> NDArray[np.float64]:
+    def _travel(self, goal: Array) -> NDArray[np.float64]:
         return TRAVEL - goal[:, 2]
 
     def _straight(self, place: Array) -> Array:

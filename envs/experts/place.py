@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.experts.base import HOVER, OVER, UP, AimingExpert, Array, Expert, Slots, choose_rows, rising
+from envs.experts.base import HOVER, OVER, UP, AimingExpert, Array, Expert, Slots, choose_rows, height_share
 from envs.experts.registry import register_expert
 from envs.tasks.geometry import length
 
@@ -27,7 +27,7 @@ class Fetch(Expert):
         beside = length(offset[:, :2])
         close = (beside < OVER) & (np.abs(offset[:, 2]) < GRASP)
         press = PRESS * (self._env.below > 0)
-        grip[:, 2] += (self.hover + press) * rising(beside) - press
+        grip[:, 2] += (self.hover + press) * height_share(beside) - press
         return grip, close
 
 
@@ -53,14 +53,16 @@ class PlaceExpert(Fetch, AimingExpert):
 
     def _carry(self, thing: Array, goal: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Where the gripper goes (N, 3) with the object that it holds, and whether it keeps it (N,)."""
-        offset = goal - thing
-        beside, full = length(offset[:, :2]), self._full_height(goal)
-        height = goal[:, 2] + full * rising(beside)
-        aim = choose_rows(thing[:, 2] < height - full / 2, thing, goal)
+        offset, height = goal - thing, self._height(thing, goal)
+        aim = choose_rows(thing[:, 2] < height - self._travel(goal) / 2, thing, goal)
         aim[:, 2] = height
-        keep = (beside > OVER) | (np.abs(offset[:, 2]) > GRASP)
+        keep = (length(offset[:, :2]) > OVER) | (np.abs(offset[:, 2]) > GRASP)
         return self._env.gripper + aim - thing, keep
 
-    def _full_height(self, goal: Array) -> NDArray[np.float64]:
-        """(N,) metres above its goal (N, 3) at which an object travels."""
+    def _height(self, thing: Array, goal: Array) -> NDArray[np.float64]:
+        """(N,) metres above the table at which the object is carried: it falls with the distance from the goal."""
+        return goal[:, 2] + self._travel(goal) * height_share(length((goal - thing)[:, :2]))
+
+    def _travel(self, goal: Array) -> NDArray[np.float64]:
+        """(N,) metres above its goal (N, 3) at which an object is carried far from it."""
         return np.full(len(goal), self.height)
