@@ -29,7 +29,7 @@ class Draws(Protocol):
         ...
 
     def load_draw_state(self, state: Mapping[str, float]) -> None:
-        """Draw again as with this `draw_state`."""
+        """Draw again as with this `draw_state`; what it lacks is as before anything happened."""
         ...
 
 
@@ -64,6 +64,8 @@ class EpisodeReplayEnv(EnvBase):
     def _set_seed(self, seed: int | None) -> None:
         seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(self.batch_size[0])]
         self._generators = [np.random.default_rng(sequence) for sequence in seeds]
+        if self._draws is not None:
+            self._draws.load_draw_state({})  # as before anything happened
         self.beginnings = [self._beginning(i) for i in range(len(seeds))]
 
     def continue_episodes(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> None:

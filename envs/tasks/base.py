@@ -147,7 +147,7 @@ class Task(ABC):
         return {}
 
     def load_draw_state(self, state: Mapping[str, float]) -> None:  # noqa: B027
-        """Draw again as with this `draw_state`."""
+        """Draw again as with this `draw_state`; what it lacks is as before anything happened."""
 
     def furnish(self, fittings: Mapping[str, Fitting]) -> None:
         """Takes note of the workspace's fittings, before anything is drawn. Raises ConfigError where one is missing."""
