@@ -119,7 +119,8 @@ class PageTab:
         return found.inner_text()
 
     def press(self, button: str) -> None:
-        """Clicks the button with this text."""
+        """Clicks the button with this text, after a pause: a click can be lost that comes within 50 ms of another."""
+        self.tab.evaluate(PAUSE)
         self.tab.get_by_text(button, exact=True).first.click()
 
     def choose(self, label: str, option: str) -> None:

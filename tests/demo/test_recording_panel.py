@@ -22,7 +22,7 @@ def videos(folder, count):
 
 
 def start_video(browser, server):
-    page = PageTab(browser, server.address, blank=True)
+    page = PageTab(browser, server.address)
     page.press("Record")
     page.press("Start video")
     page.wait_for_text("Stop video")
