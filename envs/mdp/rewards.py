@@ -24,13 +24,12 @@ def compute_outcome(task: Task, state: State, weights: Array) -> dict[str, Tenso
     terms = np.stack([outcome.terms[name] for name in task.terms], axis=1) * weights
     never = np.zeros_like(outcome.success)
     wrong_target = never if outcome.wrong_target is None else outcome.wrong_target
-    failed = never if outcome.failed is None else outcome.failed
     flags = {
         "success": outcome.success,
         "wrong_object": outcome.wrong_object,
         "wrong_target": wrong_target,
         "at_goal": outcome.at_goal,
-        "terminated": outcome.success | outcome.wrong_object | wrong_target | failed,
+        "terminated": outcome.terminated,
     }
     return {
         "reward_terms": torch.from_numpy(terms.astype(np.float32)),

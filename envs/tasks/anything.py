@@ -18,9 +18,10 @@ from envs.tasks.furnished import Furnished
 from envs.tasks.movable_objects import SCENES
 from envs.tasks.nl_reach import NLReach
 from envs.tasks.object_layout import scatter
+from envs.tasks.outcome import Outcome
 from envs.tasks.registry import TASKS, register_task
 from envs.tasks.training_episodes import NO_CURRICULUM
-from envs.tasks.types import NOTHING, Array, EpisodeSpec, GripperStart, Outcome, Said, State, TaskConfig
+from envs.tasks.types import NOTHING, Array, EpisodeSpec, GripperStart, Said, State, TaskConfig
 from envs.tasks.verb_sampling import VerbSampler
 from human import Person
 from language import COLORS, FITTINGS, Placed, Scene
@@ -30,7 +31,6 @@ STORED, STACKED = 0.3, 0.5  # chances that an object lies in each fitting, and t
 AT_AN_OBJECT = 0.5  # share of the episodes that the curriculum begins elsewhere, in which that is over another object
 ABOVE = 0.12  # metres over an object up to which a gripper begins there
 HIGH = (0.2, 0.4)  # metres over the table between which a gripper begins anywhere
-ENDED = ("success", "wrong_object", "wrong_target", "failed")  # of an outcome: what ends an instruction
 LEAST_ON_TABLE = 2  # loose objects that stand on the table, at least
 
 
@@ -137,11 +137,12 @@ class Anything(Furnished):
             name: said(getattr(each, name) for each in outcomes).astype(bool)
             for name in ("success", "wrong_object", "at_goal", "wrong_target", "failed")
         }
-        self._steps += 1
-        ended = np.any([flags[name] for name in ENDED], axis=0) | (self._steps >= self.config.max_steps)
-        self._sampler.note(state.kind[ended], flags["success"][ended])
         terms = {name: said(each.terms.get(name) for each in outcomes) for name in self.terms}
-        return Outcome(terms, **flags)
+        outcome = Outcome(terms, **flags)
+        self._steps += 1
+        ended = outcome.terminated | (self._steps >= self.config.max_steps)
+        self._sampler.note(state.kind[ended], outcome.success[ended])
+        return outcome
 
     @property
     def memory(self) -> Array:

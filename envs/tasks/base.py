@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from conf.schema import ConfigError, did_you_mean
 from envs.sim.workspace import Fitting
 from envs.tasks.object_layout import scatter
+from envs.tasks.outcome import Outcome
 from envs.tasks.training_episodes import draw_randomized
-from envs.tasks.types import Column, EpisodeSpec, GestureSwitch, Outcome, Said, State, TaskConfig
+from envs.tasks.types import Column, EpisodeSpec, GestureSwitch, Said, State, TaskConfig
 from human import Gesture, Person, Unreachable
 from language import COLORS, MAX_WORDS, NOUNS, SHAPES, Instruction, LanguageError, Placed, Scene, Wording, parse, say
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from envs.tasks.achieved_goal import find_achieved_goal
 from envs.tasks.geometry import length
 from envs.tasks.movable_objects import MovableObjects
-from envs.tasks.types import Array, EpisodeSpec, Outcome, State
+from envs.tasks.outcome import Outcome
+from envs.tasks.types import Array, EpisodeSpec, State
 from language import Placed
 
 DISTURBED = 0.05  # metres by which another object must be moved to count as the wrong object

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.tasks.base import Task
+from envs.tasks.outcome import Outcome
 from envs.tasks.registry import register_task
-from envs.tasks.types import Array, Outcome, State, TaskConfig
+from envs.tasks.types import Array, State, TaskConfig
 
 NEAR = 0.7  # of the radius: greatest height over an object's centre, so that there is room to its sides
 

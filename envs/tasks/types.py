@@ -280,19 +280,3 @@ class State:
     held: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     nouns: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 0), np.int64))
     kind: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Outcome of a control step, (N,) each. terms: unweighted reward terms by name.
-
-    wrong_target: the referent was brought to another target; None if the task has no targets.
-    failed: success has become impossible in another way, and the episode ends; None if the task cannot fail so.
-    """
-
-    terms: dict[str, Array]
-    success: NDArray[np.bool_]
-    wrong_object: NDArray[np.bool_]
-    at_goal: NDArray[np.bool_]
-    wrong_target: NDArray[np.bool_] | None = None
-    failed: NDArray[np.bool_] | None = None

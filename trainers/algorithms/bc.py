@@ -24,7 +24,7 @@ from trainers.algorithms.algorithm import (
 from trainers.algorithms.bc_config import BCConfig
 from trainers.algorithms.grounding_supervision import METRICS, first_steps
 from trainers.algorithms.specs import Specs
-from trainers.models.expert_mixture import LABEL, ExpertMixture
+from trainers.models.expert_mixture import ExpertMixture, expert_move
 from trainers.models.policy import Policy, parameters
 
 FULL = 0.95  # of the largest move, which labels have at most: that of 1 has no finite preimage
@@ -93,8 +93,7 @@ class BC(Algorithm):
         frames = frames.copy()
         if self.grounding.active:
             self.policy.encoder.select_labelled(frames)
-        move = (frames[LABEL] - frames["hold"]) / self.policy.action_unit
-        return frames.select(*self.frame_keys).set("move", move.clamp(-1.0, 1.0))
+        return frames.select(*self.frame_keys).set("move", expert_move(frames, self.policy))
 
     def learn(self, steps: int) -> list[dict[str, Tensor]]:
         """Take so many gradient steps. Frames and scenes are drawn once for all of them, which saves overhead."""

@@ -12,6 +12,11 @@ from trainers.models.policy import Act, Policy
 LABEL = ("privileged", "expert_action")
 
 
+def expert_move(frames: TensorDictBase, policy: Policy) -> Tensor:
+    """(N, A) the expert's action as a move of the policy, from what it would hold, in [-1, 1]."""
+    return ((frames[LABEL] - frames["hold"]) / policy.action_unit).clamp(-1.0, 1.0)
+
+
 class ExpertMixture(nn.Module):
     """At each step of each world the expert acts with a probability, else the policy does.
 
@@ -45,6 +50,5 @@ class MixedAct(TensorDictModuleBase):
     def forward(self, frames: TensorDictBase) -> TensorDictBase:
         action, expert = self.policy_act(frames)["action"], frames[LABEL]
         follows = torch.rand(len(action), 1, device=action.device) < self.mixture.expert_share
-        move = ((expert - frames["hold"]) / self.mixture.policy.action_unit).clamp(-1.0, 1.0)
-        frames.set("move", torch.where(follows, move, frames["move"]))
+        frames.set("move", torch.where(follows, expert_move(frames, self.mixture.policy), frames["move"]))
         return frames.set("action", torch.where(follows, expert, action))

@@ -1,0 +1,32 @@
+"""What a control step came to, in every world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.tasks.types import Array
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outcome of a control step, (N,) each. terms: unweighted reward terms by name.
+
+    wrong_target: the referent was brought to another target; None if the task has no targets.
+    failed: success has become impossible in another way; None if the task cannot fail so.
+    """
+
+    terms: dict[str, Array]
+    success: NDArray[np.bool_]
+    wrong_object: NDArray[np.bool_]
+    at_goal: NDArray[np.bool_]
+    wrong_target: NDArray[np.bool_] | None = None
+    failed: NDArray[np.bool_] | None = None
+
+    @property
+    def terminated(self) -> NDArray[np.bool_]:
+        """Whether the instruction has ended, time limits apart."""
+        ends = (self.success, self.wrong_object, self.wrong_target, self.failed)
+        return np.any([flags for flags in ends if flags is not None], axis=0)
