@@ -15,6 +15,7 @@ from conf.schema import Checked, within
 from envs.sim.device_bodies import DeviceBodies, DeviceSpec
 from envs.sim.furniture import Furniture
 from envs.sim.gripper import BASE, GRIPPERS, Gripper, GripperConfig
+from envs.sim.lean_client import connect
 from envs.sim.object_pool import ObjectPool, PoolSpec
 from envs.sim.rendering import Renderer, paint
 from envs.sim.robot import Robot, RobotConfig
@@ -77,7 +78,7 @@ class World:
         devices: DeviceSpec = NO_DEVICES,
         holds: bool = True,
     ) -> None:
-        self.client = bullet.connect(bullet.DIRECT) if window is None else window.client
+        self.client = connect() if window is None else window.client
         self._physics, self._workspace, self._visuals = physics, workspace, visuals or window is not None
         self._window = window
         try:
