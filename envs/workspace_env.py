@@ -119,10 +119,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         arrays.commanded = self.control.targets(arm, arrays.commanded, arrays.angles)
         if self._grips.grips:
             self._grips.command(action[:, -1])
-        targets = np.concatenate((arrays.commanded, self._grips.targets), axis=1).tolist()
-        for world, target in zip(self._worlds, targets, strict=True):
-            world.advance(target)
-        arrays.read(arrays.index)
+        arrays.advance(np.concatenate((arrays.commanded, self._grips.targets), axis=1))
         if self._grips.grips:
             self._grips.update_grasps()
         self._gestures.follow()
