@@ -119,10 +119,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         arrays.commanded = self.control.targets(arm, arrays.commanded, arrays.angles)
         if self._grips.grips:
             self._grips.command(action[:, -1])
-        targets = np.concatenate((arrays.commanded, self._grips.targets), axis=1).tolist()
-        for world, target in zip(self._worlds, targets, strict=True):
-            world.advance(target)
-        arrays.read(arrays.index)
+        arrays.advance(np.concatenate((arrays.commanded, self._grips.targets), axis=1))
         if self._grips.grips:
             self._grips.update_grasps()
         self._gestures.follow()
@@ -144,13 +141,12 @@ class WorkspaceEnv(EpisodeReplayEnv):
     def _outcome(self) -> dict[str, Tensor]:
         """The rewards of a control step, and the ends of episodes."""
         outcome = compute_outcome(self.task, self._state, self._weights)
-        success = outcome["success"].numpy()[:, 0]
-        for i, goal in next_goals(self._arrays, self.task, success, self._generators):
+        for i, goal in next_goals(self._arrays, self.task, outcome["success"][:, 0], self._generators):
             self._set_goal(i, goal)
             outcome["terminated"][i] = False
-        out_of_time = torch.from_numpy(self._arrays.steps[:, None] >= self.config.task.max_steps)
-        truncated = out_of_time & ~outcome["terminated"]
-        return outcome | {"truncated": truncated, "done": truncated | outcome["terminated"]}
+        truncated = (self._arrays.steps[:, None] >= self.config.task.max_steps) & ~outcome["terminated"]
+        outcome |= {"truncated": truncated, "done": truncated | outcome["terminated"]}
+        return {name: torch.from_numpy(values) for name, values in outcome.items()}
 
     def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
         for i in worlds.tolist():

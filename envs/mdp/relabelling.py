@@ -124,7 +124,9 @@ class Relabeller:
         observed = [self._observe(steps[0])]
         outcomes = []
         for state in steps[1:]:
-            outcomes.append(TensorDict(compute_outcome(self._task, state, self._weights), [self._num_episodes]))
+            outcome = compute_outcome(self._task, state, self._weights)
+            tensors = {name: torch.from_numpy(values) for name, values in outcome.items()}
+            outcomes.append(TensorDict(tensors, [self._num_episodes]))
             observed.append(self._observe(state))
         each = zip(batch, torch.stack(observed, 1), torch.stack(outcomes, 1), strict=False)
         return [self._frames(one, after, ends[: len(one.frames)]) for one, after, ends in each]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
 from envs.sim.kinematics import Array
 from envs.tasks import State, Task
@@ -15,7 +14,7 @@ def reward_weights(task: Task) -> Array:
     return np.array([task.config.reward[name] for name in task.terms])
 
 
-def compute_outcome(task: Task, state: State, weights: Array) -> dict[str, Tensor]:
+def compute_outcome(task: Task, state: State, weights: Array) -> dict[str, NDArray]:
     """Advance the task by one control step: reward_terms (N, T), reward (N, 1) and flags, (N, 1) each.
 
     "terminated" is among the flags. The env adds truncation.
@@ -32,7 +31,7 @@ def compute_outcome(task: Task, state: State, weights: Array) -> dict[str, Tenso
         "terminated": outcome.terminated,
     }
     return {
-        "reward_terms": torch.from_numpy(terms.astype(np.float32)),
-        "reward": torch.from_numpy(terms.sum(1, keepdims=True).astype(np.float32)),
-        **{name: torch.from_numpy(flag[:, None]) for name, flag in flags.items()},
+        "reward_terms": terms.astype(np.float32),
+        "reward": terms.sum(1, keepdims=True).astype(np.float32),
+        **{name: flag[:, None] for name, flag in flags.items()},
     }

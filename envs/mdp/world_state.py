@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from operator import itemgetter
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,6 @@ from envs.sim.robot import RobotConfig
 from envs.sim.world import World
 from envs.tasks import EpisodeSpec, State
 from language import Tokenizer
-
-_angle_and_speed = itemgetter(0, 1)
 
 
 class WorldState:
@@ -103,23 +101,33 @@ class WorldState:
         self.instruction[i] = self._tokenizer.encode(goal.policy_sentence)
         self.sentence[i], self.kind[i] = in_bytes(goal.sentence, self.sentence.shape[1]), goal.kind
 
+    def advance(self, targets: Array) -> None:
+        """One control step of every world towards motor targets (N, J + F), fingers last."""
+        measured = []
+        for world, target in zip(self._worlds, targets.tolist(), strict=True):
+            world.advance(target)
+            measured.append(_measure(world))  # now: once other worlds have stepped, its memory is out of the cache
+        self._write(self.index, measured)
+
     def read(self, worlds: NDArray[np.int64]) -> None:
         """Read the measured state of these worlds from PyBullet."""
-        joints: list[list[tuple]] = []
-        poses: list[float] = []
-        for i in worlds.tolist():
-            world = self._worlds[i]
-            joints.append(list(map(_angle_and_speed, world.robot.states())))
-            for position, quaternion in world.object_poses():
-                poses += position
-                poses += quaternion
-        self.joints[worlds] = joints
+        self._write(worlds, [_measure(self._worlds[i]) for i in worlds.tolist()])
+
+    def _write(self, worlds: NDArray[np.int64], measured: Sequence[tuple[list[float], list[float]]]) -> None:
+        """Write what `_measure` gave of these worlds to the arrays."""
+        self.joints[worlds] = np.reshape([joints for joints, _ in measured], (len(worlds), *self.joints.shape[1:]))
         shown = np.zeros_like(self.state.shown)
         shown[worlds] = self.state.shown[worlds]
-        self.rows[shown, :7] = np.reshape(poses, (-1, 7))
+        self.rows[shown, :7] = np.reshape(list(chain.from_iterable(poses for _, poses in measured)), (-1, 7))
         self.angles = np.ascontiguousarray(self.joints[:, : self.commanded.shape[1], 0])
         self.pose = self._chain.forward(self.angles)
         self.state.gripper = self.pose.position
+
+
+def _measure(world: World) -> tuple[list[float], list[float]]:
+    """Angle and speed of each joint, and position and quaternion of each object, in one list each."""
+    joints = [value for state in world.robot.states() for value in state[:2]]
+    return joints, [value for pose in world.object_poses() for part in pose for value in part]
 
 
 def _resting(episode: EpisodeSpec) -> NDArray[np.bool_]:

@@ -118,6 +118,7 @@ class Robot:
         names = [i[1].decode() for i in info]
         self.arm = [_index(names, name, "robot.joints") for name in config.joints]
         self.fingers = [_index(names, name, "robot.fingers") for name in config.fingers]
+        self.damped = any(i[6] for i in info)  # whether joints are slowed down by the fluid friction of the URDF
         self.hand = self.arm[-1]  # the link that has all of the gripper but the fingers
         self._check(info)
         self._forces = [info[j][10] for j in self.arm + self.fingers]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import pybullet as bullet
@@ -15,10 +14,12 @@ from conf.schema import Checked, within
 from envs.sim.device_bodies import DeviceBodies, DeviceSpec
 from envs.sim.furniture import Furniture
 from envs.sim.gripper import BASE, GRIPPERS, Gripper, GripperConfig
+from envs.sim.lean_client import connect
 from envs.sim.object_pool import ObjectPool, PoolSpec
 from envs.sim.rendering import Renderer, paint
 from envs.sim.robot import Robot, RobotConfig
 from envs.sim.shown_objects import ShownObjects
+from envs.sim.stepping import Stepper
 from envs.sim.window import Window
 from envs.sim.workspace import WorkspaceConfig
 from human import Body, Camera, PointingArm, read_arm
@@ -77,7 +78,7 @@ class World:
         devices: DeviceSpec = NO_DEVICES,
         holds: bool = True,
     ) -> None:
-        self.client = bullet.connect(bullet.DIRECT) if window is None else window.client
+        self.client = connect() if window is None else window.client
         self._physics, self._workspace, self._visuals = physics, workspace, visuals or window is not None
         self._window = window
         try:
@@ -97,9 +98,10 @@ class World:
     ) -> None:
         """Builds the bodies. Their order must not change: Bullet solves contacts in this order."""
         self._set_up_physics()
-        self._step_simulation = partial(bullet.stepSimulation, self.client)
         name = gripper and gripper.of(robot)
         self.robot = Robot(robot, self.client, self._visuals, name == "magnet")
+        each = self.robot.damped or self._window is not None
+        self._stepper = Stepper(self.client, self._physics.time_step, each)
         self._gripper: Gripper | None = None
         self._finger_targets: Sequence[float] = ()  # of the last control step, metres
         self._release_after = 0  # physics steps into the next control step; 0: no release is due
@@ -185,8 +187,7 @@ class World:
         if self.person is not None:
             self.person.relax()
         self.furniture.park()
-        for _ in range(max(SLEEP_STEPS, self.furniture.parting)):
-            self.step_physics()
+        self.step_physics(max(SLEEP_STEPS, self.furniture.parting))
         self.furniture.reset()
         self.devices.reset()
 
@@ -242,24 +243,25 @@ class World:
         if before_release:
             self._advance_holding(targets, before_release)
         self.robot.drive(targets)
-        for _ in range(self._physics.substeps - before_release):
-            self.step_physics()
+        self.step_physics(self._physics.substeps - before_release)
         self._finger_targets = targets[len(self.robot.arm) :]
 
     def _advance_holding(self, targets: Sequence[float], steps: int) -> None:
         """Move the arm for this number of physics steps, then release."""
         self.robot.drive([*targets[: len(self.robot.arm)], *self._finger_targets])
-        for _ in range(steps):
-            self.step_physics()
+        self.step_physics(steps)
         self.release()
 
-    def step_physics(self) -> None:
-        """One physics step, and the person's next posture."""
+    def step_physics(self, steps: int = 1) -> None:
+        """So many physics steps, and the person's posture after each."""
         if World._contact_breaking_in_force != self._contact_breaking:
             self._enforce_contact_breaking()
-        self._step_simulation()
-        if self.person is not None and self.person.moving:
+        while steps and self.person is not None and self.person.moving:
+            self._stepper.step()
             self.person.advance()
+            steps -= 1
+        if steps:
+            self._stepper.run(steps)
 
     def _enforce_contact_breaking(self) -> None:
         value = World._contact_breaking_in_force = self._contact_breaking

@@ -47,10 +47,11 @@ def pulled(robot, force, *more):
     )
     step = world.step_physics
 
-    def pull():
-        place = world.pool.pose(body)[0]
-        bullet.applyExternalForce(body, -1, (force, 0, 0), place, bullet.WORLD_FRAME, world.client)
-        step()
+    def pull(steps):
+        for _ in range(steps):
+            place = world.pool.pose(body)[0]
+            bullet.applyExternalForce(body, -1, (force, 0, 0), place, bullet.WORLD_FRAME, world.client)
+            step()
 
     world.step_physics = pull
     for _ in range(8):
