@@ -6,7 +6,7 @@
 Runs `python train.py` with the given overrides, one seed after the other, and prints a table: when the first evaluation
 of at least 0.90, 0.95 and 0.97 was printed, how long the whole command took, how busy the machine was, and the final
 evaluation. All seconds are those of a clock on the wall, from the start of the process; imports, worlds, evaluations
-and the report are in them.
+and the report are in them. A second table says what the seconds of our runs were spent on.
 
 `--peer ppo` or `--peer sac` trains stable-baselines3's algorithm with its default hyperparameters on the Gymnasium
 environment of the same task instead, with evaluations after as many frames, until its success or `--frames` is reached.
@@ -21,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +29,7 @@ from trainers.run.metrics import read_metrics
 
 ROOT = Path(__file__).resolve().parents[1]
 RATES = (0.90, 0.95, 0.97)
+PARTS = ("start", "collecting", "updating", "waiting for evaluations", "last evaluation and report")
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Run:
     seconds: float
     busy: float  # share of the machine's CPU time that anything used meanwhile
     final: tuple[float, float, float]
+    parts: Sequence[float] = ()  # seconds of each of PARTS; of our runs alone
 
     def reached(self, rate: float) -> str:
         """When an evaluation was first at this success rate, and after how many frames."""
@@ -54,11 +56,28 @@ def train(seed: int, overrides: Sequence[str]) -> Run:
         command = [sys.executable, "train.py", f"seed={seed}", f"hydra.run.dir={folder}", *overrides]
         lines, seconds, busy = watched(command)
         seconds_at = {int(line.split()[0]): at for at, line in lines if " frames, " in line}
-        rows = [row for row in read_metrics(folder / "metrics.csv") if row["eval/success_at_end"] >= 0]
+        measured = read_metrics(folder / "metrics.csv")
+        rows = [row for row in measured if row["eval/success_at_end"] >= 0]
         evaluations = [(seconds_at[int(r["frames"])], int(r["frames"]), r["eval/success_at_end"]) for r in rows]
         result = json.loads((folder / "eval.json").read_text())
     final = (result["success_at_end"], *result["ci95"])
-    return Run(seed, evaluations, seconds, busy, final)
+    imports = evaluations[0][0] - rows[0]["time/evaluated"]  # seconds before the clock of the run itself starts
+    return Run(seed, evaluations, seconds, busy, final, parts_of(measured, seconds - imports, imports))
+
+
+def parts_of(rows: Sequence[Mapping[str, float]], seconds: float, imports: float) -> list[float]:
+    """Seconds of each of PARTS. Collecting: that training waited for batches.
+
+    Args:
+        rows: of metrics.csv.
+        seconds: of the run, from the start of its clock to the end of the command.
+        imports: seconds of the command before that.
+    """
+    collecting, updating, waiting = (
+        sum(row[f"time/{name}"] for row in rows) for name in ("collect", "update", "evaluate")
+    )
+    end = seconds - rows[-1]["time/total"]
+    return [imports + seconds - end - collecting - updating - waiting, collecting, updating, waiting, end]
 
 
 def train_peer(name: str, seed: int, frames: int, interval: int, env_id: str) -> Run:
@@ -100,8 +119,16 @@ def table(runs: Sequence[Run]) -> Iterator[str]:
         yield f"| {' | '.join(cells)} | {success:.3f} ({low:.3f}-{high:.3f}) |"
 
 
+def parts_table(runs: Sequence[Run]) -> Iterator[str]:
+    """The lines of a Markdown table: what the seconds of each run were spent on."""
+    yield "| seed | " + " | ".join(PARTS) + " |"
+    yield "|---" * (len(PARTS) + 1) + "|"
+    for run in runs:
+        yield f"| {run.seed} | " + " | ".join(f"{part:.1f} s" for part in run.parts) + " |"
+
+
 def main() -> None:
-    """Train, and print the table."""
+    """Train, and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", default="0", help="0,1,2")
     parser.add_argument("--peer", choices=("ppo", "sac"), help="stable-baselines3's algorithm, in place of train.py")
@@ -117,7 +144,7 @@ def main() -> None:
         else:
             runs.append(train(seed, args.overrides))
         print(list(table(runs))[-1], file=sys.stderr, flush=True)
-    print("\n".join(table(runs)))
+    print("\n".join([*table(runs), "", *([] if args.peer else parts_table(runs))]))
 
 
 if __name__ == "__main__":

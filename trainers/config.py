@@ -58,6 +58,7 @@ class SweepConfig(Checked):
 
 @dataclass(frozen=True)
 class EvalConfig(Checked):
+    overlap: bool  # evaluations during training and the video run in a process of their own, beside worker processes
     episodes: int = within(1)  # of the evaluation at the end
     interval: int = within(1)  # frames between evaluations during training
     interval_episodes: int = within(1)  # episodes of each of these

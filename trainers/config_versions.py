@@ -18,6 +18,7 @@ NEW_KEYS: dict[str, tuple[str, ...] | None] = {
     "algo.grounding_lr": None,
     "algo.loss": ("ppo", "sac"),
     "checkpoint": None,
+    "eval.overlap": None,
 }
 # Keys that the configs of earlier versions have with the value null, which says the same as no key, and the options of
 # their group that lack them.

@@ -96,7 +96,7 @@ class Fault:
     def patches(self) -> list[Any]:
         """What has to be patched, as arguments of `patch.object`."""
         collect, replace = WorkerPool.collect, WorkerPool._replace
-        update, evaluated = TrainingRun.add_drawn_scenes, Evaluator.evaluate
+        update, evaluated = TrainingRun.add_drawn_scenes, Evaluator.request
 
         def collecting(pool: Any, order: Any) -> Any:
             self.pool, self.collected = pool, order.iteration
@@ -114,7 +114,7 @@ class Fault:
             (WorkerPool, "collect", collecting),
             (WorkerPool, "_replace", replacing),
             (TrainingRun, "add_drawn_scenes", self._before("update", update)),
-            (Evaluator, "evaluate", self._before("evaluation", evaluated)),
+            (Evaluator, "request", self._before("evaluation", evaluated)),
         ]
 
     def _before(self, phase: str, function: Callable) -> Callable:

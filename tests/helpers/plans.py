@@ -23,7 +23,14 @@ def config(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ..
         "schedule_frames": None,
         "collector": {"name": "local", "workers": 1, "worlds": 8, "timeout": None, "restarts": 3, "overlap": False},
         "checkpoint": {"every": None, "keep": 0},
-        "eval": {"episodes": 20, "interval": 256, "interval_episodes": 8, "worlds": 8, "video_episodes": 0},
+        "eval": {
+            "episodes": 20,
+            "interval": 256,
+            "interval_episodes": 8,
+            "worlds": 8,
+            "video_episodes": 0,
+            "overlap": False,
+        },
         "algo": OmegaConf.load(CONF / "algo" / f"{algo}.yaml"),
         "policy": OmegaConf.load(CONF / "policy" / f"{policy}.yaml"),
     }

@@ -48,7 +48,8 @@ def time_to_level(evaluations: Sequence[Mapping[str, float]], level: float) -> t
     """
     for row in evaluations:
         if row["eval/success_at_end"] >= level:
-            return row["frames"], row["time/total"]
+            known = row.get("time/evaluated", math.nan)  # earlier versions have not measured it
+            return row["frames"], row["time/total"] if math.isnan(known) else known
     return math.inf, math.inf
 
 

@@ -170,7 +170,7 @@ def _serve(
     buffers: Sequence[TensorDictBase],
 ) -> None:
     """Answer requests until the main process closes the pipe. An exception's text is sent as its answer."""
-    _detach()
+    detach()
     try:
         policy = copy.deepcopy(policies[0])
         worker = Worker(make_env, policy.act, spec, episodes)
@@ -194,7 +194,7 @@ def _serve(
         connection.send(Failure.of(error))
 
 
-def _detach() -> None:
+def detach() -> None:
     """One thread; no SIGINT, which a terminal sends to all processes; and an end with the main process."""
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -19,6 +19,7 @@ LABELS = {  # column of metrics.csv -> label
     "train/success": "in training",
     "grounding/accuracy": "grounding",
 }
+EVALUATED = tuple(name for name in LABELS if name.startswith("eval/"))
 LINE_SECONDS = 10.0
 WINDOW = 100  # training episodes over which success is averaged: a single row may hold one or two, and the shortest
 
@@ -54,21 +55,30 @@ class Progress:
         self.bar.refresh()
 
     def show(self, row: Mapping[str, float], status: Mapping[str, str] | None = None) -> None:
-        """Show a row of metrics.csv. Values that it lacks keep their last value: evaluations are rarer than rows.
+        """Show a row of metrics.csv without its evaluation. Values that it lacks keep their last value.
 
         status: further values by their labels, for the bar alone.
         """
-        shown = {label: row.get(name, math.nan) for name, label in LABELS.items()}
+        shown = {label: row.get(name, math.nan) for name, label in LABELS.items() if name not in EVALUATED}
         shown[LABELS["train/success"]] = self._training_success(row)
-        measured = {label: f"{value:.2f}" for label, value in shown.items() if math.isfinite(value)}
-        self.values |= measured
-        due = row["time/total"] - self.line_at >= LINE_SECONDS
-        if self.prints_lines and (due or "success" in measured):
+        self.values |= {label: f"{value:.2f}" for label, value in shown.items() if math.isfinite(value)}
+        if self.prints_lines and row["time/total"] - self.line_at >= LINE_SECONDS:
             self.line_at = row["time/total"]
-            text = ", ".join(f"{label} {self.values[label]}" for label in shown if label in self.values)
-            print(f"{row['frames']:.0f} of {self.total} frames, {row['time/total']:.0f} s: {text}", flush=True)
+            self._print(row["frames"], row["time/total"], self.values)
         self.bar.set_postfix({**self.values, **(status or {})}, refresh=False)
         self.bar.update(int(row["frames"]) - self.bar.n)
+
+    def show_evaluation(self, row: Mapping[str, float]) -> None:
+        """Show the evaluation of a row that was shown before: training may have gone on meanwhile."""
+        shown = {LABELS[name]: f"{value:.2f}" for name, value in row.items() if name in EVALUATED and value == value}
+        self.values |= shown
+        if self.prints_lines:
+            self._print(row["frames"], row["time/evaluated"], shown)
+        self.bar.set_postfix(self.values)
+
+    def _print(self, frames: float, seconds: float, values: Mapping[str, str]) -> None:
+        text = ", ".join(f"{label} {values[label]}" for label in LABELS.values() if label in values)
+        print(f"{frames:.0f} of {self.total} frames, {seconds:.0f} s: {text}", flush=True)
 
     def _training_success(self, row: Mapping[str, float]) -> float:
         """Mean success of the last `WINDOW` training episodes, rounded up to whole rows; NaN before the first one."""

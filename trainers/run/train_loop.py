@@ -15,6 +15,7 @@ from trainers.algorithms.algorithm import DivergedError
 from trainers.config import Plan
 from trainers.rollout.worker import MakeEnv
 from trainers.rollout.worker_pool import CollectionError
+from trainers.run.final_report import write_report
 from trainers.run.metrics import MetricsWriter
 from trainers.run.progress import Progress
 from trainers.run.signals import StopSignal
@@ -66,8 +67,10 @@ def fit(
         with closing(metrics), StopSignal() as stop:
             try:
                 run.train(metrics, stop, shown)
-                return run.finish(stop, make_video_env, on_result)
+                return write_report(run, stop, make_video_env, on_result)
             except Exception as error:
+                for row in run.rows:  # some lack their evaluation; a resumed run writes them again
+                    metrics.write(row)
                 _save_after_error(run, error, stop)
                 raise
 
@@ -79,7 +82,7 @@ def _save_after_error(run: TrainingRun, error: Exception, stop: StopSignal) -> N
         raise DivergedError(f"{error}; the batch is saved in {path}", error.batch) from error
     if stop() and run.consistent:
         run.save_last()
-    elif run.consistent and run.row:
+    elif run.consistent and run.counters["iteration"]:
         with suppress(Exception):  # the first error is the one to report
             run.save_last()
             if isinstance(error, CollectionError):

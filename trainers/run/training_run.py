@@ -2,38 +2,34 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import time
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import torch
-from torchrl.envs import EnvBase
 
 from trainers.algorithms.build import build_algorithm
-from trainers.collector_config import cores
+from trainers.collector_config import cores, uses_processes
 from trainers.config import Plan, frames_per_batch
-from trainers.reports.plots import learning_curve
 from trainers.rollout.collection import Rollouts
 from trainers.rollout.collection import columns as collector_columns
 from trainers.rollout.episode_statistics import EpisodeStatistics
-from trainers.rollout.evaluation import EvalResult, Interrupted
+from trainers.rollout.evaluation import Interrupted
 from trainers.rollout.seeds import derive_seed
-from trainers.rollout.video import record_video
 from trainers.rollout.worker import MakeEnv
 from trainers.run import checkpoint
-from trainers.run.evaluator import Evaluator, on_cpu
+from trainers.run.evaluator import Evaluator
 from trainers.run.memories import MemoryFiles
 from trainers.run.metrics import EVALUATION_NAMES, MetricsWriter
 from trainers.run.progress import Progress
 from trainers.run.saving import CheckpointWriter
 from trainers.run.signals import StopSignal
-from trainers.utils.atomic_io import atomic_path
-from trainers.utils.checked_files import write_checked_json
 
-TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/total", "time/frames_per_s")
+# evaluate: that the iteration waited for evaluations. evaluated: of the run, when the row's evaluation was known.
+TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/evaluated", "time/total", "time/frames_per_s")
 SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn scenes
 
 
@@ -41,9 +37,9 @@ class TrainingRun:
     """One training run: the state that the steps of `fit` share.
 
     env: one world, for what is not simulated: specs, scenes and relabelling.
-    counters: plain numbers that a resumed run continues from. row: of metrics.csv, for the latest iteration; {} before
-    the first one. evaluated: whether the row is complete. consistent: whether no update is half done, so that the run
-    can be saved.
+    counters: plain numbers that a resumed run continues from. rows: of metrics.csv, those of the latest iterations that
+    are not written yet. pending: the checkpoint that is being evaluated, for the first of the rows; None if none is.
+    consistent: whether no update is half done, so that the run can be saved.
     """
 
     def __init__(
@@ -60,14 +56,17 @@ class TrainingRun:
         self.counters: dict[str, Any] = {"frames": 0, "iteration": 0, "evaluations": 0, "best": -1.0, "seconds": 0.0}
         self.start_time, self.earlier_seconds = time.perf_counter(), 0.0
         torch.manual_seed(plan.run.seed)
-        self.evaluator = Evaluator(make_eval_env or make_env, plan.eval.worlds, plan.run.seed)
-        self.env = self.evaluator.make_worlds(1)
+        make_eval_env = make_eval_env or make_env
+        self.env = make_eval_env(1, derive_seed(plan.run.seed, 0, evaluation=True))
         spec = self.env.observation_spec
         self.policy, self.algorithm = build_algorithm(plan, spec, self.env.action_unit, vocabulary, self.env.hindsight)
+        beside = plan.eval.overlap and uses_processes(plan.collector)
+        self.evaluator = Evaluator(make_eval_env, self.policy, plan.eval.worlds, plan.run.seed, beside)
         self.widths = checkpoint.widths(spec, self.env.action_spec)
         self.statistics = EpisodeStatistics(self.env.reward_names)
-        self.row: dict[str, float] = {}
-        self.evaluated = self.consistent = True
+        self.rows: list[dict[str, float]] = []
+        self.pending: dict[str, Any] | None = None
+        self.consistent = True
         self.rollouts: Rollouts | None = None
         self.kept_frames: int | None = None  # of the last row of metrics.csv that a resumed run keeps
         self.resumed: dict[str, Any] = {}  # what the first batch after a resume depends on
@@ -104,15 +103,15 @@ class TrainingRun:
         self.resumed = {"rng": payload["rng"]}
         if "state" in payload:
             self.load_running_state(payload["state"])
-        # The row of the checkpoint itself is written again: it may not have been, or without its evaluation.
-        self.kept_frames = self.counters["frames"] - bool(self.row)
+        # Rows that the checkpoint holds are written again: they may have been written without their evaluation.
+        self.kept_frames = int(self.rows[0]["frames"]) - 1 if self.rows else self.counters["frames"]
 
     def running_state(self) -> dict[str, Any]:
         """What the next iteration depends on beside networks, optimizers, counters and memories."""
         rollouts = self.resumed.get("rollouts") if self.rollouts is None else self.rollouts.state_dict()
         return {
-            "row": dict(self.row),
-            "evaluated": self.evaluated,
+            "rows": [dict(row) for row in self.rows],
+            "pending": self.pending,
             "rollouts": rollouts,
             "statistics": self.statistics.state_dict(),
             "algorithm": self.algorithm.running_state(),
@@ -122,8 +121,8 @@ class TrainingRun:
     def load_running_state(self, state: dict[str, Any]) -> None:
         """Continue from `running_state` and the memory files. With other numbers of worlds, new episodes begin."""
         known = self.columns  # the checkpoint's collector may have had others
-        self.row = {name: value for name, value in state["row"].items() if name in known}
-        self.evaluated = state["evaluated"]
+        self.rows = [{name: value for name, value in row.items() if name in known} for row in state["rows"]]
+        self.pending = state["pending"]
         self.writer.memories.load(state["memories"])
         rollouts = state["rollouts"]
         if rollouts is not None and len(rollouts["episodes"]["beginnings"]) == self.plan.collector.worlds:
@@ -160,8 +159,10 @@ class TrainingRun:
             DivergedError: a value is not finite.
             CollectionError: workers are lost.
         """
-        if self.row:  # of a resumed run
-            self.complete_row(metrics, stop)
+        if self.pending is not None:  # of a resumed run
+            self.request_evaluation()
+        if self.rows:
+            self.complete_row(metrics, stop, progress)
         first, state = self.counters["iteration"], self.resumed.get("rollouts")
         seed = derive_seed(self.plan.run.seed, first)
         behaviour, horizon = self.algorithm.behaviour, self.plan.algo.horizon
@@ -173,15 +174,17 @@ class TrainingRun:
                 torch.set_rng_state(self.resumed.pop("rng"))  # after the worlds were built, as it was saved
             while not self.frames_exhausted():
                 self.iterate(self.rollouts, stop)
-                self.complete_row(metrics, stop)
-                progress.show(self.row, self.rollouts.status())
+                progress.show(self.rows[-1], self.rollouts.status())
+                self.complete_row(metrics, stop, progress)
                 if stop():
                     raise Interrupted
+        if self.pending is not None:
+            self.complete_row(metrics, stop, progress, wait=True)
         if self.plan.schedule_frames > self.plan.run.total_frames:
             self.save_last()  # the schedule can go on from here
 
     def iterate(self, rollouts: Rollouts, stop: StopSignal) -> None:
-        """One batch and one update; sets `row`, which is not complete if an evaluation is due."""
+        """One batch and one update; adds a row, which is not complete if an evaluation is due."""
         start = time.perf_counter()
         rollouts.sync(self.algorithm.behaviour)
         batch = rollouts.next(stop)
@@ -195,34 +198,43 @@ class TrainingRun:
         torch.set_num_threads(1)
         self.counters["frames"] += batch.numel()
         self.counters["iteration"] += 1
-        self.row = {"frames": self.counters["frames"], **self.statistics.measure(batch), **update_metrics}
-        times = (collected - start, updated - collected, 0.0, 0.0, batch.numel() / (updated - start))
-        self.row |= dict(zip(TIMINGS, times, strict=True)) | rollouts.measures()
-        self.evaluated, self.consistent = False, True
+        self.counters["seconds"] = self.seconds()
+        row = {"frames": self.counters["frames"], **self.statistics.measure(batch), **update_metrics}
+        row |= {"time/collect": collected - start, "time/update": updated - collected, "time/evaluate": 0.0}
+        row |= {"time/frames_per_s": batch.numel() / (updated - start), "time/total": self.counters["seconds"]}
+        self.rows.append(row | rollouts.measures())
+        self.consistent = True
 
-    def complete_row(self, metrics: MetricsWriter, stop: StopSignal) -> None:
-        """Evaluate if it is due, save a checkpoint if one is, and write the row.
+    def complete_row(self, metrics: MetricsWriter, stop: StopSignal, progress: Progress, wait: bool = False) -> None:
+        """Request an evaluation if one is due, take the result of one that is done, and write the complete rows.
+
+        Args:
+            wait: for the result. Otherwise it is waited for when the next one is due.
 
         Raises:
-            Interrupted: a signal asked to stop the evaluation. The row is written without it; a resumed run
-                evaluates first and writes the row again.
+            Interrupted: a signal asked to stop.
         """
-        start = time.perf_counter()
-        try:
-            result = self.evaluate_if_due(stop) if not self.evaluated else None
-        except Interrupted:
-            metrics.write(self.row)
-            raise
-        if not self.evaluated:
-            self.counters["seconds"] = self.seconds()
-            self.row |= {"time/evaluate": time.perf_counter() - start, "time/total": self.counters["seconds"]}
-            self.evaluated = True
-        if result is not None and result.success_at_end >= self.counters["best"]:  # of equal results the later one
-            self.counters["best"] = result.success_at_end
-            self.writer.save_best(self.payload())
-        if result is not None or self.writer.due():
+        start, due = time.perf_counter(), self.evaluation_due()
+        taken = self.take_evaluation(due or wait, stop, progress)
+        if due:
+            self.write_rows(metrics, len(self.rows) - 1)
+            self.counters["evaluations"] += 1
+            self.pending = copy.deepcopy(self.payload())
+            self.request_evaluation()
+            taken |= self.take_evaluation(wait, stop, progress)
+        self.counters["seconds"] = self.seconds()
+        self.rows[-1]["time/evaluate"] += time.perf_counter() - start
+        self.rows[-1]["time/total"] = self.counters["seconds"]
+        if taken or self.writer.due():
             self.save_last()
-        metrics.write(self.row)
+        if self.pending is None:
+            self.write_rows(metrics, len(self.rows))
+
+    def write_rows(self, metrics: MetricsWriter, count: int) -> None:
+        """Write the first `count` rows, which are complete."""
+        for row in self.rows[:count]:
+            metrics.write(row)
+        del self.rows[:count]
 
     def add_drawn_scenes(self) -> None:
         """Give the algorithm generated, unsimulated scenes to learn grounding from; they use no frames."""
@@ -240,44 +252,34 @@ class TrainingRun:
         worlds = self.plan.collector.worlds
         return max(0, most - self.counters["frames"]) // worlds * worlds
 
-    def evaluate_if_due(self, stop: StopSignal) -> EvalResult | None:
-        """Evaluate once every eval.interval frames and after the last batch of the schedule, and fill in the row."""
+    def evaluation_due(self) -> bool:
+        """Whether to evaluate now: once every eval.interval frames and after the last batch of the schedule."""
         frames, interval = self.counters["frames"], self.plan.eval.interval
+        requested = self.pending is not None and self.pending["counters"]["frames"] == frames
+        if requested or "time/evaluated" in self.rows[-1]:  # in a resumed run
+            return False
         same_interval = frames // interval == (frames - frames_per_batch(self.plan)) // interval
-        if same_interval and self._frames_left(self.plan.schedule_frames):
-            return None
-        index = self.counters["evaluations"] + 1
-        result = self.evaluator.evaluate(self.policy, self.plan.eval.interval_episodes, index, stop)
-        self.counters["evaluations"] = index
-        values = {name: getattr(result, name) for name in EVALUATION_NAMES}
-        self.row |= {f"eval/{name}": math.nan if value is None else value for name, value in values.items()}
-        return result
+        return not same_interval or not self._frames_left(self.plan.schedule_frames)
 
-    def finish(
-        self,
-        stop: StopSignal,
-        make_video_env: Callable[[], EnvBase] | None,
-        on_result: Callable[[dict[str, Any]], None] | None = None,
-    ) -> dict[str, Any]:
-        """Evaluate the last policy on eval.episodes episodes; write eval.json, the learning curve and the video.
+    def request_evaluation(self) -> None:
+        """Ask for the evaluation of the pending checkpoint's policy."""
+        assert self.pending is not None
+        weights, index = self.pending["algorithm"]["policy"], self.pending["counters"]["evaluations"]
+        self.evaluator.request(weights, self.plan.eval.interval_episodes, index)
 
-        Args:
-            stop: a signal asked to stop.
-            make_video_env: builds an environment of one world that renders. None for no video.
-            on_result: given the result before anything is written, so that a full disk does not lose it.
+    def take_evaluation(self, wait: bool, stop: StopSignal, progress: Progress) -> bool:
+        """Put the pending evaluation into its row if it is done. Returns whether it was.
 
-        Returns:
-            The values of eval.json.
+        Raises Interrupted: `stop` returned True.
         """
-        result = self.evaluator.evaluate(self.policy, self.plan.eval.episodes, 0, stop).as_dict()
-        frames, seconds = self.counters["frames"], self.seconds()
-        result |= {"frames": frames, "wall_s": seconds, "frames_per_s": frames / max(seconds, 1e-9)}
-        result["seed"] = self.plan.run.seed
-        if on_result is not None:
-            on_result(result)
-        write_checked_json(self.folder / "eval.json", result)
-        learning_curve(self.folder / "metrics.csv", self.folder / "learning_curve.png")
-        if make_video_env is not None and self.plan.eval.video_episodes:
-            with closing(make_video_env()) as env, atomic_path(self.folder / "evaluation.mp4") as video:
-                record_video(env, on_cpu(self.policy), video, self.plan.eval.video_episodes)
-        return result
+        if self.pending is None or (result := self.evaluator.result(wait, stop)) is None:
+            return False
+        row, pending, self.pending = self.rows[0], self.pending, None
+        values = {name: getattr(result, name) for name in EVALUATION_NAMES}
+        row |= {f"eval/{name}": math.nan if value is None else value for name, value in values.items()}
+        row["time/evaluated"] = self.seconds()
+        progress.show_evaluation(row)
+        if result.success_at_end >= self.counters["best"]:  # of equal results the later one
+            self.counters["best"] = pending["counters"]["best"] = result.success_at_end
+            self.writer.save_best(pending)
+        return True

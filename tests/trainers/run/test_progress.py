@@ -19,6 +19,8 @@ def said(capsys, rows):
         first = capsys.readouterr().out
         for each in rows:
             progress.show(each)
+            if "eval/success_at_end" in each:
+                progress.show_evaluation(each | {"time/evaluated": each["time/total"]})
     assert first == "starting a run of 1000 frames\n"
     return capsys.readouterr().out.splitlines()
 
@@ -35,19 +37,27 @@ def test_a_line_is_printed_at_once_at_evaluations_and_every_ten_seconds(capsys):
 
 
 def test_success_in_training_is_the_mean_of_many_episodes_not_the_last_rows(capsys):
-    lines = last_line(capsys, [row(10, 30, 0.0), row(20, 10, 1.0, **{"eval/success_at_end": 0.5})])
-    assert lines == ["20 of 1000 frames, 1 s: success 0.50, in training 0.25"]
+    rows = [row(10, 30, 0.0, **{"eval/success_at_end": 0.5}), row(20, 10, 1.0, 12.0)]
+    assert last_line(capsys, rows) == ["20 of 1000 frames, 12 s: success 0.50, in training 0.25"]
 
 
 def test_only_the_last_episodes_count(capsys):
-    rows = [row(10, WINDOW, 0.0), row(20, WINDOW, 0.75, **{"eval/success_at_end": 0.5})]
-    assert last_line(capsys, rows) == ["20 of 1000 frames, 1 s: success 0.50, in training 0.75"]
+    rows = [row(10, WINDOW, 0.0), row(20, WINDOW, 0.75, 12.0)]
+    assert last_line(capsys, rows) == ["20 of 1000 frames, 12 s: in training 0.75"]
 
 
 def test_rows_in_which_no_episode_ended_change_nothing(capsys):
     nan = float("nan")
-    rows = [row(10, 0, nan), row(20, 4, 0.5), row(30, 0, nan, **{"eval/success_at_end": 0.5})]
-    assert last_line(capsys, rows) == ["30 of 1000 frames, 1 s: success 0.50, in training 0.50"]
+    rows = [row(10, 0, nan), row(20, 4, 0.5), row(30, 0, nan, 12.0)]
+    assert last_line(capsys, rows) == ["30 of 1000 frames, 12 s: in training 0.50"]
+
+
+def test_an_evaluation_is_shown_with_the_frames_after_which_the_policy_was_saved(capsys):
+    with Progress(1000) as progress:
+        progress.show(row(10, 4, 0.5))
+        progress.show(row(20, 4, 0.5, 3.0))
+        progress.show_evaluation(row(10, 4, 0.5, **{"eval/success_at_end": 0.25, "time/evaluated": 4.0}))
+    assert capsys.readouterr().out.splitlines()[-1] == "10 of 1000 frames, 4 s: success 0.25"
 
 
 def test_the_start_is_shown_before_torch_is_imported():

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import signal
+from functools import partial
 
 import pytest
 import torch
 
-from tests.helpers.fake_env import WORDS, make_env
+from tests.helpers.fake_env import WORDS, FakeEnv, make_env
 from tests.helpers.labelled_fake_env import make_labelled
 from tests.helpers.plans import config, plan
 from tests.helpers.short_training import train, untimed_rows
 from trainers.rollout.evaluation import evaluate
 from trainers.rollout.worker import Worker
 from trainers.run import checkpoint
+from trainers.run.progress import Progress
 from trainers.run.training_run import TrainingRun
 
 LONG = ["total_frames=512", "eval.interval=192", "eval.episodes=8", "algo.grounding_scenes=8"]
@@ -105,10 +107,32 @@ def test_an_evaluation_that_was_interrupted_is_repeated(tmp_path, monkeypatch):
 
     overrides, folder = overrides_of("ppo"), tmp_path / "stopped"
     train(tmp_path / "whole", overrides=overrides)
-    monkeypatch.setattr("trainers.run.evaluator.evaluate", stopped)
+    monkeypatch.setattr("trainers.run.evaluation_process.evaluate", stopped)
     with pytest.raises(SystemExit) as left:
         train(folder, overrides=overrides)
     assert left.value.code == 128 + signal.SIGHUP
+    train(folder, overrides=overrides, resume=checkpoint.find(folder))
+    assert_same_run(tmp_path / "whole", folder)
+
+
+@pytest.mark.slow
+def test_an_evaluation_beside_training_that_a_signal_stopped_is_repeated(tmp_path, monkeypatch):
+    overrides = [*overrides_of("ppo"), *OVERLAP, "eval.overlap=true", "eval.interval=128", "eval.interval_episodes=16"]
+    train(tmp_path / "whole", overrides=overrides)
+    folder, show = tmp_path / "stopped", Progress.show
+
+    def stopped(progress, row, status=None):
+        show(progress, row, status)
+        if row["frames"] == 256:  # the evaluation after 128 frames is still running
+            signal.raise_signal(signal.SIGTERM)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Progress, "show", stopped)
+        with pytest.raises(SystemExit):
+            train(folder, overrides=overrides, make_eval_env=partial(FakeEnv, nap=0.02))
+    state = checkpoint.load(folder / "checkpoints" / "last.pt", to_train=True)["state"]
+    assert state["pending"]["counters"]["frames"] == 128
+    assert [row["frames"] for row in state["rows"]] == [128, 256]
     train(folder, overrides=overrides, resume=checkpoint.find(folder))
     assert_same_run(tmp_path / "whole", folder)
 
@@ -161,6 +185,6 @@ def slow_env(worlds, seed):
 def test_a_row_that_another_collector_measured_is_resumed_without_its_own_columns(tmp_path):
     run = TrainingRun(plan(), make_env, tmp_path, config(), WORDS)
     row = {"frames": 128.0, "time/restarts": 1.0, "time/batch_age": 0.0}
-    run.load_running_state({**run.running_state(), "row": row, "memories": {}})
+    run.load_running_state({**run.running_state(), "rows": [row], "memories": {}})
     run.close()
-    assert run.row == {"frames": 128.0}
+    assert run.rows == [{"frames": 128.0}]

@@ -37,6 +37,18 @@ def test_the_same_seed_gives_the_same_run(tmp_path, algo):
 
 
 @pytest.mark.slow
+def test_evaluations_beside_training_change_nothing(tmp_path):
+    for overlap in ("true", "false"):
+        train(tmp_path / overlap, overrides=["collector.workers=2", "eval.interval=128", f"eval.overlap={overlap}"])
+    rows = untimed_rows(tmp_path / "true")
+    assert rows == untimed_rows(tmp_path / "false")
+    assert [row["eval/success_at_end"] == "nan" for row in rows] == [False] * 4
+    best = [checkpoint.load(tmp_path / name / "checkpoints" / "best.pt")["counters"] for name in ("true", "false")]
+    assert best[0]["frames"] == best[1]["frames"]
+    assert best[0]["best"] == best[1]["best"]
+
+
+@pytest.mark.slow
 def test_a_run_learns_the_instructions_and_writes_its_report(tmp_path):
     overrides = ["total_frames=12000", "collector.worlds=16", "algo.horizon=32", "algo.minibatch=256"]
     overrides += ["eval.video_episodes=1", "eval.interval=6000", "eval.episodes=60", "logger=[tensorboard]"]
@@ -142,7 +154,7 @@ def test_a_signal_during_an_evaluation_loses_no_row(tmp_path, monkeypatch):
         signal.raise_signal(signal.SIGINT)
         return evaluate(*arguments, **options)
 
-    monkeypatch.setattr("trainers.run.evaluator.evaluate", stopped)
+    monkeypatch.setattr("trainers.run.evaluation_process.evaluate", stopped)
     with pytest.raises(SystemExit) as left:
         train(tmp_path, overrides=["eval.interval=256"])
     assert left.value.code == 130
