@@ -60,18 +60,21 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     from trainers.config import read_plan
     from trainers.rollout import fork_server
     from trainers.run.progress import Progress
+    from trainers.utils.lean_imports import lean_imports
 
     env_config, plan = read_env(config), read_plan(config)
     if uses_processes(plan.collector):
         fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process does
     with Progress(plan.run.total_frames) as progress:
-        from trainers.algorithms.build import find_device
-        from trainers.run.checkpoint import find
-        from trainers.run.run_folder import FolderLock, name_semaphores
-        from trainers.run.train_loop import fit
-        from trainers.utils.checked_files import write_checked_yaml
+        with lean_imports():
+            from trainers.algorithms.build import find_device
+            from trainers.run.checkpoint import find
+            from trainers.run.run_folder import FolderLock, name_semaphores
+            from trainers.run.train_loop import fit
+            from trainers.utils.checked_files import write_checked_yaml
 
         find_device(plan.run.device)
+        progress.say(f"building {plan.collector.worlds} worlds")
         plain: Any = OmegaConf.to_container(config, resolve=True)
         name_semaphores()
         with FolderLock(folder):

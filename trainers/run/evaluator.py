@@ -46,10 +46,10 @@ class Evaluator:
             CollectionError: the environment raised because of a value that is not finite.
             Interrupted: `stop` returned True.
         """
-        env, seed = self.prepare(), derive_seed(self.seed, index, evaluation=True)
+        seed = derive_seed(self.seed, index, evaluation=True)
         with torch.random.fork_rng(devices=[]):  # an evaluation that is interrupted and repeated changes nothing
             try:
-                return evaluate(env, on_cpu(policy), episodes, seed, stop)
+                return evaluate(self.prepare(), on_cpu(policy), episodes, seed, stop)
             except ValueError as error:
                 if not hasattr(error, "frame"):
                     raise

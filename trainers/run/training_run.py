@@ -32,6 +32,7 @@ from trainers.run.saving import CheckpointWriter
 from trainers.run.signals import StopSignal
 from trainers.utils.atomic_io import atomic_path
 from trainers.utils.checked_files import write_checked_json
+from trainers.utils.lean_imports import import_compiler
 
 TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/total", "time/frames_per_s")
 SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn scenes
@@ -168,7 +169,7 @@ class TrainingRun:
         steps = self._frames_left(self.plan.schedule_frames) // self.plan.collector.worlds
         self.rollouts = Rollouts(self.make_env, behaviour, self.plan.collector, horizon, seed, first, state, steps)
         with closing(self.rollouts):
-            self.evaluator.prepare()  # while the workers build theirs
+            import_compiler()  # while the workers build their worlds
             if self.resumed:
                 torch.set_rng_state(self.resumed.pop("rng"))  # after the worlds were built, as it was saved
             while not self.frames_exhausted():
