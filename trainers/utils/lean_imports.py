@@ -36,6 +36,12 @@ def lean_imports() -> Iterator[None]:
             sys.modules.pop(name, None)
 
 
+def import_training() -> None:
+    """Import the training loop and what it needs."""
+    with lean_imports():
+        import_module("trainers.run.train_loop")
+
+
 def import_compiler() -> None:
     """Import the compiler, a second's work, which else the first step of an optimizer does."""
     import_module(COMPILER)
