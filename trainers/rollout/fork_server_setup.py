@@ -6,11 +6,9 @@ that one ends. The workers end with the server.
 
 import signal
 
-from trainers.utils.lean_imports import lean_imports
 from trainers.utils.parent_death import signal_at_parent_death
 
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal_at_parent_death(signal.SIGKILL)
 
-with lean_imports():
-    import trainers.rollout.worker_process  # noqa: F401  # the slow part
+import trainers.rollout.worker_process  # noqa: E402, F401  # the slow part, with torch's compiler: collecting imports it

@@ -1,7 +1,7 @@
 """Imports of torch and TorchRL without what they import for others: the compiler and Ray.
 
 TensorDict and TorchRL import torch's compiler to mark functions for it, and Ray for buffers on a cluster. Together they
-take as long as torch itself, in each process. Nothing is compiled here, and Ray is imported in `trainers.cluster`.
+take as long as torch itself. Nothing is compiled here, and Ray is imported in `trainers.cluster`.
 This file imports no torch.
 """
 
