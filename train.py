@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import hydra
 
@@ -19,6 +19,7 @@ from conf.composition import quoted, with_choices
 from conf.overrides import apply
 from conf.schema import ConfigError, RunError
 from trainers.sweeps.arguments import expand_resume, register_resolvers
+from trainers.utils.lean_imports import import_training
 
 if TYPE_CHECKING:
     from envs.config import EnvConfig
@@ -65,6 +66,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     if uses_processes(plan.collector):
         fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process does
     with Progress(plan.run.total_frames) as progress:
+        import_training()
         from trainers.algorithms.build import find_device
         from trainers.run.checkpoint import find
         from trainers.run.run_folder import FolderLock, name_semaphores
@@ -72,7 +74,6 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
         from trainers.utils.checked_files import write_checked_yaml
 
         find_device(plan.run.device)
-        plain: Any = OmegaConf.to_container(config, resolve=True)
         name_semaphores()
         with FolderLock(folder):
             write_checked_yaml(folder / "config.yaml", OmegaConf.to_yaml(config, resolve=True))
@@ -81,7 +82,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
                 make_env=partial(build_env, env_config, labelled=plan.algo.imitates),
                 make_eval_env=partial(build_env, env_config.without_curriculum()),
                 folder=folder,
-                config=plain,
+                config=cast(Any, OmegaConf.to_container(config, resolve=True)),
                 vocabulary=list(Tokenizer.default().vocabulary),
                 resume=find(Path(config.resume)) if config.resume else None,
                 make_video_env=partial(build_env, env_config.without_curriculum(), 1, plan.run.seed, True),

@@ -174,10 +174,30 @@ def descend(
     Raises:
         DivergedError: the loss is not finite; no parameter has changed.
     """
-    if not torch.isfinite(loss):
-        raise DivergedError(f"the loss became {loss.item()}", batch)
+    check_loss(loss, batch)
     optimizer.zero_grad()
     loss.backward()
+    apply_gradients(optimizer, max_norm, *clipped)
+
+
+def check_loss(loss: Tensor, batch: TensorDictBase) -> None:
+    """Raise DivergedError if a loss, a scalar that was computed on the batch, is not finite."""
+    if not torch.isfinite(loss):
+        raise DivergedError(f"the loss became {loss.item()}", batch)
+
+
+def backward(measured: dict[str, Tensor], parameters: Sequence[Tensor], weight: float = 1.0) -> dict[str, Tensor]:
+    """Add the gradients of the sum of the losses, times a weight, to these parameters alone.
+
+    Returns:
+        What was measured, without its graph.
+    """
+    (weight * total_loss(measured)).backward(inputs=list(parameters))
+    return {name: value.detach() for name, value in measured.items()}
+
+
+def apply_gradients(optimizer: torch.optim.Optimizer, max_norm: float, *clipped: Iterable[Tensor]) -> None:
+    """Clip the norm of each group of gradients to `max_norm`, and take a step."""
     for group in clipped:
         nn.utils.clip_grad_norm_(group, max_norm)
     optimizer.step()

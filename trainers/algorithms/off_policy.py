@@ -13,14 +13,17 @@ from torchrl.data import ReplayBuffer
 
 from trainers.algorithms.algorithm import (
     Algorithm,
+    apply_gradients,
     averages,
+    backward,
     check_batch,
-    descend,
+    check_loss,
     total_loss,
 )
 from trainers.algorithms.base_config import OffPolicyConfig
 from trainers.algorithms.expert_frames import ExpertFrames
 from trainers.algorithms.grounding_supervision import METRICS, first_steps
+from trainers.algorithms.parallel import Part, one_thread, run_parts
 from trainers.algorithms.relabelling import Relabel, Relabelling
 from trainers.algorithms.replay import Replay
 from trainers.models.expert_mixture import ExpertMixture
@@ -108,6 +111,11 @@ class OffPolicyAlgorithm(Algorithm):
         counts = {"updates": steps, "relabelled": sum(len(episode) for episode in relabelled)}
         return averages(self.learn(steps)) | {name: float(count) for name, count in counts.items()}
 
+    @property
+    def learned(self) -> list[Tensor]:
+        """The parameters of the optimizer."""
+        return [parameter for group in self.optimizer.param_groups for parameter in group["params"]]
+
     def add_batch_scenes(self, batch: TensorDictBase, relabelled: Sequence[TensorDictBase]) -> None:
         """Keep the scenes of episodes that begin in a batch (worlds, steps), and those of relabelled episodes."""
         done = batch["next", "done"][..., 0]
@@ -140,21 +148,39 @@ class OffPolicyAlgorithm(Algorithm):
 
     def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
         """One gradient step on frames (B,) for actor and critics, and on scenes (G,) for the grounding."""
-        measured = self.losses(frames)
-        loss = total_loss(measured)
-        if scenes is not None:
-            measured |= self.grounding.measure(scenes)
-            loss = loss + self.config.grounding_weight * measured["loss/grounding"]
-        descend(self.optimizer, loss, frames, self.config.max_grad_norm, self.actor_parameters)
-        self.steps_taken += 1
-        self.after_step(frames)
-        return {name: value.detach() for name, value in measured.items()}
+        for parameter in self.learned:
+            parameter.grad = None
+        measured = run_parts(self.parts(frames, scenes))
+        check_loss(total_loss(measured), frames)
+        with one_thread():
+            apply_gradients(self.optimizer, self.config.max_grad_norm, self.actor_parameters)
+            self.steps_taken += 1
+            self.after_step(frames)
+        return measured
+
+    def parts(self, frames: TensorDictBase, scenes: TensorDictBase | None) -> list[Part]:
+        """What a gradient step consists of. Each part measures losses and adds their gradients, the longest first."""
+
+        def whole() -> dict[str, Tensor]:
+            measured = backward(self.losses(frames), self.learned)
+            return measured if scenes is None else measured | self.descend_grounding(scenes)
+
+        return [whole]
+
+    def descend_grounding(self, scenes: TensorDictBase) -> dict[str, Tensor]:
+        """Measure the grounding loss on scenes (G,) and add its gradients."""
+        measured = self.grounding.measure(scenes)
+        return backward(measured, self.actor_parameters, self.config.grounding_weight)
 
     def losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
         """`compute_losses`, once the words are encoded where they are not supervised."""
+        self.encode(frames)
+        return self.compute_losses(frames)
+
+    def encode(self, frames: TensorDictBase) -> None:
+        """Encode the words of frames (B,) where they are not supervised."""
         if not self.grounding.active:
             self.policy.encode_transition(frames, frames["next"])
-        return self.compute_losses(frames)
 
     @abstractmethod
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:

@@ -2,15 +2,15 @@
 
 TorchRL's SACLoss computes the same three losses; `algo.loss=torchrl` uses it. It takes 17 ms per step at batch 256 and
 256 x 256 on one core (12 ms compiled), the lines below about 7 ms. The difference is in swapping parameters in and out
-of modules, vmap over the two critics, TensorDict copies and, in distributions, transforms and their caches.
+of modules, vmap over the two critics, TensorDict copies and, in distributions, transforms and their caches. The losses
+of critics and actor have no gradient in common, so with two threads each is computed on its own.
 """
 
 from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import torch
@@ -18,8 +18,10 @@ import torch.nn.functional as F
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from trainers.algorithms.algorithm import backward
 from trainers.algorithms.grounding_supervision import METRICS
 from trainers.algorithms.off_policy import OffPolicyAlgorithm
+from trainers.algorithms.parallel import Part
 from trainers.algorithms.relabelling import Relabel
 from trainers.algorithms.sac_config import SACConfig
 from trainers.algorithms.specs import Specs
@@ -68,31 +70,47 @@ class SAC(OffPolicyAlgorithm):
             return TorchRLOffPolicy.build(config.for_torchrl(len(policy.action_unit)), policy, specs)
         return cls(config, policy, specs.build_q(policy), specs.critic_key(policy), specs.relabel)
 
+    def parts(self, frames: TensorDictBase, scenes: TensorDictBase | None) -> list[Part]:
+        self.encode(frames)
+        later, present = draw_noise(frames), draw_noise(frames)  # not in the parts, which run in any order
+        return [
+            *([] if scenes is None else [partial(self.descend_grounding, scenes)]),
+            lambda: backward(self.critic_loss(frames, later), self.critic_parameters),
+            lambda: backward(self.actor_losses(frames, present), [*self.actor_parameters, self.log_alpha]),
+        ]
+
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
-        """The three losses; no gradient of one reaches the parameters of another."""
-        alpha = self.log_alpha.detach().exp()
+        """The three losses. `parts` gives each the gradients of its own parameters only."""
+        later, present = draw_noise(frames), draw_noise(frames)
+        return self.critic_loss(frames, later) | self.actor_losses(frames, present)
+
+    def critic_loss(self, frames: TensorDictBase, noise: Tensor) -> dict[str, Tensor]:
+        """The critics' loss on frames (B,). noise: (B, A), of the moves after them."""
         after = frames["next"]
         with torch.no_grad():
             # A truncated frame bootstraps, a terminated one does not.
-            action, log_prob = self.sample_moves(after)
+            action, log_prob = self.sample_moves(after, noise)
+            alpha = self.log_alpha.exp()
             next_value = self.target(after["robot"], after[self.critic_key], action).amin(0) - alpha * log_prob
             target_value = after["reward"] + self.config.gamma * next_value * ~after["terminated"]
         q = self.critic(frames["robot"], frames[self.critic_key], frames["move"])
-        action, log_prob = self.sample_moves(frames)
-        with frozen(self.critic_parameters):  # saves the time of their gradients
-            value = self.critic(frames["robot"], frames[self.critic_key], action).amin(0)
+        return {"loss/critic": F.mse_loss(q, target_value.expand_as(q)) * len(q), "q": q.mean()}
+
+    def actor_losses(self, frames: TensorDictBase, noise: Tensor) -> dict[str, Tensor]:
+        """The losses of the actor and of the temperature on frames (B,). noise: (B, A), of the moves."""
+        alpha = self.log_alpha.detach().exp()
+        action, log_prob = self.sample_moves(frames, noise)
+        value = self.critic(frames["robot"], frames[self.critic_key], action).amin(0)
         return {
-            "loss/critic": F.mse_loss(q, target_value.expand_as(q)) * len(q),
             "loss/actor": (alpha * log_prob - value).mean(),
             "loss/alpha": -self.log_alpha * (log_prob.detach().mean() + self.target_entropy),
             "entropy": -log_prob.mean(),
             "alpha": alpha,
-            "q": q.mean(),
         }
 
-    def sample_moves(self, frames: TensorDictBase) -> tuple[Tensor, Tensor]:
-        """Moves (B, A), differentiable, and their log-probability (B, 1)."""
-        return sample_tanh_normal(*self.policy.move_parameters(frames))
+    def sample_moves(self, frames: TensorDictBase, noise: Tensor) -> tuple[Tensor, Tensor]:
+        """Moves (B, A) of standard normal noise (B, A), differentiable, and their log-probability (B, 1)."""
+        return sample_tanh_normal(*self.policy.move_parameters(frames), noise)
 
     def after_step(self, frames: TensorDictBase) -> None:
         """Move the target critics towards the critics."""
@@ -108,21 +126,13 @@ class SAC(OffPolicyAlgorithm):
             self.log_alpha.copy_(state["log_alpha"])
 
 
-@contextmanager
-def frozen(parameters: Iterable[Tensor]) -> Iterator[None]:
-    """Within this block the parameters take no gradients, while gradients flow through their products."""
-    for parameter in parameters:
-        parameter.requires_grad_(False)
-    try:
-        yield
-    finally:
-        for parameter in parameters:
-            parameter.requires_grad_(True)
+def draw_noise(frames: TensorDictBase) -> Tensor:
+    """Standard normal noise (B, A) for the moves of frames (B,)."""
+    return torch.randn_like(frames["move"])
 
 
-def sample_tanh_normal(loc: Tensor, scale: Tensor) -> tuple[Tensor, Tensor]:
-    """A sample of tanh(Normal(loc, scale)), (B, A), and its log-probability, (B, 1)."""
-    noise = torch.randn_like(loc)
+def sample_tanh_normal(loc: Tensor, scale: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+    """tanh(loc + scale * noise), (B, A), and the log-probability (B, 1) of such a sample of noise."""
     x = loc + scale * noise
     slope = 2 * (math.log(2) - x - F.softplus(-2 * x))  # log(1 - tanh(x)^2) without cancellation
     return x.tanh(), (normal_log_prob(noise, scale) - slope).sum(-1, keepdim=True)

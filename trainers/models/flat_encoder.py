@@ -38,7 +38,9 @@ class FlatEncoder(nn.Module):
         return self.attend(self.encode_words(instruction), *scene)
 
     def encode_words(self, instruction: Tensor) -> Tensor:
-        """Tokens (N, L) to their mean embedding (N, E)."""
+        """Tokens (N, L) to their mean embedding (N, E); zeros, which need no gradient, for tasks without words."""
+        if not instruction.any():
+            return self.word_embedding.weight.new_zeros(len(instruction), self.word_embedding.embedding_dim)
         return self.word_embedding(instruction)
 
     def attend(self, words: Tensor, objects: Tensor, mask: Tensor, *gesture: Tensor) -> tuple[Tensor, ...]:

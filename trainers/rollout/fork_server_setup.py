@@ -11,4 +11,4 @@ from trainers.utils.parent_death import signal_at_parent_death
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal_at_parent_death(signal.SIGKILL)
 
-import trainers.rollout.worker_process  # noqa: E402, F401  # the slow part
+import trainers.rollout.worker_process  # noqa: E402, F401  # the slow part, with torch's compiler: collecting imports it

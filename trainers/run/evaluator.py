@@ -44,11 +44,6 @@ class Evaluator:
         self.process: EvaluationProcess | None = None
         self.task: EpisodesTask | VideoTask | None = None  # that was requested; None once its result was taken
 
-    def prepare(self) -> None:
-        """Build the worlds for requested evaluations, if they run in this process."""
-        if not self.beside:
-            self._worlds()
-
     def evaluate(self, policy: Policy, episodes: int, index: int, stop: Callable[[], bool]) -> EvalResult:
         """Evaluate the deterministic policy now, in this process.
 
@@ -133,10 +128,9 @@ class Evaluator:
         return self.env
 
     def _evaluate(self, task: EpisodesTask, act: TensorDictModuleBase, stop: Callable[[], bool]) -> EvalResult:
-        env = self._worlds()
         with torch.random.fork_rng(devices=[]):  # an evaluation that is interrupted and repeated changes nothing
             try:
-                return task.run(env, act, stop)
+                return task.run(self._worlds(), act, stop)
             except ValueError as error:
                 if not hasattr(error, "frame"):
                     raise

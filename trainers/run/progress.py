@@ -49,6 +49,12 @@ class Progress:
     def __exit__(self, *error: Any) -> None:
         self.bar.close()
 
+    def say(self, text: str) -> None:
+        """Say what the run does before its first row."""
+        self.bar.set_postfix_str(text)
+        if self.prints_lines:
+            print(text, flush=True)
+
     def resume(self, done: int) -> None:
         """Begin at the frames of the run that is resumed."""
         self.bar.initial = self.bar.n = done

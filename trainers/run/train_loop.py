@@ -63,6 +63,7 @@ def fit(
         if resume is not None:
             run.resume(resume)
             shown.resume(run.counters["frames"])
+        shown.say(f"building {plan.collector.worlds} worlds")
         metrics = MetricsWriter(folder, run.columns, plan.run.logger, run.kept_frames)
         with closing(metrics), StopSignal() as stop:
             try:

@@ -27,6 +27,7 @@ from trainers.run.metrics import EVALUATION_NAMES, MetricsWriter
 from trainers.run.progress import Progress
 from trainers.run.saving import CheckpointWriter
 from trainers.run.signals import StopSignal
+from trainers.utils.lean_imports import import_compiler
 
 # evaluate: that the iteration waited for evaluations. evaluated: of the run, when the row's evaluation was known.
 TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/evaluated", "time/total", "time/frames_per_s")
@@ -169,7 +170,7 @@ class TrainingRun:
         steps = self._frames_left(self.plan.schedule_frames) // self.plan.collector.worlds
         self.rollouts = Rollouts(self.make_env, behaviour, self.plan.collector, horizon, seed, first, state, steps)
         with closing(self.rollouts):
-            self.evaluator.prepare()  # while the workers build theirs
+            import_compiler()  # while the workers build their worlds
             if self.resumed:
                 torch.set_rng_state(self.resumed.pop("rng"))  # after the worlds were built, as it was saved
             while not self.frames_exhausted():

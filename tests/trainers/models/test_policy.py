@@ -1,12 +1,15 @@
 import pytest
 import torch
+from torchrl.data import Bounded
 from torchrl.envs.utils import ExplorationType, check_env_specs, set_exploration_type
 
 from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
 from trainers.models.actors import stochastic_actor
+from trainers.models.flat_encoder import FlatEncoder
 from trainers.models.grounding import grounding_loss
+from trainers.models.networks import Normalise
 from trainers.models.policy import MoveBounds, build_policy
 
 
@@ -129,3 +132,12 @@ def test_a_mean_move_is_within_one_control_step(env):
         loc, _ = made.move_parameters(made.encode(state))
     assert loc.abs().max() <= 1
     assert loc.abs().max() > 0.9
+
+
+def test_a_task_without_words_is_encoded_as_padding_is():
+    encoder = FlatEncoder(Normalise(Bounded(-1.0, 1.0, (1, 2, 3))), slots=2, vocabulary=7, embedding=4)
+    padding = torch.zeros(5, 6, dtype=torch.int64)
+    words = encoder.encode_words(padding)
+    torch.testing.assert_close(words, encoder.word_embedding(padding).detach())
+    assert not words.requires_grad
+    assert encoder.encode_words(padding + 1).requires_grad

@@ -25,6 +25,12 @@ def said(capsys, rows):
     return capsys.readouterr().out.splitlines()
 
 
+def test_what_the_run_does_before_its_first_row_is_a_line(capsys):
+    with Progress(1000) as progress:
+        progress.say("building 64 worlds")
+    assert capsys.readouterr().out.splitlines() == ["starting a run of 1000 frames", "building 64 worlds"]
+
+
 def last_line(capsys, rows):
     return said(capsys, rows)[-1:]
 

@@ -1,0 +1,59 @@
+"""Imports of torch and TorchRL without what they import for others: the compiler and Ray.
+
+TensorDict and TorchRL import torch's compiler to mark functions for it, and Ray for buffers on a cluster. Together they
+take as long as torch itself. Nothing is compiled here, and Ray is imported in `trainers.cluster`.
+This file imports no torch.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+COMPILER, RAY = "torch._dynamo", "ray"
+
+
+@contextmanager
+def lean_imports() -> Iterator[None]:
+    """Within this block, what is imported finds no Ray, and a compiler whose marks change nothing.
+
+    A module that was imported before stays as it is. After the block both can be imported as always. To be used for
+    imports alone, and while no other thread imports.
+    """
+    import torch.compiler
+
+    stubs = {COMPILER: _compiler(torch.compiler.is_compiling), RAY: None}
+    added: dict[str, Any] = {name: stub for name, stub in stubs.items() if name not in sys.modules}
+    sys.modules.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            sys.modules.pop(name, None)
+
+
+def import_training() -> None:
+    """Import the training loop and what it needs."""
+    with lean_imports():
+        import_module("trainers.run.train_loop")
+
+
+def import_compiler() -> None:
+    """Import the compiler, a second's work, which else the first step of an optimizer does."""
+    import_module(COMPILER)
+
+
+def _compiler(is_compiling: Callable[[], bool]) -> ModuleType:
+    module = ModuleType(COMPILER)
+    marks = dict.fromkeys(("allow_in_graph", "assume_constant_result", "disable"), _mark)
+    module.__dict__.update(marks, is_compiling=is_compiling)
+    return module
+
+
+def _mark(function: Any = None, *_: Any, **__: Any) -> Any:
+    """A decorator with or without arguments that returns the function itself."""
+    return (lambda decorated: decorated) if function is None else function
