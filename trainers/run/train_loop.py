@@ -20,6 +20,7 @@ from trainers.run.metrics import MetricsWriter
 from trainers.run.progress import Progress
 from trainers.run.signals import StopSignal
 from trainers.run.training_run import TrainingRun
+from trainers.utils.atomic_io import WriteError
 
 
 def fit(
@@ -63,17 +64,22 @@ def fit(
         if resume is not None:
             run.resume(resume)
             shown.resume(run.counters["frames"])
-        shown.say(f"building {plan.collector.worlds} worlds")
         metrics = MetricsWriter(folder, run.columns, plan.run.logger, run.kept_frames)
         with closing(metrics), StopSignal() as stop:
             try:
                 run.train(metrics, stop, shown)
                 return write_report(run, stop, make_video_env, on_result)
             except Exception as error:
-                for row in run.rows:  # some lack their evaluation; a resumed run writes them again
-                    metrics.write(row)
+                _write_waiting_rows(run, metrics)
                 _save_after_error(run, error, stop)
                 raise
+
+
+def _write_waiting_rows(run: TrainingRun, metrics: MetricsWriter) -> None:
+    """Write the rows that wait for an evaluation without it. A resumed run writes them again."""
+    with suppress(WriteError):  # the error that ends the run is the one to report
+        for row in run.rows:
+            metrics.write(row)
 
 
 def _save_after_error(run: TrainingRun, error: Exception, stop: StopSignal) -> None:

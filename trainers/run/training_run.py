@@ -164,6 +164,7 @@ class TrainingRun:
             self.request_evaluation()
         if self.rows:
             self.complete_row(metrics, stop, progress)
+        progress.say(f"building {self.plan.collector.worlds} worlds")
         first, state = self.counters["iteration"], self.resumed.get("rollouts")
         seed = derive_seed(self.plan.run.seed, first)
         behaviour, horizon = self.algorithm.behaviour, self.plan.algo.horizon
