@@ -167,6 +167,41 @@ def sac_gradient_steps(steps: int) -> dict[str, Any]:
     return rate(steps, "gradient steps/s", work)
 
 
+def sac_products(steps: int) -> dict[str, Any]:
+    """The matrix products of `sac_gradient_steps`, and nothing else: what its arithmetic takes at least."""
+    torch.set_num_threads(len(os.sched_getaffinity(0)))
+    config = compose(["task=reach", "robot=panda", "algo=sac", *SB3_SAC])
+    env = build_env(read_env(config), 1, 0)
+    policy, sac = build_algorithm(read_plan(config), env.observation_spec, env.action_unit)
+    assert isinstance(sac, SAC)
+    actor, critic = (
+        [layer.weight for layer in module.modules() if isinstance(layer, torch.nn.Linear)]
+        for module in (policy.actor, sac.critic)
+    )
+    first = {id(weights[0]) for weights in (actor, critic[: len(critic) // 2], critic[len(critic) // 2 :])}
+    inputs = {id(weight): torch.randn(256, weight.shape[1]) for weight in (*actor, *critic)}
+    outputs = {id(weight): torch.randn(256, weight.shape[0]) for weight in (*actor, *critic)}
+
+    @torch.no_grad()
+    def step() -> None:
+        for weight in (*actor, *actor, *critic, *critic, *critic):  # forward: critics of targets, of frames, of moves
+            inputs[id(weight)] @ weight.t()
+        for weight in (*actor, *critic):  # gradients of weights
+            outputs[id(weight)].t() @ inputs[id(weight)]
+        for weight in (*actor, *critic):  # gradients of inputs, but those of what is observed
+            if id(weight) not in first:
+                outputs[id(weight)] @ weight
+        for weight in critic:  # ... down to the moves
+            outputs[id(weight)] @ weight
+
+    def work(count: int = steps) -> None:
+        for _ in range(count):
+            step()
+
+    work(50)
+    return rate(steps, "gradient steps/s", work)
+
+
 def memory_per_world(worlds: int) -> dict[str, Any]:
     """MiB that each world adds to a training run, over all processes, without the workers' interpreters."""
     small, large = _peak_memory(1), _peak_memory(1 + worlds)
@@ -223,6 +258,7 @@ WORKLOADS: dict[str, Callable[[int], dict[str, Any]]] = {
     "ppo_frames": partial(training, overrides=(*PANDA_REACH, *SB3_PPO)),
     "sac_frames": partial(training, overrides=(*PANDA_REACH, *SB3_SAC, "algo=sac")),
     "sac_gradient_steps": sac_gradient_steps,
+    "sac_products": sac_products,
     "memory_per_world": memory_per_world,
     "reset_memory": reset_memory,
 }
