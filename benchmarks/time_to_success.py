@@ -62,7 +62,7 @@ def train(seed: int, overrides: Sequence[str]) -> Run:
         result = json.loads((folder / "eval.json").read_text())
     final = (result["success_at_end"], *result["ci95"])
     imports = evaluations[0][0] - rows[0]["time/evaluated"]  # seconds before the clock of the run itself starts
-    return Run(seed, evaluations, seconds, busy, final, parts_of(measured, seconds - imports, imports))
+    return Run(seed, evaluations, seconds, busy, final, parts_of(measured, seconds, imports))
 
 
 def parts_of(rows: Sequence[Mapping[str, float]], seconds: float, imports: float) -> list[float]:
@@ -70,14 +70,14 @@ def parts_of(rows: Sequence[Mapping[str, float]], seconds: float, imports: float
 
     Args:
         rows: of metrics.csv.
-        seconds: of the run, from the start of its clock to the end of the command.
-        imports: seconds of the command before that.
+        seconds: of the whole command.
+        imports: those of them before the clock of the run itself starts.
     """
     collecting, updating, waiting = (
         sum(row[f"time/{name}"] for row in rows) for name in ("collect", "update", "evaluate")
     )
-    end = seconds - rows[-1]["time/total"]
-    return [imports + seconds - end - collecting - updating - waiting, collecting, updating, waiting, end]
+    end = seconds - imports - rows[-1]["time/total"]
+    return [seconds - end - collecting - updating - waiting, collecting, updating, waiting, end]
 
 
 def train_peer(name: str, seed: int, frames: int, interval: int, env_id: str) -> Run:

@@ -148,8 +148,7 @@ class OffPolicyAlgorithm(Algorithm):
 
     def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
         """One gradient step on frames (B,) for actor and critics, and on scenes (G,) for the grounding."""
-        for parameter in self.learned:
-            parameter.grad = None
+        self.optimizer.zero_grad()
         measured = run_parts(self.parts(frames, scenes))
         check_loss(total_loss(measured), frames)
         with one_thread():

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import copy
-import multiprocessing
-import os
 import pickle
-import signal
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -14,26 +11,22 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-import torch
-import torch.multiprocessing  # sends tensors by their shared memory
 from tensordict import TensorDictBase
 
 from trainers.models.expert_mixture import ExpertMixture
 from trainers.models.policy import Policy
-from trainers.rollout import fork_server
+from trainers.rollout.child_process import ChildProcess, detach
 from trainers.rollout.episode_log import Beginning, Episodes
 from trainers.rollout.worker import MakeEnv, Worker, WorkerSpec
 from trainers.rollout.worker_host import Failure, RequestClock, WorkerLostError
-from trainers.utils.parent_death import signal_at_parent_death
 
 Policies = Sequence[Policy | ExpertMixture]
 
-RECEIVE_SECONDS = 10.0  # to read an answer that has begun, or the end of a process that was killed
-EXIT_SECONDS = 1.0  # to wait for the exit code of a process whose pipe is closed
+RECEIVE_SECONDS = 10.0  # to read an answer that has begun
 
 
-class WorkerProcess(RequestClock):
-    """Starts at once. Batches are received in the order of their requests.
+class WorkerProcess(ChildProcess, RequestClock):
+    """Batches are received in the order of their requests.
 
     Args:
         make_env, spec, episodes: of `Worker`.
@@ -50,23 +43,18 @@ class WorkerProcess(RequestClock):
         episodes: Episodes | None = None,
         buffers: Sequence[TensorDictBase] = (),
     ) -> None:
-        super().__init__()
+        RequestClock.__init__(self)
+        ChildProcess.__init__(self, _serve, make_env, policies, spec, episodes, buffers)
         self.spec = spec
-        context: Any = fork_server.start()
-        self.connection, theirs = context.Pipe()
-        arguments = (theirs, make_env, policies, spec, episodes, buffers)
-        self.process = context.Process(target=_serve, args=arguments, daemon=True)
-        self.process.start()
-        theirs.close()
 
     def request(self, iteration: int, weights: int) -> None:
         """Ask for the batch of this iteration. weights: the number of a policy."""
         self.requested_at = time.monotonic()
-        self._send((iteration, weights))
+        self.send((iteration, weights))
 
     def use_buffers(self, buffers: Sequence[TensorDictBase]) -> None:
         """Have all batches that are asked for from now on written there, in turns."""
-        self._send(tuple(buffers))
+        self.send(tuple(buffers))
 
     def receive(self) -> tuple[TensorDictBase | None, Mapping[int, Beginning]]:
         """The batch, None if it is in its buffer, and what `Worker.collect` says of it. Raises WorkerLostError.
@@ -81,7 +69,7 @@ class WorkerProcess(RequestClock):
         if reader.is_alive():
             raise WorkerLostError(f"did not finish its answer within {RECEIVE_SECONDS:.0f} s")
         if not answers:
-            raise WorkerLostError(self._ending())
+            raise WorkerLostError(self.ending())
         if isinstance(answers[0], Failure):
             raise answers[0].error()
         batch, beginnings, self.collect_seconds = answers[0]
@@ -92,24 +80,6 @@ class WorkerProcess(RequestClock):
         """Append the answer; nothing if the process has ended."""
         with suppress(EOFError, OSError):
             answers.append(self.connection.recv())
-
-    def kill(self) -> None:
-        """End the process, whatever it is doing."""
-        self.process.kill()
-        self.process.join(RECEIVE_SECONDS)  # until the fork server, which may be stopped itself, says so
-        self.connection.close()
-
-    def _send(self, message: object) -> None:
-        """Send it. Of a process that has ended, `receive` says so, once what it answered before has been received."""
-        with suppress(OSError):
-            self.connection.send(message)
-
-    def _ending(self) -> str:
-        self.process.join(EXIT_SECONDS)
-        code = self.process.exitcode
-        if code is not None and code < 0:
-            return f"was killed by signal {-code} ({signal.Signals(-code).name})"
-        return f"ended with exit code {code}"
 
 
 class ProcessHost:
@@ -192,13 +162,3 @@ def _serve(
         pass
     except Exception as error:
         connection.send(Failure.of(error))
-
-
-def detach() -> None:
-    """One thread; no SIGINT, which a terminal sends to all processes; and an end with the main process."""
-    torch.set_num_threads(1)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal_at_parent_death(signal.SIGKILL)  # the parent is the fork server, which ends with the main process
-    main = multiprocessing.parent_process()
-    if main is None or not main.is_alive():  # it ended before the call
-        os._exit(1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -13,17 +13,15 @@ from typing import Any
 from tensordict.nn import TensorDictModuleBase
 from torchrl.envs import EnvBase
 
-from trainers.rollout import fork_server
+from trainers.rollout.child_process import ChildProcess, detach
 from trainers.rollout.evaluation import EvalResult, Interrupted, evaluate
 from trainers.rollout.video import record_video
 from trainers.rollout.worker_host import Failure
-from trainers.rollout.worker_process import detach
 from trainers.utils.atomic_io import atomic_path
 
 ALIVE = "alive"  # what the process sends about every second of an evaluation
 ALIVE_SECONDS = 1.0
 POLL_SECONDS = 0.2  # between two looks at the signals
-KILL_SECONDS = 10.0  # to wait for the end of a process that was killed
 
 
 class ProcessLostError(Exception):
@@ -60,8 +58,8 @@ class VideoTask:
             record_video(env, policy, path, self.episodes)
 
 
-class EvaluationProcess:
-    """Starts at once, and builds its worlds for its first evaluation.
+class EvaluationProcess(ChildProcess):
+    """Builds its worlds for its first evaluation.
 
     Args:
         make_worlds: builds the worlds of evaluations; picklable.
@@ -69,19 +67,14 @@ class EvaluationProcess:
     """
 
     def __init__(self, make_worlds: Callable[[], EnvBase], policy: Any) -> None:
-        context: Any = fork_server.start()
-        self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, make_worlds, policy), daemon=True)
-        self.process.start()
-        theirs.close()
+        super().__init__(_serve, make_worlds, policy)
         self.task: EpisodesTask | VideoTask | None = None
         self.heard_at = 0.0  # when it gave the last sign of life, as `time.monotonic` has it
 
-    def send(self, task: EpisodesTask | VideoTask) -> None:
+    def begin(self, task: EpisodesTask | VideoTask) -> None:
         """Begin a task. The former one's answer must have been received."""
         self.task, self.heard_at = task, time.monotonic()
-        with suppress(OSError):  # `answer` says that the process has ended
-            self.connection.send(task)
+        self.send(task)
 
     def answer(self, wait: bool, stop: Callable[[], bool]) -> Any:
         """What the task came to: a result, True for a video, or what was raised. None: not yet.
@@ -113,15 +106,9 @@ class EvaluationProcess:
                 return None
             message = self.connection.recv()
         except (EOFError, OSError):
-            raise ProcessLostError("has ended") from None
+            raise ProcessLostError(self.ending()) from None
         self.heard_at = time.monotonic()
         return message
-
-    def kill(self) -> None:
-        """End the process, whatever it is doing."""
-        self.process.kill()
-        self.process.join(KILL_SECONDS)
-        self.connection.close()
 
 
 class _SignOfLife:
@@ -149,7 +136,7 @@ def _serve(connection: Connection, make_worlds: Callable[[], EnvBase], policy: A
                     task.run(policy.act)
                     answer: Any = True
                 else:
-                    env = env or make_worlds()
+                    env = make_worlds() if env is None else env
                     answer = task.run(env, policy.act, _SignOfLife(connection))
             except Exception as error:
                 answer = Failure.of(error)

@@ -108,7 +108,7 @@ class Evaluator:
         if self.beside:
             if self.process is None:
                 self.process = EvaluationProcess(self.make_worlds, self.policy.share_memory())
-            self.process.send(task)
+            self.process.begin(task)
 
     def _answer(self, wait: bool, stop: Callable[[], bool] = lambda: False) -> Any:
         """What the other process answered; None if it has not answered, or there is none (any more)."""
