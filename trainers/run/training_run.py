@@ -90,10 +90,15 @@ class TrainingRun:
         """Continue from a checkpoint, bit for bit where it has the running state.
 
         Raises:
-            CheckpointError: the checkpoint is damaged, or was trained with another config.
+            CheckpointError: the checkpoint is damaged, of an earlier version, or was trained with another config.
         """
         payload = checkpoint.load(path, to_train=True)
         checkpoint.check_fits(payload, self.vocabulary, self.widths)
+        if "rows" not in payload.get("state", {"rows": []}):
+            raise checkpoint.CheckpointError(
+                f"{path} was saved by an earlier version, whose running episodes this one cannot go on with; "
+                f"resume={path.with_name('best.pt')} goes on from its best networks, with new episodes"
+            )
         try:
             self.algorithm.load_state_dict(payload["algorithm"])
         except (KeyError, RuntimeError, ValueError) as error:

@@ -188,3 +188,16 @@ def test_a_row_that_another_collector_measured_is_resumed_without_its_own_column
     run.load_running_state({**run.running_state(), "rows": [row], "memories": {}})
     run.close()
     assert run.rows == [{"frames": 128.0}]
+
+
+def test_a_run_of_an_earlier_version_is_refused_in_one_line(tmp_path):
+    """Its running state has another form; best.pt has none, and goes on."""
+    folder = tmp_path / "earlier"
+    train(folder, overrides=["total_frames=256"])
+    path = checkpoint.find(folder)
+    saved = checkpoint.load(path, to_train=True)
+    saved["state"] = {name: value for name, value in saved["state"].items() if name not in ("rows", "pending")}
+    checkpoint.save(path, {name: value for name, value in saved.items() if name != "format"})
+    with pytest.raises(checkpoint.CheckpointError, match=r"earlier version.*resume=.*best\.pt"):
+        train(folder, overrides=["total_frames=512"], resume=path)
+    train(folder, overrides=["total_frames=512"], resume=folder / "checkpoints" / "best.pt")
