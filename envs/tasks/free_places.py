@@ -59,8 +59,6 @@ class ToTable(PickAndPlace):
     is observed, as the target.
     """
 
-    at_border = 1.0
-
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
     ) -> None:

@@ -31,7 +31,6 @@ class InOut(Furnished, PickAndPlace):
     potentials = PickAndPlace.potentials
     real_goals = True
     fails = True
-    at_border = 1.0
     wide = (0.94, 1.0)  # objects go into and come out of them
 
     def _allocate(self, worlds: int) -> None:

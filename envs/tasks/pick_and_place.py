@@ -24,13 +24,12 @@ class PickAndPlace(Manipulation):
     `hold_steps` steps. Pushing it there does not count.
     Potentials: approach (metres from gripper to object along a funnel above it, negative; 0 while it is held or
     placed), grasp (1 while it is held or placed), lift (the greatest height at which it has been held, in units of
-    `CLEAR`, at most 1), transport (metres from object to target along a higher funnel, negative) and release (while it
-    is placed, i.e. picked up, near its target, and released: 1 up to half of the radius, `at_border` at the radius).
+    `CLEAR`, at most 1), transport (metres from object to target along a higher funnel, negative) and release (1 while
+    it is placed: picked up, near its target, and released).
     """
 
     grips = True
     potentials = ("approach", "grasp", "lift", "transport", "release")
-    at_border = 0.2  # worth of a release at the radius; with 1, policies release there, and some objects slide on
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
@@ -71,13 +70,8 @@ class PickAndPlace(Manipulation):
             "grasp": has.astype(np.float64),
             "lift": self._raised.copy(),
             "transport": -self._way_to_goal(state),
-            "release": placed * self._release_worth(state),
+            "release": placed.astype(np.float64),
         }
-
-    def _release_worth(self, state: State) -> Array:
-        """(N,) in [0, 1]: what it is worth to release the referents where they are, if they are placed there."""
-        distance = length(self._goal(state) - self._referent(state)) / self.config.radius
-        return np.interp(distance, (0.5, 1.0), (1.0, self.at_border))
 
     def _way_to_object(self, state: State) -> Array:
         """(N,) metres from the gripper to its object."""

@@ -46,7 +46,6 @@ class Rearrange(PickAndPlace):
 
     nouns = ("cube",)
     shapes = SHAPES
-    at_border = 1.0
     stacks = True
     marks = True
     columns = (
