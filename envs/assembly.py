@@ -22,7 +22,7 @@ from envs.tasks import TASKS, State, Task
 from envs.tasks.reach import reaching_height
 from human import Person
 
-PRESS_DEPTH = 0.005  # metres that a magnet may go below the top of an object on the table
+PRESS_DEPTH = 0.005  # metres that a magnet without a gap may go below the top of an object on the table
 
 
 def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task:
@@ -67,7 +67,8 @@ def gripper_box(config: EnvConfig, task: Task) -> Array:
         box[0, 2] = max(box[0, 2], config.task.object_size / 2 + reaching_height(config.task, config.robot.clearance))
     elif gripper_name(config, task) == "magnet" and task.grips:  # it grips objects, and presses buttons, from above
         handles = [task.device_width * DEVICES[noun].lowest for noun in task.devices]
-        box[0, 2] = max(box[0, 2], min([config.task.object_size - PRESS_DEPTH, *handles]))
+        above = config.gripper.gap or -PRESS_DEPTH
+        box[0, 2] = max(box[0, 2], min([config.task.object_size + above, *handles]))
     if box[0, 2] >= box[1, 2]:
         raise ConfigError(
             f"workspace.gripper_box={list(config.workspace.gripper_box)} must end above z={box[0, 2]:g}: the gripper "

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pybullet as bullet
@@ -18,7 +18,7 @@ from conf.schema import Checked, ConfigError, one_of, within
 from envs.sim.robot import Robot, RobotConfig
 
 FACE_RADIUS = 0.03  # metres from the gripper centre within which a contact is one with the magnet's face
-CONTACT_DISTANCE = 1e-3  # metres: Bullet reports contacts of bodies that are only near each other, too
+CONTACT_DISTANCE = 1e-3  # metres: Bullet reports contacts of bodies that are only near each other, too; see also `gap`
 FACE_STIFFNESS, FACE_DAMPING = 500.0, 30.0  # N/m and N s/m of a magnet's face
 FINGER_FRICTION = 2.0  # lateral, of a fingertip; Bullet multiplies it with the object's
 MAX_SLIP = 0.02  # metres that an object may be dragged out of its place under the magnet before it comes off
@@ -31,12 +31,15 @@ class GripperConfig(Checked):
     """Forces in N: `pull`, with which a magnet holds on, and `force`, with which each finger closes.
 
     name: own is the robot's first gripper, rod a magnet at the end of a rod. rod: radius and length of that in metres.
+    gap: metres over the tops of what stands on the table below which a magnet never goes, so that it pushes nothing
+    aside; it takes hold of what is up to twice as far from its face. With 0 it presses on what it takes.
     """
 
     name: str = one_of("own", "magnet", "fingers", "rod")
     pull: float = within(0.1, 10_000)
     force: float = within(0.1, 1000)
     rod: list[float] = within(0.001, 0.5)
+    gap: float = within(0.0, 0.005, default=0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -107,6 +110,7 @@ class Magnet(Gripper):
         # A compliant face: Bullet would let an arm press a light object right through the table.
         face = {"contactStiffness": FACE_STIFFNESS, "contactDamping": FACE_DAMPING}
         bullet.changeDynamics(robot.body, robot.hand, **face, physicsClientId=client)
+        self._reach = max(CONTACT_DISTANCE, 2 * config.gap)  # metres from its face within which it takes hold
         self._constraint = -1
         self._place = np.zeros(3)  # of what is held in the frame of the hand, as it was attached
 
@@ -153,13 +157,18 @@ class Magnet(Gripper):
         bullet.setCollisionFilterPair(*ends, int(enabled), self._client)
 
     def _touches(self, thing: Holdable, centre: Point) -> bool:
-        contacts = bullet.getContactPoints(self._robot.body, thing.body, physicsClientId=self._client)
         return any(
-            contact[3] >= self._robot.hand
-            and _distance(contact[5], centre) <= FACE_RADIUS
-            and contact[8] < CONTACT_DISTANCE
-            for contact in contacts
+            contact[3] >= self._robot.hand and _distance(contact[5], centre) <= FACE_RADIUS and contact[8] < self._reach
+            for contact in self._contacts(thing)
         )
+
+    def _contacts(self, thing: Holdable) -> Sequence[tuple[Any, ...]]:
+        """Bullet's contacts with something, and with a gap where it is nearest to the hand."""
+        bodies = self._robot.body, thing.body
+        if not self._config.gap:
+            return tuple(bullet.getContactPoints(*bodies, physicsClientId=self._client))
+        nearest = bullet.getClosestPoints(*bodies, self._reach, self._robot.hand, physicsClientId=self._client)
+        return tuple(nearest)
 
     def _pose_in_hand(self, thing: Holdable) -> tuple[Point, Point]:
         """Its position and quaternion in the hand's frame for constraints: that of its centre of mass."""

@@ -100,6 +100,7 @@ NEWER = {
     "instructions",
     "verbs",
     "clearance",
+    "gap",
     "randomize",
     "automatic",
 }  # keys that the configs of earlier policies lack

@@ -34,6 +34,51 @@ def test_no_object_is_pressed_through_the_table(robot, control, close):
         assert (rest > SIZE / 2 - 0.005).all(), task
 
 
+def swept(robot, *more):
+    """Metres by which an open magnet moves a cube that it sweeps over from side to side, as low as it goes."""
+    none = ("task.curriculum.near=0", "task.curriculum.placed=0", "task.curriculum.held=0", "task.max_steps=1000")
+    env = make(robot, "step", "pick_and_place", *none, *more, worlds=4, seed=5)
+    td, begun = env.reset(), referents(env).copy()
+    for t in range(60):
+        aside = 0.0 if t < 10 else 0.08 if t < 35 else -0.08
+        td = act(env, td, env.towards(begun + [0.0, aside, 0.15 if t < 25 else -0.1], np.zeros(4, bool)))
+    moved = np.linalg.norm(referents(env) - begun, axis=1)
+    env.close()
+    return moved.max()
+
+
+STEADY = ("kuka", "jaco", "ur5", "xarm7")  # whose gripper stays within a millimetre of where it is sent
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", STEADY)
+def test_a_magnet_pushes_nothing_aside(robot):
+    assert swept(robot, "gripper=magnet") < 0.001
+    assert swept(robot, "gripper=magnet", "gripper.gap=0") > 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", STEADY)
+def test_a_magnet_takes_hold_over_its_gap(robot):
+    env = make(
+        robot,
+        "step",
+        "pick_and_place",
+        "gripper=magnet",
+        "task.curriculum.near=1",
+        "task.curriculum.held=0",
+        "task.curriculum.placed=0",
+        worlds=4,
+        seed=5,
+    )
+    td = env.reset()
+    for t in range(20):
+        td = act(env, td, env.towards(referents(env), np.full(4, t > 10)))
+        assert (env.gripper[:, 2] > SIZE).all()
+    assert (env.state.held == env.state.referent).all()
+    env.close()
+
+
 def pulled(robot, force, *more):
     """Whether what is held is still held after a while of being pulled aside with so many N."""
     held = ("task.curriculum.near=0", "task.curriculum.placed=0", "task.curriculum.held=1")
