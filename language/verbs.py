@@ -188,6 +188,7 @@ VERBS: dict[str, Verb] = {
             "hand over {object}",
             "bring {object} over to me",
             "put {object} in my hand",
+            "take {object} and put it in my hand",
         ),
         reward="pnp",
         networks=3,
