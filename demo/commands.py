@@ -17,7 +17,7 @@ from demo.planning import Planner, Subtask, verb_words
 from envs.experts.moves import CARRIED, Move, moves_of, without_takes
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name, object_names
-from language import NOUNS, LanguageError
+from language import HAND, NOUNS, LanguageError
 from language.commands import Action
 
 BIT = 1.5  # "a bit", in radii within which an object counts as being at its place
@@ -36,6 +36,7 @@ DOES = {
     "press": ("press",),
     "switch": ("switch",),
     "turn": ("turn",),
+    "hand_over": ("place",),
 }
 FIXTURES = {"drawer": "drawer", "door": "fridge"}  # what commands call a fitting -> its noun
 STOPS = ("stop", "wait", "home")
@@ -166,6 +167,8 @@ def _does_itself(action: Action, planner: Planner, env: InteractiveEnv) -> bool:
     """Whether the task itself does a step: bring something onto the table, onto another object, or neither."""
     if action.kind not in DOES.get(planner.verb, ()):
         return False
+    if HAND in env.task.fixtures:
+        return action.on is not None and env.scene()[action.on].noun == HAND
     return not env.task.places or ((action.bottom or 0.0) > ON_TABLE) == env.task.real_goals
 
 

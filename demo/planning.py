@@ -13,6 +13,7 @@ from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name, object_names
 from envs.tasks.feasible import Option
 from language import (
+    HAND,
     KINDS,
     VERBS,
     Describer,
@@ -122,7 +123,7 @@ class Planner:
             return ""
         scene = self._env.scene() if scene is None else scene
         phrases = [self._policy_phrase(instruction.phrase if instruction else None, referent, scene)]
-        if target is not None:
+        if target is not None and VERBS[verb or self.verb].takes_goal:
             phrases.append(self._policy_phrase(instruction.goal if instruction else None, target, scene))
         return say(Instruction(verb or self.verb, *phrases))
 
@@ -152,7 +153,7 @@ class Planner:
         if self._env.task.verbs:
             return next(iter(room.sayable(self._env)), "stop")
         scene = self._env.scene()
-        movable = [index for index in range(len(scene)) if not scene.targets[index]]
+        movable = [index for index in range(len(scene)) if not scene.targets[index] and scene[index].noun != HAND]
         targets = [index for index in range(len(scene)) if scene.targets[index]]
         names = object_names(scene)
         verb = VERBS[self.verb]

@@ -14,7 +14,7 @@ from envs.config import read_env
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.window import Window
 from envs.tasks import TASKS
-from language import FITTINGS
+from language import FITTINGS, HAND
 from trainers.algorithms.build import fitted_policy
 from trainers.export import pretrained
 from trainers.run import checkpoint
@@ -39,7 +39,7 @@ class SessionConfig(Checked):
     """What a person chooses.
 
     task, robot, control, workspace: options of the config groups. Without a workspace: a board for tasks with stacks,
-        a room for tasks with fittings, else a table with a person.
+        a room for tasks with fittings, a workbench with a person for handing over, else a table with a person.
     objects: number of objects that can be the referent; None: as many as the task has.
     driver: who drives the robot, one of DRIVERS.
     checkpoint: run directory, checkpoint file or pretrained policy; None: the pretrained policy that fits, if any.
@@ -67,6 +67,8 @@ def default_workspace(task: str) -> str:
     """The workspace of a task, unless a person chooses another one."""
     if set(FITTINGS) <= set(TASKS[task].fixtures):
         return "room"
+    if HAND in TASKS[task].fixtures:
+        return "handover"
     return "board" if TASKS[task].stacks else "collabtable"
 
 

@@ -21,6 +21,7 @@ from envs.sim.world import World
 from envs.tasks import TASKS, State, Task
 from envs.tasks.reach import reaching_height
 from human import Person
+from language import HAND
 
 PRESS_DEPTH = 0.005  # metres that a magnet without a gap may go below the top of an object on the table
 
@@ -29,6 +30,7 @@ def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task
     """The task of N worlds. person: who points, if anybody."""
     task = TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
     task.furnish(config.workspace.fittings)
+    task.meet(config.workspace)
     return task
 
 
@@ -48,7 +50,8 @@ def make_world(config: EnvConfig, task: Task, render: bool = False, window: Wind
     gripper = config.gripper if task.moves else None
     holds = task.grips or not task.devices
     devices = DeviceSpec(task.devices, task.device_width)
-    return World(config.robot, config.workspace, config.physics, objects, render, window, gripper, devices, holds)
+    offers, physics = HAND in task.fixtures, config.physics
+    return World(config.robot, config.workspace, physics, objects, render, window, gripper, devices, holds, offers)
 
 
 def gripper_name(config: EnvConfig, task: Task) -> str | None:

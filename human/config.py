@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from conf.schema import Checked, ConfigError, one_of, within
 
@@ -37,6 +37,7 @@ class HumanConfig(Checked):
     rest: angles in radians of the joints that move in pointing, in the posture that pointing starts from. All other
         joints stay at 0.
     camera: the fixed camera that sees the person point, which gesture=camera needs; None: no camera.
+    palm: x0, x1, y0, y1, z0, z1 where the person holds an open hand, palm up, metres; []: they hold out none.
     """
 
     urdf: str | None
@@ -44,6 +45,13 @@ class HumanConfig(Checked):
     yaw: float = within(-360, 360)
     rest: dict[str, float] = within(-6.3, 6.3)
     camera: Camera | None
+    palm: list[float] = field(default_factory=list)  # configs of older versions lack it
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        corners = list(zip(self.palm[::2], self.palm[1::2], strict=False))
+        if self.palm and (len(self.palm) != 6 or any(low > high for low, high in corners)):
+            raise ConfigError(f"palm={self.palm} must be [] or 6 numbers, each low <= high in turn")
 
 
 @dataclass(frozen=True, kw_only=True)

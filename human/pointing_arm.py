@@ -31,11 +31,13 @@ class ArmModel:
     chain: the J joints that move in pointing.
     rest: (J,) radians, the posture that pointing starts from.
     points: FINGERTIP and each link of LINE_STARTS, by name.
+    other: the joints of the other arm, which holds out an open hand; None where the body has none.
     """
 
     chain: PointingChain
     rest: Array
     points: dict[str, AttachedPoint]
+    other: PointingChain | None = None
 
 
 class PointingArm:

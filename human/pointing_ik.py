@@ -134,12 +134,12 @@ class PointingChain:
             error = _PointingError.of(ends, target)
             if error.sine @ error.sine < TOLERANCE**2:
                 return angles, ends
-            jacobian = error.jacobian(self._point_jacobians(frames, ends, (tip.joint, rear.joint)))
+            jacobian = error.jacobian(self.point_jacobians(frames, ends, (tip.joint, rear.joint)))
             turn = self._nearest(start, jacobian, jacobian @ angles - error.sine) - angles
             angles = angles + turn * min(1.0, MAX_TURN / max(np.abs(turn).max(), 1e-9))
         return None
 
-    def _point_jacobians(self, frames: Array, points: Array, joints: tuple[int, int]) -> Array:
+    def point_jacobians(self, frames: Array, points: Array, joints: tuple[int, int]) -> Array:
         """Returns (2, 3, J), the derivatives of two points (2, 3) that hang on these joints by the joint angles."""
         axes = (frames[:, :3, :3] @ self._axes)[..., 0].T
         arms = points[:, :, None] - frames[:, :3, 3].T

@@ -12,7 +12,7 @@ from language.errors import LanguageError, NothingFits, NotUnderstood, SeveralFi
 from language.generator import KINDS
 from language.grounding import ground, matches
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase, say
-from language.objects import DEVICES, FITTINGS, NOUNS, ROLES, SHAPES, SIZES, Object, Scene
+from language.objects import DEVICES, FITTINGS, HAND, NOUNS, ROLES, SHAPES, SIZES, Object, Scene
 from language.placement import Layout, ObjectSpec, Placed, from_all, from_lists, from_pairs
 from language.relations import HOLDS, RELATIONS, SUPERLATIVES, Relation, Superlative, relation, superlative, unregister
 from language.splits import SPLITS, HeldOut, Split
@@ -28,6 +28,7 @@ __all__ = [
     "DEFAULT_KINDS",
     "DEVICES",
     "FITTINGS",
+    "HAND",
     "HOLDS",
     "KINDS",
     "LIFTED",

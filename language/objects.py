@@ -17,7 +17,7 @@ from language.colors import COLORS
 from language.errors import LanguageError, check_known
 from language.viewpoint import seen_from
 
-# Noun -> synonyms; first shapes, then devices, then fittings.
+# Noun -> synonyms; first shapes, then devices, then fittings, then the palm of a person's hand.
 NOUNS: dict[str, tuple[str, ...]] = {
     "cube": ("block", "box"),
     "sphere": ("ball",),
@@ -27,10 +27,12 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "wheel": ("dial",),
     "drawer": (),
     "fridge": ("fridge door",),
+    "palm": (),
 }
 SHAPES = ("cube", "sphere", "cylinder")  # an unspecified noun is drawn from these
 DEVICES = ("button", "lever", "wheel")  # fixed objects that are pressed, switched or turned
 FITTINGS = ("drawer", "fridge")  # furniture that is opened and closed; its position is that of its handle
+HAND = "palm"  # the open hand of a person; its position is the middle of the palm's surface
 ANY_NOUN = ("object", "one", "thing")  # words for any noun; `say` uses the first
 ROLES = ("real", "target")  # a target only marks a place
 ROLE_WORDS: dict[str, tuple[str, ...]] = {  # role -> its words; `say` uses the first

@@ -9,7 +9,7 @@ import numpy as np
 from language.describing import Describer
 from language.errors import LanguageError, check_known
 from language.instruction import Chain, Command, Instruction
-from language.objects import FITTINGS, NOUNS, Scene
+from language.objects import FITTINGS, HAND, NOUNS, Scene
 from language.verbs import LIFTED, VERBS
 
 OCCUPIED = 0.04  # metres between centres below which a place is occupied
@@ -30,6 +30,7 @@ def scene_after(task: str, init: int | None, goal: int | None, scene: Scene) -> 
     """
     check_known("task", task, VERBS)
     effect = VERBS[task].effect
+    goal = hand_of(scene) if effect == "hand" else goal
     if init is None or effect in ("", "out") or (effect != "up" and goal is None):
         return scene
     positions = scene.positions.copy()
@@ -39,7 +40,15 @@ def scene_after(task: str, init: int | None, goal: int | None, scene: Scene) -> 
         positions[init] = scene.positions[goal]
     if effect == "on":
         positions[init, 2] += (scene.sizes[init] + scene.sizes[goal]) / 2
+    if effect == "hand":
+        positions[init, 2] += scene.sizes[init] / 2
     return scene.moved(positions)
+
+
+def hand_of(scene: Scene) -> int | None:
+    """Returns the index of the person's hand, which no words need to name; None where the scene has none."""
+    hands = np.flatnonzero(scene.nouns == list(NOUNS).index(HAND)).tolist()
+    return hands[0] if hands else None
 
 
 @dataclass(frozen=True)

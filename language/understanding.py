@@ -11,7 +11,7 @@ from language.grammar import parse_words
 from language.grounding import PhraseResolver
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase
 from language.objects import FITTINGS, NOUNS, Scene
-from language.task_generation import scene_after
+from language.task_generation import hand_of, scene_after
 from language.verbs import HERE, OPERATED, POINTING, VERBS
 
 
@@ -131,6 +131,8 @@ def _step(instruction: Instruction, resolver: PhraseResolver) -> GroundedStep:
     if goal == named:
         message = f"'{instruction.goal}' is the object that is to be moved; say another place"
         raise NothingFits(message, str(instruction.goal), instruction.goal.position if instruction.goal else 0)
+    if task.effect == "hand":
+        goal = hand_of(resolver.scene)
     if task.moves:
         return GroundedStep(instruction.task, named, goal, task.reward, task.networks)
     return GroundedStep(instruction.task, None, named, task.reward, task.networks)

@@ -30,7 +30,8 @@ class Verb:
     reward, networks: of the original system's training: the reward's name, and the number of networks, one per phase.
     moves: whether the object is moved ("init"); otherwise the gripper goes to it ("goal").
     effect: the position of the moved object afterwards: "goal" (where the goal was), "on" (on top of the goal, a real
-        object), "in" (in the goal, a fitting), "out" (no longer in it), "up" (LIFTED higher) or "" (unchanged).
+        object), "in" (in the goal, a fitting), "out" (no longer in it), "hand" (on the person's hand, which no template
+        names), "up" (LIFTED higher) or "" (unchanged).
 
     Raises LanguageError for a template that lacks its slots, or has them in another order.
     """
@@ -173,6 +174,26 @@ VERBS: dict[str, Verb] = {
     ),
     "take_out": Verb(
         ("take {object} out of {base}", "remove {object} from {base}"), "pnp", 3, moves=True, effect="out"
+    ),
+    "hand_over": Verb(
+        (
+            "hand me {object}",
+            "give me {object}",
+            "pass me {object}",
+            "bring me {object}",
+            "hand {object} to me",
+            "give {object} to me",
+            "pass {object} to me",
+            "bring {object} to me",
+            "hand over {object}",
+            "bring {object} over to me",
+            "put {object} in my hand",
+            "take {object} and put it in my hand",
+        ),
+        reward="pnp",
+        networks=3,
+        moves=True,
+        effect="hand",
     ),
     "unstack": Verb(
         ("unstack {object}", "take {object} down", "take {object} off the stack"), "unstack", 3, moves=True

@@ -17,6 +17,7 @@ _WORDS = """
     close next beside by from between that is which not isn't a an this here there same position as then after you
     once please first could can would now robot hey i want thanks thank no meant mean sorry actually but
     stack drawer fridge door open pull shut unstack off into out remove
+    hand palm me give pass bring my
     """
 
 WORD_ORDER: tuple[str, ...] = tuple(_WORDS.split())

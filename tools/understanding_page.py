@@ -96,7 +96,7 @@ LEFT = """\
 Left and right are those of the scene's `viewpoint`: "robot" (the default) or "human", who sits across the table.
 "Forward" is away from the viewer. "Front" is the viewer's side of the table (`World.front`); on a board whose arm
 faces away from itself, as in the Treebank, it is the far side, which is also the "top". A thing that is brought to a
-person goes to the far edge.
+person goes into the open hand that they hold out, where the scene has one, and to the far edge elsewhere.
 """
 FILM = """\
 ## Carried out

@@ -18,7 +18,7 @@ THERE = 0.03  # metres from its target within which an object counts as placed
 class Fetch(Expert):
     """Grips the referent. hover: metres above it at which the gripper travels."""
 
-    hover = HOVER
+    hover: float | NDArray[np.float64] = HOVER
 
     def _fetch(self, thing: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Where the gripper goes (N, 3) to take hold of the object, and whether it closes (N,)."""

@@ -1,4 +1,5 @@
-"""The objects that an episode shows in one world: loose ones of the pool, devices, and fittings of the workspace."""
+"""The objects that an episode shows in one world: loose ones of the pool, devices, fittings of the workspace,
+and the palm of a person."""
 
 from __future__ import annotations
 
@@ -11,8 +12,9 @@ from envs.sim.device_bodies import DeviceBodies, Pose
 from envs.sim.furniture import LINK, Furniture
 from envs.sim.gripper import BASE, Holdable
 from envs.sim.object_pool import Mobility, ObjectPool
+from envs.sim.palm import Palm
 from envs.sim.rendering import Renderer, paint
-from language import DEVICES, FITTINGS, NOUNS
+from language import DEVICES, FITTINGS, HAND, NOUNS
 
 NAMES = tuple(NOUNS)
 
@@ -26,15 +28,24 @@ class ShownObjects:
         pool, devices, furniture: whose bodies are shown.
         renderer: draws see-through objects; None in a world without visuals.
         client: PyBullet's client.
+        palm: the person's open hand, if they hold out one.
     """
 
     def __init__(
-        self, pool: ObjectPool, devices: DeviceBodies, furniture: Furniture, renderer: Renderer | None, client: int
+        self,
+        pool: ObjectPool,
+        devices: DeviceBodies,
+        furniture: Furniture,
+        renderer: Renderer | None,
+        client: int,
+        palm: Palm | None = None,
     ) -> None:
         self._pool, self._devices, self._furniture = pool, devices, furniture
         self._renderer, self._client = renderer, client
+        self._palm = palm
         self._fittings: list[str] = []
-        self._order: list[int] | None = None  # of the objects, among loose ones, devices and fittings; None: the same
+        self._palms: list[Palm] = []  # one, or none
+        self._order: list[int] | None = None  # of objects among loose ones, devices, fittings, palms; None: the same
         self.holdable: list[Holdable] = []
 
     def show(
@@ -49,12 +60,15 @@ class ShownObjects:
     ) -> None:
         """Place what the next episode shows; the arguments are those of `World.reset`."""
         rests = [False] * len(nouns) if resting is None else resting
-        loose, devices, fittings = kinds = _by_kind(nouns)
+        loose, devices, fittings, palms = kinds = _by_kind(nouns)
         self._devices.show([NAMES[nouns[k]] for k in devices], *_chosen(devices, positions, yaw, colors))
         self._show_loose(*_chosen(loose, nouns, mobilities, positions, yaw, rests, colors))
         self._fittings = [NAMES[nouns[k]] for k in fittings]
         for name, k in zip(self._fittings, fittings, strict=True):
             self._furniture.show(name, 0.0 if shares is None else shares[k], colors[k])
+        self._palms = [self._palm] * len(palms) if self._palm is not None else []
+        for palm, k in zip(self._palms, palms, strict=True):
+            palm.show(positions[k])
         order = [number for kind in kinds for number in kind]
         self._order = None if order == sorted(order) else np.argsort(order).tolist()
         self.holdable = self._in_order(self._all_holdable())
@@ -62,7 +76,8 @@ class ShownObjects:
     def poses(self) -> list[Pose]:
         """(position, quaternion) of each object; of a device or a fitting, that of its handle."""
         poses = self._pool.poses() + self._devices.poses()
-        return self._in_order(poses + [self._furniture.handle_pose(name) for name in self._fittings])
+        poses += [self._furniture.handle_pose(name) for name in self._fittings]
+        return self._in_order(poses + [palm.pose() for palm in self._palms])
 
     def _in_order(self, things: list) -> list:
         return things if self._order is None else [things[number] for number in self._order]
@@ -83,13 +98,18 @@ class ShownObjects:
             Holdable(self._furniture.bodies[name], partial(self._furniture.handle_pose, name), LINK)
             for name in self._fittings
         ]
-        return loose + devices + handles
+        return loose + devices + handles + [Holdable(palm.body, palm.pose, LINK) for palm in self._palms]
 
 
-def _by_kind(nouns: Sequence[int]) -> tuple[list[int], list[int], list[int]]:
-    """The numbers of the loose objects, the devices and the fittings. nouns: indices; of loose ones, into the pool."""
-    devices, fittings = ([i for i, noun in enumerate(nouns) if NAMES[noun] in kind] for kind in (DEVICES, FITTINGS))
-    return [i for i in range(len(nouns)) if i not in devices and i not in fittings], devices, fittings
+def _by_kind(nouns: Sequence[int]) -> tuple[list[int], list[int], list[int], list[int]]:
+    """The numbers of the loose objects, the devices, the fittings and the palms.
+
+    nouns: indices; of loose ones, into the pool.
+    """
+    kinds = DEVICES, FITTINGS, (HAND,)
+    devices, fittings, palms = ([i for i, noun in enumerate(nouns) if NAMES[noun] in kind] for kind in kinds)
+    loose = [i for i in range(len(nouns)) if i not in devices and i not in fittings and i not in palms]
+    return loose, devices, fittings, palms
 
 
 def _chosen(numbers: Sequence[int], *columns: Sequence) -> list[list]:

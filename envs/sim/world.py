@@ -16,6 +16,7 @@ from envs.sim.furniture import Furniture
 from envs.sim.gripper import BASE, GRIPPERS, Gripper, GripperConfig
 from envs.sim.lean_client import connect
 from envs.sim.object_pool import ObjectPool, PoolSpec
+from envs.sim.palm import Palm
 from envs.sim.rendering import Renderer, paint
 from envs.sim.robot import Robot, RobotConfig
 from envs.sim.shown_objects import ShownObjects
@@ -49,7 +50,8 @@ class PhysicsConfig(Checked):
 class World:
     """Joint angles in radians, finger positions and places in metres, in the workspace frame.
 
-    client: PyBullet's client. robot: the loaded arm. pool: the objects. person: who stands there, if anybody.
+    client: PyBullet's client. robot: the loaded arm. pool: the objects. person: who stands there, if anybody. palm: the
+    open hand that they hold out, if they do.
 
     Args:
         robot, workspace, physics: what to build.
@@ -59,6 +61,7 @@ class World:
         gripper: what the robot grips with; None: it cannot grip.
         devices: those that an episode shows at most.
         holds: whether the gripper holds what it grips; else it is only a body.
+        offers: whether the person holds out an open hand.
 
     Raises:
         ConfigError: for a robot or gripper that cannot be built.
@@ -77,12 +80,13 @@ class World:
         gripper: GripperConfig | None = None,
         devices: DeviceSpec = NO_DEVICES,
         holds: bool = True,
+        offers: bool = False,
     ) -> None:
         self.client = connect() if window is None else window.client
         self._physics, self._workspace, self._visuals = physics, workspace, visuals or window is not None
         self._window = window
         try:
-            self._build(robot, gripper, objects, devices, holds)
+            self._build(robot, gripper, objects, devices, holds, offers)
             self._draw(True)
         except BaseException:
             self.close()
@@ -95,6 +99,7 @@ class World:
         objects: PoolSpec,
         devices: DeviceSpec,
         holds: bool,
+        offers: bool,
     ) -> None:
         """Builds the bodies. Their order must not change: Bullet solves contacts in this order."""
         self._set_up_physics()
@@ -109,13 +114,14 @@ class World:
             self._gripper = GRIPPERS[name](gripper, self.robot, self.client)
         self.furniture = Furniture(self._workspace, self.robot, self.client, self._visuals)
         self.devices = DeviceBodies(devices, self.client, self._visuals)
-        for body in self.devices.bodies:
+        self.palm = Palm(self.client, self._visuals) if offers else None
+        for body in self.devices.bodies + ([self.palm.body] if self.palm else []):
             self.furniture.join(body)
         self.pool = ObjectPool(objects, self.client, self._visuals, self._physics.sleeping)
         self.person = self._make_person()
         self._renderer = Renderer(self.client)
         drawn = self._renderer if self._visuals else None
-        self._shown = ShownObjects(self.pool, self.devices, self.furniture, drawn, self.client)
+        self._shown = ShownObjects(self.pool, self.devices, self.furniture, drawn, self.client, self.palm)
 
     def _set_up_physics(self) -> None:
         bullet.setAdditionalSearchPath(pybullet_data.getDataPath(), self.client)
@@ -175,6 +181,8 @@ class World:
             self._renderer.clear()
             self.show_finger(False)
         self._shown.show(nouns, mobilities, positions, yaw, colors.tolist(), resting, shares)
+        if self.palm and isinstance(self.person, Body):
+            self.person.offer(self.palm.place)
         self._draw(True)
 
     def _settle(self) -> None:
@@ -190,6 +198,8 @@ class World:
         self.step_physics(max(SLEEP_STEPS, self.furniture.parting))
         self.furniture.reset()
         self.devices.reset()
+        if self.palm:
+            self.palm.reset()
 
     def _draw(self, enabled: bool) -> None:
         """Let the window, if any, draw what happens from now on."""

@@ -12,7 +12,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError, did_you_mean
-from envs.sim.workspace import Fitting
+from envs.sim.workspace import Fitting, WorkspaceConfig
 from envs.tasks.object_layout import scatter
 from envs.tasks.outcome import Outcome
 from envs.tasks.training_episodes import draw_randomized
@@ -152,6 +152,10 @@ class Task(ABC):
 
     def furnish(self, fittings: Mapping[str, Fitting]) -> None:
         """Takes note of the workspace's fittings, before anything is drawn. Raises ConfigError where one is missing."""
+        return None
+
+    def meet(self, workspace: WorkspaceConfig) -> None:
+        """Takes note of who is in the workspace, before anything is drawn. Raises ConfigError where one is missing."""
         return None
 
     def described(self, episode: EpisodeSpec) -> NDArray[np.float64]:

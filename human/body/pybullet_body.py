@@ -6,6 +6,7 @@ import atexit
 import math
 import shutil
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -17,6 +18,7 @@ from conf.schema import ConfigError, did_you_mean
 from human.body.meshes import Proportions
 from human.body.urdf_model import write
 from human.config import HumanConfig
+from human.offering_arm import JOINTS, OfferingArm
 from human.pointing_arm import FINGERTIP, LINE_STARTS, ArmModel, PointingArm, line_start, ray_through
 from human.pointing_ik import Array, AttachedPoint, PointingChain
 from human.suppress_stdout import suppress_stdout
@@ -113,27 +115,40 @@ class Body(PointingArm):
         tip, behind = (self._frame(self._links.index(link))[:3, 3] for link in (FINGERTIP, line_start(style)))
         return ray_through(tip, behind)
 
+    def offer(self, place: Sequence[float]) -> None:
+        """Holds out the left hand: the middle of its palm at place (3,), metres, palm up. Raises Unreachable."""
+        assert self.model.other is not None
+        names = [self._info[i].name for i in self._revolute]
+        at = [names.index(joint) for joint in JOINTS]
+        self._all_angles[at] = OfferingArm(self.model.other).solve(place)
+        self._set_angles(self.angles)
+
     def _read_model(self, rest: Array) -> ArmModel:
         """Reads the kinematics of the pointing joints, with the other joints at the angles that they keep."""
         self._set_angles(np.zeros(len(self.joints)))
-        frames = [self._frame(index) for index in self.joints]
-        parents = [self._carrier(self._info[index].parent) for index in self.joints]
-        steps = [frame if p < 0 else np.linalg.inv(frames[p]) @ frame for p, frame in zip(parents, frames, strict=True)]
-        axes, low, high = (
-            np.array([getattr(self._info[i], name) for i in self.joints]) for name in ("axis", "low", "high")
-        )
         points = {link: self._attached_point(link) for link in (FINGERTIP, *LINE_STARTS.values())}
-        return ArmModel(PointingChain(parents, np.array(steps), axes, low, high), rest, points)
+        names = [joint.name for joint in self._info]
+        others = [names.index(joint) for joint in JOINTS if joint in names and names.index(joint) not in self.joints]
+        other = self._chain_of(others) if len(others) == len(JOINTS) else None
+        return ArmModel(self._chain_of(self.joints), rest, points, other)
 
-    def _carrier(self, link: int) -> int:
-        """Returns the position in `joints` of the pointing joint that carries this link; -1: none."""
-        while link >= 0 and link not in self.joints:
+    def _chain_of(self, joints: Sequence[int]) -> PointingChain:
+        """Reads the chain of these joints, which are all at 0."""
+        frames = [self._frame(index) for index in joints]
+        parents = [self._carrier(self._info[index].parent, joints) for index in joints]
+        steps = [frame if p < 0 else np.linalg.inv(frames[p]) @ frame for p, frame in zip(parents, frames, strict=True)]
+        axes, low, high = (np.array([getattr(self._info[i], name) for i in joints]) for name in ("axis", "low", "high"))
+        return PointingChain(parents, np.array(steps), axes, low, high)
+
+    def _carrier(self, link: int, joints: Sequence[int]) -> int:
+        """Returns the position in `joints` of the joint that carries this link; -1: none."""
+        while link >= 0 and link not in joints:
             link = self._info[link].parent
-        return self.joints.index(link) if link >= 0 else -1
+        return joints.index(link) if link >= 0 else -1
 
     def _attached_point(self, link: str) -> AttachedPoint:
         """Returns the link's origin relative to its carrier. All pointing joints must be at 0."""
-        carrier, place = self._carrier(self._links.index(link)), self._frame(self._links.index(link))
+        carrier, place = self._carrier(self._links.index(link), self.joints), self._frame(self._links.index(link))
         if carrier >= 0:
             place = np.linalg.inv(self._frame(self.joints[carrier])) @ place
         return AttachedPoint(carrier, place[:3, 3])

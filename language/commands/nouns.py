@@ -8,7 +8,7 @@ A new word or phrase is one entry; commas separate phrases; articles are left ou
 from __future__ import annotations
 
 from language.colors import COLORS
-from language.objects import FITTINGS, NOUNS, SIZES
+from language.objects import FITTINGS, HAND, NOUNS, SIZES
 
 # Colour word -> the colours that it may mean, the likeliest first. The first that the scene holds is taken.
 NEAR_COLORS: dict[str, str] = {
@@ -107,8 +107,8 @@ def colors() -> dict[str, tuple[str, ...]]:
 
 
 def nouns() -> dict[str, tuple[str, ...]]:
-    """Returns each kind of thing with its nouns, those of the registry included; `THINGS` has those of fittings."""
-    found = {kind: (kind, *synonyms) for kind, synonyms in NOUNS.items() if kind not in FITTINGS}
+    """Returns each kind of thing with its nouns, those of the registry included. Fittings and hands are none."""
+    found = {kind: (kind, *synonyms) for kind, synonyms in NOUNS.items() if kind not in (*FITTINGS, HAND)}
     for kind, text in THINGS.items():
         found[kind] = tuple(dict.fromkeys((*found.get(kind, ()), *filter(None, phrases(text)))))
     return found

@@ -59,6 +59,8 @@ def spots(resolver: Resolver, mover: int, relations: tuple[Relation, ...], typed
 
 
 def _spots(resolver: Resolver, mover: int, relations: tuple[Relation, ...], typed: bool) -> list[Spot]:
+    if resolver.world.hand is not None and any(anchor.kind == "person" for anchor in relations[0].anchors):
+        return [Spot(*resolver.world.in_hand, 0.0)]
     points = _points(resolver, mover, relations[0], typed)
     for relation in relations[1:]:
         points = _also(resolver, mover, points, relation)

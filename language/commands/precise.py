@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from language.commands.outcomes import Action
-from language.commands.places import Point, settle
+from language.commands.places import Point, Spot, settle
 from language.commands.plans import Plan, obstacle
 from language.commands.world import World
 from language.errors import LanguageError
@@ -15,7 +15,7 @@ from language.objects import Scene
 from language.understanding import GroundedStep, parse
 
 TAKES = ("grasp", "lift")
-CARRIES = ("pick_and_place", "stack")
+CARRIES = ("pick_and_place", "stack", "hand_over")
 _KINDS = {"pick_and_rotate": "rotate"}
 
 
@@ -30,6 +30,8 @@ def precise_plan(sentence: str, scene: Scene, world: World, pointed: Sequence[in
         understood = parse(sentence, scene, pointed)
     except LanguageError:
         return None
+    if any(step.task == "hand_over" and step.goal is None for step in understood.steps):
+        return None  # nobody holds out a hand
     plan = Plan(world)
     for step in understood.steps:
         plan = plan if plan.failure else _after(plan, step)
@@ -59,7 +61,10 @@ def _put(plan: Plan, step: GroundedStep, index: int) -> Plan:
     assert step.goal is not None
     goal = plan.world.things[step.goal]
     on = None if goal.target else step.goal
-    spot = settle(plan.world, index, Point(goal.x, goal.y, 0.0, on))
+    if step.goal == plan.world.hand:
+        spot = Spot(*plan.world.in_hand, 0.0)
+    else:
+        spot = settle(plan.world, index, Point(goal.x, goal.y, 0.0, on))
     if spot.why_not or (on is not None and spot.on != on):
         why = spot.why_not or f"the {goal.color} {goal.kind} is under something"
         return replace(plan, failure=why, reason="impossible", candidates=(step.goal,))

@@ -95,6 +95,8 @@ def _shown(world: World, entity: Entity) -> list[Ref]:
 def _things(world: World, entity: Entity) -> list[Ref]:
     found = []
     for index, thing in enumerate(world.things):
+        if index == world.hand:  # it is no thing that could be taken
+            continue
         if entity.noun is not None and thing.kind != entity.noun:
             continue
         if not all(color_fits(world, index, color) for color in entity.colors):

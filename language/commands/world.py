@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
-from language.objects import Scene
+from language.objects import HAND, Scene
 
 BOARD_CELLS, BOARD_HEIGHT = 8, 8
 FLAT = ("cube", "cylinder")  # a thing can stand on these
@@ -68,6 +68,18 @@ class World:
     def above(self) -> tuple[int | None, ...]:
         """The index of what is directly above each thing, or None."""
         return self._supports[1]
+
+    @cached_property
+    def hand(self) -> int | None:
+        """The index of the open hand of the person, to which "me" and "my hand" refer; None where there is none."""
+        return next((index for index, thing in enumerate(self.things) if thing.kind == HAND), None)
+
+    @property
+    def in_hand(self) -> tuple[float, float, float, int]:
+        """The x, y and bottom of what lies in the open hand, and the hand's index. There must be one."""
+        assert self.hand is not None
+        palm = self.things[self.hand]
+        return palm.x, palm.y, palm.top, self.hand
 
     @cached_property
     def colors(self) -> frozenset[str]:
@@ -164,7 +176,7 @@ def table(scene: Scene, held: int | None = None, **more) -> World:
             o.position[0],
             o.position[1],
             o.position[2] - o.size / 2,
-            o.position[2] + o.size / 2,
+            o.position[2] + o.size / 2 * (o.noun != HAND),  # its position is that of its surface
             o.size,
             o.role == "target",
         )

@@ -6,6 +6,7 @@ import numpy as np
 
 from envs.tasks import NOTHING, TASKS, State
 from envs.tasks.furnished import Furnished
+from envs.tasks.hand_over import HandOver
 from envs.tasks.manipulation import Manipulation
 from envs.tasks.operate import Operate
 from tests.helpers.env_cases import task_of
@@ -15,7 +16,9 @@ THING, OTHER = np.array([0.4, 0.2, REST]), np.array([0.4, -0.2, REST])
 GOAL, ELSEWHERE = np.array([0.5, 0.0, REST]), np.array([0.5, -0.25, REST])
 AWAY, UP = np.array([0.4, 0.0, 0.3]), np.array([0.0, 0.0, 1.0])
 MOVING = sorted(
-    name for name, kind in TASKS.items() if issubclass(kind, Manipulation) and not issubclass(kind, Operate | Furnished)
+    name
+    for name, kind in TASKS.items()
+    if issubclass(kind, Manipulation) and not issubclass(kind, Operate | Furnished | HandOver)
 )
 
 

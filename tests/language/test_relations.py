@@ -8,6 +8,7 @@ import pytest
 from language import (
     DEVICES,
     FITTINGS,
+    HAND,
     NOUNS,
     RELATIONS,
     SHAPES,
@@ -154,7 +155,7 @@ def test_an_object_is_not_related_to_itself():
 
 
 def test_every_noun_is_a_shape_a_device_or_a_fitting():
-    assert (*SHAPES, *DEVICES, *FITTINGS) == tuple(NOUNS)
+    assert (*SHAPES, *DEVICES, *FITTINGS, HAND) == tuple(NOUNS)
 
 
 @pytest.mark.parametrize(("verb", "noun"), [("press", "button"), ("switch", "lever"), ("turn", "wheel")])

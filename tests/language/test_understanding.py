@@ -145,3 +145,15 @@ def test_gestures_of_a_correction_are_matched_to_its_words():
 def test_revise_equals_parse_with_the_previous_instruction():
     before, correction = parse("reach the red cube"), parse("no, the blue one")
     assert revise(before, correction, TABLE) == parse("no, the blue one", TABLE, previous=before)
+
+
+@pytest.mark.parametrize(
+    "sentence", ["hand me the cube", "give the red cube to me", "take the cube and put it in my hand"]
+)
+def test_a_hand_that_is_held_out_is_the_goal_without_being_named(sentence):
+    held_out = Scene([Object("cube", "red", (0.4, 0.1, 0.025)), Object("palm", "pink", (0.5, -0.1, 0.12))])
+    understood = parse(sentence, held_out)
+    assert [(step.task, step.init, step.goal) for step in understood.steps] == [("hand_over", 0, 1)]
+    assert understood.result[0].position == (0.5, -0.1, pytest.approx(0.145))
+    nobody = parse(sentence, Scene(list(held_out)[:1]))
+    assert (nobody.steps[0].goal, nobody.result[0].position) == (None, (0.4, 0.1, 0.025))

@@ -125,3 +125,15 @@ def test_random_words_raise_nothing():
 
 def test_an_empty_scene_is_no_error():
     assert isinstance(interpret("take the red cube", board([])), Refusal)
+
+
+@pytest.mark.parametrize("sentence", ["pls giv me the red cube", "bring me the red one", "i need the red one"])
+def test_what_is_brought_to_a_person_goes_to_the_hand_that_they_hold_out(sentence):
+    things = [Object("cube", "red", (0.4, 0.1, 0.025)), Object("palm", "pink", (0.5, -0.1, 0.12))]
+    outcome = interpret(sentence, Scene(things))
+    assert isinstance(outcome, Understood)
+    place = outcome.steps[-1]
+    assert (place.kind, place.object, place.on, place.position) == ("place", 0, 1, (0.5, -0.1))
+    assert place.bottom == pytest.approx(0.12)
+    far = interpret("bring me the red cube", Scene(things[:1]))
+    assert far.steps[-1].on is None
