@@ -122,9 +122,17 @@ def _values_of(word: str, group: str) -> Any:
 
 @cache
 def _file(path: Path) -> Any:
+    """The values of a YAML, merged into those that its defaults list begins with, if any."""
     from omegaconf import OmegaConf
 
-    return OmegaConf.load(path)
+    values, base = OmegaConf.load(path), BASED.search(path.read_text(encoding="utf-8"))
+    if base is None:
+        return values
+    del values["defaults"]
+    return OmegaConf.merge(_file(ROOT / f"{base[1]}.yaml"), values)
+
+
+BASED = re.compile(r"^defaults: \[/(\w+)@_here_, _self_\]$", re.MULTILINE)
 
 
 @cache
@@ -133,7 +141,7 @@ def _stands_alone(word: str) -> bool:
     group, _, option = word.partition("=")
     if option not in groups()[group]:
         return False
-    text = (ROOT / group / f"{option}.yaml").read_text(encoding="utf-8")
+    text = BASED.sub("", (ROOT / group / f"{option}.yaml").read_text(encoding="utf-8"))
     return re.search(r"^defaults:|@package", text, re.MULTILINE) is None
 
 
