@@ -46,7 +46,7 @@ def batch():
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 def test_it_learns_to_do_what_the_expert_does(policy):
     small, learned, bc = build("algo.updates_per_frame=0.5", "algo.grounding_every=1", policy=policy)
-    measured = train(small, bc, 30)
+    measured = train(small, bc, 22)
     assert measured[-1]["loss/imitation"] < measured[0]["loss/imitation"] / 2
     if policy == "grounded":  # without attention, words take longer
         assert evaluate(make_labelled(8, 3), learned.act, 80, 3).success_at_end > 0.9
@@ -82,7 +82,7 @@ def test_a_move_that_was_the_largest_for_long_can_still_be_reversed_in_some_stat
     _, policy, bc = build("algo.grounding_weight=0")
     frames = batch.reshape(-1)
     first = frames["robot"][:, 0]
-    for some, steps in ((first > first.max(), 1500), (first > first.quantile(0.8), 400)):
+    for some, steps in ((first > first.max(), 700), (first > first.quantile(0.8), 600)):
         frames[LABEL] = frames["hold"] + policy.action_unit * (1 - 2 * some[:, None].float())
         labelled = bc.labelled(frames)
         for _ in range(steps):
