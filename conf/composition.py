@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from copy import deepcopy
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -75,8 +75,15 @@ def with_choices(config: Any, choices: Mapping[str, Any]) -> Any:
 
 def composed(overrides: Iterable[str]) -> tuple[Any, Mapping[str, Any]]:
     """The composed config, which the caller may change, and the option of each group. Raises ConfigError."""
-    config, choices = _composed_once(tuple(overrides))
-    return deepcopy(config), choices
+    saved, choices = _saved(tuple(overrides))
+    return pickle.loads(saved), choices
+
+
+@lru_cache(maxsize=512)
+def _saved(overrides: tuple[str, ...]) -> tuple[bytes, Mapping[str, Any]]:
+    """As `composed`, pickled: a copy by pickle takes a fifth of the time of `deepcopy`."""
+    config, choices = _composed_once(overrides)
+    return pickle.dumps(config), choices
 
 
 @lru_cache(maxsize=512)
@@ -115,9 +122,17 @@ def _values_of(word: str, group: str) -> Any:
 
 @cache
 def _file(path: Path) -> Any:
+    """The values of a YAML, merged into those that its defaults list begins with, if any."""
     from omegaconf import OmegaConf
 
-    return OmegaConf.load(path)
+    values, base = OmegaConf.load(path), BASED.search(path.read_text(encoding="utf-8"))
+    if base is None:
+        return values
+    del values["defaults"]
+    return OmegaConf.merge(_file(ROOT / f"{base[1]}.yaml"), values)
+
+
+BASED = re.compile(r"^defaults: \[/(\w+)@_here_, _self_\]$", re.MULTILINE)
 
 
 @cache
@@ -126,7 +141,7 @@ def _stands_alone(word: str) -> bool:
     group, _, option = word.partition("=")
     if option not in groups()[group]:
         return False
-    text = (ROOT / group / f"{option}.yaml").read_text(encoding="utf-8")
+    text = BASED.sub("", (ROOT / group / f"{option}.yaml").read_text(encoding="utf-8"))
     return re.search(r"^defaults:|@package", text, re.MULTILINE) is None
 
 

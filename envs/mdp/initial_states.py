@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.random import Generator
 
@@ -26,10 +28,7 @@ class InitialStates:
         self._chain, self._noise, self._rotation = chain, noise, chain.forward(chain.rest[None]).rotation[0]
         self._positions = self._joints = np.zeros((0, 3))
         if box is not None:
-            axes = [np.linspace(low, high, count) for low, high, count in zip(*box, GRID, strict=True)]
-            self._positions = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-            rest = np.repeat(chain.rest[None], len(self._positions), axis=0)
-            self._joints = chain.solve(rest, self._positions, self._rotation, iterations=60)
+            self._positions, self._joints = _solved_grid(chain, tuple(map(tuple, box.tolist())))
 
     def draw(self, episode: EpisodeSpec, below: float, rng: Generator) -> Array:
         """(J,) for this episode. below: metres from the gripper centre down to the centre of an object it holds."""
@@ -42,3 +41,13 @@ class InitialStates:
         """(J,) with the gripper at position (3,), metres, pointing down."""
         nearest = ((self._positions - position) ** 2).sum(1).argmin()
         return self._chain.solve(self._joints[[nearest]], position[None], self._rotation, REFINING_STEPS)[0]
+
+
+@lru_cache(maxsize=64)
+def _solved_grid(chain: Kinematics, box: tuple[tuple[float, ...], ...]) -> tuple[Array, Array]:
+    """Positions (P, 3) all over the box, and joints (P, J) with the gripper there, oriented as at rest."""
+    axes = [np.linspace(low, high, count) for low, high, count in zip(*box, GRID, strict=True)]
+    positions = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    rest = np.repeat(chain.rest[None], len(positions), axis=0)
+    rotation = chain.forward(chain.rest[None]).rotation[0]
+    return positions, chain.solve(rest, positions, rotation, iterations=60)

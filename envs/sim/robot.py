@@ -203,8 +203,19 @@ def _load_file(path: Path, config: RobotConfig, client: int, flags: int) -> int:
         raise ConfigError(f"robot.urdf={config.urdf} does not load: {error}") from None
 
 
+_chains: dict[tuple[str, str, int], Kinematics] = {}
+
+
 def read_chain(config: RobotConfig) -> Kinematics:
-    """The arm's kinematics, read from a body of its own at zero angles. Raises ConfigError."""
+    """The arm's kinematics, read once from a body of its own at zero angles. Raises ConfigError."""
+    path = urdf_path(config).resolve()
+    key = (repr(config), str(path), path.stat().st_mtime_ns)
+    if key not in _chains:
+        _chains[key] = _read_chain(config)
+    return _chains[key]
+
+
+def _read_chain(config: RobotConfig) -> Kinematics:
     client = bullet.connect(bullet.DIRECT)
     try:
         body = load(config, client, visuals=False)

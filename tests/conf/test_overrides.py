@@ -48,6 +48,8 @@ def test_the_same_overrides_are_composed_once_and_give_configs_of_their_own(monk
     [
         ["robot=panda"],
         ["workspace=room"],
+        ["task=nl_reach_gesture", "robot=panda"],
+        ["workspace=drawer", "task=push", "task.num_objects=4"],
         ["task=switch", "robot=panda", "control=joints", "algo=sac", "policy=mlp"],
         ["robot=xarm7", "workspace=fridge", "gesture=camera", "physics=stacks"],
         ["scenario=2", "robot=so_arm", "control=step"],

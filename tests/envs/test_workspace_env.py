@@ -211,38 +211,46 @@ def constant_elements(env):
     rows = {f"objects[{k},{d}]" for k in range(task.slots) for d in columns}
     gripper = {f"robot[{2 * joints + 9}]"}  # fingers that grip nothing stay as they are
     mask = {f"objects_mask[{k}]" for k in range(task.slots)}
-    drawn = env.draw_scenes(200, seed=0)["instruction"].numpy()
+    drawn = env.draw_scenes(100, seed=0)["instruction"].numpy()
     usual = [np.unique(column, return_counts=True)[1].max() > 0.9 * len(drawn) for column in drawn.T]
     words = {f"instruction[{i}]" for i in np.flatnonzero(usual)}  # "reach the ...", and padding
     return rows | gripper | mask | words | {"gesture[6]"}  # that a gesture is shown
 
 
+def constant_so_far(env, seen):
+    """Elements that had the same value in all worlds all along; of how objects are turned, slide and are meant, enough
+    if one object's varied."""
+    constant = set()
+    for key in {"robot", "objects", "objects_mask", "instruction", "gesture"} & set(env.observation_spec.keys()):
+        values = torch.stack([each[key] for each in seen]).flatten(0, 1)
+        for place in np.argwhere((values == values[0]).all(0).numpy()).tolist():
+            constant.add(f"{key}[{','.join(map(str, place))}]")
+    few = own_columns(env, "slid x (m)", "slid y (m)", MARK, IN_THE_AIR)
+    for column in (*range(3, 7), *few):
+        each = {f"objects[{slot},{column}]" for slot in range(env.config.task.slots)}
+        constant -= each if each - constant else set()
+    return constant
+
+
 @pytest.mark.slow
-def test_every_element_of_the_observation_varies(env, request):
+def test_every_element_of_the_observation_varies(env):
+    allowed = constant_elements(env)
+    # They cannot turn every object over, or take one up, in this time.
+    if env.config.robot.name in ("jaco", *BARE_FLANGES):
+        allowed |= {f"objects[{k},{d}]" for k in range(env.config.task.slots) for d in range(2, 7)}
+        allowed.add(f"robot[{2 * len(env.config.robot.joints) + 11}]")
     env.set_seed(11)
-    td, poker, seen = env.reset(), Poker(env), []
+    seen = [env.reset() for _ in range(20)]
+    td, poker = seen[-1], Poker(env)
     for t, action in enumerate(random_actions(env, 150)):
         td = act(env, td, action if t % 30 < 4 else poker(td))
         seen.append(td.clone())
         if t % 30 == 29:
             td = partial_reset(env, td, [0, 1, 2])
             seen.append(td.clone())
-    seen += [env.reset() for _ in range(20)]
-    constant = set()
-    for key in {"robot", "objects", "objects_mask", "instruction", "gesture"} & set(env.observation_spec.keys()):
-        values = torch.stack([each[key] for each in seen]).flatten(0, 1)
-        for place in np.argwhere((values == values[0]).all(0).numpy()).tolist():
-            constant.add(f"{key}[{','.join(map(str, place))}]")
-    allowed = constant_elements(env)
-    few = own_columns(env, "slid x (m)", "slid y (m)", MARK, IN_THE_AIR)
-    for column in (*range(3, 7), *few):  # of how they are turned, slide, and are meant: enough if one does
-        each = {f"objects[{slot},{column}]" for slot in range(env.config.task.slots)}
-        constant -= each if each - constant else set()
-    # They cannot turn every object over, or take one up, in this time.
-    if env.config.robot.name in ("jaco", *BARE_FLANGES):
-        allowed |= {f"objects[{k},{d}]" for k in range(env.config.task.slots) for d in range(2, 7)}
-        allowed.add(f"robot[{2 * len(env.config.robot.joints) + 11}]")
-    assert constant <= allowed
+            if constant_so_far(env, seen) <= allowed:
+                break
+    assert constant_so_far(env, seen) <= allowed
     alike = env.task.device_width == env.config.task.object_size
     if alike:
         sizes = torch.cat([each["objects"][..., 14][each["objects_mask"].bool()] for each in seen])

@@ -59,10 +59,11 @@ def test_the_expert_solves_the_task_without_touching_the_table(combination):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_expert_reaches_every_goal_in_every_workspace(robot, workspace):
     for task in ("reach", "nl_reach"):
-        env = make(robot, "step", task, f"workspace={workspace}", worlds=8, seed=22)
-        expert, td, reached, steps = ReachExpert(env), env.reset(), np.zeros(8, bool), 0
-        while not reached.all() and steps < env.config.task.max_steps:
-            td, steps = act(env, td, expert(td.clone())["action"]), steps + 1
-            reached |= td["success"][:, 0].numpy()
+        env = make(robot, "step", task, f"workspace={workspace}", worlds=4, seed=22)
+        for _ in range(2):  # episodes of each world
+            expert, td, reached, steps = ReachExpert(env), env.reset(), np.zeros(4, bool), 0
+            while not reached.all() and steps < env.config.task.max_steps:
+                td, steps = act(env, td, expert(td.clone())["action"]), steps + 1
+                reached |= td["success"][:, 0].numpy()
+            assert reached.all()
         env.close()
-        assert reached.all()
