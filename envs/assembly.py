@@ -29,6 +29,7 @@ def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task
     """The task of N worlds. person: who points, if anybody."""
     task = TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
     task.furnish(config.workspace.fittings)
+    task.place_devices(config.workspace.device_area)
     return task
 
 
