@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.experts.base import UP, AimingExpert, Array, Slots, choose_rows
+from envs.experts.devices import DeviceExpert
 from envs.experts.grasp import LiftExpert
 from envs.experts.place import Fetch, PlaceExpert
 from envs.experts.reach import ReachExpert
@@ -19,6 +20,7 @@ from envs.workspace_env import WorkspaceEnv
 HOVER = 0.14  # metres above an object at which grippers travel: over stacks of two
 HEIGHT = 0.12  # metres above their targets at which objects are carried: over stacks of two
 BESIDE, CLEAR = 0.05, 0.06  # metres beside and over a handle from which a gripper may go sideways
+SHUT_WITHIN = 0.09  # metres beside a device from which on fingers are shut: not at what they have just released
 SAG = 0.02  # metres below its aim up to which a gripper goes sideways, and less so down to twice as much
 
 
@@ -38,6 +40,8 @@ class AnythingExpert(AimingExpert):
             member.hover = HOVER
         if isinstance(member, PlaceExpert):
             member.height = HEIGHT
+        if isinstance(member, DeviceExpert):
+            member.shut_within = SHUT_WITHIN
         if isinstance(member, LiftExpert):  # also from the top of another object, and nobody remembers where it stood
             member.more += task.config.object_size
         return member

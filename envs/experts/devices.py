@@ -31,7 +31,9 @@ REACHED = 0.012  # metres above the pushing height from which a gripper pushes
 
 
 class DeviceExpert(AimingExpert):
-    """Operates the referent, then keeps still."""
+    """Operates the referent, then keeps still. shut_within: metres beside it from which on fingers are shut."""
+
+    shut_within = np.inf
 
     def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
         super().__init__(env, task)
@@ -43,7 +45,8 @@ class DeviceExpert(AimingExpert):
         way, before = task.travel(state)[self._rows, referent], task.before(referent)
         place, turn = self._place(referent), state.quaternions[self._rows, referent]
         done = np.abs(way) >= ENOUGH
-        shut = np.full(len(self._rows), self._env.below == 0)  # fingers push while shut; a magnet holds nothing
+        shut = length((place - self._env.gripper)[:, :2]) < self.shut_within
+        shut &= self._env.below == 0  # fingers push while shut; a magnet holds nothing
         return choose_rows(done, self._env.gripper, self._operate(place, turn, way, before)), shut
 
     @abstractmethod

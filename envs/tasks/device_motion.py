@@ -57,7 +57,7 @@ def _behind(places: Array, quaternions: Array, grippers: Array, before: Array) -
 
 
 def _nearer_side(places: Array, quaternions: Array, grippers: Array, before: Array) -> Array:
-    """The side of the peg that is nearer to the gripper; where the wheel has been turned, that from which it goes back."""
+    """The side of the peg that is nearer to the gripper; of a wheel that was turned, that from which it goes back."""
     out = facing(quaternions)
     along = BESIDE * np.stack((-out[:, 1], out[:, 0], np.zeros(len(out))), axis=1)
     nearer = length(places + along - grippers) < length(places - along - grippers)

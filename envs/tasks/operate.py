@@ -16,10 +16,11 @@ from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
 from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
 from human import Person
-from language import Placed
+from language import NOUNS, Placed
 
 OPERATED = 0.8  # share of its range at which a device is operated
 OTHER_OPERATED = 0.3  # share of its range at which another device counts as the wrong object
+SPRUNG = [list(NOUNS).index(noun) for noun, device in DEVICES.items() if device.spring]
 MARGIN = 0.05  # metres from the border of the object area to the handles, so that a gripper reaches every side
 
 
@@ -82,7 +83,8 @@ class Operate(Manipulation):
         return self._gone(state) >= OPERATED
 
     def _disturbed(self, state: State) -> NDArray[np.bool_]:
-        ways = np.abs(self.travel(state))
+        ways = self.travel(state)
+        ways = np.where(np.isin(state.nouns, SPRUNG), ways, np.abs(ways))  # a button that is let go springs back
         ways[self._rows, state.referent] = 0.0
         return np.any(ways >= OTHER_OPERATED, axis=1)
 

@@ -1,4 +1,4 @@
-"""Devices in a room with fittings and loose objects: where they stand, how far they are moved, and what is seen of it."""
+"""Devices in a room with fittings and loose objects: where they stand, and what is observed of them."""
 
 from __future__ import annotations
 
