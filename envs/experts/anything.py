@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from envs.experts.base import UP, AimingExpert, Array, Slots, choose_rows
 from envs.experts.devices import DeviceExpert
 from envs.experts.grasp import LiftExpert
+from envs.experts.in_out import fittings_from
 from envs.experts.place import Fetch, PlaceExpert
 from envs.experts.reach import ReachExpert
 from envs.experts.registry import EXPERTS, register_expert
@@ -32,6 +33,8 @@ class AnythingExpert(AimingExpert):
         super().__init__(env, task)
         assert isinstance(self._task, Anything)
         self._members = [self._member(member) for member in self._task.members]
+        self._operates = np.array([isinstance(member, DeviceExpert) for member in self._members])
+        self._beside = fittings_from(env)
 
     def _member(self, task: Task) -> AimingExpert:
         member = EXPERTS[task.config.name](self._env, task)
@@ -52,10 +55,19 @@ class AnythingExpert(AimingExpert):
         place, close = (np.stack(parts)[state.kind, self._rows] for parts in zip(*aims, strict=True))
         sideways = np.clip(2.0 - (place - gripper)[:, 2] / SAG, 0.0, 1.0)[:, None]
         place[:, :2] = gripper[:, :2] + sideways * (place - gripper)[:, :2]
+        place = self._past_the_lid(place)
         leaves = self._at_other_handle(referent)
         place = choose_rows(leaves, gripper + HOVER * UP, place)
         other = (state.held != NOTHING) & (state.held != referent)
         return choose_rows(other, gripper, place), close & ~other
+
+    def _past_the_lid(self, place: Array) -> Array:
+        """The places (N, 3), or along y away from a fitting where a device is operated: an open lid is before it."""
+        gripper, place = self._env.gripper, place.copy()
+        away = self._operates[self._env.state.kind] & (np.abs(gripper[:, 1]) > self._beside)
+        place[away, 0] = gripper[away, 0]
+        place[away, 2] = np.maximum(place, gripper)[away, 2]
+        return place
 
     def _at_other_handle(self, referent: Slots) -> NDArray[np.bool_]:
         """(N,) whether a gripper is at the handle of a fitting that is not the referent: it goes up from there."""

@@ -18,13 +18,18 @@ BELOW = 0.015  # metres below its height at which an object goes nowhere but up 
 STRAIGHT = 0.015  # metres beside its aim along x at which a gripper may go to a fitting
 
 
+def fittings_from(env: WorkspaceEnv) -> float:
+    """Metres from the middle of the table, to either side, from which a gripper is at a fitting."""
+    return max(abs(edge) for edge in env.config.workspace.object_area[2:]) + BESIDE
+
+
 @register_expert("nl_put_in", "nl_take_out")
 class InOutExpert(StackExpert):
     """Between the table and a fitting it goes along y alone."""
 
     def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
         super().__init__(env, task)
-        self._beside = max(np.abs(env.config.workspace.object_area[2:])) + BESIDE
+        self._beside = fittings_from(env)
 
     def _goal(self, target: Slots) -> Array:
         assert isinstance(self._task, InOut)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from envs.tasks.nl_reach import NLReach
 from envs.tasks.outcome import Outcome
-from envs.tasks.types import NOTHING, State
+from envs.tasks.types import NOTHING, Array, State
 
 
 class ReachNext(NLReach):
@@ -22,6 +22,11 @@ class ReachNext(NLReach):
         distances = self._distances(state)[worlds]
         nearest = distances.argmin(1)
         self._first[worlds] = np.where(distances.min(1) <= self.config.radius, nearest, NOTHING)
+
+    def _distances(self, state: State) -> Array:
+        """What stands at a see-through target is as near as that, which is never meant."""
+        distances = super()._distances(state)
+        return np.where(state.movable, distances, np.inf) if self.config.devices else distances
 
     def step(self, state: State) -> Outcome:
         distances = self._distances(state)

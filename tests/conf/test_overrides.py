@@ -99,6 +99,8 @@ def test_every_key_of_the_config_is_declared(default):
 NEWER = {
     "instructions",
     "verbs",
+    "devices",
+    "device_area",
     "clearance",
     "randomize",
     "automatic",
