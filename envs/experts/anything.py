@@ -22,6 +22,9 @@ HOVER = 0.14  # metres above an object at which grippers travel: over stacks of 
 HEIGHT = 0.12  # metres above their targets at which objects are carried: over stacks of two
 BESIDE, CLEAR = 0.05, 0.06  # metres beside and over a handle from which a gripper may go sideways
 SHUT_WITHIN = 0.09  # metres beside a device from which on fingers are shut: not at what they have just released
+SINK = 0.02  # metres that fingers go down in a control step: faster, after they went up, a panda leaves the vertical
+STRAIGHT = 0.05  # metres from a device along x up to which a gripper stays between the fittings
+INSIDE = 0.01  # metres within the line at which it is between them
 SAG = 0.02  # metres below its aim up to which a gripper goes sideways, and less so down to twice as much
 
 
@@ -56,17 +59,25 @@ class AnythingExpert(AimingExpert):
         sideways = np.clip(2.0 - (place - gripper)[:, 2] / SAG, 0.0, 1.0)[:, None]
         place[:, :2] = gripper[:, :2] + sideways * (place - gripper)[:, :2]
         place = self._past_the_lid(place)
+        if self._env.below == 0:
+            place[:, 2] = np.maximum(place[:, 2], gripper[:, 2] - SINK)
         leaves = self._at_other_handle(referent)
         place = choose_rows(leaves, gripper + HOVER * UP, place)
         other = (state.held != NOTHING) & (state.held != referent)
         return choose_rows(other, gripper, place), close & ~other
 
     def _past_the_lid(self, place: Array) -> Array:
-        """The places (N, 3), or along y away from a fitting where a device is operated: an open lid is before it."""
+        """The places (N, 3), or what is on the way there from a fitting, past its open lid.
+
+        A gripper does not go down before it is away from the fitting. To a device it goes along y, and then along x.
+        """
         gripper, place = self._env.gripper, place.copy()
-        away = self._operates[self._env.state.kind] & (np.abs(gripper[:, 1]) > self._beside)
-        place[away, 0] = gripper[away, 0]
-        place[away, 2] = np.maximum(place, gripper)[away, 2]
+        at = np.abs(gripper[:, 1]) > self._beside
+        far = self._operates[self._env.state.kind] & (place[:, 0] - gripper[:, 0] > STRAIGHT)
+        place[far & at, 0] = gripper[far & at, 0]
+        place[far, 1] = np.clip(place[far, 1], INSIDE - self._beside, self._beside - INSIDE)
+        leaves = at & (far | (np.abs(place[:, 1]) < self._beside))
+        place[leaves, 2] = np.maximum(place, gripper)[leaves, 2]
         return place
 
     def _at_other_handle(self, referent: Slots) -> NDArray[np.bool_]:
