@@ -24,7 +24,7 @@ class ReachNext(NLReach):
         self._first[worlds] = np.where(distances.min(1) <= self.config.radius, nearest, NOTHING)
 
     def _distances(self, state: State) -> Array:
-        """With devices, see-through targets do not count: what stands at one is as near as that, which is never meant."""
+        """With devices, see-through targets do not count: they are never meant, and as near as what stands there."""
         distances = super()._distances(state)
         return np.where(state.movable, distances, np.inf) if self.config.devices else distances
 
