@@ -11,7 +11,7 @@ import numpy as np
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name
 from envs.tasks.anything import Anything
-from envs.tasks.feasible import CARRY, THROUGH, Option, Room, options
+from envs.tasks.feasible import CARRY, DEVICE_VERBS, THROUGH, Option, Room, options
 from envs.tasks.free_places import BESIDE
 from envs.tasks.furnished import OPEN, SHUT
 from envs.tasks.geometry import length
@@ -61,7 +61,7 @@ def plain_phrase(scene: Scene, index: int) -> ObjectPhrase | None:
 def room_of(env: InteractiveEnv, scene: Scene | None = None) -> Room:
     """The room as it is, or as it would be with this scene."""
     assert isinstance(env.task, Anything)
-    return env.task.room(env.scene() if scene is None else scene)
+    return env.task.room(env.scene() if scene is None else scene, env.moved())
 
 
 def sayable(env: InteractiveEnv) -> list[str]:
@@ -106,9 +106,12 @@ def _reasons(room: Room, option: Option, held: int, names: Sequence[str]) -> Ite
     if verb in OPERATED:
         yield from _of_operating(room, verb, referent, name)
         return
+    if verb in DEVICE_VERBS:
+        yield from _of_device(room, verb, referent, name)
+        return
     if room.scene.targets[referent]:
         yield f"{name} only marks a place: name another object"
-    if verb != "reach" and room.fits[referent]:
+    if verb != "reach" and (room.fits | room.devices)[referent]:
         yield f"{name} stays where it is: name something on the table"
     yield from _of_taking(room, option, names)
     if target is not None:
@@ -124,6 +127,14 @@ def _of_operating(room: Room, verb: str, referent: int, name: str) -> Iterator[s
         yield f"{name} is shut already"
     elif room.blocked():
         yield f"{name} cannot move: something lies in its way"
+
+
+def _of_device(room: Room, verb: str, referent: int, name: str) -> Iterator[str]:
+    noun = DEVICE_VERBS[verb]
+    if room.scene[referent].noun != noun:
+        yield f"'{verb}' needs a {noun}, which {name} is not"
+    elif not room.operable(verb)[referent]:
+        yield f"{name} is down already" if verb == "press" else f"{name} is at neither of its ends"
 
 
 def _of_taking(room: Room, option: Option, names: Sequence[str]) -> Iterator[str]:

@@ -63,10 +63,10 @@ class SessionConfig(Checked):
                 raise ConfigError(f"{group}={option} is not known{did_you_mean(option, options)}")
 
 
-def default_workspace(task: str) -> str:
-    """The workspace of a task, unless a person chooses another one."""
+def default_workspace(task: str) -> str | None:
+    """The workspace of a task, unless a person chooses another one; None: the one that its config chooses."""
     if set(FITTINGS) <= set(TASKS[task].fixtures):
-        return "room"
+        return None
     if HAND in TASKS[task].fixtures:
         return "handover"
     return "board" if TASKS[task].stacks else "collabtable"
@@ -148,6 +148,7 @@ def build(config: SessionConfig, seed: int, gui: bool = False) -> Setup:
         composed = compose([*options, *_changes(config, compose(options))])
     else:
         composed = apply(payload["config"], _changes(config, payload["config"]))
+    config = replace(config, workspace=composed["workspace"]["name"])
     env_config = read_env(composed).without_curriculum()
     env = InteractiveEnv(env_config, seed, Window(env_config.workspace.camera, "--gui") if gui else None)
     try:
@@ -179,7 +180,7 @@ def _find_policy(config: SessionConfig) -> tuple[dict[str, Any] | None, SessionC
 def _changes(config: SessionConfig, composed: Any) -> list[str]:
     """Overrides that turn the composed config into that of the session."""
     changes = []
-    if config.workspace != composed["workspace"]["name"]:
+    if config.workspace not in (None, composed["workspace"]["name"]):
         changes.append(f"workspace={config.workspace}")
     has_cue = composed["task"]["kinds"] or composed["gesture"]["source"] != "none"  # else nothing tells the referent
     if has_cue and config.objects is not None:

@@ -31,6 +31,7 @@ def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task
     task = TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
     task.furnish(config.workspace.fittings)
     task.meet(config.workspace)
+    task.place_devices(config.workspace.device_area)
     return task
 
 

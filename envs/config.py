@@ -58,6 +58,8 @@ def read_env(config: Any) -> EnvConfig:
     kind = TASKS[task.name]
     if gripper.rod and kind.moves:
         robot = gripper.on_rod(robot)
+    if task.devices and not kind.continues:
+        raise ConfigError(f"task.devices={task.devices} must be 0 in task.name={task.name}: take task=anything")
     if kind.stacks:
         _check_board(task, workspace)
     return EnvConfig(

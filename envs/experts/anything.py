@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.experts.base import UP, AimingExpert, Array, Slots, choose_rows
+from envs.experts.devices import DeviceExpert
 from envs.experts.grasp import LiftExpert
+from envs.experts.in_out import fittings_from
 from envs.experts.place import Fetch, PlaceExpert
 from envs.experts.reach import ReachExpert
 from envs.experts.registry import EXPERTS, register_expert
@@ -19,6 +21,10 @@ from envs.workspace_env import WorkspaceEnv
 HOVER = 0.14  # metres above an object at which grippers travel: over stacks of two
 HEIGHT = 0.12  # metres above their targets at which objects are carried: over stacks of two
 BESIDE, CLEAR = 0.05, 0.06  # metres beside and over a handle from which a gripper may go sideways
+SHUT_WITHIN = 0.09  # metres beside a device from which on fingers are shut: not at what they have just released
+SINK = 0.02  # metres that fingers go down in a control step: faster, after they went up, a panda leaves the vertical
+STRAIGHT = 0.05  # metres from a device along x up to which a gripper stays between the fittings
+INSIDE = 0.01  # metres within the line at which it is between them
 SAG = 0.02  # metres below its aim up to which a gripper goes sideways, and less so down to twice as much
 
 
@@ -30,6 +36,8 @@ class AnythingExpert(AimingExpert):
         super().__init__(env, task)
         assert isinstance(self._task, Anything)
         self._members = [self._member(member) for member in self._task.members]
+        self._operates = np.array([isinstance(member, DeviceExpert) for member in self._members])
+        self._beside = fittings_from(env)
 
     def _member(self, task: Task) -> AimingExpert:
         member = EXPERTS[task.config.name](self._env, task)
@@ -38,6 +46,8 @@ class AnythingExpert(AimingExpert):
             member.hover = HOVER
         if isinstance(member, PlaceExpert):
             member.height = HEIGHT
+        if isinstance(member, DeviceExpert):
+            member.shut_within = SHUT_WITHIN
         if isinstance(member, LiftExpert):  # also from the top of another object, and nobody remembers where it stood
             member.more += task.config.object_size
         return member
@@ -48,10 +58,27 @@ class AnythingExpert(AimingExpert):
         place, close = (np.stack(parts)[state.kind, self._rows] for parts in zip(*aims, strict=True))
         sideways = np.clip(2.0 - (place - gripper)[:, 2] / SAG, 0.0, 1.0)[:, None]
         place[:, :2] = gripper[:, :2] + sideways * (place - gripper)[:, :2]
+        place = self._past_the_lid(place)
+        if self._env.below == 0:
+            place[:, 2] = np.maximum(place[:, 2], gripper[:, 2] - SINK)
         leaves = self._at_other_handle(referent)
         place = choose_rows(leaves, gripper + HOVER * UP, place)
         other = (state.held != NOTHING) & (state.held != referent)
         return choose_rows(other, gripper, place), close & ~other
+
+    def _past_the_lid(self, place: Array) -> Array:
+        """The places (N, 3), or what is on the way there from a fitting, past its open lid.
+
+        A gripper does not go down before it is away from the fitting. To a device it goes along y, and then along x.
+        """
+        gripper, place = self._env.gripper, place.copy()
+        at = np.abs(gripper[:, 1]) > self._beside
+        far = self._operates[self._env.state.kind] & (place[:, 0] - gripper[:, 0] > STRAIGHT)
+        place[far & at, 0] = gripper[far & at, 0]
+        place[far, 1] = np.clip(place[far, 1], INSIDE - self._beside, self._beside - INSIDE)
+        leaves = at & (far | (np.abs(place[:, 1]) < self._beside))
+        place[leaves, 2] = np.maximum(place, gripper)[leaves, 2]
+        return place
 
     def _at_other_handle(self, referent: Slots) -> NDArray[np.bool_]:
         """(N,) whether a gripper is at the handle of a fitting that is not the referent: it goes up from there."""

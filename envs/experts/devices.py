@@ -6,11 +6,12 @@ from abc import abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
-from torch import Tensor
 
-from envs.experts.base import OVER, Array, Expert, Slots, choose_rows
+from envs.experts.base import OVER, AimingExpert, Array, Slots, choose_rows
 from envs.experts.registry import register_expert
 from envs.sim.devices import DEVICES, facing
+from envs.tasks import Task
+from envs.tasks.device_motion import lever_way, wheel_way
 from envs.tasks.geometry import length
 from envs.tasks.operate import Operate
 from envs.workspace_env import WorkspaceEnv
@@ -29,21 +30,31 @@ SLOWLY = 0.03  # metres that a gripper goes down in a control step: faster joint
 REACHED = 0.012  # metres above the pushing height from which a gripper pushes
 
 
-class DeviceExpert(Expert):
-    """Operates the referent, then keeps still."""
+class DeviceExpert(AimingExpert):
+    """Operates the referent, then keeps still. shut_within: metres beside it from which on fingers are shut."""
 
-    def act(self, referent: Slots, target: Slots) -> Tensor:
-        state, task = self._env.state, self._env.task
-        assert isinstance(task, Operate)
-        way = task.travel(state)[self._rows, referent]
+    shut_within = np.inf
+
+    def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
+        super().__init__(env, task)
+        assert isinstance(self._task, Operate)
+        self._operated = self._task
+
+    def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
+        state, task = self._env.state, self._operated
+        way, before = task.travel(state)[self._rows, referent], task.before(referent)
         place, turn = self._place(referent), state.quaternions[self._rows, referent]
         done = np.abs(way) >= ENOUGH
-        shut = np.full(len(self._rows), self._env.below == 0)  # fingers push while shut; a magnet holds nothing
-        return self._env.towards(choose_rows(done, self._env.gripper, self._operate(place, turn, way)), shut)
+        shut = length((place - self._env.gripper)[:, :2]) < self.shut_within
+        shut &= self._env.below == 0  # fingers push while shut; a magnet holds nothing
+        return choose_rows(done, self._env.gripper, self._operate(place, turn, way, before)), shut
 
     @abstractmethod
-    def _operate(self, place: Array, turn: Array, way: Array) -> Array:
-        """Where the gripper goes (N, 3). place, turn, way: (N, 3), (N, 4) and (N,) of the handles."""
+    def _operate(self, place: Array, turn: Array, way: Array, before: Array) -> Array:
+        """Where the gripper goes (N, 3).
+
+        place, turn, way: (N, 3), (N, 4) and (N,) of the handles. before: (N,) of `Operate.before`.
+        """
 
     def _down(self, start: Array) -> Array:
         """Up, over the start (N, 3), and down to it."""
@@ -60,7 +71,7 @@ class DeviceExpert(Expert):
 class PressExpert(DeviceExpert):
     """Moves down onto the button and goes on until it is pressed."""
 
-    def _operate(self, place: Array, turn: Array, way: Array) -> Array:
+    def _operate(self, place: Array, turn: Array, way: Array, before: Array) -> Array:
         below = place.copy()
         below[:, 2] = np.minimum(place, self._env.gripper)[:, 2] - STEP
         return self._down(below)
@@ -68,39 +79,42 @@ class PressExpert(DeviceExpert):
 
 @register_expert("switch", "nl_switch")
 class SwitchExpert(DeviceExpert):
-    """Moves down behind the lever's knob, then along the knob's path."""
+    """Moves down behind the lever's knob, then along the knob's path; from in front of it where the lever is over."""
 
-    def _operate(self, place: Array, turn: Array, way: Array) -> Array:
-        ahead, level = _flat(facing(turn)), place - [0.0, 0.0, LOW]
+    def _operate(self, place: Array, turn: Array, way: Array, before: Array) -> Array:
+        side = lever_way(before)
+        ahead, level = side[:, None] * _flat(facing(turn)), place - [0.0, 0.0, LOW]
         offset = self._env.gripper - level
         along = (offset * ahead).sum(1)
         aside = offset - along[:, None] * ahead
         pushing = (np.abs(along + BEHIND) < 0.035) & (length(aside[:, :2]) < ASIDE) & (offset[:, 2] < REACHED)
         onward = self._env.gripper - aside + STEP * ahead
-        onward[:, 2] += np.where(along > -CLOSE, self._rise(way), 0.0)
+        onward[:, 2] += np.where(along > -CLOSE, self._rise(way, side), 0.0)
         return choose_rows(pushing, onward, self._down(level - BEHIND * ahead))
 
-    def _rise(self, way: Array) -> NDArray[np.float64]:
-        """(N,) metres that a gripper that touches a knob is led up or down, as the knob goes."""
+    def _rise(self, way: Array, side: Array) -> NDArray[np.float64]:
+        """(N,) metres that a gripper that touches a knob is led up or down, as the knob goes. side: (N,) 1 or -1."""
         lever = DEVICES["lever"]
-        return -RISE * np.sin(lever.start + lever.way * way)
+        return -RISE * np.sin(lever.start + lever.way * side * way)
 
 
 @register_expert("turn", "nl_turn")
 class TurnExpert(DeviceExpert):
     """Moves down beside the wheel's peg, then around the axis with it."""
 
-    def __init__(self, env: WorkspaceEnv) -> None:
-        super().__init__(env)
+    def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
+        super().__init__(env, task)
         device = DEVICES["wheel"]
-        self._radius = env.task.device_width * float(np.subtract(device.handle, device.pivot)[0])
+        self._radius = self._task.device_width * float(np.subtract(device.handle, device.pivot)[0])
 
-    def _operate(self, place: Array, turn: Array, way: Array) -> Array:
+    def _operate(self, place: Array, turn: Array, way: Array, before: Array) -> Array:
         out, gripper = _flat(facing(turn)), self._env.gripper
         centre = place - self._radius * out - [0.0, 0.0, LOW]
         offset = gripper - centre
         ahead = _angle(out, offset)  # of the peg; the gripper pushes it away from itself
-        side = -np.where(np.abs(way) > 0.02, np.sign(way), -np.sign(ahead + 1e-9))
+        nearer = np.where(np.abs(way) > 0.02, np.sign(way), -np.sign(ahead + 1e-9))
+        onward = wheel_way(before)
+        side = -np.where(onward == 0, nearer, onward)
         behind = side * ahead
         ring = np.abs(length(offset[:, :2]) - self._radius) < ASIDE
         pushing = ring & (behind > 0.4) & (behind < 1.6) & (offset[:, 2] < REACHED)

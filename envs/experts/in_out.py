@@ -8,17 +8,28 @@ from numpy.typing import NDArray
 from envs.experts.base import Array, Slots
 from envs.experts.registry import register_expert
 from envs.experts.stack import StackExpert
+from envs.tasks import Task
 from envs.tasks.in_out import InOut
+from envs.workspace_env import WorkspaceEnv
 
-BESIDE = 0.17  # metres from the middle of the table from which a gripper is at a fitting
+BESIDE = 0.04  # metres beside the area of the loose objects from which a gripper is at a fitting
 TRAVEL = 0.14  # metres above the table at which an object passes over all walls
 BELOW = 0.015  # metres below its height at which an object goes nowhere but up at a fitting
 STRAIGHT = 0.015  # metres beside its aim along x at which a gripper may go to a fitting
 
 
+def fittings_from(env: WorkspaceEnv) -> float:
+    """Metres from the middle of the table, to either side, from which a gripper is at a fitting."""
+    return max(abs(edge) for edge in env.config.workspace.object_area[2:]) + BESIDE
+
+
 @register_expert("nl_put_in", "nl_take_out")
 class InOutExpert(StackExpert):
     """Between the table and a fitting it goes along y alone."""
+
+    def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
+        super().__init__(env, task)
+        self._beside = fittings_from(env)
 
     def _goal(self, target: Slots) -> Array:
         assert isinstance(self._task, InOut)
@@ -31,7 +42,7 @@ class InOutExpert(StackExpert):
     def _carry(self, thing: Array, goal: Array) -> tuple[Array, NDArray[np.bool_]]:
         place, keep = super()._carry(thing, goal)
         gripper, way = self._env.gripper, self._straight(place)
-        walled = (thing[:, 2] < self._height(thing, goal) - BELOW) & (np.abs(gripper[:, 1]) > BESIDE)
+        walled = (thing[:, 2] < self._height(thing, goal) - BELOW) & (np.abs(gripper[:, 1]) > self._beside)
         way[walled, :2] = gripper[walled, :2]
         return way, keep
 
@@ -41,7 +52,7 @@ class InOutExpert(StackExpert):
     def _straight(self, place: Array) -> Array:
         """The places (N, 3), or what is on the way there along x, and then along y."""
         gripper, way = self._env.gripper, place.copy()
-        at, aim = np.abs(gripper[:, 1]) > BESIDE, np.abs(place[:, 1]) > BESIDE
+        at, aim = np.abs(gripper[:, 1]) > self._beside, np.abs(place[:, 1]) > self._beside
         away, aside = at & ~aim, aim & ~at & (np.abs(place[:, 0] - gripper[:, 0]) > STRAIGHT)
         way[away, 0] = gripper[away, 0]
         way[aside, 1] = gripper[aside, 1]

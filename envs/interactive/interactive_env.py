@@ -46,6 +46,10 @@ class InteractiveEnv(WorkspaceEnv):
         slots = self._slots
         return scene_of_rows(self._arrays.rows[0, slots], self.config.task.viewpoint, self._state.nouns[0, slots])
 
+    def moved(self) -> Array:
+        """(K,) how far devices are from their start, in shares of their way; 0 for other objects."""
+        return self.task.moved(self._state)[0, self._slots]
+
     def bodies(self) -> list[int | None]:
         """PyBullet's body number of each object; None for devices and fittings, which are no single bodies."""
         loose = np.array([noun in SHAPES for noun in NOUNS])[self._state.nouns[0, self._slots]]

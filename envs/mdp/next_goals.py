@@ -24,9 +24,8 @@ def next_goals(
     for i in np.flatnonzero(success & (arrays.said < task.config.instructions)).tolist():
         slots, held = np.sort(arrays.slots[i]), arrays.state.held[i]
         scene = scene_of_rows(arrays.rows[i, slots], task.config.viewpoint, arrays.state.nouns[i, slots])
-        said = task.next_instruction(
-            scene, NOTHING if held == NOTHING else int(np.searchsorted(slots, held)), generators[i]
-        )
+        number = NOTHING if held == NOTHING else int(np.searchsorted(slots, held))
+        said = task.next_instruction(scene, number, generators[i], task.moved(arrays.state)[i, slots])
         if said is not None:
             arrays.said[i] += 1
             arrays.steps[i] = 0

@@ -44,7 +44,8 @@ class WorldState:
         referent, target, held = np.zeros((3, count), np.int64)
         places, quaternions = self.rows[..., :3], self.rows[..., 3:7]
         nouns, self.kind = np.zeros((count, slots), np.int64), np.zeros(count, np.int64)
-        seen = places, shown, referent, target, movable, goals, quaternions, held, nouns, self.kind
+        yaw = np.zeros((count, slots))
+        seen = places, shown, referent, target, movable, goals, quaternions, held, nouns, self.kind, yaw
         self.state = State(np.zeros((count, 3)), *seen)
         self.slots = [np.arange(slots) for _ in range(count)]
         self.goals = [Goal(0, 0, "", "", 0)] * count
@@ -90,6 +91,7 @@ class WorldState:
             (state.movable, free),
             (state.goals, goals),
             (state.nouns, scene.nouns),
+            (state.yaw, 0.0 if episode.yaw is None else episode.yaw),
         ):
             array[i] = 0
             array[i, slots] = values

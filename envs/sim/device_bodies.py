@@ -93,20 +93,27 @@ class DeviceBodies:
         places: Sequence[Sequence[float]],
         yaw: Sequence[float],
         colors: Sequence[Sequence[float]],
+        shares: Sequence[float] | None = None,
     ) -> None:
-        """Place devices on the table. places: of their handles at the start, metres. colors: RGBA."""
+        """Place devices on the table.
+
+        places: of their handles, metres. colors: RGBA. shares: of their joints' ranges; None: they are at their start.
+        """
         unused = {
             noun: [body for body, of in zip(self.bodies, self._nouns, strict=True) if of == noun] for noun in nouns
         }
         self.shown = [unused[noun].pop(0) for noun in nouns]
-        for body, noun, place, angle, color in zip(self.shown, nouns, places, yaw, colors, strict=True):
-            x, y, _ = DEVICES[noun].grip(self._width)
+        for number, (body, noun, place, angle) in enumerate(zip(self.shown, nouns, places, yaw, strict=True)):
+            value = None if shares is None else float(DEVICES[noun].value(shares[number]))
+            if value is not None:
+                bullet.resetJointState(body, LINK, value * DEVICES[noun].scale(self._width), 0.0, self._client)
+            x, y, _ = DEVICES[noun].grip(self._width, value)
             forward, left = math.cos(angle), math.sin(angle)
             stand = (place[0] - forward * x + left * y, place[1] - left * x - forward * y, 0.0)
             turned = (0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2))
             bullet.resetBasePositionAndOrientation(body, stand, turned, self._client)
             if self._visuals:
-                bullet.changeVisualShape(body, LINK, rgbaColor=color, physicsClientId=self._client)
+                bullet.changeVisualShape(body, LINK, rgbaColor=colors[number], physicsClientId=self._client)
 
     def reset(self) -> None:
         """Put all joints to rest at their start."""

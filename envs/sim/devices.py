@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]
@@ -73,11 +73,18 @@ class Device:
             gone = np.arctan2(np.sin(gone), np.cos(gone))
         return np.clip(gone / (self.way * self.scale(width)), -1.0, 1.0)
 
-    def grip(self, width: float) -> Array:
-        """(3,) position of the handle at the start, metres."""
+    def value(self, share: ArrayLike) -> Array:
+        """(...) the joint value at this share of its range, (...) in [0, 1]; widths or radians."""
+        return self.low + np.asarray(share) * (self.high - self.low)
+
+    def grip(self, width: float, value: float | None = None) -> Array:
+        """(3,) position of the handle at a joint value, widths or radians, in metres. value: None: the start."""
+        value = self.start if value is None else value
         arm = np.subtract(self.handle, self.pivot)
         if self.joint == "turn":
-            arm = _rotated(arm, self.axis, self.start)
+            arm = _rotated(arm, self.axis, value)
+        elif value:
+            arm = arm + np.multiply(self.axis, value)
         return width * (np.array(self.pivot) + arm)
 
 

@@ -61,7 +61,9 @@ class ShownObjects:
         """Place what the next episode shows; the arguments are those of `World.reset`."""
         rests = [False] * len(nouns) if resting is None else resting
         loose, devices, fittings, palms = kinds = _by_kind(nouns)
-        self._devices.show([NAMES[nouns[k]] for k in devices], *_chosen(devices, positions, yaw, colors))
+        places, turns, paints = _chosen(devices, positions, yaw, colors)
+        starts = None if shares is None else [shares[k] for k in devices]
+        self._devices.show([NAMES[nouns[k]] for k in devices], places, turns, paints, starts)
         self._show_loose(*_chosen(loose, nouns, mobilities, positions, yaw, rests, colors))
         self._fittings = [NAMES[nouns[k]] for k in fittings]
         for name, k in zip(self._fittings, fittings, strict=True):

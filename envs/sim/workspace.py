@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -164,12 +164,15 @@ class WorkspaceConfig(Checked):
     camera: Camera
     human: HumanConfig | None  # the person in the workspace, if any
     board: BoardConfig | None  # the board on the table, if any
+    device_area: list[float] = field(default_factory=list)  # where devices stand beside fittings; []: nowhere
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_box("object_area", self.object_area, 4)
         _check_box("gripper_box", self.gripper_box, 6)
         _check_box("bounds", self.bounds, 6)
+        if self.device_area:
+            _check_box("device_area", self.device_area, 4)
 
     def within_reach(self, reach: Sequence[float]) -> WorkspaceConfig:
         """The workspace with object_area and gripper_box cut to what a robot reaches: (x0, x1, y0, y1, z0, z1).

@@ -170,7 +170,7 @@ class World:
             yaw: (K,) radians.
             colors: (K, 4) RGBA.
             resting: (K,) what rests on other objects and does not fall; None: nothing.
-            shares: (K,) in [0, 1], by which fittings are open; None: they are shut.
+            shares: (K,) in [0, 1], of the ranges of fittings and devices; None: they are shut, and at their start.
         """
         self._draw(False)
         self.release()

@@ -12,81 +12,48 @@ from numpy.typing import NDArray
 from conf.schema import ConfigError
 from envs.sim.workspace import Fitting
 from envs.tasks.base import Task
-from envs.tasks.feasible import CARRY, VERBS, Option, Room, options
-from envs.tasks.free_places import COLUMNS, FreeTable, described_free
-from envs.tasks.furnished import Furnished
+from envs.tasks.feasible import CARRY, Option, Room, options
 from envs.tasks.movable_objects import SCENES
-from envs.tasks.nl_reach import NLReach
-from envs.tasks.object_layout import scatter
+from envs.tasks.operate_among import OperateAmong
 from envs.tasks.outcome import Outcome
+from envs.tasks.reach_next import ReachNext
 from envs.tasks.registry import TASKS, register_task
+from envs.tasks.room_devices import shares_of
+from envs.tasks.room_scenes import RoomScenes
 from envs.tasks.training_episodes import NO_CURRICULUM
 from envs.tasks.types import NOTHING, Array, EpisodeSpec, GripperStart, Said, State, TaskConfig
 from envs.tasks.verb_sampling import VerbSampler
 from human import Person
-from language import COLORS, FITTINGS, Placed, Scene
+from language import Placed, Scene
 
 STACK_RADIUS = 0.02  # metres from the place on top of the base, as in conf/task/nl_stack.yaml
-STORED, STACKED = 0.3, 0.5  # chances that an object lies in each fitting, and that one stands on another
-AT_AN_OBJECT = 0.5  # share of the episodes that the curriculum begins elsewhere, in which that is over another object
-ABOVE = 0.12  # metres over an object up to which a gripper begins there
-HIGH = (0.2, 0.4)  # metres over the table between which a gripper begins anywhere
-LEAST_ON_TABLE = 2  # loose objects that stand on the table, at least
-
-
-class ReachNext(NLReach):
-    """Reach after another instruction: the object at which the gripper begins is not the wrong one until it left it."""
-
-    def _allocate(self, worlds: int) -> None:
-        super()._allocate(worlds)
-        self._first = np.full(worlds, NOTHING)  # the slot at which it begins, until it leaves it
-
-    def reset(self, worlds: NDArray[np.int64], state: State) -> None:
-        super().reset(worlds, state)
-        distances = self._distances(state)[worlds]
-        nearest = distances.argmin(1)
-        self._first[worlds] = np.where(distances.min(1) <= self.config.radius, nearest, NOTHING)
-
-    def step(self, state: State) -> Outcome:
-        distances = self._distances(state)
-        stays = (distances.argmin(1) == self._first) & (distances.min(1) <= self.config.radius)
-        self._first = np.where(stays, self._first, NOTHING)
-        self._held_other = np.where(stays, -1, self._held_other)
-        return super().step(state)
 
 
 @register_task("anything", verb="pick_and_place")
-class Anything(Furnished):
+class Anything(RoomScenes):
     """Each episode draws a verb among those that are feasible in its room, and then its referent and target.
 
     Success and the ends of episodes are those of the task that is said: `members` has one for each verb. Reward terms
-    of all members have the same weights. Scenes are drawn so that several verbs are feasible: fittings are open or
-    shut, with an object in them or without, and an object may stand on another one.
+    of all members have the same weights. Scenes are drawn so that several verbs are feasible.
 
     kind_names: the verbs.
     """
 
-    columns = (*Furnished.columns, *COLUMNS)
     ends = ("success", "wrong_object", "wrong_target", "failed", "time")
     terms = ("progress", "approach", "grasp", "lift", "height", "transport", "release", "operate", *ends)
     continues = True
-    wide = (0.85, 1.0)
-    kind_names = verbs = VERBS
 
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
     ) -> None:
-        self._table = FreeTable(object_area, config.object_size)
-        self._room: Room | None = None  # the last one
-        self._verbs = [verb for verb in VERBS if verb in config.verbs] or list(VERBS)  # that are said
         super().__init__(config, object_area, num_worlds, person)
-        self.kind_names = VERBS
+        self._verbs = [verb for verb in self.verbs if verb in config.verbs] or list(self.verbs)  # that are said
 
     def _allocate(self, worlds: int) -> None:
-        self._free = np.zeros((worlds, self.config.slots, 3))  # where the table is free for each object
-        self._sampler = VerbSampler(VERBS, self.config.curriculum.automatic)
+        super()._allocate(worlds)
+        self._sampler = VerbSampler(self.verbs, self.config.curriculum.automatic)
         self._steps = np.zeros(worlds, np.int64)  # since each world's instruction was given
-        self.members = [self._member(verb, worlds) for verb in VERBS]
+        self.members = [self._member(verb, worlds) for verb in self.verbs]
 
     def _member(self, verb: str, worlds: int) -> Task:
         """The task of a verb, as far as it evaluates steps: it draws nothing."""
@@ -119,7 +86,7 @@ class Anything(Furnished):
 
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
         """Begins new episodes in these worlds, or continues with another instruction."""
-        self._free[worlds] = self._table.nearest(state.objects[worlds], state.shown[worlds])
+        super().reset(worlds, state)
         self._steps[worlds] = 0
         for member in self.members:
             member.reset(worlds, state)
@@ -149,36 +116,28 @@ class Anything(Furnished):
         """(N, M) what the members remember."""
         return np.concatenate([member.memory for member in self.members], axis=1)
 
-    def seen(self, state: State) -> Array:
-        return np.concatenate((super().seen(state), (self._free - state.objects)[..., :2]), axis=-1)
-
-    def described(self, episode: EpisodeSpec) -> Array:
-        return np.concatenate((super().described(episode), described_free(self._table, episode)), axis=-1)
+    def travel(self, state: State) -> Array:
+        member = self.members[self.verbs.index("press")]
+        assert isinstance(member, OperateAmong)  # any of them tells how far all devices have travelled
+        return member.travel(state)
 
     # ---- drawing
 
     @property
     def draw_state(self) -> dict[str, float]:
         """For each verb, the share of its last instructions that failed; 1 before any has ended."""
-        return dict(zip(VERBS, self._sampler.failures.tolist(), strict=True))
+        return dict(zip(self.verbs, self._sampler.failures.tolist(), strict=True))
 
     def load_draw_state(self, state: Mapping[str, float]) -> None:
-        self._sampler.failures[:] = [state.get(verb, 1.0) for verb in VERBS]
+        self._sampler.failures[:] = [state.get(verb, 1.0) for verb in self.verbs]
 
-    def room(self, scene: Scene) -> Room:
-        """What the scene is like, for what is feasible in it."""
-        if self._room is None or self._room.scene is not scene:  # computed once for several calls
-            nouns, places = scene.nouns, scene.positions
-            fits = np.isin(nouns, list(self.fittings))
-            self._room = Room(scene, self.shares(nouns, places), self._inside(nouns, places), fits, self._area)
-        return self._room
-
-    def next_instruction(self, scene: Scene, held: int, rng: Generator) -> Said | None:
+    def next_instruction(self, scene: Scene, held: int, rng: Generator, moved: Array | None = None) -> Said | None:
         """An instruction that is feasible in the scene as it is: first a verb is drawn, and then what it is done to.
 
-        held: the object that the gripper holds, or NOTHING. None where nothing is feasible that words can name.
+        held: the object that the gripper holds, or NOTHING. moved: as for `room`. None where nothing is feasible that
+        words can name.
         """
-        feasible = self._sayable(scene, held)
+        feasible = self._sayable(self.room(scene, moved), held)
         if not feasible:
             return None
         verbs = sorted({each.verb for each in feasible})
@@ -186,78 +145,51 @@ class Anything(Furnished):
         chosen = [each for each in feasible if each.verb == verb]
         return self._said(scene, chosen[rng.integers(len(chosen))], rng)
 
-    def _sayable(self, scene: Scene, held: int = NOTHING, verb: str | None = None) -> list[Option]:
+    def _sayable(self, room: Room, held: int = NOTHING, verb: str | None = None) -> list[Option]:
         """The feasible instructions, of one verb or of all that are said, whose objects words can name."""
         verbs = self._verbs if verb is None else (verb,)
-        feasible = [each for each in options(self.room(scene), held) if each.verb in verbs]
+        feasible = [each for each in options(room, held) if each.verb in verbs]
         if not feasible:
             return []
-        named = self._describer.nameable(scene)
+        named = self._describer.nameable(room.scene)
         return [each for each in feasible if named[each.referent] and (each.target is None or named[each.target])]
 
     def _said(self, scene: Scene, option: Option, rng: Generator) -> Said:
         verb, referent, target = option
         sentence, _ = self._sentence(verb, scene, referent, target, rng)
-        return Said(VERBS.index(verb), referent, target, sentence, self._heard(sentence))
-
-    def _scene(self, rng: Generator) -> Scene:
-        """Loose objects, targets and fittings. The first objects may lie in fittings, and the next one on the last."""
-        config = self.config
-        count = int(rng.integers(config.min_objects, config.num_objects + 1)) - len(FITTINGS)
-        places = np.array(scatter(rng, count + config.num_targets, self._area, config.spacing, config.object_size / 2))
-        fitting_nouns = list(self.fittings)
-        shares = zip(self.fittings.values(), self._draw_shares(rng), strict=True)
-        handles = np.array([fitting.handle_at(fitting.value(share)) for fitting, share in shares])
-        stored = np.flatnonzero(rng.random(len(handles)) < STORED)[: max(count - LEAST_ON_TABLE, 0)]
-        places[: len(stored)] = self.middles(np.array(fitting_nouns)[stored], handles[stored])
-        if rng.random() < STACKED and count - len(stored) > 1:
-            places[len(stored)] = places[count - 1] + [0.0, 0.0, config.object_size]
-        nouns = np.concatenate((self._nouns[rng.integers(len(self._nouns), size=len(places))], fitting_nouns))
-        targets = (np.arange(len(nouns)) >= count) & (np.arange(len(nouns)) < len(places))
-        places = np.concatenate((places, handles))
-        colors = rng.integers(len(COLORS), size=len(nouns))
-        return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
+        return Said(self.verbs.index(verb), referent, target, sentence, self._heard(sentence))
 
     def _draw(self, rng: Generator) -> EpisodeSpec:
         """Draws a verb, scenes until it is feasible, and where the gripper begins."""
         verb = self._sampler.draw(self._verbs, rng)
         for _ in range(SCENES):
-            placed = self._placed(rng)
-            chosen = self._sayable(placed.scene, verb=verb)
+            placed, room = self._furnished(rng)
+            chosen = self._sayable(room, verb=verb)
             if chosen:
-                return self._episode_of(placed, chosen[rng.integers(len(chosen))], rng)
+                return self._episode_of(placed, room, chosen[rng.integers(len(chosen))], rng)
         raise ConfigError(f"task.name={self.config.name}: no scene was found in which '{verb}' can be said")
 
     def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
-        placed = self._placed(rng)
-        said = [self._said(placed.scene, option, rng) for option in self._sayable(placed.scene)]
-        return [self._pointed(self._spoken(placed, each), rng) for each in said]
+        placed, room = self._furnished(rng)
+        said = [self._said(placed.scene, option, rng) for option in self._sayable(room)]
+        return [self._pointed(self._spoken(placed, room, each), rng) for each in said]
 
-    def _episode_of(self, placed: Placed, option: Option, rng: Generator) -> EpisodeSpec:
+    def _episode_of(self, placed: Placed, room: Room, option: Option, rng: Generator) -> EpisodeSpec:
         """The episode, which the curriculum may begin with the object held, or with the gripper elsewhere."""
         curriculum, chance, start = self.config.curriculum, rng.random(), None
         if chance < curriculum.near:
-            start = GripperStart(self._elsewhere_offset(placed.scene, option.referent, rng), held=False)
+            start = GripperStart(self._elsewhere_offset(room, option.referent, rng), held=False)
         elif chance < curriculum.near + curriculum.held and option.verb in CARRY:
             held = self._held_scene(placed.scene, option.referent, None, rng)
-            if held is not None and option in self._sayable(held, option.referent, option.verb):
-                placed, start = placed._replace(scene=held), GripperStart(np.zeros(3), held=True)
-        return replace(self._spoken(placed, self._said(placed.scene, option, rng)), start=start)
+            lifted = None if held is None else self.room(held, room.moved)
+            if lifted is not None and option in self._sayable(lifted, option.referent, option.verb):
+                placed, room = placed._replace(scene=lifted.scene), lifted
+                start = GripperStart(np.zeros(3), held=True)
+        return replace(self._spoken(placed, room, self._said(placed.scene, option, rng)), start=start)
 
-    def _elsewhere_offset(self, scene: Scene, referent: int, rng: Generator) -> Array:
-        """(3,) metres from where the gripper would hold the referent to where it begins: over another object, as if
-        something had been done there, or anywhere in the air."""
-        at, room = scene.positions[referent], self.room(scene)
-        if rng.random() < AT_AN_OBJECT:
-            anchors = np.flatnonzero(room.ready | room.fits)
-            place = scene.positions[anchors[rng.integers(len(anchors))]] + [0.0, 0.0, rng.uniform(0.0, ABOVE)]
-        else:
-            low, high = scene.positions[:, :2].min(0), scene.positions[:, :2].max(0)
-            place = np.append(rng.uniform(low, high), rng.uniform(*HIGH))
-        return place - at
-
-    def _spoken(self, placed: Placed, said: Said) -> EpisodeSpec:
+    def _spoken(self, placed: Placed, room: Room, said: Said) -> EpisodeSpec:
         scene, count = placed.scene, len(placed.scene)
+        shares = np.where(room.devices, shares_of(scene.nouns, room.moved), room.shares)
         return EpisodeSpec(
             scene,
             said.referent,
@@ -268,6 +200,6 @@ class Anything(Furnished):
             placed.fixed,
             target=said.target,
             goals=np.ones(count, bool),
-            resting=np.any(self.room(scene).upon, axis=1),
-            shares=np.clip(self.room(scene).shares, 0.0, 1.0),
+            resting=np.any(room.upon, axis=1),
+            shares=np.clip(shares, 0.0, 1.0),
         )

@@ -135,10 +135,16 @@ class Task(ABC):
         """
         return None
 
-    def next_instruction(self, scene: Scene, held: int, rng: Generator) -> Said | None:
+    def moved(self, state: State) -> NDArray[np.float64]:
+        """(N, K) how far devices are from their start, in shares of their way, where a task `continues`; else 0."""
+        return np.zeros(state.shown.shape)
+
+    def next_instruction(
+        self, scene: Scene, held: int, rng: Generator, moved: NDArray[np.float64] | None = None
+    ) -> Said | None:
         """Another instruction after a success, in the scene as it is; None where there is none.
 
-        held: the object that the gripper holds, or NOTHING.
+        held: the object that the gripper holds, or NOTHING. moved: (K,) of `moved`; None: 0.
         """
         return None
 
@@ -156,6 +162,10 @@ class Task(ABC):
 
     def meet(self, workspace: WorkspaceConfig) -> None:
         """Takes note of who is in the workspace, before anything is drawn. Raises ConfigError where one is missing."""
+        return None
+
+    def place_devices(self, area: Sequence[float]) -> None:
+        """Takes note of where the workspace has devices beside fittings: x0, x1, y0, y1, metres, or nothing."""
         return None
 
     def described(self, episode: EpisodeSpec) -> NDArray[np.float64]:

@@ -7,12 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from envs.sim.devices import facing
+from envs.sim.devices import DEVICES, facing
 from envs.tasks.geometry import length
-from envs.tasks.types import Array
+from envs.tasks.types import Array, State
+from language import NOUNS
 
 BEHIND = 0.035  # metres from a lever's knob to the middle of a gripper that is about to push it
 BESIDE = 0.035  # metres from a wheel's peg to the middle of a gripper that is about to push it
+OVER = 0.5  # share of its way from which a lever is over, and is switched back
+OFF_CENTRE = 0.15  # share of its way from which a wheel is turned back: the other way may be too short
 
 
 class Motion(NamedTuple):
@@ -20,12 +23,12 @@ class Motion(NamedTuple):
 
     measure: of positions (..., 3), metres, and quaternions (..., 4) of handles, the joint values (...), metres or
         radians, from any zero.
-    start: of positions (N, 3) and quaternions (N, 4) of handles, and of grippers (N, 3), where a gripper begins to
-        move each device, (N, 3) metres.
+    start: of positions (N, 3) and quaternions (N, 4) of handles, of grippers (N, 3), and of how far the devices were
+        moved before the instruction (N,), where a gripper begins to move each device, (N, 3) metres.
     """
 
     measure: Callable[[Array, Array], Array]
-    start: Callable[[Array, Array, Array], Array]
+    start: Callable[[Array, Array, Array, Array], Array]
 
 
 def _depth(places: Array, quaternions: Array) -> Array:
@@ -43,21 +46,45 @@ def _direction(places: Array, quaternions: Array) -> Array:
     return np.arctan2(ahead[..., 1], ahead[..., 0])
 
 
-def _on_top(places: Array, quaternions: Array, grippers: Array) -> Array:
+def _on_top(places: Array, quaternions: Array, grippers: Array, before: Array) -> Array:
     return places
 
 
-def _behind(places: Array, quaternions: Array, grippers: Array) -> Array:
-    ahead = facing(quaternions)
+def _behind(places: Array, quaternions: Array, grippers: Array, before: Array) -> Array:
+    """Behind the knob; in front of it where the lever is over."""
+    ahead = facing(quaternions) * lever_way(before)[:, None]
     return places - BEHIND * np.column_stack((ahead, np.zeros(len(ahead))))
 
 
-def _nearer_side(places: Array, quaternions: Array, grippers: Array) -> Array:
-    """The side of the peg that is nearer to the gripper."""
+def _nearer_side(places: Array, quaternions: Array, grippers: Array, before: Array) -> Array:
+    """The side of the peg that is nearer to the gripper; of a wheel that was turned, that from which it goes back."""
     out = facing(quaternions)
     along = BESIDE * np.stack((-out[:, 1], out[:, 0], np.zeros(len(out))), axis=1)
     nearer = length(places + along - grippers) < length(places - along - grippers)
+    onward = wheel_way(before)
+    nearer = np.where(onward == 0, nearer, onward < 0)
     return np.where(nearer[:, None], places + along, places - along)
+
+
+def lever_way(before: Array) -> Array:
+    """(N,) 1 or -1: which way levers are switched that had been moved by `before` (N,), in shares of their way."""
+    return np.where(before > OVER, -1.0, 1.0)
+
+
+def wheel_way(before: Array) -> Array:
+    """(N,) which way wheels are turned that had been moved by `before` (N,), in shares of their way; 0: either."""
+    return np.where(np.abs(before) > OFF_CENTRE, -np.sign(before), 0.0)
+
+
+def moved(state: State, width: float) -> Array:
+    """(N, K) in [-1, 1]: how far devices are from their start, in shares of their way; 0 for other objects."""
+    found = np.zeros(state.nouns.shape)
+    for noun, device in DEVICES.items():
+        which = state.shown & (state.nouns == list(NOUNS).index(noun))
+        start = {"button": -device.grip(width)[2], "lever": 0.0, "wheel": state.yaw[which]}[noun]
+        now = MOTIONS[noun].measure(state.objects[which], state.quaternions[which])
+        found[which] = device.travelled(width, start, now)
+    return found
 
 
 MOTIONS = {

@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from envs.tasks.free_places import BESIDE, LEVEL
 from envs.tasks.geometry import length
 from envs.tasks.types import NOTHING, Array
-from language import Scene
+from language import NOUNS, Scene
 
 VERBS = ("reach", "grasp", "lift", "pick_and_place", "stack", "unstack", "open", "close", "put_in", "take_out")
+DEVICE_VERBS = {"press": "button", "switch": "lever", "turn": "wheel"}  # what is done to devices, and to which
 CARRY = ("pick_and_place", "stack", "put_in")  # what can be done with an object that is held already
 AJAR, WIDE = 0.2, 0.8  # shares up to which a fitting can be opened, and from which it can be closed
 THROUGH = 0.9  # share from which it is open wide enough to put something in and take it out
 EDGE = 0.06  # metres beyond the area of the objects up to which the arm takes objects
+AT_END = 0.2  # share of its way from either end up to which a lever can be switched, and a button pressed
 SLACK = 0.015  # metres that an object may stand higher or lower than on another one
 UNDER = 0.5  # widths between the middles of two objects of which one stands on the other, at most
 
@@ -38,6 +40,7 @@ class Room:
         inside: (K, K) whether the first of two is loose and in the second, a fitting.
         upon: (K, K) whether the first of two stands on the second. covered: (K,) what another object stands on.
         ready: (K,) what can be taken from above: it stands on the table or on another object, and nothing is on it.
+        devices: (K,) what is a device. moved: (K,) how far each is from its start, in shares of its way.
 
     Args:
         scene: the objects, metres.
@@ -45,6 +48,7 @@ class Room:
         inside: (K, K) whether the place of the first of two is in the second.
         fits: (K,) which are fittings.
         area: x0, x1, y0, y1 of the table's objects, metres.
+        moved: None: all devices are at their start.
     """
 
     def __init__(
@@ -54,9 +58,12 @@ class Room:
         inside: NDArray[np.bool_],
         fits: NDArray[np.bool_],
         area: Sequence[float],
+        moved: Array | None = None,
     ) -> None:
         self.scene, self.shares, self.fits = scene, shares, fits
-        self.loose = ~fits & ~scene.targets
+        self.moved = np.zeros(len(scene)) if moved is None else moved
+        self.devices = np.isin(scene.nouns, [list(NOUNS).index(noun) for noun in DEVICE_VERBS.values()])
+        self.loose = ~fits & ~self.devices & ~scene.targets
         self.inside = inside & self.loose[:, None]
         offset = scene.positions[:, None] - scene.positions
         near = length(offset[..., :2]) < UNDER * scene.sizes
@@ -73,6 +80,14 @@ class Room:
         """(K,) the see-through targets at which nothing stands."""
         apart = length((self.scene.positions[:, None] - self.scene.positions)[..., :2])
         return self.scene.targets & ~np.any(self.loose & (apart < BESIDE * self.scene.sizes), axis=1)
+
+    def operable(self, verb: str) -> NDArray[np.bool_]:
+        """(K,) the devices that this verb can be said of: a button that is up, a lever at an end, and any wheel."""
+        devices = self.scene.nouns == list(NOUNS).index(DEVICE_VERBS[verb])
+        if verb == "turn":
+            return devices
+        up, over = np.abs(self.moved) < AT_END, np.abs(self.moved) > 1 - AT_END
+        return devices & (up if verb == "press" else up | over)
 
     def blocked(self) -> bool:
         """Whether a loose object lies where fittings move: neither in one nor among the objects on the table."""
@@ -99,7 +114,7 @@ def _options(room: Room, taken: NDArray[np.bool_]) -> Iterator[Option]:
     clear, full = not room.blocked(), np.any(room.inside, axis=0)
     bases = room.ready & room.level
     alone: dict[str, NDArray[np.bool_]] = {
-        "reach": room.ready | room.fits,
+        "reach": room.ready | room.fits | room.devices,
         "grasp": taken,
         "lift": taken,
         "unstack": taken & np.any(room.upon, axis=1),
@@ -113,7 +128,8 @@ def _options(room: Room, taken: NDArray[np.bool_]) -> Iterator[Option]:
         "take_out": room.inside & through & ~room.covered[:, None],
     }
     np.fill_diagonal(pairs["stack"], False)
-    for verb in VERBS:
+    alone |= {verb: room.operable(verb) for verb in DEVICE_VERBS}
+    for verb in (*VERBS, *DEVICE_VERBS):
         if verb in alone:
             yield from (Option(verb, int(one), None) for one in np.flatnonzero(alone[verb]))
         else:

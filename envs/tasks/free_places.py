@@ -24,6 +24,14 @@ COLUMNS = (
 )
 
 
+CLOSE = 0.04  # metres at which a second copy of that offset is clipped, as of the offsets from the gripper
+FINE_COLUMNS = tuple(
+    Column(f"metres along {axis} to where the table is free for it, clipped at {limit:g}", -limit, limit)
+    for limit in (FREE, CLOSE)
+    for axis in "xyz"
+)
+
+
 class FreeTable:
     """Places of a table in a grid.
 
@@ -78,7 +86,7 @@ class ToTable(PickAndPlace):
         return np.concatenate((super().seen(state), (self._free - state.objects)[..., :2]), axis=-1)
 
     def described(self, episode: EpisodeSpec) -> Array:
-        return np.concatenate((super().described(episode), described_free(self._table, episode)), axis=-1)
+        return np.concatenate((super().described(episode), described_free(self._table, episode)[:, :2]), axis=-1)
 
     def free_places(self) -> Array:
         """(N, K, 3) where the table was free for each object as the episode began, metres."""
@@ -101,6 +109,6 @@ class ToTable(PickAndPlace):
 
 
 def described_free(table: FreeTable, episode: EpisodeSpec) -> Array:
-    """(K, 2) metres along x and y from each object to where the table is free for it, as the episode begins."""
+    """(K, 3) metres from each object to where the table is free for it, as the episode begins."""
     places = episode.scene.positions
-    return (table.nearest(places[None], np.ones((1, len(places)), bool))[0] - places)[:, :2]
+    return table.nearest(places[None], np.ones((1, len(places)), bool))[0] - places

@@ -28,7 +28,7 @@ class Furnished(MovableObjects):
     `num_objects` counts them, too; the others are loose.
     """
 
-    fixtures = FITTINGS
+    fixtures: tuple[str, ...] = FITTINGS
     grips = True
     columns = (*(Column(f"is a {noun}", 0.0, 1.0) for noun in FITTINGS), Column("share by which it is open", 0.0, 1.0))
     shut = 0.5  # the share of fittings that are shut as an episode begins

@@ -139,6 +139,8 @@ class Manipulation(MovableObjects):
             return np.zeros(len(self._rows), bool)
         others = state.goals.copy()
         others[self._rows, state.target] = others[self._rows, state.referent] = False
+        if self.real_goals and self.config.devices:  # a base that stands at a see-through target is not misplaced
+            others &= state.movable
         place = self._referent(state)
         there = others & (length(self._goals(state) - place[:, None]) <= self.config.radius)
         moved = length(place - self._begun[self._rows, state.referent]) > self.disturbed

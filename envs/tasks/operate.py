@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from conf.schema import ConfigError
 from envs.sim.devices import DEVICES, facing
-from envs.tasks.device_motion import MOTIONS
+from envs.tasks.device_motion import MOTIONS, moved
 from envs.tasks.geometry import length
 from envs.tasks.manipulation import Manipulation
 from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
 from human import Person
-from language import Placed
+from language import NOUNS, Placed
 
 OPERATED = 0.8  # share of its range at which a device is operated
 OTHER_OPERATED = 0.3  # share of its range at which another device counts as the wrong object
+SPRUNG = [list(NOUNS).index(noun) for noun, device in DEVICES.items() if device.spring]
 MARGIN = 0.05  # metres from the border of the object area to the handles, so that a gripper reaches every side
 
 
@@ -52,9 +53,11 @@ class Operate(Manipulation):
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
         self._zero = np.zeros((worlds, self.config.slots))  # joint values as the episode began
+        self._before = np.zeros((worlds, self.config.slots))  # how far devices had been moved then
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         self._zero[worlds] = self._measure(state)[worlds]
+        self._before[worlds] = moved(state, self.device_width)[worlds]
 
     def _measure(self, state: State) -> Array:
         """(N, K) the joint value of each device, metres or radians, from any zero."""
@@ -64,6 +67,10 @@ class Operate(Manipulation):
         """(N, K) in [-1, 1]: the share of its range that each device has travelled; 0 for other objects."""
         gone = DEVICES[self.noun].travelled(self.device_width, self._zero, self._measure(state))
         return np.where(state.shown, gone, 0.0)
+
+    def before(self, referent: NDArray[np.int64]) -> Array:
+        """(N,) how far the referents (N,) had been moved as the episode began, in shares of their way."""
+        return self._before[self._rows, referent]
 
     def seen(self, state: State) -> Array:
         return np.concatenate((facing(state.quaternions), self.travel(state)[..., None]), axis=2)
@@ -76,13 +83,15 @@ class Operate(Manipulation):
         return self._gone(state) >= OPERATED
 
     def _disturbed(self, state: State) -> NDArray[np.bool_]:
-        ways = np.abs(self.travel(state))
+        ways = self.travel(state)
+        ways = np.where(np.isin(state.nouns, SPRUNG), ways, np.abs(ways))  # a button that is let go springs back
         ways[self._rows, state.referent] = 0.0
         return np.any(ways >= OTHER_OPERATED, axis=1)
 
     def _potentials(self, state: State) -> dict[str, Array]:
         turns = state.quaternions[self._rows, state.referent]
-        start = MOTIONS[self.noun].start(self._referent(state), turns, state.gripper)
+        before = self.before(state.referent)
+        start = MOTIONS[self.noun].start(self._referent(state), turns, state.gripper, before)
         return {
             "approach": -length(start - state.gripper),
             "operate": np.minimum(self._gone(state) / OPERATED, 1.0),

@@ -30,6 +30,7 @@ from language import (
 
 Array = NDArray[np.float64]
 SLOTS = 8  # at most
+ROOM_SLOTS = 12  # ... where devices stand beside fittings and loose objects
 STACKED_SLOTS = 128  # ... where objects may be stacked
 ROUNDING = 1e-9  # metres
 NOTHING = -1  # in place of a slot: the gripper is empty
@@ -138,6 +139,7 @@ class TaskConfig(Checked):
     min_objects: int = within(1, STACKED_SLOTS)  # an episode shows this many to num_objects
     num_targets: int = within(0, SLOTS)  # see-through places, beside the objects
     levels: int = within(1, STACKED_SLOTS)  # objects in a stack, at most
+    devices: int = within(0, 3, default=0)  # of the objects, where a task has devices beside fittings
     nouns: list[str] = one_of(*NOUNS)  # what objects are drawn as
     kinds: list[str] = one_of(*KINDS)  # of sentences; empty: no words
     viewpoint: str = one_of(*VIEWPOINTS)  # whose left is left
@@ -195,7 +197,9 @@ class TaskConfig(Checked):
     @property
     def most_slots(self) -> int:
         """How many objects and targets an episode can show."""
-        return SLOTS if self.levels == 1 else STACKED_SLOTS
+        if self.levels > 1:
+            return STACKED_SLOTS
+        return ROOM_SLOTS if self.devices else SLOTS
 
     def says(self) -> Split:
         """The split, with what it holds out. Raises LanguageError if no sentence is left."""
@@ -228,7 +232,7 @@ class EpisodeSpec:
     goals: NDArray[np.bool_] | None = None  # (K,) what the referent could be brought to; none: the see-through targets
     shapes: NDArray[np.int64] | None = None  # (K,) indices into the task's `shapes`; none: the nouns of the scene
     resting: NDArray[np.bool_] | None = None  # (K,) what stays at rest on top of others as it begins; none: nothing
-    shares: Array | None = None  # (K,) in [0, 1], by which fittings are open; none: no fitting is shown
+    shares: Array | None = None  # (K,) in [0, 1], of the ranges of fittings and devices; none: all are at their start
     randomized: Randomized | None = None  # what domain randomisation drew; none: nothing
 
 
@@ -266,7 +270,7 @@ class State:
     gripper: (N, 3) metres. objects: (N, K, 3) metres. shown: (N, K). referent: (N,) slots.
     What follows is empty where a task moves nothing. target: (N,) slots. movable, goals: (N, K), what can be moved, and
     what the referent could be brought to. quaternions: (N, K, 4), x, y, z, w. held: (N,) slots, or -1. nouns: (N, K).
-    kind: (N,) of the instruction.
+    kind: (N,) of the instruction. yaw: (N, K) radians about the vertical by which objects were put down.
     """
 
     gripper: Array
@@ -280,3 +284,4 @@ class State:
     held: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     nouns: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 0), np.int64))
     kind: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    yaw: Array = field(default_factory=lambda: np.zeros((0, 0)))

@@ -101,6 +101,8 @@ def test_every_key_of_the_config_is_declared(default):
 NEWER = {
     "instructions",
     "verbs",
+    "devices",
+    "device_area",
     "clearance",
     "gap",
     "randomize",

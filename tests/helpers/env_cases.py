@@ -41,7 +41,7 @@ TOUCHING = "task.radius=0.005"  # in reaching tasks the gripper stays over the o
 BARE_FLANGES = ("ur5", "xarm7")  # in reaching tasks, which add no magnet, nothing of theirs meets an object
 EVERY_TASK = ["jaco", "kuka", "panda"]  # robots that are tested with every task; the others take turns
 WITH_ALL = ("nl_reach", "nl_pick_and_place")  # tasks with every robot
-IN_A_ROOM = [task for task in TASKS if workspace_of(task) == "room"]
+IN_A_ROOM = [task for task in TASKS if workspace_of(task) in ("room", "studio")]
 assert IN_A_ROOM
 FEW_ROBOTS = ("kuka", "panda")  # reach the handles in a room
 DEVICES_AMONG = ["nl_press", "nl_switch", "nl_turn"]

@@ -10,12 +10,13 @@ from conf.schema import ConfigError
 from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS
-from envs.tasks.feasible import VERBS, options
+from envs.tasks.feasible import DEVICE_VERBS, VERBS, options
 from envs.tasks.types import NOTHING
 from language import parse
 from tests.helpers.env_cases import act, begun, config_of, differences, make, partial_reset, task_of
 
 WORLDS, LENGTH = 6, 4
+SAID = (*VERBS, *DEVICE_VERBS)  # with devices
 PLAIN = "task.curriculum={near: 0, held: 0, placed: 0}"
 
 
@@ -31,21 +32,21 @@ def test_every_verb_is_drawn_as_often_and_its_sentence_names_what_the_episode_is
     for _ in range(150):
         episode = task.draw(rng)
         understood = parse(episode.sentence, episode.scene).steps[-1]
-        assert VERBS[episode.kind] == understood.task == task.verbs[episode.kind]
+        assert task.verbs[episode.kind] == understood.task == task.verbs[episode.kind]
         named = [index for index in (understood.init, understood.goal) if index is not None]
         assert named == [episode.referent, *([] if episode.target is None else [episode.target])]
-        verbs[VERBS[episode.kind]] += 1
-    assert set(verbs) == set(VERBS)
+        verbs[task.verbs[episode.kind]] += 1
+    assert set(verbs) == set(task.verbs)
     assert max(verbs.values()) < 3 * min(verbs.values())
 
 
 def test_only_the_verbs_that_are_asked_for_are_said_first_and_after_a_success():
     task, rng = task_of("anything", "task.verbs=[stack,lift]"), np.random.default_rng(3)
     episodes = [task.draw(rng) for _ in range(20)]
-    assert {VERBS[episode.kind] for episode in episodes} == {"stack", "lift"}
+    assert {task.verbs[episode.kind] for episode in episodes} == {"stack", "lift"}
     following = [task.next_instruction(episode.scene, NOTHING, rng) for episode in episodes]
-    assert {VERBS[said.kind] for said in following if said is not None} <= {"stack", "lift"}
-    assert task.kind_names == VERBS  # the policy tells all verbs apart, whichever are said
+    assert {SAID[said.kind] for said in following if said is not None} <= {"stack", "lift"}
+    assert task.kind_names == SAID  # the policy tells all verbs apart, whichever are said
 
 
 def test_verbs_that_a_task_does_not_have_are_refused():
@@ -60,7 +61,7 @@ def test_failures_of_verbs_are_counted_as_their_instructions_end():
     td, guide = env.reset(), expert(env)
     assert set(env.task.draw_state.values()) == {1.0}
     for _ in range(60):
-        succeeds = env.state.kind == VERBS.index("grasp")  # the arm stands still where it is to stack
+        succeeds = env.state.kind == SAID.index("grasp")  # the arm stands still where it is to stack
         action = torch.where(torch.from_numpy(succeeds)[:, None], guide(td.clone())["action"], td["hold"])
         td = env.step_and_maybe_reset(td.set("action", action))[1]
     assert env.task.draw_state["grasp"] < 0.9
@@ -81,7 +82,7 @@ def test_one_scene_is_asked_for_all_that_is_feasible_and_nameable_in_it():
     task, rng = task_of("anything", "task.kinds=[color_shape, superlative, relation]"), np.random.default_rng(1)
     for _ in range(5):
         episodes = task.each_in_turn(rng)
-        asked = {(VERBS[each.kind], each.referent, each.target) for each in episodes}
+        asked = {(SAID[each.kind], each.referent, each.target) for each in episodes}
         assert asked <= set(options(task.room(episodes[0].scene)))
         assert len(asked) == len(episodes) > 5
 
@@ -110,7 +111,7 @@ def test_the_expert_carries_out_one_instruction_after_another_and_the_world_goes
             assert ends == (successes[i] == LENGTH)
             if not ends:
                 assert env.elapsed[i] == 0
-                assert env.sentence(i) != said[i] or VERBS[env.state.kind[i]] == "reach"
+                assert env.sentence(i) != said[i] or SAID[env.state.kind[i]] == "reach"
                 assert np.abs(env.state.objects[i] - places[i]).max() < 0.03  # nothing is put back
                 assert (after["instruction"][i] == torch.tensor(env.tokenizer.encode(env.sentence(i)))).all()
                 assert after["privileged", "verb"][i] == env.state.kind[i]
@@ -142,13 +143,13 @@ def test_a_rollout_that_goes_on_is_continued_bit_for_bit():
 def test_the_verb_that_is_said_decides_about_success():
     env = make("kuka", "step", "anything", PLAIN, "task.hold_steps=3", worlds=WORLDS, seed=1)
     td, guide, right = begun(env, 11), expert(env), np.zeros(WORLDS, bool)
-    wrong = [VERBS.index("reach") if kind != VERBS.index("reach") else VERBS.index("lift") for kind in env.state.kind]
+    wrong = [SAID.index("reach") if kind != SAID.index("reach") else SAID.index("lift") for kind in env.state.kind]
     env.state.kind[:] = wrong  # another verb of the same objects
     env.task.reset(np.arange(WORLDS), env.state)
     for _ in range(25):
         td = act(env, td, guide(td.clone())["action"])
         right |= td["success"][:, 0].numpy()
-    reached = np.array(wrong) == VERBS.index("reach")
+    reached = np.array(wrong) == SAID.index("reach")
     assert right[reached].all()
     env.close()
 
@@ -156,16 +157,16 @@ def test_the_verb_that_is_said_decides_about_success():
 def test_the_observed_place_is_free_for_each_object_and_scenes_without_a_simulator_show_the_same_columns(env):
     td = begun(env, seed=5)
     shown = td["objects_mask"]
-    free = td["objects"][..., :2] + td["objects"][..., -2:]
+    free = td["objects"][..., :2] + td["objects"][..., -6:-4]
     x0, x1, y0, y1 = env.config.workspace.object_area
-    on_table = shown & (td["objects"][..., 1].abs() < 0.2)
+    on_table = shown & (td["objects"][..., 1].abs() < y1) & (td["objects"][..., 0] < x1)
     assert ((free[..., 0] > x0 - 1e-5) & (free[..., 0] < x1 + 1e-5))[on_table].all()
     assert ((free[..., 1] > y0 - 1e-5) & (free[..., 1] < y1 + 1e-5))[on_table].all()
     scenes = env.draw_scenes(40, seed=0)
     assert set(scenes["privileged"].keys()) == {"referent", "target", "verb"}
     low, high = scenes["objects"][..., COLUMNS].amin((0, 1)), scenes["objects"][..., COLUMNS].amax((0, 1))
-    assert (low[-2:] < -0.05).all()
-    assert (high > 0.05).all()
+    assert (low[-6:-4] < -0.05).all()
+    assert (high[-6:-4] > 0.05).all()
 
 
 def test_a_new_episode_of_one_world_leaves_the_instructions_of_the_others(env):

@@ -1,0 +1,167 @@
+"""Scenes of a room: loose objects, targets, a drawer and a fridge, with things in and on each other, and devices."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from conf.schema import ConfigError
+from envs.sim.devices import facing
+from envs.tasks import room_devices
+from envs.tasks.device_motion import moved
+from envs.tasks.feasible import DEVICE_VERBS, VERBS, Room
+from envs.tasks.free_places import COLUMNS, FINE_COLUMNS, FreeTable, described_free
+from envs.tasks.furnished import Furnished
+from envs.tasks.object_layout import scatter
+from envs.tasks.operate_among import WIDTHS
+from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
+from human import Person
+from language import COLORS, DEVICES, FITTINGS, Placed, Scene
+
+STORED, STACKED = 0.3, 0.5  # chances that an object lies in each fitting, and that one stands on another
+AT_AN_OBJECT = 0.5  # share of the episodes that the curriculum begins elsewhere, in which that is over another object
+ABOVE = 0.12  # metres over an object up to which a gripper begins there
+HIGH = (0.2, 0.4)  # metres over the table between which a gripper begins anywhere
+OVER_DEVICE = 0.04  # metres over a device from which on a gripper begins there
+LEAST_ON_TABLE = 2  # loose objects that stand on the table, at least
+
+
+class RoomScenes(Furnished):
+    """Scenes of a room, what is observed of it, and what decides about what is feasible in it.
+
+    Fittings are open or shut, with an object in them or without, and an object may stand on another one. With
+    `task.devices`, so many devices stand behind the loose objects; the task then has verbs and columns for them.
+    """
+
+    columns: tuple[Column, ...] = (*Furnished.columns, *COLUMNS)
+    verbs: tuple[str, ...] = VERBS
+    wide = (0.85, 1.0)
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        self._table = FreeTable(object_area, config.object_size)
+        self._device_area: Sequence[float] = ()
+        if config.devices:
+            self.verbs, self.fixtures = (*VERBS, *DEVICE_VERBS), (*FITTINGS, *DEVICES)
+            marks = len(FITTINGS)  # the columns of all marks come first
+            fitting_columns = Furnished.columns[:marks], Furnished.columns[marks:]
+            self.columns = (*fitting_columns[0], *room_devices.COLUMNS, *fitting_columns[1], *FINE_COLUMNS)
+        super().__init__(config, object_area, num_worlds, person)
+        self.kind_names = self.verbs
+
+    def place_devices(self, area: Sequence[float]) -> None:
+        if self.config.devices and not area:
+            raise ConfigError(
+                f"task.devices={self.config.devices} needs a workspace with a device_area: choose workspace=studio"
+            )
+        self._device_area = area
+
+    @property
+    def bodies(self) -> tuple[int, int, int]:
+        free, fixed, targets = super().bodies
+        return free - self.config.devices, fixed, targets
+
+    @property
+    def devices(self) -> tuple[str, ...]:
+        return room_devices.most_devices(self.config.devices)
+
+    @property
+    def device_width(self) -> float:
+        return WIDTHS * self.config.object_size
+
+    # ---- judging
+
+    def _allocate(self, worlds: int) -> None:
+        self._free = np.zeros((worlds, self.config.slots, 3))  # where the table is free for each object
+
+    def reset(self, worlds: NDArray[np.int64], state: State) -> None:
+        """Begins new episodes in these worlds, or continues with another instruction."""
+        self._free[worlds] = self._table.nearest(state.objects[worlds], state.shown[worlds])
+
+    @abstractmethod
+    def travel(self, state: State) -> Array:
+        """(N, K) how far devices have been moved since the instruction was given, in shares of their way."""
+
+    def moved(self, state: State) -> Array:
+        """(N, K) how far devices are from their start, in shares of their way; 0 for other objects."""
+        return moved(state, self.device_width) if self.config.devices else np.zeros(state.shown.shape)
+
+    def seen(self, state: State) -> Array:
+        devices = np.zeros((*state.shown.shape, 0))
+        if self.config.devices:
+            parts = facing(state.quaternions), self.travel(state), self.moved(state)
+            devices = room_devices.columns_of(state.nouns, *parts)
+        return self._joined(super().seen(state), devices, self._free - state.objects)
+
+    def described(self, episode: EpisodeSpec) -> Array:
+        nouns, devices = episode.scene.nouns, np.zeros((len(episode.scene), 0))
+        if self.config.devices:
+            assert episode.yaw is not None
+            assert episode.shares is not None
+            gone = room_devices.moved_by(nouns, episode.shares)
+            ahead = room_devices.directions(nouns, episode.yaw, gone)
+            devices = room_devices.columns_of(nouns, ahead, np.zeros(len(nouns)), gone)
+        return self._joined(super().described(episode), devices, described_free(self._table, episode))
+
+    def _joined(self, fittings: Array, devices: Array, free: Array) -> Array:
+        """(..., C) the values of `columns`. free: (..., 3) metres to where the table is free for each object."""
+        if not self.config.devices:
+            return np.concatenate((fittings, free[..., :2]), axis=-1)
+        marks = len(FITTINGS)
+        return np.concatenate((fittings[..., :marks], devices, fittings[..., marks:], free, free), axis=-1)
+
+    # ---- drawing
+
+    def room(self, scene: Scene, moved: Array | None = None) -> Room:
+        """What the scene is like, for what is feasible in it.
+
+        moved: (K,) how far devices are from their start, in shares of their way; None: they are there.
+        """
+        nouns, places = scene.nouns, scene.positions
+        fits = np.isin(nouns, list(self.fittings))
+        return Room(scene, self.shares(nouns, places), self._inside(nouns, places), fits, self._area, moved)
+
+    def _furnished(self, rng: Generator) -> tuple[Placed, Room]:
+        """A scene, with its devices, and what it is like."""
+        placed, count = self._placed(rng), self.config.devices
+        if not count:
+            return placed, self.room(placed.scene)
+        placed, gone = room_devices.draw_devices(placed, count, self._device_area, self.device_width, rng)
+        return placed, self.room(placed.scene, gone)
+
+    def _scene(self, rng: Generator) -> Scene:
+        """Loose objects, targets and fittings. The first objects may lie in fittings, and the next one on the last."""
+        config = self.config
+        count = int(rng.integers(config.min_objects, config.num_objects + 1)) - len(FITTINGS) - config.devices
+        places = np.array(scatter(rng, count + config.num_targets, self._area, config.spacing, config.object_size / 2))
+        fitting_nouns = list(self.fittings)
+        shares = zip(self.fittings.values(), self._draw_shares(rng), strict=True)
+        handles = np.array([fitting.handle_at(fitting.value(share)) for fitting, share in shares])
+        stored = np.flatnonzero(rng.random(len(handles)) < STORED)[: max(count - LEAST_ON_TABLE, 0)]
+        places[: len(stored)] = self.middles(np.array(fitting_nouns)[stored], handles[stored])
+        if rng.random() < STACKED and count - len(stored) > 1:
+            places[len(stored)] = places[count - 1] + [0.0, 0.0, config.object_size]
+        nouns = np.concatenate((self._nouns[rng.integers(len(self._nouns), size=len(places))], fitting_nouns))
+        targets = (np.arange(len(nouns)) >= count) & (np.arange(len(nouns)) < len(places))
+        places = np.concatenate((places, handles))
+        colors = rng.integers(len(COLORS), size=len(nouns))
+        return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
+
+    def _elsewhere_offset(self, room: Room, referent: int, rng: Generator) -> Array:
+        """(3,) metres from where the gripper would hold the referent to where it begins: over another object, as if
+        something had been done there, or anywhere in the air."""
+        scene, at = room.scene, room.scene.positions[referent]
+        if rng.random() < AT_AN_OBJECT:
+            anchors = np.flatnonzero(room.ready | room.fits | room.devices)
+            anchor = anchors[rng.integers(len(anchors))]
+            least = OVER_DEVICE if room.devices[anchor] else 0.0
+            place = scene.positions[anchor] + [0.0, 0.0, rng.uniform(least, ABOVE)]
+        else:
+            low, high = scene.positions[:, :2].min(0), scene.positions[:, :2].max(0)
+            place = np.append(rng.uniform(low, high), rng.uniform(*HIGH))
+        return place - at

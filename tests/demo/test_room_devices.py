@@ -1,0 +1,54 @@
+"""Sessions in a room with devices, driven by the scripted expert."""
+
+import re
+
+import pytest
+
+from demo.session import Session
+from demo.session_config import make_config
+from envs.tasks.feasible import DEVICE_VERBS
+from tests.helpers.sessions import run_to_end
+from trainers.export import pretrained
+
+SHUFFLES = 40
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pretrained, "FOLDER", tmp_path_factory.mktemp("none"))  # else a policy's own config is used
+        session = Session(make_config(task="anything", driver="expert"), seed=3)
+    yield session
+    session.close()
+
+
+def name_of(session, verb):
+    """The name of a device that a listed sentence says the verb of."""
+    for _ in range(SHUFFLES):
+        session.shuffle()
+        for sentence in session.sayable():
+            if found := re.fullmatch(f"{verb} (the .*)", sentence):
+                return found[1]
+    raise AssertionError(verb)
+
+
+@pytest.mark.parametrize("verb", DEVICE_VERBS)
+def test_what_is_listed_of_devices_is_done_and_they_stay_as_they_are(session, verb):
+    assert session.config.workspace == "studio"
+    name = name_of(session, verb)
+    index = session.object_names().index(name)
+    before = session.env.moved()[index]
+    assert session.say(f"{verb} {name}").message is not None
+    assert run_to_end(session).startswith("Done")
+    assert verb == "press" or abs(session.env.moved()[index] - before) > 0.7
+
+
+def test_what_cannot_be_done_to_a_device_is_refused_with_the_reason(session):
+    name = name_of(session, "turn")
+    for sentence, reason in (
+        (f"press {name}", f"'press' needs a button, which {name} is not"),
+        (f"open {name}", f"'open' needs a drawer or a fridge, which {name} is not"),
+        (f"lift {name}", f"{name} stays where it is"),
+    ):
+        assert reason in session.say(sentence).message
+        assert not session.busy
