@@ -125,7 +125,8 @@ def _file(path: Path) -> Any:
     """The values of a YAML, merged into those that its defaults list begins with, if any."""
     from omegaconf import OmegaConf
 
-    values, base = OmegaConf.load(path), BASED.search(path.read_text(encoding="utf-8"))
+    values: Any = OmegaConf.load(path)
+    base = BASED.search(path.read_text(encoding="utf-8"))
     if base is None:
         return values
     del values["defaults"]
