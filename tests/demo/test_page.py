@@ -1,6 +1,7 @@
 """The page in a headless browser: typing, answers, clicks, corrections, changes and several tabs."""
 
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -50,6 +51,36 @@ def pixel_of(place):
     x, y, depth = (from_eye @ axis for axis in (right, np.cross(ahead, right), ahead))
     focal = SIZE[1] / 2 / np.tan(FIELD_OF_VIEW / 2)
     return SIZE[0] / 2 + focal * x / depth, SIZE[1] / 2 + focal * y / depth
+
+
+@contextmanager
+def served(browser, *arguments):
+    """The page of a server of its own, which ends without an error."""
+    server = PlayServer("--seed", "3", "driver=expert", *arguments)
+    page = PageTab(browser, server.address, blank=True)
+    yield page
+    page.tab.close()  # an open one goes on drawing
+    assert "Traceback" not in server.close()
+
+
+def test_what_can_be_said_in_a_room_is_listed_and_a_click_says_it(browser):
+    with served(browser, "task=anything") as page:
+        sentence = page.wait_for_text("^(open|close) the ")
+        page.press(sentence)
+        page.wait_for_text(f"understood: {sentence.split()[0]}")
+        page.wait_for_text("Done in")
+        other = {"open": "close", "close": "open"}[sentence.split()[0]]
+        page.wait_for_text(f"^{other} {sentence.split(maxsplit=1)[1]}$")
+
+
+def test_commands_on_the_board_are_carried_out_and_the_page_tells_whose_left_is_meant(browser):
+    with served(browser, "task=rearrange") as page:
+        page.wait_for_text("left and right are the robot's")
+        example = page.wait_for_text("^Try: ").removeprefix("Try: ")
+        assert page.say_and_wait(example) == "Done in"
+        page.wait_for_text("understood: take")
+        page.say("reach the red cube")
+        page.wait_for_text("moves nothing on a board")
 
 
 @pytest.fixture(scope="module")
@@ -160,27 +191,3 @@ def test_a_reload_keeps_the_state(page):
 
 def test_the_clock_runs(page):
     assert 0.2 < page.clock() <= 1.05  # 1.00 on an idle machine: python -m benchmarks.page start
-
-
-def test_what_can_be_said_in_a_room_is_listed_and_a_click_says_it(browser):
-    server = PlayServer("--seed", "3", "driver=expert", "task=anything")
-    page = PageTab(browser, server.address, blank=True)
-    sentence = page.wait_for_text("^(open|close) the ")
-    page.press(sentence)
-    page.wait_for_text(f"understood: {sentence.split()[0]}")
-    page.wait_for_text("Done in")
-    other = {"open": "close", "close": "open"}[sentence.split()[0]]
-    page.wait_for_text(f"^{other} {sentence.split(maxsplit=1)[1]}$")
-    assert "Traceback" not in server.close()
-
-
-def test_commands_on_the_board_are_carried_out_and_the_page_tells_whose_left_is_meant(browser):
-    server = PlayServer("--seed", "3", "driver=expert", "task=rearrange")
-    page = PageTab(browser, server.address, blank=True)
-    page.wait_for_text("left and right are the robot's")
-    example = page.wait_for_text("^Try: ").removeprefix("Try: ")
-    assert page.say_and_wait(example) == "Done in"
-    page.wait_for_text("understood: take")
-    page.say("reach the red cube")
-    page.wait_for_text("moves nothing on a board")
-    assert "Traceback" not in server.close()
