@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModule
 from torch import Tensor
@@ -22,6 +23,7 @@ from trainers.models.networks import normal_log_prob
 from trainers.models.policy import Policy
 
 MEASURED = ("loss/actor", "loss/critic", "loss/entropy", "entropy", "kl", "clip_fraction")
+MAX_WEIGHT = 2.0  # of a frame, by how much likelier its move has become since it was collected
 NORMAL_ENTROPY = 0.5 * math.log(2 * math.pi * math.e)  # nats, of a normal distribution with scale 1
 
 
@@ -37,6 +39,24 @@ class PPO(OnPolicyAlgorithm):
     @classmethod
     def build(cls, config: PPOConfig, policy: Policy, specs: Specs) -> PPO:
         return cls(config, policy, specs.build_value(policy))
+
+    @torch.no_grad()
+    def compute_advantages(self, batch: TensorDictBase) -> tuple[TensorDictBase, float]:
+        """As for other algorithms; the likelihood ratio is then that to the policy at the beginning of the update.
+
+        With `collector.overlap` an older policy has acted. The ratio of both weighs the advantage, and the clipping
+        bounds the update alone (Hilton et al. 2022, "Batch size-invariance for policy optimization", arXiv:2110.00641).
+        """
+        frames, explained = super().compute_advantages(batch)
+        log_prob = self.log_prob(frames if self.grounding.active else self.policy.encode(frames.copy()))
+        weight = (log_prob - frames["move_log_prob"]).exp().clamp_max(MAX_WEIGHT)
+        frames["advantage"] = frames["advantage"] * weight[:, None]
+        return frames.set("move_log_prob", log_prob), explained
+
+    def log_prob(self, frames: TensorDictBase) -> Tensor:
+        """(B,) of the moves of encoded frames."""
+        loc, scale = self.policy.move_parameters(frames)
+        return normal_log_prob((frames["move"] - loc) / scale, scale).sum(-1)
 
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
         if self.loss is not None:

@@ -6,7 +6,8 @@ from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.algorithm import DivergedError
 from trainers.algorithms.build import build_algorithm
-from trainers.algorithms.on_policy import advantages
+from trainers.algorithms.on_policy import OnPolicyAlgorithm, advantages
+from trainers.algorithms.ppo import MAX_WEIGHT
 from trainers.rollout.collection import Rollouts
 
 GAMMA, LMBDA = 0.9, 0.8
@@ -61,6 +62,24 @@ def test_without_the_grounding_loss_the_actor_trains_the_words():
     before = policy.encoder.query_encoder.word_embedding.weight.clone()
     ppo.update(batch_of(policy), 0.0)
     assert not torch.equal(before, policy.encoder.query_encoder.word_embedding.weight)
+
+
+@pytest.mark.parametrize("weight", [0.0, 1.0])
+def test_clipping_bounds_the_update_alone_where_an_older_policy_has_acted(weight):
+    policy, ppo = learner(f"algo.grounding_weight={weight}")
+    batch = batch_of(policy)
+    plain = OnPolicyAlgorithm.compute_advantages(ppo, batch)[0]["advantage"]
+    torch.testing.assert_close(ppo.compute_advantages(batch)[0]["advantage"], plain)  # this policy has acted
+    before = batch["move_log_prob"].reshape(-1).clone()
+    batch["move"] += 0.3  # as if another policy had drawn them
+    frames, _ = ppo.compute_advantages(batch)
+    likelier = (frames["move_log_prob"] - before).exp()
+    assert (likelier > MAX_WEIGHT).any()
+    assert (likelier < 0.5).any()
+    torch.testing.assert_close(frames["advantage"], plain * likelier.clamp_max(MAX_WEIGHT)[:, None])
+    measured = ppo.compute_losses(frames if weight else policy.encode(frames))
+    assert abs(measured["kl"]) < 1e-5
+    assert measured["clip_fraction"] == 0
 
 
 def test_the_learning_rate_is_annealed():
