@@ -109,7 +109,7 @@ class Relabeller:
         goals = shown & ((rows[..., OBJECT_WIDTH - 1] > 0.5) != self._task.real_goals)
         quaternions, nouns = rows[..., 3:7].astype(float), np.zeros(shown.shape, np.int64)
         known = places, shown, referent, target, movable, goals, quaternions, held, nouns, np.zeros_like(referent)
-        return State(gripper, *known)
+        return State(gripper, *known, yaw=np.zeros(shown.shape))  # no task that is relabelled reads how things were put
 
     @staticmethod
     def _history(frames: TensorDictBase, *key: str) -> Any:
