@@ -128,13 +128,14 @@ def serve_page(args: argparse.Namespace) -> None:
             gate = TokenGate(args.host, args.port, server.get_port())
             address += f"/?token={gate.token}"
             print(f"warning: --host={args.host}: anyone with this address can drive the robot", file=sys.stderr)
-        print(f"{address} (press Ctrl-C to stop)", flush=True)
-        with _on_interrupt(lambda: sys.exit(0)), closing(make_session(args)) as session:
-            from demo.page import Page
+        with _on_interrupt(lambda: sys.exit(0)):
+            print(f"{address} (press Ctrl-C to stop)", flush=True)
+            with closing(make_session(args)) as session:
+                from demo.page import Page
 
-            with closing(Page(server, session)) as page, _on_interrupt(page.loop.stop):
-                print(f"it is ready; try: {session.example()}", flush=True)
-                page.loop.run()
+                with closing(Page(server, session)) as page, _on_interrupt(page.loop.stop):
+                    print(f"it is ready; try: {session.example()}", flush=True)
+                    page.loop.run()
     finally:
         if gate is not None:
             gate.close()

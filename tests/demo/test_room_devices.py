@@ -17,6 +17,7 @@ SHUFFLES = 40
 def session(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pretrained, "FOLDER", tmp_path_factory.mktemp("none"))  # else a policy's own config is used
+        patch.setattr("demo.session_config.pretrained_policies", tuple)
         session = Session(make_config(task="anything", driver="expert"), seed=3)
     yield session
     session.close()

@@ -199,6 +199,9 @@ def own_columns(env, *names):
     return [COLUMNS.start + own.index(name) for name in names if name in own]
 
 
+MOVED_SINCE = "share of its way since the instruction was given"  # of a device, which a random move seldom meets
+
+
 # What may never change; everything else must, over time and episodes.
 def constant_elements(env):
     task, joints = env.config.task, len(env.config.robot.joints)
@@ -225,7 +228,7 @@ def constant_so_far(env, seen):
         values = torch.stack([each[key] for each in seen]).flatten(0, 1)
         for place in np.argwhere((values == values[0]).all(0).numpy()).tolist():
             constant.add(f"{key}[{','.join(map(str, place))}]")
-    few = own_columns(env, "slid x (m)", "slid y (m)", MARK, IN_THE_AIR)
+    few = own_columns(env, "slid x (m)", "slid y (m)", MARK, IN_THE_AIR, MOVED_SINCE)
     for column in (*range(3, 7), *few):
         each = {f"objects[{slot},{column}]" for slot in range(env.config.task.slots)}
         constant -= each if each - constant else set()

@@ -12,7 +12,7 @@ from envs.experts import expert
 from envs.mdp.object_rows import FACING, nouns_of_rows, scene_of_rows, static_rows
 from envs.tasks import State
 from envs.tasks.operate import OPERATED, OTHER_OPERATED
-from language import DEVICES, ground, parse
+from language import DEVICES, NOUNS, ground, parse
 from tests.helpers.env_cases import ROBOTS, Poker, act, check_same_bits, hold, make, partial_reset, task_of
 
 pytestmark = pytest.mark.slow
@@ -221,7 +221,9 @@ def test_a_wheel_can_be_turned_in_both_directions():
         turns[0, :, 2], turns[0, :, 3] = np.sin([angle / 2, 0.0]), np.cos([angle / 2, 0.0])
         places, shown = np.zeros((1, 2, 3)), np.ones((1, 2), bool)
         none = np.zeros((1, 2), bool)
-        return State(np.zeros((1, 3)), places, shown, np.zeros(1, int), np.zeros(1, int), shown, none, turns)
+        known = places, shown, np.zeros(1, int), np.zeros(1, int), shown, none, turns
+        wheels = np.full((1, 2), list(NOUNS).index("wheel"))
+        return State(np.zeros((1, 3)), *known, nouns=wheels, yaw=np.zeros((1, 2)))
 
     for start in (0.0, 3.1):
         for degrees, far in ((59, False), (61, True), (-59, False), (-61, True)):

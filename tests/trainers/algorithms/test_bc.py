@@ -82,7 +82,7 @@ def test_a_move_that_was_the_largest_for_long_can_still_be_reversed_in_some_stat
     _, policy, bc = build("algo.grounding_weight=0")
     frames = batch.reshape(-1)
     first = frames["robot"][:, 0]
-    for some, steps in ((first > first.max(), 1500), (first > first.quantile(0.8), 800)):
+    for some, steps in ((first > first.max(), 700), (first > first.quantile(0.8), 600)):
         frames[LABEL] = frames["hold"] + policy.action_unit * (1 - 2 * some[:, None].float())
         labelled = bc.labelled(frames)
         for _ in range(steps):
