@@ -20,7 +20,7 @@ from demo.recording_panel import RecordingPanel
 from demo.room import MOST_SAID
 from demo.scene_view import SceneView
 from demo.session import Session
-from demo.session_config import DRIVERS, MOST_OBJECTS, SessionConfig, default_workspace, pretrained_policies
+from demo.session_config import DRIVERS, MOST_OBJECTS, SessionConfig, pretrained_policies
 from demo.splash_page import set_camera
 
 Array = NDArray[np.float64]
@@ -226,7 +226,7 @@ class Page:
             objects = int(self._objects.value)
             unchanged = objects == self._shown_objects(session)  # then another task keeps its own number
             values["objects"] = session.config.objects if unchanged else objects
-            if values["workspace"] == session.config.workspace == default_workspace(session.config.task):
+            if values["workspace"] == session.config.workspace == session.own_workspace:
                 values["workspace"] = None  # another task has its own
             session.change(replace(session.config, **values))
             self._show_message("")

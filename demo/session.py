@@ -43,6 +43,7 @@ class Session:
 
     def _start(self, setup: Setup) -> None:
         self.config, self.env, self._policy, self.note = setup.config, setup.env, setup.policy, setup.note
+        self.own_workspace = setup.own_workspace
         self.view = ViewState()
         self.finger = Finger(self.env)
         self._return = Return(self.env)

@@ -65,10 +65,8 @@ class SessionConfig(Checked):
 
 def default_workspace(task: str) -> str | None:
     """The workspace of a task, unless a person chooses another one; None: the one that its config chooses."""
-    if set(FITTINGS) <= set(TASKS[task].fixtures):
+    if {*FITTINGS, HAND} & set(TASKS[task].fixtures):
         return None
-    if HAND in TASKS[task].fixtures:
-        return "handover"
     return "board" if TASKS[task].stacks else "collabtable"
 
 
@@ -130,11 +128,13 @@ def check_choices(values: Mapping[str, str]) -> None:
 class Setup:
     """What a session runs with. config: with the task, robot and control of a checkpoint, and a driver that exists.
 
-    policy: None if there is none. note: a warning for the person, or "".
+    own_workspace: where the task takes place unless a person chooses another workspace. policy: None if there is none.
+    note: a warning for the person, or "".
     """
 
     config: SessionConfig
     env: InteractiveEnv
+    own_workspace: str
     policy: Callable | None
     note: str = ""
 
@@ -142,18 +142,18 @@ class Setup:
 def build(config: SessionConfig, seed: int, gui: bool = False) -> Setup:
     """Builds environment and policy. gui: in PyBullet's window. Raises ConfigError for what cannot be built."""
     payload, config, note = _find_policy(config)
-    config = replace(config, workspace=config.workspace or default_workspace(config.task))
-    if payload is None:
-        options = [f"{group}={getattr(config, group)}" for group in ("task", "robot", "control")]
-        composed = compose([*options, *_changes(config, compose(options))])
-    else:
-        composed = apply(payload["config"], _changes(config, payload["config"]))
+    options = [f"{group}={getattr(config, group)}" for group in ("task", "robot", "control")]
+    composed = compose(options) if payload is None else payload["config"]
+    own_workspace = default_workspace(config.task) or composed["workspace"]["name"]
+    config = replace(config, workspace=config.workspace or own_workspace)
+    changes = _changes(config, composed)
+    composed = compose([*options, *changes]) if payload is None else apply(composed, changes)
     config = replace(config, workspace=composed["workspace"]["name"])
     env_config = read_env(composed).without_curriculum()
     env = InteractiveEnv(env_config, seed, Window(env_config.workspace.camera, "--gui") if gui else None)
     try:
         policy = None if payload is None else fitted_policy(payload, composed, env).act
-        return Setup(config, env, policy, note)
+        return Setup(config, env, own_workspace, policy, note)
     except BaseException:
         env.close()
         raise

@@ -30,8 +30,7 @@ def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task
     """The task of N worlds. person: who points, if anybody."""
     task = TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
     task.furnish(config.workspace.fittings)
-    task.meet(config.workspace)
-    task.place_devices(config.workspace.device_area)
+    task.prepare(config.workspace)
     return task
 
 
@@ -51,8 +50,9 @@ def make_world(config: EnvConfig, task: Task, render: bool = False, window: Wind
     gripper = config.gripper if task.moves else None
     holds = task.grips or not task.devices
     devices = DeviceSpec(task.devices, task.device_width)
-    offers, physics = HAND in task.fixtures, config.physics
-    return World(config.robot, config.workspace, physics, objects, render, window, gripper, devices, holds, offers)
+    offers = HAND in task.fixtures
+    parts = config.robot, config.workspace, config.physics, objects
+    return World(*parts, render, window, gripper, devices, holds, offers)
 
 
 def gripper_name(config: EnvConfig, task: Task) -> str | None:

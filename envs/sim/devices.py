@@ -88,6 +88,13 @@ class Device:
         return width * (np.array(self.pivot) + arm)
 
 
+def turned(points: Array, yaw: Array) -> Array:
+    """(..., 3) points turned about the vertical. points: (..., 3), metres. yaw: (...), radians."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    forward, left = np.cos(yaw), np.sin(yaw)
+    return np.stack((forward * x - left * y, left * x + forward * y, z), axis=-1)
+
+
 def facing(quaternions: Array) -> Array:
     """(..., 2) unit vectors over the table in the direction that devices face. quaternions: (..., 4) of their handles.
 

@@ -160,12 +160,9 @@ class Task(ABC):
         """Takes note of the workspace's fittings, before anything is drawn. Raises ConfigError where one is missing."""
         return None
 
-    def meet(self, workspace: WorkspaceConfig) -> None:
-        """Takes note of who is in the workspace, before anything is drawn. Raises ConfigError where one is missing."""
-        return None
-
-    def place_devices(self, area: Sequence[float]) -> None:
-        """Takes note of where the workspace has devices beside fittings: x0, x1, y0, y1, metres, or nothing."""
+    def prepare(self, workspace: WorkspaceConfig) -> None:
+        """Takes what it needs of the workspace besides fittings, before anything is drawn. Raises ConfigError where
+        that is missing."""
         return None
 
     def described(self, episode: EpisodeSpec) -> NDArray[np.float64]:

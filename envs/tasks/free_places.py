@@ -22,8 +22,6 @@ COLUMNS = (
     Column("metres along x to where the table is free for it", -FREE, FREE),
     Column("metres along y to where the table is free for it", -FREE, FREE),
 )
-
-
 CLOSE = 0.04  # metres at which a second copy of that offset is clipped, as of the offsets from the gripper
 FINE_COLUMNS = tuple(
     Column(f"metres along {axis} to where the table is free for it, clipped at {limit:g}", -limit, limit)

@@ -45,7 +45,7 @@ class HandOver(PickAndPlace):
     real_goals = True
     fails = True
 
-    def meet(self, workspace: WorkspaceConfig) -> None:
+    def prepare(self, workspace: WorkspaceConfig) -> None:
         if len(self.config.objects):
             raise ConfigError(f"task.objects must be empty in task.name={self.config.name}: its objects are drawn")
         human = workspace.human

@@ -37,7 +37,7 @@ class Operate(Manipulation):
     columns: tuple[Column, ...] = (
         Column("faces x", -1.0, 1.0),
         Column("faces y", -1.0, 1.0),
-        Column("share of its way", -1.0, 1.0),
+        Column("share of its way since the instruction was given", -1.0, 1.0),
     )
     potentials = ("approach", "operate")
 

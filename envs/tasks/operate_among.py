@@ -9,7 +9,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError
-from envs.sim.devices import DEVICES, facing
+from envs.sim.devices import DEVICES, facing, turned
 from envs.tasks.device_motion import MOTIONS
 from envs.tasks.manipulation import Manipulation
 from envs.tasks.operate import Operate
@@ -21,6 +21,7 @@ WIDTHS = 1.4  # width of a device, in widths of a loose object
 ALIKE, OTHERS = 2, 1  # devices of the verb's noun in a scene, and of another noun
 MARGIN = 0.065  # metres from the border of the object area to where devices stand, so that a gripper reaches them
 NUMBERS = np.array([list(NOUNS).index(noun) for noun in DEVICES])
+COLUMNS = (*(Column(f"is a {noun}", 0.0, 1.0) for noun in DEVICES), *Operate.columns)
 
 
 class OperateAmong(Operate):
@@ -32,7 +33,7 @@ class OperateAmong(Operate):
 
     fixtures = tuple(DEVICES)
     grips = True
-    columns = (*(Column(f"is a {noun}", 0.0, 1.0) for noun in DEVICES), *Operate.columns)
+    columns = COLUMNS
 
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
@@ -90,12 +91,12 @@ class OperateAmong(Operate):
         return super()._disturbed(state) | Manipulation._disturbed(self, state)
 
     def seen(self, state: State) -> Array:
-        return _columns(state.nouns, facing(state.quaternions), self.travel(state))
+        return columns_of(state.nouns, facing(state.quaternions), self.travel(state))
 
     def described(self, episode: EpisodeSpec) -> Array:
         scene = episode.scene
         yaw = np.zeros(len(scene)) if episode.yaw is None else episode.yaw
-        return _columns(scene.nouns, np.column_stack((np.cos(yaw), np.sin(yaw))), np.zeros(len(scene)))
+        return columns_of(scene.nouns, np.column_stack((np.cos(yaw), np.sin(yaw))), np.zeros(len(scene)))
 
     # ---- drawing
 
@@ -111,9 +112,7 @@ class OperateAmong(Operate):
 
     def _handles(self, placed: Placed) -> Array:
         """(K, 3) metres: where the handles of devices are that stand at the scene's places, and other objects."""
-        x, y, z = self._grips[placed.scene.nouns].T
-        forward, left = np.cos(placed.yaw), np.sin(placed.yaw)
-        return placed.scene.positions + np.column_stack((forward * x - left * y, left * x + forward * y, z))
+        return placed.scene.positions + turned(self._grips[placed.scene.nouns], placed.yaw)
 
     def _specs(self, rng: Generator) -> list[ObjectSpec]:
         """Devices with random yaw, and loose objects, all in random colours."""
@@ -141,7 +140,7 @@ class OperateAmong(Operate):
         return None
 
 
-def _columns(nouns: NDArray[np.int64], ahead: Array, travel: Array) -> Array:
-    """(..., C) the values of `columns`. nouns, travel: (...). ahead: (..., 2) where devices face."""
+def columns_of(nouns: NDArray[np.int64], ahead: Array, travel: Array) -> Array:
+    """(..., C) the values of `COLUMNS`. nouns, travel: (...). ahead: (..., 2) where devices face."""
     marks = nouns[..., None] == NUMBERS
     return np.concatenate((marks, np.where(marks.any(-1)[..., None], ahead, 0.0), travel[..., None]), axis=-1)

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from envs.sim.devices import DEVICES
+from envs.sim.devices import DEVICES, turned
+from envs.tasks import operate_among
+from envs.tasks.operate_among import NUMBERS
 from envs.tasks.types import Array, Column
 from language import COLORS, NOUNS, Placed, Scene
 
@@ -16,14 +18,7 @@ ALIKE = 2  # devices of one noun, at most
 JITTER = 0.01  # metres along the row of devices from the middle of a device's part of it
 SIDEWAYS = 0.8  # radians between the way of a lever and the row, at most: arms reach both ends of the way
 TURNED = 1.0  # share of its way by which a wheel is turned as an episode begins, at most
-NUMBERS = np.array([list(NOUNS).index(noun) for noun in DEVICES])
-COLUMNS = (
-    *(Column(f"is a {noun}", 0.0, 1.0) for noun in DEVICES),
-    Column("faces x", -1.0, 1.0),
-    Column("faces y", -1.0, 1.0),
-    Column("share of its way since the instruction was given", -1.0, 1.0),
-    Column("share of its way from its start", -1.0, 1.0),
-)
+COLUMNS = (*operate_among.COLUMNS, Column("share of its way from its start", -1.0, 1.0))
 
 
 def most_devices(count: int) -> tuple[str, ...]:
@@ -51,7 +46,7 @@ def draw_devices(
     stand[:, 1] += rng.uniform(-JITTER, JITTER, count)
     yaw = np.array([_yaw(noun, rng) for noun in nouns])
     moved = np.array([_moved(noun, rng) for noun in nouns])
-    handles = stand + np.array([_handle(*each, width) for each in zip(nouns, yaw, moved, strict=True)])
+    handles = stand + turned(np.array([_grip(*each, width) for each in zip(nouns, moved, strict=True)]), yaw)
     joined = Scene.from_arrays(
         nouns=np.concatenate((scene.nouns, [list(NOUNS).index(noun) for noun in nouns])),
         colors=np.concatenate((scene.colors, rng.integers(len(COLORS), size=count))),
@@ -77,12 +72,10 @@ def _moved(noun: str, rng: Generator) -> float:
     return float(rng.uniform(-TURNED, TURNED)) if noun == "wheel" else 0.0
 
 
-def _handle(noun: str, yaw: float, moved: float, width: float) -> Array:
-    """(3,) metres from where a device stands to its handle."""
+def _grip(noun: str, moved: float, width: float) -> Array:
+    """(3,) metres from where a device stands that faces along x to its handle."""
     device = DEVICES[noun]
-    x, y, z = device.grip(width, device.start + moved * device.way)
-    forward, left = np.cos(yaw), np.sin(yaw)
-    return np.array([forward * x - left * y, left * x + forward * y, z])
+    return device.grip(width, device.start + moved * device.way)
 
 
 def shares_of(nouns: NDArray[np.int64], moved: Array) -> Array:
@@ -108,9 +101,7 @@ def moved_by(nouns: NDArray[np.int64], shares: Array) -> Array:
 
 def columns_of(nouns: NDArray[np.int64], ahead: Array, travel: Array, moved: Array) -> Array:
     """(..., C) the values of `COLUMNS`. nouns, travel, moved: (...). ahead: (..., 2) where devices face."""
-    marks = nouns[..., None] == NUMBERS
-    ahead = np.where(marks.any(-1)[..., None], ahead, 0.0)
-    return np.concatenate((marks, ahead, travel[..., None], moved[..., None]), axis=-1)
+    return np.concatenate((operate_among.columns_of(nouns, ahead, travel), moved[..., None]), axis=-1)
 
 
 def directions(nouns: NDArray[np.int64], yaw: Array, moved: Array) -> Array:

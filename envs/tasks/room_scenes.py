@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from conf.schema import ConfigError
 from envs.sim.devices import facing
+from envs.sim.workspace import WorkspaceConfig
 from envs.tasks import room_devices
 from envs.tasks.device_motion import moved
 from envs.tasks.feasible import DEVICE_VERBS, VERBS, Room
@@ -54,12 +55,12 @@ class RoomScenes(Furnished):
         super().__init__(config, object_area, num_worlds, person)
         self.kind_names = self.verbs
 
-    def place_devices(self, area: Sequence[float]) -> None:
-        if self.config.devices and not area:
+    def prepare(self, workspace: WorkspaceConfig) -> None:
+        self._device_area = workspace.device_area
+        if self.config.devices and not self._device_area:
             raise ConfigError(
                 f"task.devices={self.config.devices} needs a workspace with a device_area: choose workspace=studio"
             )
-        self._device_area = area
 
     @property
     def bodies(self) -> tuple[int, int, int]:

@@ -63,7 +63,7 @@ def served(browser, *arguments):
     assert "Traceback" not in server.close()
 
 
-def test_what_can_be_said_in_a_room_is_listed_and_a_click_says_it(browser):
+def test_a_click_says_what_is_listed_in_a_room_and_another_task_leaves_the_room(browser):
     with served(browser, "task=anything") as page:
         sentence = page.wait_for_text("^(open|close) the ")
         page.press(sentence)
@@ -71,6 +71,10 @@ def test_what_can_be_said_in_a_room_is_listed_and_a_click_says_it(browser):
         page.wait_for_text("Done in")
         other = {"open": "close", "close": "open"}[sentence.split()[0]]
         page.wait_for_text(f"^{other} {sentence.split(maxsplit=1)[1]}$")
+        page.choose("Task", "nl_reach")
+        page.press("Change")
+        page.wait_for_text("Try: reach")
+        assert page.field("Workspace").input_value() == "collabtable"
 
 
 def test_commands_on_the_board_are_carried_out_and_the_page_tells_whose_left_is_meant(browser):

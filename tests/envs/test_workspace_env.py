@@ -228,7 +228,7 @@ def constant_so_far(env, seen):
         values = torch.stack([each[key] for each in seen]).flatten(0, 1)
         for place in np.argwhere((values == values[0]).all(0).numpy()).tolist():
             constant.add(f"{key}[{','.join(map(str, place))}]")
-    few = own_columns(env, "slid x (m)", "slid y (m)", MARK, IN_THE_AIR, MOVED_SINCE)
+    few = own_columns(env, "slid x (m)", "slid y (m)", MARK, IN_THE_AIR, *[MOVED_SINCE] * env.task.continues)
     for column in (*range(3, 7), *few):
         each = {f"objects[{slot},{column}]" for slot in range(env.config.task.slots)}
         constant -= each if each - constant else set()

@@ -92,6 +92,20 @@ def act(env, td, action):
     return env.step(td.clone(recurse=False).set("action", torch.as_tensor(action, dtype=torch.float32)))["next"]
 
 
+def succeed_in_all(env, td, guide):
+    """td once the first episode of every world has ended with success, as a guide (td -> td with actions) moves."""
+    solved = np.zeros(env.batch_size[0], bool)
+    for _ in range(env.config.task.max_steps):
+        td = act(env, td, guide(td.clone())["action"])
+        over = td["done"][:, 0].numpy() & ~solved
+        assert (td["success"][over, 0]).all()
+        solved |= over
+        if solved.all():
+            break
+    assert solved.all()
+    return td
+
+
 def partial_reset(env, td, worlds):
     """td with these worlds' episodes begun anew."""
     mask = torch.zeros(*env.batch_size, 1, dtype=torch.bool)

@@ -48,22 +48,21 @@ class PPO(OnPolicyAlgorithm):
         bounds the update alone (Hilton et al. 2022, "Batch size-invariance for policy optimization", arXiv:2110.00641).
         """
         frames, explained = super().compute_advantages(batch)
-        log_prob = self.log_prob(frames if self.grounding.active else self.policy.encode(frames.copy()))
+        log_prob, _ = self.evaluate_moves(frames if self.grounding.active else self.policy.encode(frames.copy()))
         weight = (log_prob - frames["move_log_prob"]).exp().clamp_max(MAX_WEIGHT)
         frames["advantage"] = frames["advantage"] * weight[:, None]
         return frames.set("move_log_prob", log_prob), explained
 
-    def log_prob(self, frames: TensorDictBase) -> Tensor:
-        """(B,) of the moves of encoded frames."""
+    def evaluate_moves(self, frames: TensorDictBase) -> tuple[Tensor, Tensor]:
+        """(B,) log-probabilities of the moves of encoded frames, and (B, A) scales of their distributions."""
         loc, scale = self.policy.move_parameters(frames)
-        return normal_log_prob((frames["move"] - loc) / scale, scale).sum(-1)
+        return normal_log_prob((frames["move"] - loc) / scale, scale).sum(-1), scale
 
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
         if self.loss is not None:
             return loss_outputs(self.loss, frames)
         config, advantage = self.config, frames["advantage"].squeeze(-1)
-        loc, scale = self.policy.move_parameters(frames)
-        log_prob = normal_log_prob((frames["move"] - loc) / scale, scale).sum(-1)
+        log_prob, scale = self.evaluate_moves(frames)
         log_ratio = log_prob - frames["move_log_prob"]
         clipped = log_ratio.clamp(*self.log_clip)
         gain = (log_ratio.exp() * advantage).minimum(clipped.exp() * advantage)

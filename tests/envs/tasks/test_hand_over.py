@@ -11,7 +11,7 @@ from envs.tasks import NOTHING
 from envs.tasks.hand_over import AROUND, NUMBER, PUSHED
 from human import Body
 from language import parse
-from tests.helpers.env_cases import act, make, partial_reset, task_of
+from tests.helpers.env_cases import act, make, partial_reset, succeed_in_all, task_of
 
 WORLDS = 3
 NAME = "nl_hand_over"
@@ -51,15 +51,8 @@ def test_the_expert_lays_the_referent_on_the_palm_and_pushes_nothing(env, guide)
     env.set_seed(4)
     td, rows = env.reset(), np.arange(WORLDS)
     guide, before, target = guide(env), env.state.objects.copy(), env.state.target.copy()
-    referent, solved = env.state.referent.copy(), np.zeros(WORLDS, bool)
-    for _ in range(env.config.task.max_steps):
-        td = act(env, td, guide(td.clone())["action"])
-        over = td["done"][:, 0].numpy() & ~solved
-        assert (td["success"][over, 0]).all()
-        solved |= over
-        if solved.all():
-            break
-    assert solved.all()
+    referent = env.state.referent.copy()
+    td = succeed_in_all(env, td, guide)
     assert (env.state.held == NOTHING).all()
     at, palms = env.state.objects[rows, referent], env.state.objects[rows, target]
     np.testing.assert_allclose(at - palms, [[0.0, 0.0, 0.025]] * WORLDS, atol=0.02)
