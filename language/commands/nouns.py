@@ -67,7 +67,11 @@ THINGS: dict[str, str] = {
 # Role of a thing -> adjectives. See-through things mark places.
 ROLES: dict[str, str] = {
     "real": "solid, opaque, real",
-    "target": "transparent, translucent, see through, seethrough, glassy, ghostly",
+    "target": (
+        "transparent, translucent, see through, seethrough, glassy, ghostly, target, targets, target area, target "
+        "place, target position, goal, goals, goal area, goal position, marker, markers, marked, marked area, marked "
+        "place, marked position, marked spot, destination"
+    ),
 }
 STACKS = (
     "stack, tower, pile, pillar, column, stick, building, parallelipiped, parallelepiped, slab, combination, "

@@ -45,6 +45,21 @@ def test_a_see_through_thing_is_a_place_to_put_things_on():
     assert (outcome.steps[1].position, outcome.steps[1].on) == ((0.6, -0.25), None)
 
 
+@pytest.mark.parametrize(
+    "word", ["target", "goal", "target area", "target cube", "marked spot", "marker", "destination"]
+)
+@pytest.mark.parametrize("color", ["yellow", "orange"])
+def test_a_target_is_a_see_through_thing(word, color):
+    outcome = interpret(f"put the red cube on the {color} {word}", TABLE)
+    place = {"yellow": (0.6, -0.25), "orange": (0.4, 0.25)}[color]
+    assert (outcome.steps[1].position, outcome.steps[1].on) == (place, None)
+
+
+def test_a_target_without_a_colour_is_the_only_one():
+    outcome = interpret("move the blue cube to the target", Scene(list(TABLE)[:3]))
+    assert (outcome.steps[1].object, outcome.steps[1].position) == (1, (0.6, -0.25))
+
+
 def test_a_thing_that_is_not_called_see_through_is_rather_solid():
     outcome = interpret("put the red cube on top of the other cube", TABLE)
     assert isinstance(outcome, Understood)
