@@ -85,6 +85,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
                 config=cast(Any, OmegaConf.to_container(config, resolve=True)),
                 vocabulary=list(Tokenizer.default().vocabulary),
                 resume=find(Path(config.resume)) if config.resume else None,
+                init=find(Path(plan.run.init), key="init") if plan.run.init and not config.resume else None,
                 make_video_env=partial(build_env, env_config.without_curriculum(), 1, plan.run.seed, True),
                 progress=progress,
                 on_result=lambda result: print(summary(result, folder), flush=True),

@@ -77,6 +77,7 @@ class CheckpointConfig(Checked):
 @dataclass(frozen=True)
 class RunConfig(Checked):
     device: str  # of the updates: cpu, cuda, cuda:1; worlds stay on the CPU
+    init: str | None  # a run, checkpoint or pretrained policy whose networks the policy begins with
     total_frames: int = within(1)  # control steps over all worlds
     seed: int = within(0, 2**31 - 1)
     update_threads: int = within(0, 1024)  # CPU threads of an update; 0 = one per core

@@ -51,6 +51,7 @@ class OnPolicyAlgorithm(Algorithm):
         self.clipped = parameters(policy.encoder), parameters(policy.actor), parameters(critic)
         self.optimizer = self.make_optimizer(self.parameters)
         self.exploration = ExplorationSchedule(policy, config.final_std)
+        self.actor_learns = True
         encoded = (policy.context_key,) if self.grounding.active else policy.encoder_keys
         kept = [*encoded, *policy.actor_keys, "move", "move_log_prob", *critic.in_keys]
         self.frame_keys = [key for key in dict.fromkeys(kept) if key != policy.context_key or self.grounding.active]
@@ -59,6 +60,7 @@ class OnPolicyAlgorithm(Algorithm):
         """Learn from frames (worlds, steps) of the present policy. progress anneals learning rate and exploration."""
         check_batch(batch)
         rate = self.anneal_learning_rates(progress)
+        self.actor_learns = progress >= self.config.critic_warmup
         self.exploration.step(progress)
         batch = batch.to(self.device)
         fresh = self.add_batch_scenes(batch) if self.grounding.active else {}
@@ -119,7 +121,7 @@ class OnPolicyAlgorithm(Algorithm):
         if not self.grounding.active:
             frames = self.policy.encode(frames)
         measured = self.compute_losses(frames)
-        loss = total_loss(measured)
+        loss = total_loss(measured) if self.actor_learns else measured["loss/critic"]
         measured["std"] = self.policy.actor.log_std.exp().mean()
         if scenes is not None:
             measured["loss/grounding"] = self.grounding.measure(scenes)["loss/grounding"]

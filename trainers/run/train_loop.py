@@ -16,6 +16,7 @@ from trainers.config import Plan
 from trainers.rollout.worker import MakeEnv
 from trainers.rollout.worker_pool import CollectionError
 from trainers.run.final_report import write_report
+from trainers.run.initial_policy import start_from
 from trainers.run.metrics import MetricsWriter
 from trainers.run.progress import Progress
 from trainers.run.signals import StopSignal
@@ -30,6 +31,7 @@ def fit(
     config: dict[str, Any],
     vocabulary: list[str],
     resume: Path | None = None,
+    init: Path | None = None,
     make_video_env: Callable[[], EnvBase] | None = None,
     progress: Progress | None = None,
     make_eval_env: MakeEnv | None = None,
@@ -44,6 +46,7 @@ def fit(
         config: the composed config as plain values, saved in checkpoints.
         vocabulary: the tokenizer's words.
         resume: a checkpoint file to continue from.
+        init: a checkpoint file whose policy a new run begins with.
         make_video_env: builds an environment of one world that renders. None for no video.
         progress: where the rows of metrics.csv are shown; None: nowhere.
         make_eval_env: like `make_env`, for evaluations; by default `make_env`.
@@ -56,7 +59,7 @@ def fit(
         SystemExit: after a signal, with status 128 + signal; "last" is saved and the workers have ended.
         DivergedError: a loss, reward or observation is not finite; the batch is saved.
         CollectionError: more worker processes were lost than collector.restarts; "last" is saved.
-        CheckpointError: the checkpoint cannot be resumed or written.
+        CheckpointError: a checkpoint cannot be resumed, begun with or written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     run = TrainingRun(plan, make_env, folder, config, vocabulary, make_eval_env)
@@ -64,6 +67,8 @@ def fit(
         if resume is not None:
             run.resume(resume)
             shown.resume(run.counters["frames"])
+        elif init is not None:
+            start_from(init, run.policy, vocabulary, run.widths)
         metrics = MetricsWriter(folder, run.columns, plan.run.logger, run.kept_frames)
         with closing(metrics), StopSignal() as stop:
             try:
