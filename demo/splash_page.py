@@ -11,7 +11,7 @@ CAMERA, LOOK_AT = (1.25, -1.9, 0.9), (1.2, 0.0, 0.3)  # metres: shows robot, tab
 VIEWS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {  # from near by, by workspace
     "board": ((0.72, -0.8, 0.6), (0.68, 0.0, 0.12)),
     "room": ((1.21, -0.56, 0.74), (0.53, 0.145, 0.05)),
-    "studio": ((1.3, -0.65, 0.82), (0.53, 0.14, 0.05)),
+    "studio": ((0.7, -1.25, 0.95), (0.52, -0.04, 0.05)),
 }
 FIELD_OF_VIEW = np.deg2rad(60)  # vertical
 MESSAGE = '<div style="padding:2px 12px;font-size:14px">One moment: the robot is loading.</div>'

@@ -60,6 +60,8 @@ def read_env(config: Any) -> EnvConfig:
         robot = gripper.on_rod(robot)
     if task.devices and not kind.continues:
         raise ConfigError(f"task.devices={task.devices} must be 0 in task.name={task.name}: take task=anything")
+    if task.hand and not task.devices:
+        raise ConfigError(f"task.hand=true needs devices, and task.devices={task.devices}: take task=anything")
     if kind.stacks:
         _check_board(task, workspace)
     return EnvConfig(

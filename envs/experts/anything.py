@@ -8,14 +8,17 @@ from numpy.typing import NDArray
 from envs.experts.base import UP, AimingExpert, Array, Slots, choose_rows
 from envs.experts.devices import DeviceExpert
 from envs.experts.grasp import LiftExpert
+from envs.experts.hand_over import HandOverExpert
 from envs.experts.in_out import fittings_from
 from envs.experts.place import Fetch, PlaceExpert
 from envs.experts.reach import ReachExpert
 from envs.experts.registry import EXPERTS, register_expert
 from envs.tasks import NOTHING, Task
 from envs.tasks.anything import Anything
+from envs.tasks.feasible import HANDING
 from envs.tasks.furnished import NUMBERS
 from envs.tasks.geometry import length
+from envs.tasks.hand_over import NUMBER as PALM
 from envs.workspace_env import WorkspaceEnv
 
 HOVER = 0.14  # metres above an object at which grippers travel: over stacks of two
@@ -24,6 +27,8 @@ BESIDE, CLEAR = 0.05, 0.06  # metres beside and over a handle from which a gripp
 SHUT_WITHIN = 0.09  # metres beside a device from which on fingers are shut: not at what they have just released
 SINK = 0.02  # metres that fingers go down in a control step: faster, after they went up, a panda leaves the vertical
 STRAIGHT = 0.05  # metres from a device along x up to which a gripper stays between the fittings
+HAND_NEAR, HAND_FAR = 0.075, 0.095  # metres beside a hand up to which a gripper stays over it, and from which it need not
+OVER_HAND = 0.1  # metres over a hand at which it passes: over what lies on it
 INSIDE = 0.01  # metres within the line at which it is between them
 SAG = 0.02  # metres below its aim up to which a gripper goes sideways, and less so down to twice as much
 
@@ -37,6 +42,7 @@ class AnythingExpert(AimingExpert):
         assert isinstance(self._task, Anything)
         self._members = [self._member(member) for member in self._task.members]
         self._operates = np.array([isinstance(member, DeviceExpert) for member in self._members])
+        self._handing = self._task.verbs.index(HANDING) if self._task.config.hand else NOTHING
         self._beside = fittings_from(env)
 
     def _member(self, task: Task) -> AimingExpert:
@@ -44,6 +50,8 @@ class AnythingExpert(AimingExpert):
         assert isinstance(member, AimingExpert)
         if isinstance(member, Fetch | ReachExpert):
             member.hover = HOVER
+        if isinstance(member, HandOverExpert):
+            member.least_hover = HOVER
         if isinstance(member, PlaceExpert):
             member.height = HEIGHT
         if isinstance(member, DeviceExpert):
@@ -56,6 +64,7 @@ class AnythingExpert(AimingExpert):
         state, gripper = self._env.state, self._env.gripper
         aims = [member.aim(referent, target) for member in self._members]
         place, close = (np.stack(parts)[state.kind, self._rows] for parts in zip(*aims, strict=True))
+        place = self._over_the_hand(place, state.kind == self._handing)
         sideways = np.clip(2.0 - (place - gripper)[:, 2] / SAG, 0.0, 1.0)[:, None]
         place[:, :2] = gripper[:, :2] + sideways * (place - gripper)[:, :2]
         place = self._past_the_lid(place)
@@ -65,6 +74,21 @@ class AnythingExpert(AimingExpert):
         place = choose_rows(leaves, gripper + HOVER * UP, place)
         other = (state.held != NOTHING) & (state.held != referent)
         return choose_rows(other, gripper, place), close & ~other
+
+    def _over_the_hand(self, place: Array, handing: NDArray[np.bool_]) -> Array:
+        """The places (N, 3), over what may lie on the hand where the gripper is near it and brings nothing there.
+
+        handing: (N,) whether something is to be handed over.
+        """
+        state, gripper = self._env.state, self._env.gripper
+        if self._handing == NOTHING:
+            return place
+        hands = (state.nouns == PALM) & state.shown
+        palm = self._place(hands.argmax(axis=1))
+        near = np.clip((HAND_FAR - length((gripper - palm)[:, :2])) / (HAND_FAR - HAND_NEAR), 0.0, 1.0)
+        elsewhere = hands.any(axis=1) & ~(handing & (state.held == state.referent))
+        place[elsewhere, 2] = np.maximum(place[:, 2], near * (palm[:, 2] + OVER_HAND))[elsewhere]
+        return place
 
     def _past_the_lid(self, place: Array) -> Array:
         """The places (N, 3), or what is on the way there from a fitting, past its open lid.

@@ -15,11 +15,13 @@ CLEAR = 0.07  # metres over the palm at which an empty gripper passes
 
 @register_expert("nl_hand_over")
 class HandOverExpert(StackExpert):
-    """Picks the referent up, and releases it on the palm."""
+    """Picks the referent up, and releases it on the palm. least_hover: metres above objects at which it travels."""
+
+    least_hover = HOVER
 
     def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
         over = self._place(target)[:, 2] + CLEAR - self._place(referent)[:, 2]
-        self.hover = np.maximum(HOVER, over)
+        self.hover = np.maximum(self.least_hover, over)
         return super().aim(referent, target)
 
     def _goal(self, target: Slots) -> Array:

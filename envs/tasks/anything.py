@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from conf.schema import ConfigError
 from envs.sim.workspace import Fitting
 from envs.tasks.base import Task
-from envs.tasks.feasible import CARRY, Option, Room, options
+from envs.tasks.feasible import CARRY, HANDING, Option, Room, options
 from envs.tasks.movable_objects import SCENES
 from envs.tasks.operate_among import OperateAmong
 from envs.tasks.outcome import Outcome
@@ -152,11 +152,11 @@ class Anything(RoomScenes):
         if not feasible:
             return []
         named = self._describer.nameable(room.scene)
-        return [each for each in feasible if named[each.referent] and (each.target is None or named[each.target])]
+        return [each for each in feasible if named[each.referent] and (_needs_no_name(each) or named[each.target])]
 
     def _said(self, scene: Scene, option: Option, rng: Generator) -> Said:
         verb, referent, target = option
-        sentence, _ = self._sentence(verb, scene, referent, target, rng)
+        sentence, _ = self._sentence(verb, scene, referent, None if verb == HANDING else target, rng)
         return Said(self.verbs.index(verb), referent, target, sentence, self._heard(sentence))
 
     def _draw(self, rng: Generator) -> EpisodeSpec:
@@ -203,3 +203,8 @@ class Anything(RoomScenes):
             resting=np.any(room.upon, axis=1),
             shares=np.clip(shares, 0.0, 1.0),
         )
+
+
+def _needs_no_name(option: Option) -> bool:
+    """Whether words need not name the target: there is none, or it is the only hand."""
+    return option.target is None or option.verb == HANDING

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from envs.tasks.free_places import BESIDE, LEVEL
 from envs.tasks.geometry import length
+from envs.tasks.hand_over import lies_on_palm
 from envs.tasks.types import NOTHING, Array
-from language import NOUNS, Scene
+from language import HAND, NOUNS, Scene
 
 VERBS = ("reach", "grasp", "lift", "pick_and_place", "stack", "unstack", "open", "close", "put_in", "take_out")
 DEVICE_VERBS = {"press": "button", "switch": "lever", "turn": "wheel"}  # what is done to devices, and to which
-CARRY = ("pick_and_place", "stack", "put_in")  # what can be done with an object that is held already
+HANDING = "hand_over"  # what is done with the open hand of a person
+CARRY = ("pick_and_place", "stack", "put_in", HANDING)  # what can be done with an object that is held already
 AJAR, WIDE = 0.2, 0.8  # shares up to which a fitting can be opened, and from which it can be closed
 THROUGH = 0.9  # share from which it is open wide enough to put something in and take it out
 EDGE = 0.06  # metres beyond the area of the objects up to which the arm takes objects
@@ -41,6 +43,8 @@ class Room:
         upon: (K, K) whether the first of two stands on the second. covered: (K,) what another object stands on.
         ready: (K,) what can be taken from above: it stands on the table or on another object, and nothing is on it.
         devices: (K,) what is a device. moved: (K,) how far each is from its start, in shares of its way.
+        hands: (K,) what is the open hand of a person.
+        handed: (K, K) whether the first of two is loose and lies on the second, a hand.
 
     Args:
         scene: the objects, metres.
@@ -63,9 +67,12 @@ class Room:
         self.scene, self.shares, self.fits = scene, shares, fits
         self.moved = np.zeros(len(scene)) if moved is None else moved
         self.devices = np.isin(scene.nouns, [list(NOUNS).index(noun) for noun in DEVICE_VERBS.values()])
-        self.loose = ~fits & ~self.devices & ~scene.targets
+        self.hands = scene.nouns == list(NOUNS).index(HAND)
+        self.loose = ~fits & ~self.devices & ~scene.targets & ~self.hands
         self.inside = inside & self.loose[:, None]
         offset = scene.positions[:, None] - scene.positions
+        lies = lies_on_palm(offset - [0.0, 0.0, 0.5] * scene.sizes[:, None, None])
+        self.handed = lies & self.loose[:, None] & self.hands
         near = length(offset[..., :2]) < UNDER * scene.sizes
         high = np.abs(offset[..., 2] - scene.sizes) < SLACK
         self.upon = near & high & self.loose & self.loose[:, None]
@@ -90,8 +97,8 @@ class Room:
         return devices & (up if verb == "press" else up | over)
 
     def blocked(self) -> bool:
-        """Whether a loose object lies where fittings move: neither in one nor among the objects on the table."""
-        return bool((self.loose & ~self.at_hand & ~self.inside.any(1)).any())
+        """Whether a loose object lies where fittings move: not in one, on a hand or among the objects on the table."""
+        return bool((self.loose & ~self.at_hand & ~self.inside.any(1) & ~self.handed.any(1)).any())
 
 
 def options(room: Room, held: int = NOTHING) -> list[Option]:
@@ -126,10 +133,11 @@ def _options(room: Room, taken: NDArray[np.bool_]) -> Iterator[Option]:
         "stack": taken[:, None] & bases & ~room.upon,
         "put_in": taken[:, None] & through & ~full,
         "take_out": room.inside & through & ~room.covered[:, None],
+        HANDING: taken[:, None] & room.hands & ~np.any(room.handed, axis=0),
     }
     np.fill_diagonal(pairs["stack"], False)
     alone |= {verb: room.operable(verb) for verb in DEVICE_VERBS}
-    for verb in (*VERBS, *DEVICE_VERBS):
+    for verb in (*VERBS, *DEVICE_VERBS, HANDING):
         if verb in alone:
             yield from (Option(verb, int(one), None) for one in np.flatnonzero(alone[verb]))
         else:

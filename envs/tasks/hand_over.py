@@ -13,7 +13,7 @@ from envs.tasks.geometry import length
 from envs.tasks.object_layout import scatter
 from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.registry import register_task
-from envs.tasks.types import Array, Column, EpisodeSpec, State
+from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
 from human import HumanConfig, Unreachable, read_arm
 from human.offering_arm import JOINTS, OfferingArm
 from language import COLORS, HAND, NOUNS, Instruction, Placed, Scene
@@ -48,20 +48,7 @@ class HandOver(PickAndPlace):
     def prepare(self, workspace: WorkspaceConfig) -> None:
         if len(self.config.objects):
             raise ConfigError(f"task.objects must be empty in task.name={self.config.name}: its objects are drawn")
-        human = workspace.human
-        if human is None or not human.palm:
-            raise ConfigError(
-                f"task.name={self.config.name} needs a person who holds out an open hand, and "
-                f"workspace.name={workspace.name} has none: choose workspace=handover"
-            )
-        self._region = np.reshape(human.palm, (3, 2)).T
-        low, high = np.reshape(workspace.gripper_box, (3, 2)).T
-        if (self._region[0] < low).any() or (self._region[1] + [0.0, 0.0, OVER] > high).any():
-            raise ConfigError(
-                f"workspace.human.palm={human.palm} must lie in workspace.gripper_box={list(workspace.gripper_box)}, "
-                f"{OVER} below its top: choose another robot, or another palm"
-            )
-        _check_arm(human, self._region)
+        self._region = palm_region(self.config, workspace, "handover")
 
     @property
     def bodies(self) -> tuple[int, int, int]:
@@ -85,8 +72,7 @@ class HandOver(PickAndPlace):
 
     def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
         """(N,) whether the referent lies on the palm."""
-        offset = np.abs(self._referent(state) - self._goal(state))
-        return np.all(offset[:, :2] <= HALF, axis=1) & (offset[:, 2] <= LEVEL)
+        return lies_on_palm(self._referent(state) - self._goal(state))
 
     def _failed(self, state: State) -> NDArray[np.bool_]:
         each = self._rows, state.target
@@ -105,7 +91,7 @@ class HandOver(PickAndPlace):
         loose = scatter(rng, count, self._area, config.spacing, config.object_size / 2)
         nouns = np.append(self._nouns[rng.integers(len(self._nouns), size=count)], NUMBER)
         colors = np.append(rng.integers(len(COLORS), size=count), list(COLORS).index(COLOR))
-        places = np.concatenate((np.reshape(loose, (-1, 3)), rng.uniform(*self._region)[None]))
+        places = np.concatenate((np.reshape(loose, (-1, 3)), rng.uniform(self._region[0], self._region[1])[None]))
         return Scene.from_arrays(nouns, colors, places, config.object_size, viewpoint=config.viewpoint)
 
     def _placed(self, rng: Generator) -> Placed:
@@ -129,6 +115,53 @@ class HandOver(PickAndPlace):
     ) -> tuple[str, Instruction]:
         """As in other tasks, without words for the hand."""
         return super()._sentence(verb, scene, referent, None, rng)
+
+
+def lies_on_palm(offset: Array) -> NDArray[np.bool_]:
+    """(...) whether objects lie on a palm. offset: (..., 3) metres from where they lie on its middle."""
+    return np.all(np.abs(offset[..., :2]) <= HALF, axis=-1) & (np.abs(offset[..., 2]) <= LEVEL)
+
+
+def with_hand(placed: Placed, place: Array) -> Placed:
+    """The scene with a hand as its last object, which nothing moves. place: (3,) of its palm, metres."""
+    scene = placed.scene
+    joined = Scene.from_arrays(
+        nouns=np.append(scene.nouns, NUMBER),
+        colors=np.append(scene.colors, list(COLORS).index(COLOR)),
+        positions=np.concatenate((scene.positions, place[None])),
+        size=np.append(scene.sizes, scene.sizes[0]),
+        targets=np.append(scene.targets, False),
+        viewpoint=scene.viewpoint,
+    )
+    return Placed(joined, np.append(placed.yaw, 0.0), np.append(placed.fixed, True))
+
+
+def palm_region(config: TaskConfig, workspace: WorkspaceConfig, better: str) -> Array:
+    """(2, 3) lowest and highest corner of where the workspace's person holds an open hand, metres.
+
+    Args:
+        config: of the task.
+        workspace: with a person or without.
+        better: a workspace that has one, for the message.
+
+    Raises:
+        ConfigError: nobody holds out a hand, or gripper or arm do not reach it everywhere.
+    """
+    human = workspace.human
+    if human is None or not human.palm:
+        raise ConfigError(
+            f"task.name={config.name} needs a person who holds out an open hand, and "
+            f"workspace.name={workspace.name} has none: choose workspace={better}"
+        )
+    region = np.reshape(human.palm, (3, 2)).T
+    low, high = np.reshape(workspace.gripper_box, (3, 2)).T
+    if (region[0] < low).any() or (region[1] + [0.0, 0.0, OVER] > high).any():
+        raise ConfigError(
+            f"workspace.human.palm={human.palm} must lie in workspace.gripper_box={list(workspace.gripper_box)}, "
+            f"{OVER} below its top: choose another robot, or another palm"
+        )
+    _check_arm(human, region)
+    return region
 
 
 def _check_arm(human: HumanConfig, region: Array) -> None:

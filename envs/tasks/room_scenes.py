@@ -14,14 +14,16 @@ from envs.sim.devices import facing
 from envs.sim.workspace import WorkspaceConfig
 from envs.tasks import room_devices
 from envs.tasks.device_motion import moved
-from envs.tasks.feasible import DEVICE_VERBS, VERBS, Room
+from envs.tasks.feasible import DEVICE_VERBS, HANDING, VERBS, Room
 from envs.tasks.free_places import COLUMNS, FINE_COLUMNS, FreeTable, described_free
 from envs.tasks.furnished import Furnished
+from envs.tasks.hand_over import NUMBER as PALM
+from envs.tasks.hand_over import HandOver, palm_region, with_hand
 from envs.tasks.object_layout import scatter
 from envs.tasks.operate_among import WIDTHS
 from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
 from human import Person
-from language import COLORS, DEVICES, FITTINGS, Placed, Scene
+from language import COLORS, DEVICES, FITTINGS, HAND, Placed, Scene
 
 STORED, STACKED = 0.3, 0.5  # chances that an object lies in each fitting, and that one stands on another
 AT_AN_OBJECT = 0.5  # share of the episodes that the curriculum begins elsewhere, in which that is over another object
@@ -35,7 +37,8 @@ class RoomScenes(Furnished):
     """Scenes of a room, what is observed of it, and what decides about what is feasible in it.
 
     Fittings are open or shut, with an object in them or without, and an object may stand on another one. With
-    `task.devices`, so many devices stand behind the loose objects; the task then has verbs and columns for them.
+    `task.devices`, so many devices stand behind the loose objects; the task then has verbs and columns for them, and
+    with `task.hand` also for the open hand of a person, whose place is drawn anew for each episode.
     """
 
     columns: tuple[Column, ...] = (*Furnished.columns, *COLUMNS)
@@ -48,10 +51,12 @@ class RoomScenes(Furnished):
         self._table = FreeTable(object_area, config.object_size)
         self._device_area: Sequence[float] = ()
         if config.devices:
-            self.verbs, self.fixtures = (*VERBS, *DEVICE_VERBS), (*FITTINGS, *DEVICES)
-            marks = len(FITTINGS)  # the columns of all marks come first
-            fitting_columns = Furnished.columns[:marks], Furnished.columns[marks:]
-            self.columns = (*fitting_columns[0], *room_devices.COLUMNS, *fitting_columns[1], *FINE_COLUMNS)
+            hands, handing = ((HAND,), (HANDING,)) if config.hand else ((), ())
+            self.verbs, self.fixtures = (*VERBS, *DEVICE_VERBS, *handing), (*FITTINGS, *DEVICES, *hands)
+            (is_fitting, how_open), (is_device, how_moved) = _split(Furnished.columns), _split(room_devices.COLUMNS)
+            is_hand = HandOver.columns if config.hand else ()
+            marks = *is_fitting, *is_device, *is_hand  # they come first
+            self.columns = (*marks, *how_moved, *how_open, *FINE_COLUMNS)
         super().__init__(config, object_area, num_worlds, person)
         self.kind_names = self.verbs
 
@@ -61,11 +66,13 @@ class RoomScenes(Furnished):
             raise ConfigError(
                 f"task.devices={self.config.devices} needs a workspace with a device_area: choose workspace=studio"
             )
+        if self.config.hand:
+            self._palms = palm_region(self.config, workspace, "studio")
 
     @property
     def bodies(self) -> tuple[int, int, int]:
         free, fixed, targets = super().bodies
-        return free - self.config.devices, fixed, targets
+        return free - self.config.devices - self.config.hand, fixed, targets
 
     @property
     def devices(self) -> tuple[str, ...]:
@@ -97,7 +104,7 @@ class RoomScenes(Furnished):
         if self.config.devices:
             parts = facing(state.quaternions), self.travel(state), self.moved(state)
             devices = room_devices.columns_of(state.nouns, *parts)
-        return self._joined(super().seen(state), devices, self._free - state.objects)
+        return self._joined(state.nouns, super().seen(state), devices, self._free - state.objects)
 
     def described(self, episode: EpisodeSpec) -> Array:
         nouns, devices = episode.scene.nouns, np.zeros((len(episode.scene), 0))
@@ -107,14 +114,16 @@ class RoomScenes(Furnished):
             gone = room_devices.moved_by(nouns, episode.shares)
             ahead = room_devices.directions(nouns, episode.yaw, gone)
             devices = room_devices.columns_of(nouns, ahead, np.zeros(len(nouns)), gone)
-        return self._joined(super().described(episode), devices, described_free(self._table, episode))
+        return self._joined(nouns, super().described(episode), devices, described_free(self._table, episode))
 
-    def _joined(self, fittings: Array, devices: Array, free: Array) -> Array:
+    def _joined(self, nouns: NDArray[np.int64], fittings: Array, devices: Array, free: Array) -> Array:
         """(..., C) the values of `columns`. free: (..., 3) metres to where the table is free for each object."""
         if not self.config.devices:
             return np.concatenate((fittings, free[..., :2]), axis=-1)
-        marks = len(FITTINGS)
-        return np.concatenate((fittings[..., :marks], devices, fittings[..., marks:], free, free), axis=-1)
+        hands = [nouns[..., None] == PALM] if self.config.hand else []
+        kinds, marks = len(FITTINGS), len(DEVICES)
+        is_each = fittings[..., :kinds], devices[..., :marks], *hands
+        return np.concatenate((*is_each, devices[..., marks:], fittings[..., kinds:], free, free), axis=-1)
 
     # ---- drawing
 
@@ -128,17 +137,20 @@ class RoomScenes(Furnished):
         return Room(scene, self.shares(nouns, places), self._inside(nouns, places), fits, self._area, moved)
 
     def _furnished(self, rng: Generator) -> tuple[Placed, Room]:
-        """A scene, with its devices, and what it is like."""
+        """A scene, with its devices and the hand, and what it is like."""
         placed, count = self._placed(rng), self.config.devices
         if not count:
             return placed, self.room(placed.scene)
         placed, gone = room_devices.draw_devices(placed, count, self._device_area, self.device_width, rng)
+        if self.config.hand:
+            placed, gone = with_hand(placed, rng.uniform(self._palms[0], self._palms[1])), np.append(gone, 0.0)
         return placed, self.room(placed.scene, gone)
 
     def _scene(self, rng: Generator) -> Scene:
         """Loose objects, targets and fittings. The first objects may lie in fittings, and the next one on the last."""
         config = self.config
-        count = int(rng.integers(config.min_objects, config.num_objects + 1)) - len(FITTINGS) - config.devices
+        drawn = int(rng.integers(config.min_objects, config.num_objects + 1))
+        count = drawn - len(FITTINGS) - config.devices - config.hand
         places = np.array(scatter(rng, count + config.num_targets, self._area, config.spacing, config.object_size / 2))
         fitting_nouns = list(self.fittings)
         shares = zip(self.fittings.values(), self._draw_shares(rng), strict=True)
@@ -166,3 +178,9 @@ class RoomScenes(Furnished):
             low, high = scene.positions[:, :2].min(0), scene.positions[:, :2].max(0)
             place = np.append(rng.uniform(low, high), rng.uniform(*HIGH))
         return place - at
+
+
+def _split(columns: tuple[Column, ...]) -> tuple[tuple[Column, ...], tuple[Column, ...]]:
+    """The columns that mark what an object is, and the others."""
+    marks = tuple(column for column in columns if column.name.startswith("is a "))
+    return marks, columns[len(marks) :]

@@ -140,6 +140,7 @@ class TaskConfig(Checked):
     num_targets: int = within(0, SLOTS)  # see-through places, beside the objects
     levels: int = within(1, STACKED_SLOTS)  # objects in a stack, at most
     devices: int = within(0, 3, default=0)  # of the objects, where a task has devices beside fittings
+    hand: bool = False  # whether one of the objects is the open hand of a person, where a task has devices
     nouns: list[str] = one_of(*NOUNS)  # what objects are drawn as
     kinds: list[str] = one_of(*KINDS)  # of sentences; empty: no words
     viewpoint: str = one_of(*VIEWPOINTS)  # whose left is left
@@ -199,7 +200,7 @@ class TaskConfig(Checked):
         """How many objects and targets an episode can show."""
         if self.levels > 1:
             return STACKED_SLOTS
-        return ROOM_SLOTS if self.devices else SLOTS
+        return ROOM_SLOTS + self.hand if self.devices else SLOTS
 
     def says(self) -> Split:
         """The split, with what it holds out. Raises LanguageError if no sentence is left."""

@@ -102,6 +102,7 @@ NEWER = {
     "instructions",
     "verbs",
     "devices",
+    "hand",
     "device_area",
     "clearance",
     "gap",
