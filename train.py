@@ -40,14 +40,11 @@ def build_env(
 
 
 def run(config: Any, folder: Path) -> dict[str, Any]:
-    """Train with a composed config, print the result and write the report.
+    """Train with a composed config, print the result, write the report, and return the values of eval.json.
 
     Args:
         config: as `conf.overrides.compose` returns it.
         folder: of the run; created if missing.
-
-    Returns:
-        The values of eval.json.
 
     Raises:
         ConfigError: for a bad value, before anything slow is done.

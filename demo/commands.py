@@ -17,6 +17,7 @@ from demo.planning import Planner, Subtask, verb_words
 from envs.experts.moves import CARRIED, Move, moves_of, without_takes
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name, object_names
+from envs.tasks.feasible import HANDING
 from language import HAND, NOUNS, LanguageError
 from language.commands import Action
 
@@ -129,7 +130,8 @@ def _of_room(action: Action, env: InteractiveEnv) -> Subtask:
     if on is not None and scene.targets[on]:
         on = None
     if on is not None:
-        return Subtask("", thing, on, verb="put_in" if room.room_of(env).fits[on] else "stack")
+        found = room.room_of(env)
+        return Subtask("", thing, on, verb="put_in" if found.fits[on] else HANDING if found.hands[on] else "stack")
     target, place = _targets([action], env)[0], _within_reach(action.position, env)
     assert target is not None
     marked = np.linalg.norm(scene.positions[target, :2] - place) < SAME_PLACE

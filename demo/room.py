@@ -11,32 +11,35 @@ import numpy as np
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name
 from envs.tasks.anything import Anything
-from envs.tasks.feasible import CARRY, DEVICE_VERBS, THROUGH, Option, Room, options
+from envs.tasks.feasible import CARRY, DEVICE_VERBS, HANDING, THROUGH, Option, Room, options
 from envs.tasks.free_places import BESIDE
 from envs.tasks.furnished import OPEN, SHUT
 from envs.tasks.geometry import length
 from envs.tasks.types import NOTHING
-from language import SUPERLATIVES, VERBS, LanguageError, ObjectPhrase, Scene, Split, matches
+from language import HAND, SUPERLATIVES, VERBS, LanguageError, ObjectPhrase, Scene, Split, matches
 from language.describing import plain_name
 from language.generator import ReferringExpressions
 from language.verbs import BASE, GOAL, OBJECT, OPERATED, has_goal
 
 MOST_SAID = 12  # instructions that are listed
 PLACE = {"pick_and_place": "put {object} {goal}"}  # templates in place of the first one, where that is long
+YOURS = "your hand"
 AT = "at"  # before the object that marks a place
 
 
 def in_words(verb: str, referent: str, target: str | None = None) -> str:
-    """An instruction with these names: "put the red cube in the drawer"."""
+    """An instruction with these names: "put the red cube in the drawer". No words name the hand of "hand me ..."."""
+    target = target if VERBS[verb].takes_goal else None
     fits = (each for each in VERBS[verb].templates if has_goal(each) == (target is not None))
     sentence = PLACE.get(verb, next(fits)).replace(OBJECT, referent)
     return sentence if target is None else sentence.replace(BASE, target).replace(GOAL, f"{AT} {target}")
 
 
 def names_of(scene: Scene) -> list[str]:
-    """The name of each object; "the transparent cube" for a see-through one, where there is no other."""
+    """The name of each object: "your hand", and "the transparent cube" for the only see-through one."""
     phrases = [plain_phrase(scene, index) for index in range(len(scene))]
     names = [object_name(i, scene) if phrase is None else str(phrase) for i, phrase in enumerate(phrases)]
+    names = [YOURS if thing.noun == HAND else name for name, thing in zip(names, scene, strict=True)]
     if scene.targets.sum() == 1:
         target = int(scene.targets.argmax())
         names[target] = f"the transparent {scene[target].noun}"
@@ -70,7 +73,7 @@ def sayable(env: InteractiveEnv) -> list[str]:
     names, held = names_of(scene), NOTHING if env.held is None else env.held
     by_verb: dict[str, list[Option]] = {}
     for option in options(room_of(env, scene), held):
-        if all(names[each].startswith("the ") for each in option[1:] if each is not None):
+        if all(names[each].startswith(("the ", YOURS)) for each in option[1:] if each is not None):
             by_verb.setdefault(option.verb, []).append(option)
     turned = [each[at % len(each) :] + each[: at % len(each)] for at, each in enumerate(by_verb.values())]
     found = [option for option in chain(*zip_longest(*turned)) if option is not None]
@@ -144,6 +147,8 @@ def _of_taking(room: Room, option: Option, names: Sequence[str]) -> Iterator[str
         yield f"{name} is not in {names[target or 0]}"
     if verb != "take_out" and boxes:
         yield f"{name} is in {names[boxes[0]]}: take it out first"
+    if room.handed[referent].any():
+        yield f"{name} is in your hand"
     if room.covered[referent]:
         upper = int(np.flatnonzero(room.upon[:, referent])[0])
         yield f"{names[upper]} stands on {name}: take that down first"
@@ -165,6 +170,10 @@ def _of_target(room: Room, option: Option, held: int, names: Sequence[str]) -> I
             yield f"{names[referent]} stands on {there} already"
         if not (room.loose & room.ready & room.level)[target]:
             yield f"nothing can be put on {there} now"
+    elif verb == HANDING:
+        if room.handed[:, target].any():
+            inside = int(np.flatnonzero(room.handed[:, target])[0])
+            yield f"your hand is full: {names[inside]} is in it"
     elif not room.fits[target]:
         yield f"nothing goes in {there}: name the drawer or the fridge"
     elif room.shares[target] <= THROUGH:

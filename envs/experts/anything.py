@@ -27,7 +27,10 @@ BESIDE, CLEAR = 0.05, 0.06  # metres beside and over a handle from which a gripp
 SHUT_WITHIN = 0.09  # metres beside a device from which on fingers are shut: not at what they have just released
 SINK = 0.02  # metres that fingers go down in a control step: faster, after they went up, a panda leaves the vertical
 STRAIGHT = 0.05  # metres from a device along x up to which a gripper stays between the fittings
-HAND_NEAR, HAND_FAR = 0.075, 0.095  # metres beside a hand up to which a gripper stays over it, and from which it need not
+HAND_NEAR, HAND_FAR = (
+    0.075,
+    0.095,
+)  # metres beside a hand up to which a gripper stays over it, and from which it need not
 OVER_HAND = 0.1  # metres over a hand at which it passes: over what lies on it
 INSIDE = 0.01  # metres within the line at which it is between them
 SAG = 0.02  # metres below its aim up to which a gripper goes sideways, and less so down to twice as much

@@ -12,6 +12,7 @@ from language.commands.items import Gaps, Item
 from language.commands.meanings import Entity
 from language.commands.nouns import REGIONS
 
+_OURS = frozenset({"my", "our"})
 _PLURAL = frozenset({"tetrahedra", "boxes"})
 _MODIFIERS = (
     "size",
@@ -109,6 +110,8 @@ class NounPhrases:
         for edge in self._get(at, "stack"):
             found += self._stack(draft._replace(at=edge.end, cost=draft.cost + edge.cost), start)
         for edge in self._get(at, "region"):
+            if edge.value == "robot" and at and self._lattice.tokens[at - 1].text in _OURS:
+                continue  # "my hand" is not the robot's
             if not known.keys() & {"colors", "superlative", "single", "size"}:
                 found.append(_item(draft, edge.end, edge.cost, start, kind=edge.value))
         for edge in self._get(at, "fixture"):

@@ -44,6 +44,25 @@ def test_what_is_listed_of_devices_is_done_and_they_stay_as_they_are(session, ve
     assert verb == "press" or abs(session.env.moved()[index] - before) > 0.7
 
 
+@pytest.mark.parametrize("sentence", ["hand me {}", "plz give {} to me", "put {} into my hand"])
+def test_what_is_asked_for_is_put_into_the_hand_and_a_full_hand_takes_nothing_more(session, sentence):
+    names = [each.removeprefix("hand me ") for each in _listed(session, "hand me the .*")]
+    assert session.say(sentence.format(names[0])).message is not None
+    assert run_to_end(session).startswith("Done")
+    assert "hand me" not in " ".join(session.sayable())
+    others = [each.removeprefix("grasp ") for each in session.sayable() if each.startswith("grasp the ")]
+    assert "your hand is full" in session.say(f"hand me {others[0]}").message
+
+
+def _listed(session, pattern):
+    """Sentences that are listed, in the first scene that has some."""
+    for _ in range(SHUFFLES):
+        session.shuffle()
+        if found := [sentence for sentence in session.sayable() if re.fullmatch(pattern, sentence)]:
+            return found
+    raise AssertionError(pattern)
+
+
 def test_what_cannot_be_done_to_a_device_is_refused_with_the_reason(session):
     name = name_of(session, "turn")
     for sentence, reason in (

@@ -64,11 +64,7 @@ def fit(
     folder.mkdir(parents=True, exist_ok=True)
     run = TrainingRun(plan, make_env, folder, config, vocabulary, make_eval_env)
     with closing(run), progress or Progress(plan.run.total_frames, shown=False) as shown:
-        if resume is not None:
-            run.resume(resume)
-            shown.resume(run.counters["frames"])
-        elif init is not None:
-            start_from(init, run.policy, vocabulary, run.widths)
+        _begin(run, shown, resume, init)
         metrics = MetricsWriter(folder, run.columns, plan.run.logger, run.kept_frames)
         with closing(metrics), StopSignal() as stop:
             try:
@@ -78,6 +74,14 @@ def fit(
                 _write_waiting_rows(run, metrics)
                 _save_after_error(run, error, stop)
                 raise
+
+
+def _begin(run: TrainingRun, shown: Progress, resume: Path | None, init: Path | None) -> None:
+    if resume is not None:
+        run.resume(resume)
+        shown.resume(run.counters["frames"])
+    elif init is not None:
+        start_from(init, run.policy, run.vocabulary, run.widths)
 
 
 def _write_waiting_rows(run: TrainingRun, metrics: MetricsWriter) -> None:

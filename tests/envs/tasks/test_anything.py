@@ -10,13 +10,13 @@ from conf.schema import ConfigError
 from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS
-from envs.tasks.feasible import DEVICE_VERBS, VERBS, options
+from envs.tasks.feasible import DEVICE_VERBS, HANDING, VERBS, options
 from envs.tasks.types import NOTHING
 from language import parse
 from tests.helpers.env_cases import act, begun, config_of, differences, make, partial_reset, task_of
 
 WORLDS, LENGTH = 6, 4
-SAID = (*VERBS, *DEVICE_VERBS)  # with devices
+SAID = (*VERBS, *DEVICE_VERBS, HANDING)  # with devices and a hand
 PLAIN = "task.curriculum={near: 0, held: 0, placed: 0}"
 
 
@@ -29,7 +29,7 @@ def env(request):
 
 def test_every_verb_is_drawn_as_often_and_its_sentence_names_what_the_episode_is_about():
     task, rng, verbs = task_of("anything"), np.random.default_rng(0), Counter()
-    for _ in range(150):
+    for _ in range(220):
         episode = task.draw(rng)
         understood = parse(episode.sentence, episode.scene).steps[-1]
         assert task.verbs[episode.kind] == understood.task == task.verbs[episode.kind]

@@ -19,7 +19,7 @@ from tests.helpers.env_cases import act, begun, config_of, make, task_of
 WORLDS, LENGTH = 4, 3
 PLAIN = "task.curriculum={near: 0, held: 0, placed: 0}"
 OPERATING = "task.verbs=[press,switch,turn]"
-WITHOUT = ("task.devices=0", "workspace=room", "task.num_objects=7", "task.min_objects=5")
+WITHOUT = ("task.devices=0", "task.hand=false", "workspace=room", "task.num_objects=7", "task.min_objects=5")
 NUMBERS = [list(NOUNS).index(noun) for noun in DEVICES]
 LEVER = list(NOUNS).index("lever")
 
@@ -48,7 +48,8 @@ def test_devices_stand_apart_in_a_row_behind_the_loose_objects():
         assert max(Counter(scene.nouns[which].tolist()).values()) <= 2
         assert (np.diff(np.sort(places[:, 1])) > 0.05).all()
         assert (np.abs(places[:, 0] - np.mean(area[:2])) < 0.08).all()
-        assert scene.positions[~which & ~task.room(scene).fits & ~task.room(scene).inside.any(1), 0].max() < 0.5
+        room = task.room(scene)
+        assert scene.positions[~which & ~room.fits & ~room.inside.any(1) & ~room.hands, 0].max() < 0.5
         nouns.update(scene.nouns[which].tolist())
     assert min(nouns[number] for number in NUMBERS) > 40
 
@@ -172,4 +173,4 @@ def test_devices_need_a_place_a_task_that_has_them_and_slots():
     with pytest.raises(ConfigError, match=re.escape("task.devices=2 must be 0 in task.name=nl_lift: take task=any")):
         make_env(["task=nl_lift", "task.devices=2"])
     with pytest.raises(ConfigError, match="at most 12 can be shown"):
-        make_env(["task=anything", "task.num_objects=12"])
+        make_env(["task=anything", "task.hand=false", "task.num_objects=12"])

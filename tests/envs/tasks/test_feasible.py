@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from envs.tasks.feasible import VERBS, Room, options
+from envs.tasks.feasible import HANDING, VERBS, Room, options
 from language import COLORS, NOUNS, Scene
 
 SIZE, AREA = 0.05, (0.32, 0.58, -0.13, 0.13)
@@ -79,6 +79,21 @@ def test_with_an_object_in_the_gripper_only_what_can_be_done_with_it_is_feasible
         ("stack", 0, 1),
         ("put_in", 0, 3),
     }
+
+
+@pytest.mark.parametrize("lies", [False, True])
+def test_an_object_is_handed_over_to_an_empty_hand_and_what_lies_on_one_is_left_there(lies):
+    hand = (0.55, -0.45, 0.14)
+    places = [(*hand[:2], hand[2] + SIZE / 2) if lies else ON_TABLE, ELSEWHERE, hand, (0.3, -0.36, 0.08)]
+    nouns = [CUBE, CUBE, list(NOUNS).index("palm"), DRAWER]
+    fits = np.isin(nouns, (DRAWER, FRIDGE))
+    scene = Scene.from_arrays(nouns, range(4), places, SIZE, np.zeros(4, bool))
+    found = Room(scene, np.zeros(4), np.zeros((4, 4), bool), fits, AREA)
+    assert said(found, HANDING) == (set() if lies else {(0, 2), (1, 2)})
+    assert said(found, HANDING, held=1) == (set() if lies else {(1, 2)})
+    assert said(found, "lift") == ({(1, None)} if lies else {(0, None), (1, None)})
+    assert said(found, "reach") == {*said(found, "lift"), (3, None)}
+    assert said(found, "open") == {(3, None)}  # what lies on a hand is in the way of no fitting
 
 
 def test_a_handle_in_the_gripper_excludes_nothing():

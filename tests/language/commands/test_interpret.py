@@ -127,7 +127,15 @@ def test_an_empty_scene_is_no_error():
     assert isinstance(interpret("take the red cube", board([])), Refusal)
 
 
-@pytest.mark.parametrize("sentence", ["pls giv me the red cube", "bring me the red one", "i need the red one"])
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "pls giv me the red cube",
+        "bring me the red one",
+        "i need the red one",
+        "put the red cube into my hand",
+    ],
+)
 def test_what_is_brought_to_a_person_goes_to_the_hand_that_they_hold_out(sentence):
     things = [Object("cube", "red", (0.4, 0.1, 0.025)), Object("palm", "pink", (0.5, -0.1, 0.12))]
     outcome = interpret(sentence, Scene(things))
