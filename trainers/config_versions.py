@@ -17,7 +17,6 @@ NEW_KEYS: dict[str, tuple[str, ...] | None] = {
     "algo.grounding_gain": ("ppo", "a2c"),
     "algo.grounding_lr": None,
     "algo.loss": ("ppo", "sac"),
-    "algo.critic_warmup": ("ppo", "a2c"),
     "init": None,
     "checkpoint": None,
     "eval.overlap": None,

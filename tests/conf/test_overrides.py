@@ -103,6 +103,7 @@ NEWER = {
     "verbs",
     "devices",
     "hand",
+    "critic_warmup",
     "device_area",
     "clearance",
     "gap",

@@ -57,7 +57,8 @@ class OnPolicyConfig(AlgorithmConfig):
     minibatch: int = within(2)
     lmbda: float = within(0.0, 1.0)
     final_std: float = within(0.01, 2.0)  # upper bound of the exploration noise at the end, after a linear decline
-    critic_warmup: float = within(0.0, 1.0)  # share of the run, at its beginning, in which the actor does not learn
+    # Share of the run, at its beginning, in which the actor does not learn.
+    critic_warmup: float = within(0.0, 1.0, default=0.0)
     # Share of gradient steps and added scenes that learn words: this times the share of fresh scenes that the attention
     # has wrong, at most 1 and at least 1/8. None = all.
     grounding_gain: float | None = within(0.0)
