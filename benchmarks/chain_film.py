@@ -1,6 +1,6 @@
 """A film of a chain: a policy is given one instruction after another in the same room.
 
-    python -m benchmarks.chain_film --checkpoint anything_kuka --seed 3 --out docs/chain.gif
+    python -m benchmarks.chain_film --checkpoint anything_kuka --seed 6 --out docs/chain.gif
 
 The film runs in real time and has no cuts. The subtitle is the instruction, one that is feasible in the room as it is
 then. Exits with 1, and writes nothing, if an instruction is not carried out; another seed draws another room.
@@ -24,7 +24,7 @@ from trainers.rollout.video import sentence_of, wrap_text
 
 WIDTH, HEIGHT, CAPTION = 520, 360, 60  # pixels
 SUPERSAMPLING = 2
-CAMERA = {"target": [0.46, -0.03, 0.08], "distance": 1.3, "yaw": 52, "pitch": -36, "fov": 42}
+CAMERA = {"target": [0.5, -0.06, 0.1], "distance": 1.5, "yaw": 10, "pitch": -36, "fov": 42}
 FRAME_TIME, LAST_TIME = 50, 1500  # milliseconds: a control step takes 50
 SKIPPED = 2  # one of so many control steps is shown
 SAMPLED = 40  # one of so many frames has a part in the palette
