@@ -37,6 +37,14 @@ class GroundedConfig(NetworkConfig):
     encoder: str = one_of("tokens", "sentence")  # learned embeddings, or a frozen pretrained sentence encoder
     embedding: int = within(4, 1024)  # width of a token
     width: int = within(4, 1024)  # features of an object slot
+    by_verb: bool = False  # an actor for each verb, in a task with several; configs of earlier versions lack the key
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.by_verb and self.networks > 1:
+            raise ConfigError(
+                f"by_verb=true needs networks=1, not {self.networks}: one network for each verb, or stage"
+            )
 
 
 @dataclass(frozen=True)

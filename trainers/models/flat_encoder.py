@@ -26,6 +26,7 @@ class FlatEncoder(nn.Module):
     out_keys = ("scene",)
     logit_keys = ()
     observes_obstacles = False
+    verbs = 0
 
     def __init__(self, objects: Normalise, slots: int, vocabulary: int, embedding: int, gesture: int = 0) -> None:
         super().__init__()

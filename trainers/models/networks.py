@@ -106,25 +106,46 @@ class GaussianActor(nn.Module):
         return loc, (self.log_std + offset).clamp(*LOG_STD).exp()
 
 
-class StagedActor(nn.Module):
-    """Several actors, selected by the stage (N,) that the task is in. The last one acts in all later stages too."""
+class SeveralActors(nn.Module):
+    """Several actors with the same inputs. Subclasses combine their outputs."""
 
-    def __init__(self, stages: Sequence[GaussianActor]) -> None:
+    def __init__(self, actors: Sequence[GaussianActor]) -> None:
         super().__init__()
-        self.stages = nn.ModuleList(stages)
+        self.stages = nn.ModuleList(actors)
+
+    @property
+    def log_stds(self) -> list[nn.Parameter]:
+        """(A,) of the exploration noise of each actor."""
+        return [each.log_std for each in self.stages]  # type: ignore[misc]
 
     @property
     def log_std(self) -> Tensor:
-        """(stages, A) of the exploration noise."""
-        return torch.stack([each.log_std for each in self.stages])  # type: ignore[misc]
+        """(actors, A) of the exploration noise."""
+        return torch.stack(self.log_stds)
+
+    def outputs(self, robot: Tensor, *context: Tensor) -> tuple[Tensor, Tensor]:
+        """loc and scale of each actor, (actors, N, A)."""
+        loc, scale = zip(*(actor(robot, *context) for actor in self.stages), strict=True)
+        return torch.stack(loc), torch.stack(scale)
+
+
+class StagedActor(SeveralActors):
+    """Several actors, selected by the stage (N,) that the task is in. The last one acts in all later stages too."""
 
     def forward(self, robot: Tensor, *inputs: Tensor) -> tuple[Tensor, Tensor]:
         *context, stage = inputs
-        each = [network(robot, *context) for network in self.stages]
-        rows = torch.arange(len(robot), device=robot.device)
-        stage = stage.clamp(max=len(each) - 1)
-        loc, scale = (torch.stack(parts)[stage, rows] for parts in zip(*each, strict=True))
-        return loc, scale
+        loc, scale = self.outputs(robot, *context)
+        chosen = stage.clamp(max=len(loc) - 1), torch.arange(len(robot), device=robot.device)
+        return loc[chosen], scale[chosen]
+
+
+class VerbActor(SeveralActors):
+    """One actor for each verb. The last V numbers of the context (N, C) are the probabilities that weigh them."""
+
+    def forward(self, robot: Tensor, context: Tensor, *more: Tensor) -> tuple[Tensor, Tensor]:
+        loc, scale = self.outputs(robot, context, *more)
+        weights = context[:, -len(loc) :].T.unsqueeze(-1)
+        return (weights * loc).sum(0), (weights * scale).sum(0)
 
 
 class Critic(nn.Module):

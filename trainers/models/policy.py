@@ -22,7 +22,14 @@ from conf.schema import ConfigError
 from trainers.config import GroundedConfig, PolicyConfig
 from trainers.models.flat_encoder import FlatEncoder
 from trainers.models.grounding import GESTURE, LABELS, NEAR, OBSTACLE, TARGET, VERB, GroundingEncoder
-from trainers.models.networks import GaussianActor, Normalise, StagedActor, normal_log_prob
+from trainers.models.networks import (
+    GaussianActor,
+    Normalise,
+    SeveralActors,
+    StagedActor,
+    VerbActor,
+    normal_log_prob,
+)
 from trainers.models.sentence_encoder import SentenceWords
 
 STAGE = "stage"
@@ -62,7 +69,7 @@ class Policy(nn.Module):
     def __init__(
         self,
         encoder: GroundingEncoder | FlatEncoder,
-        actor: GaussianActor | StagedActor,
+        actor: GaussianActor | SeveralActors,
         action_unit: Sequence[float],
         bounds: MoveBounds = UNBOUNDED,
     ) -> None:
@@ -96,8 +103,7 @@ class Policy(nn.Module):
     @property
     def log_stds(self) -> list[nn.Parameter]:
         """The logarithms of the exploration noise, (A,) for each network of the actor."""
-        stages = self.actor.stages if isinstance(self.actor, StagedActor) else [self.actor]
-        return [stage.log_std for stage in stages]  # type: ignore[union-attr,misc]
+        return self.actor.log_stds if isinstance(self.actor, SeveralActors) else [self.actor.log_std]
 
     def move_parameters(self, frames: TensorDictBase) -> tuple[Tensor, Tensor]:
         """The loc and scale (N, A) of a move, given encoded frames (N,)."""
@@ -180,25 +186,36 @@ def build_policy(
         vocabulary: the tokenizer's words, which only `encoder=sentence` reads.
 
     Raises:
-        ConfigError: several networks for a task without stages.
+        ConfigError: several networks for a task without stages, or without verbs.
     """
     encoder = _build_encoder(config, observation_spec, vocabulary)
-    if config.networks > 1 and STAGE not in observation_spec.keys():
+    return Policy(encoder, _build_actor(config, observation_spec, encoder, len(action_unit)), action_unit, bounds)
+
+
+def _build_actor(
+    config: PolicyConfig, spec: Composite, encoder: GroundingEncoder | FlatEncoder, actions: int
+) -> GaussianActor | SeveralActors:
+    by_verb = isinstance(config, GroundedConfig) and config.by_verb
+    if config.networks > 1 and STAGE not in spec.keys():
         raise ConfigError(f"policy.networks={config.networks} needs a task that has stages, like nl_pick_and_place")
-    obstacle = 1 + observation_spec["objects"].shape[-1]
-    stages = [
+    if by_verb and not encoder.verbs:
+        raise ConfigError("policy.by_verb=true needs a task that has several verbs: take task=anything, or false")
+    obstacle = 1 + spec["objects"].shape[-1]
+    actors = [
         GaussianActor(
-            robot=Normalise(observation_spec["robot"]),
+            robot=Normalise(spec["robot"]),
             context=encoder.outputs + encoder.observes_obstacles * obstacle,
             hidden=config.hidden,
-            actions=len(action_unit),
+            actions=actions,
             activation=config.activation,
             std=config.initial_std,
             state_dependent_std=config.state_dependent_std,
         )
-        for _ in range(config.networks)
+        for _ in range(encoder.verbs if by_verb else config.networks)
     ]
-    return Policy(encoder, StagedActor(stages) if len(stages) > 1 else stages[0], action_unit, bounds)
+    if by_verb:
+        return VerbActor(actors)
+    return StagedActor(actors) if len(actors) > 1 else actors[0]
 
 
 def _build_encoder(config: PolicyConfig, spec: Composite, vocabulary: Sequence[str]) -> GroundingEncoder | FlatEncoder:
