@@ -61,7 +61,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
 
     env_config, plan = read_env(config), read_plan(config)
     if uses_processes(plan.collector):
-        fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process does
+        fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process imports
     with Progress(plan.run.total_frames) as progress:
         import_training()
         from trainers.algorithms.build import find_device

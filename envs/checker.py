@@ -1,8 +1,8 @@
-"""A check of an environment that someone has written: `check_env(make)` names every promise that it breaks.
+"""A check of environments: `check_env(make)` lists every rule that an environment breaks.
 
 TorchRL's `check_env_specs` compares keys, shapes and types. This check also looks for what makes a training silently
 wrong: randomness that the seed does not fix, worlds that disturb each other, observations that change afterwards,
-rewards and ends that do not fit together.
+rewards and episode ends that contradict each other.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MOVED = 1e-6  # the least change of an observation that counts
 
 
 class EnvError(AssertionError):
-    """An environment that breaks a promise. The text lists each of them in a line of its own."""
+    """An environment that breaks a rule. The text has one line for each broken rule."""
 
 
 def check_env(make: MakeEnv, max_steps: int = 400) -> None:
@@ -34,7 +34,7 @@ def check_env(make: MakeEnv, max_steps: int = 400) -> None:
         max_steps: control steps within which every episode must end.
 
     Raises:
-        EnvError: it breaks promises; all that were found are listed.
+        EnvError: it breaks rules; the text lists all that were found.
     """
     with closing(make(WORLDS, SEED)) as env, closing(make(1, SEED)) as alone:
         problems = list(dict.fromkeys([*_check_all(env, alone, max_steps)]))

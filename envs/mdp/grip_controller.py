@@ -31,8 +31,8 @@ class GripController:
         kind: "magnet" or "fingers"; None: nothing is gripped, and the fingers stay apart or closed.
         robot: whose fingers they are.
         object_size: metres.
-        worlds, state: of which `state` holds the arrays.
-        lag: physics steps after its command that a gripper releases.
+        worlds, state: the worlds and the arrays of their state.
+        lag: physics steps from the command to open until the gripper releases.
         apart: where nothing is gripped, whether the fingers stay apart. An object that is only reached fits between
             them; closed fingers push it away.
     """
@@ -92,7 +92,7 @@ class GripController:
             self._worlds[i].attach(int(shown[:slot].sum()), centre.tolist())
 
     def update_grasps(self) -> None:
-        """After a control step: closed grippers take hold of what they touch; `held` is what they hold then."""
+        """After a control step: closed grippers take hold of what they touch, and `held` is updated."""
         state = self._state
         offset = state.objects - state.gripper[:, None]
         near = state.movable & ((offset * offset).sum(-1) < MAX_DISTANCE**2)

@@ -17,7 +17,7 @@ from envs.tasks import State, Task
 
 MAX_TIP_DISTANCE = 3.0  # metres from the origin that a fingertip may be
 NEAR_OFFSET = np.repeat((NEAR, CLOSE), 3)
-OUTCOMES = {  # what a control step gave, (N, 1) bool each
+OUTCOMES = {  # results of a control step, (N, 1) bool each
     "success": "whether the episode ended in success at this step",
     "wrong_object": "whether it ended so because of another object",
     "wrong_target": "whether it ended so because of another target",
@@ -153,7 +153,7 @@ OBSERVATIONS = (
         "(K, D), a row for each slot: position (m), quaternion (x, y, z, w), RGBA (A of a target: 0.5), shape one-hot "
         "(of devices: their kind, and the pose of their handle), size (m), role (1: target). Where the task moves "
         f"objects: the offset from the gripper clipped at {NEAR} m, again clipped at {CLOSE} m (grasping and releasing "
-        "are matters of a centimetre), and the task's own columns. Of a slot that is not shown: 0",
+        "need centimetre accuracy), and the task's own columns. 0 for a slot that is not shown",
         spec=_objects_spec,
         compute=_objects,
         gymnasium=True,

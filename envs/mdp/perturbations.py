@@ -12,7 +12,7 @@ from envs.tasks import EpisodeSpec, TaskConfig
 
 
 class Perturbations:
-    """Of N worlds with K slots. What an episode's noise is follows from its seed, not from the other worlds.
+    """Noise and delay of N worlds with K slots. An episode's noise follows from its seed, not from other worlds.
 
     Args:
         config: of the task.
@@ -31,7 +31,7 @@ class Perturbations:
         self._latest = randomize.delay[1] + 1
 
     def begin(self, world: int, episode: EpisodeSpec) -> None:
-        """Begin an episode with what it drew."""
+        """Begin an episode with the values that it drew."""
         drawn = episode.randomized
         self._delay[world] = 0 if drawn is None else drawn.delay
         rng = np.random.default_rng(0 if drawn is None else drawn.noise)

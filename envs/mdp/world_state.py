@@ -1,4 +1,4 @@
-"""The state of N worlds as arrays: what their episodes ask for, where objects are, how the arms stand."""
+"""The state of N worlds as arrays: the goals of their episodes, the poses of objects, the states of the arms."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class WorldState:
         measured = []
         for world, target in zip(self._worlds, targets.tolist(), strict=True):
             world.advance(target)
-            measured.append(_measure(world))  # now: once other worlds have stepped, its memory is out of the cache
+            measured.append(_measure(world))  # at once: after other worlds have stepped, its memory is out of the cache
         self._write(self.index, measured)
 
     def read(self, worlds: NDArray[np.int64]) -> None:

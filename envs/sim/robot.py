@@ -26,7 +26,7 @@ class RobotConfig(Checked):
     """One arm. Names are the URDF's own; lengths in metres, angles in radians."""
 
     name: str
-    package: str = one_of("pybullet_data", "example_robot_data", "file")  # where `urdf` is looked for
+    package: str = one_of("pybullet_data", "example_robot_data", "file")  # where `urdf` is searched
     urdf: str
     base: list[float] = within(-1, 1, count=3)  # where the URDF's origin stands in the workspace frame
     joints: list[str]  # the arm's revolute joints, from the base on

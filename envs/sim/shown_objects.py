@@ -20,9 +20,9 @@ NAMES = tuple(NOUNS)
 
 
 class ShownObjects:
-    """Objects go by their number among those that are shown, whatever their kind.
+    """Objects are identified by their number among those that are shown, whatever their kind.
 
-    holdable: what a gripper can hold of each of them.
+    holdable: for each of them, the body or handle that a gripper can hold.
 
     Args:
         pool, devices, furniture: whose bodies are shown.

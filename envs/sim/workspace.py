@@ -77,7 +77,7 @@ class Fitting(Checked):
         return self.low + np.asarray(share, np.float64) * (self.high - self.low)
 
     def share(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(...) by which share a fitting is open whose handle is at places (..., 3), metres."""
+        """(...) the share by which a fitting is open, given the positions (..., 3) of its handle, metres."""
         if self.joint == "slide":
             value = (places - self.parts[HANDLE].position) @ self.axis
         else:
@@ -103,7 +103,7 @@ class Fitting(Checked):
 
     @cached_property
     def _turning(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """The middle of the handle's circle, and the vectors from there to the handle that its sine and cosine have.
+        """The centre of the handle's circle, and the vectors that the joint value's sine and cosine multiply.
 
         (3,) metres each. Source: Rodrigues' rotation formula.
         """
@@ -191,7 +191,7 @@ class WorkspaceConfig(Checked):
 
 
 def _common(box: Sequence[float], other: Sequence[float]) -> list[float]:
-    """What two boxes have in common, in as many dimensions as the first has."""
+    """The intersection of two boxes, in the dimensions of the first one."""
     pairs = enumerate(zip(box, other, strict=False))
     return [min(pair) if i % 2 else max(pair) for i, pair in pairs]
 

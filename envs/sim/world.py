@@ -50,8 +50,8 @@ class PhysicsConfig(Checked):
 class World:
     """Joint angles in radians, finger positions and places in metres, in the workspace frame.
 
-    client: PyBullet's client. robot: the loaded arm. pool: the objects. person: who stands there, if anybody. palm: the
-    open hand that they hold out, if they do.
+    client: PyBullet's client. robot: the loaded arm. pool: the objects. person: the person in the workspace, or None.
+    palm: the open hand that the person holds out, or None.
 
     Args:
         robot, workspace, physics: what to build.
@@ -169,7 +169,7 @@ class World:
                 table falls.
             yaw: (K,) radians.
             colors: (K, 4) RGBA.
-            resting: (K,) what rests on other objects and does not fall; None: nothing.
+            resting: (K,) which objects rest on others and do not fall; None: none.
             shares: (K,) in [0, 1], of the ranges of fittings and devices; None: they are shut, and at their start.
         """
         self._draw(False)
@@ -207,13 +207,13 @@ class World:
             self._window.show(enabled)
 
     def show_finger(self, shown: bool) -> None:
-        """Show or hide the cone along the person's finger, which tells where they point."""
+        """Show or hide the cone along the person's finger, which shows where they point."""
         if isinstance(self.person, Body) and self.person.cone is not None:
             body, link = self.person.body, self.person.cone
             self._renderer.set_see_through(body, link, CONE if shown else None)
             paint(body, CONE if shown else INVISIBLE, self.client, link)
 
-    # ---- gripping: objects go by their number among those that are shown
+    # ---- gripping: objects are given by their number among those that are shown
 
     def attach(self, number: int, centre: Sequence[float]) -> None:
         """Let the gripper hold this object from the start of an episode. centre: the gripper's, metres."""
@@ -221,7 +221,7 @@ class World:
         self._gripper.attach(self._shown.holdable[number], centre)
 
     def update_grasp(self, near: Sequence[int], centre: Sequence[float]) -> None:
-        """Once a control step: let the closed gripper hold what it touches, or lose what slipped.
+        """Once per control step: let the closed gripper hold what it touches, or release what has slipped.
 
         near: numbers of the objects that are near enough to be held. centre: the gripper's, metres.
         """
@@ -230,7 +230,7 @@ class World:
         self._gripper.update([self._shown.holdable[number] for number in near], centre)
         held = self._gripper.held
         if held is not None and held is not before and held.link != BASE:
-            self.pool.wake()  # what lies in the drawer goes with it
+            self.pool.wake()  # objects in the drawer move with it
 
     @property
     def held(self) -> int | None:
@@ -263,7 +263,7 @@ class World:
         self.release()
 
     def step_physics(self, steps: int = 1) -> None:
-        """So many physics steps, and the person's posture after each."""
+        """Take this number of physics steps, and update the person's posture after each."""
         if World._contact_breaking_in_force != self._contact_breaking:
             self._enforce_contact_breaking()
         while steps and self.person is not None and self.person.moving:
@@ -277,7 +277,7 @@ class World:
         value = World._contact_breaking_in_force = self._contact_breaking
         bullet.setPhysicsEngineParameter(contactBreakingThreshold=value, physicsClientId=self.client)
 
-    # ---- what is where
+    # ---- state
 
     def object_poses(self) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
         """(position, quaternion) of each object that is shown; of a device or a fitting, that of its handle."""

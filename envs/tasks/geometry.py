@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from envs.tasks.types import Array, State
 from language import Placed, Scene
 
-CLEAR = 0.08  # metres that other objects are from the straight path of an object over the table
-AIR = 0.15  # metres above the table that a held object begins at most
-EDGE = 0.005  # metres about the border of a target in which an object lies there in part
-WAY = 1.7  # width of a way that must be free, in objects: with what is held, and some room
+CLEAR = 0.08  # least distance of other objects from the straight path of an object over the table, metres
+AIR = 0.15  # greatest height above the table at which a held object begins, metres
+EDGE = 0.005  # metres about the border of a target within which an object counts in part
+WAY = 1.7  # width of the path that must be free, in widths of an object: the held object and a margin
 TRIES = 20  # places drawn at most for a held object
 
 
@@ -47,7 +47,7 @@ def distance_to_segment(places: Array, starts: Array, ends: Array) -> Array:
 
 
 def tops_on_the_way(places: Array, which: NDArray[np.bool_], starts: Array, ends: Array, size: float) -> Array:
-    """(N, M) metres above the table up to the top of what stands on the straight ways to `ends`; 0 where nothing does.
+    """(N, M) height of the tops of objects on the straight paths to `ends`, metres; 0 where there are none.
 
     Args:
         places: (N, K, 3) of objects, metres.

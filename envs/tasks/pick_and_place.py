@@ -59,7 +59,7 @@ class PickAndPlace(Manipulation):
         return length(self._goal(state) - self._referent(state)) <= self.config.radius
 
     def goal_places(self, state: State) -> Array:
-        """(N, 3) where the reward, and the expert, brings the referents, metres."""
+        """(N, 3) the places to which reward and expert bring the referents, metres."""
         return self._goal(state)
 
     def _potentials(self, state: State) -> dict[str, Array]:

@@ -14,7 +14,7 @@ from envs.tasks.types import EpisodeSpec, TaskConfig
 from human import Gesture, NothingPointedAt, Person, Unreachable, pointed_object
 from language import Instruction, ObjectPhrase, Placed
 
-SPOTS = ("there", "here", "this", "that")  # words without information beside the finger
+SPOTS = ("there", "here", "this", "that")  # words that carry no information without the finger
 
 
 @register_task("reach_gesture", verb="reach")

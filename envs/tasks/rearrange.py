@@ -79,7 +79,7 @@ class Rearrange(PickAndPlace):
         offset = state.objects - state.gripper[:, None] + [0.0, 0.0, size / 2]
         return np.concatenate((np.stack(flags, axis=2), offset), axis=2)
 
-    # ---- judging
+    # ---- evaluating
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         super()._reset_memory(worlds, state)
@@ -149,7 +149,7 @@ class Rearrange(PickAndPlace):
         raise ConfigError(f"task.kinds={list(self.config.kinds)} names no object on top of a stack, and no target")
 
     def _movable(self, placed: Placed) -> NDArray[np.bool_]:
-        """(K,) what is on top of a stack to which no target belongs."""
+        """(K,) which objects are on top of a stack without a target."""
         return super()._movable(placed) & ~above(placed.scene.positions, self.config.object_size).any(1)
 
     def _is_feasible(self, placed: Placed) -> bool:

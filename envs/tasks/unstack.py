@@ -53,7 +53,7 @@ class Unstack(ToTable):
         return scene.moved(places)
 
     def _movable(self, placed: Placed) -> NDArray[np.bool_]:
-        """(K,) what stands on another object."""
+        """(K,) which objects stand on another one."""
         return super()._movable(placed) & (placed.scene.positions[:, 2] > self.config.object_size)
 
     def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> EpisodeSpec:
