@@ -1,7 +1,7 @@
 """Independent parts of a gradient step, each on a core of its own.
 
-The networks are small: on two threads each of the hundreds of operations of a step waits for the other thread, and
-where a neighbour has one of the cores, it waits long. Two losses on a thread each wait for each other once a step.
+The networks are small. With two threads, each of a step's hundreds of operations waits for the other thread, and waits
+long if another process uses one of the cores. Two losses on a thread each wait for each other once per step.
 """
 
 from __future__ import annotations

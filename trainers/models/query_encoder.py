@@ -28,7 +28,7 @@ class QueryEncoder(nn.Module):
         self.convolutions = nn.ModuleList(nn.Linear(3 * width, width) for _ in range(2))
         queries = QUERIES * choices + reads_verb
         self.roles = nn.Linear(width, queries)
-        # Two choices differ even where nothing is said of them: one can be moved, the other marks a place.
+        # Referent and target differ even if the words describe neither: one can be moved, the other marks a place.
         self.base_queries = nn.Parameter(0.1 * torch.randn(queries, width)) if choices > 1 else None
         generator = torch.Generator().manual_seed(1)
         self.register_buffer("hash_weights", torch.randint(2**62, (length,), generator=generator))

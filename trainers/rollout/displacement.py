@@ -1,4 +1,4 @@
-"""How far objects are moved in the episodes of an evaluation, beside what the task asks to move."""
+"""How far objects are moved in the episodes of an evaluation, except the object that the task moves."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Displacements:
 
     Args:
         env: says whether its task is to move the referent, and what its grippers reach.
-        state: the observation with which the episodes begin.
+        state: the first observation of the episodes.
     """
 
     def __init__(self, env: TrainingEnv, state: TensorDictBase) -> None:
@@ -76,8 +76,8 @@ def moved_shares(successful: Sequence[Displacement], ended: Sequence[Displacemen
     """Shares of episodes by how far objects were moved; None for a share of nothing.
 
     referent_1cm, referent_3cm, others_1cm: of the successful episodes, those in which the referent, or another object,
-    was moved by more than that. swept_out_of_reach: of all episodes, those that ended with the referent there. What
-    concerns the referent is None where the task is to move it.
+    was moved by more than that. swept_out_of_reach: of all episodes, those that ended with the referent out of reach.
+    Shares of the referent are None where the task is to move it.
     """
     return {
         "referent_1cm": share([each.referent > MOVED for each in successful if each.referent is not None]),
