@@ -41,7 +41,7 @@ def is_move_of_expert(subtask: Subtask, driver: str) -> bool:
 
 
 def actor_of(subtask: Subtask, env: InteractiveEnv, driver: str, policy: Actor | None) -> Actor | None:
-    """What acts in a subtask that has just begun."""
+    """The actor of a subtask that has just begun."""
     if subtask.move is not None and is_move_of_expert(subtask, driver):
         return MoveActor(env, subtask.move)
     return expert(env) if driver == "expert" else policy

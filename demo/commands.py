@@ -1,7 +1,7 @@
 """Sentences beyond the instruction grammar: from the steps that `language.commands` understands to subtasks.
 
-A place that is no object becomes one: a see-through object of the scene is moved there, and the policy is given the
-sentence that brings the referent to it.
+Where a sentence names a place without an object, a see-through object of the scene is moved there, and the policy is
+given the sentence that brings the referent to it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from language.commands import Action
 BIT = 1.5  # "a bit", in radii within which an object counts as being at its place
 SAME_PLACE = 0.02  # metres within which a see-through object marks the place already
 HOLD = 0.15  # metres above the table at which what is taken is held
-ON_TABLE = 0.01  # metres above the table below which a place is one on the table
+ON_TABLE = 0.01  # metres above the table below which a place counts as on the table
 # Verb of a task -> the kinds of step that it carries out.
 DOES = {
     "reach": ("reach",),
@@ -39,15 +39,15 @@ DOES = {
     "turn": ("turn",),
     "hand_over": ("place",),
 }
-FIXTURES = {"drawer": "drawer", "door": "fridge"}  # what commands call a fitting -> its noun
+FIXTURES = {"drawer": "drawer", "door": "fridge"}  # a fitting in commands -> its noun
 STOPS = ("stop", "wait", "home")
 
 
 def dialogue(env: InteractiveEnv) -> Dialogue:
     """A dialogue about the environment's scene.
 
-    Where only an object is named, what the task does is meant, unless it needs a place. "A bit" is farther than the
-    distance within which the task counts an object as being at its place.
+    A sentence that only names an object means the task's own verb, unless that needs a place. "A bit" is farther than
+    the distance within which the task counts an object as being at its place.
     """
     if env.task.stacks:
         return board.BoardDialogue(env)
@@ -149,7 +149,7 @@ def _subtask(action: Action, move: Move | None, targets: Iterator[int | None], p
 
 
 def _moves(steps: Sequence[Action], planner: Planner, env: InteractiveEnv) -> list[Move | None]:
-    """For each step, the move by which the expert does what the task does not; None for the others.
+    """For each step that the task itself does not do, the expert's move; None for the others.
 
     Where the gripper can hold objects, everything is taken and brought to every place, also onto other objects.
     """

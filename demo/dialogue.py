@@ -81,7 +81,7 @@ class Dialogue:
         """Interprets a sentence without changing the state of the dialogue. Never raises: errors are in the result."""
         sentence = sentence[:MAX_CHARACTERS]
         found, _ = self._interpret_instruction(sentence, scene, pointed)
-        if _is_settled(found):  # a page asks at every key: what would be dropped is not computed
+        if _is_settled(found):  # pages preview at every key press: the rest would be dropped
             return found
         wide = replace(self._commands, history=[*self._commands.history])
         wide.surroundings["held"] = self._held()

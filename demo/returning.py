@@ -24,11 +24,11 @@ class Return:
         self._low = self._low if env.task.stacks else LOW
 
     def start(self) -> None:
-        """Starts on the way, if the gripper is not there."""
+        """Starts the return, unless the gripper is at rest already."""
         self._steps = 0 if self._is_there() else MAX_STEPS
 
     def skip(self) -> None:
-        """Stays."""
+        """Leaves the gripper where it is."""
         self._steps = 0
 
     @property
@@ -38,7 +38,7 @@ class Return:
 
     @property
     def is_over(self) -> bool:
-        """Whether the gripper is there, or has taken too long."""
+        """Whether the gripper has arrived, or has taken too long."""
         return self._steps <= 0 or self._is_there()
 
     def step(self) -> None:

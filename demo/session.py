@@ -208,7 +208,7 @@ class Session:
         """Policies are trained to start at the rest position, so the gripper returns there first.
 
         Exceptions: a correction while the gripper is high takes effect at once; the expert of moves starts anywhere,
-        and so does what was trained on one instruction after another.
+        and so does a policy that was trained on one instruction after another.
         """
         is_correction = self._actor is not None and self._return.is_high
         self._subtask, self._actor = subtask, None

@@ -182,7 +182,7 @@ def _changes(config: SessionConfig, composed: Any) -> list[str]:
     changes = []
     if config.workspace not in (None, composed["workspace"]["name"]):
         changes.append(f"workspace={config.workspace}")
-    has_cue = composed["task"]["kinds"] or composed["gesture"]["source"] != "none"  # else nothing tells the referent
+    has_cue = composed["task"]["kinds"] or composed["gesture"]["source"] != "none"  # else no cue names the referent
     if has_cue and config.objects is not None:
         changes += [f"task.num_objects={config.objects}", f"task.min_objects={config.objects}"]
     return [*changes, *config.overrides]

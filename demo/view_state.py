@@ -16,7 +16,7 @@ class ViewState:
     """The state that is shown; K is the number of objects in the scene.
 
     status: what the robot does, or how the last instruction ended.
-    sentence: what the person said last that is or was done, or "".
+    sentence: the person's last sentence that is or was carried out, or "".
     policy_sentence: the sentence that the policy is given, or "".
     highlighted: index of the referent, then of the target if there is one; () if nothing is being done.
     attention: (K,) in [0, 1], the policy's attention over the objects.

@@ -1,6 +1,6 @@
 """The pointing arm: joint angles that point at a target, motions between postures, and the ray of the finger.
 
-Pure NumPy: a person is never touched, so a person whom nobody sees needs no simulated body.
+Pure NumPy: nothing touches the person, so a simulated body is needed only to draw them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The choice of a plan among all readings.
 
-the cheapest that can be carried out, unless another one is about as cheap.
+It is the cheapest one that can be carried out, unless another one is about as cheap.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def _distinct(possible: list[Choice]) -> list[Choice]:
 
 
 def result(plan: Plan) -> tuple:
-    """Returns what a plan changes, for comparison: where things end, what is held, and what is done beside that."""
+    """Returns the effects of a plan, for comparison: where things end, what is held, and all other actions."""
     acts = tuple((a.kind, a.object, a.fixture) for a in plan.actions if a.kind not in ("take", "place", "push"))
     ends = {a.object: (a.position, a.bottom) for a in plan.actions if a.kind in ("take", "place", "push")}
     rounded = tuple(

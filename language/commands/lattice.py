@@ -1,6 +1,6 @@
 """The lattice of a sentence.
 
-for each word, the phrases of the lexicon that begin there, with the cost of misspellings.
+For each word, it has the phrases of the lexicon that begin there, with the cost of misspellings.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Lattice:
     """The tokens of a sentence and, for each, the edges that begin there, by category.
 
     unknown: indices of tokens that are no words of the lexicon, however spelt.
-    gestures: the number that go with the sentence; without any, no word needs one.
+    gestures: how many accompany the sentence; if there are none, no word needs one.
     """
 
     def __init__(self, sentence: str, gestures: int = 0) -> None:

@@ -1,6 +1,6 @@
 """Noun phrases of the chart without their relations.
 
-"the second blue block", "top left corner", "red and green tower".
+For example "the second blue block", "top left corner", "red and green tower".
 """
 
 from __future__ import annotations

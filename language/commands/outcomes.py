@@ -74,8 +74,8 @@ class Question(Outcome):
 class Refusal(Outcome):
     """A sentence that is not carried out.
 
-    reason: "syntax", "nothing" (no thing fits), "
-    ""impossible" (a precondition fails) or "dialogue" (nothing to refer to).
+    reason: "syntax", "nothing" (no thing fits), "impossible" (a precondition fails) or "dialogue" (nothing to refer
+        to).
     text: why. suggestions: what would help, such as sentences that can be carried out.
     """
 

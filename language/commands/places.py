@@ -35,8 +35,8 @@ class Spot(NamedTuple):
 class Point(NamedTuple):
     """A place before it is checked: x, y, a cost, and the thing that it must stand on directly, if any.
 
-    free: whether it should be empty. group: of several places that serve equally, such as those at an edge, the
-    cheapest is taken; 0: a place of its own.
+    free: whether it should be empty. group: number of a group of equivalent places, such as those at an edge, of which
+    the cheapest is taken; 0: none.
     """
 
     x: float

@@ -1,4 +1,4 @@
-"""What a phrase denotes in a world: things, stacks and regions, each with a cost for what does not fit quite."""
+"""What a phrase denotes in a world: things, stacks and regions, each with a cost for an imperfect fit."""
 
 from __future__ import annotations
 

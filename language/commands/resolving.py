@@ -1,6 +1,6 @@
 """Resolves phrases in a world.
 
-heads, then relations, then what selects among those left (superlatives, ranks, nearest).
+Heads are resolved first, then relations, then the words that select among the rest (superlatives, ranks, nearest).
 """
 
 from __future__ import annotations

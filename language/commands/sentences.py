@@ -15,7 +15,7 @@ from language.commands.meanings import Entity, Gesture, Reading, Relation, Step
 MOST_PLACES = 3  # relations that are joined to one place
 MOST_JOINED = 16  # of the places, and of the relations after each, that are joined
 MOST_STEPS = 5
-MOST_COST = 16.0  # dearer readings leave out most of the sentence
+MOST_COST = 16.0  # readings that cost more leave out most of the sentence
 KEPT_STEPS, KEPT_READINGS = 16, 80  # of the same span; of the sentence
 _MOVING = ("move", "push", "drop", "give", "remove", "take")
 

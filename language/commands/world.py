@@ -76,7 +76,7 @@ class World:
 
     @property
     def in_hand(self) -> tuple[float, float, float, int]:
-        """The x, y and bottom of what lies in the open hand, and the hand's index. There must be one."""
+        """The x, y and bottom of a thing that is put into the open hand, and the hand's index. There must be one."""
         assert self.hand is not None
         palm = self.things[self.hand]
         return palm.x, palm.y, palm.top, self.hand
