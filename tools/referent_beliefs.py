@@ -1,4 +1,4 @@
-"""How well words and finger tell the referent: beliefs over the objects of a scene, their accuracy and calibration."""
+"""How well words and finger identify the referent: beliefs over a scene's objects, their accuracy and calibration."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class Fault:
         self.node: int | None = None  # the namespace that was lost
 
     def patches(self) -> list[Any]:
-        """What has to be patched, as arguments of `patch.object`."""
+        """The patches, as arguments of `patch.object`."""
         collect, replace = WorkerPool.collect, WorkerPool._replace
 
         def collecting(pool: Any, order: Any) -> Any:
@@ -88,7 +88,7 @@ class Fault:
         return [(WorkerPool, "collect", collecting), (WorkerPool, "_replace", replacing)]
 
     def happen(self, pool: Any) -> None:
-        """Do it."""
+        """Cause the fault."""
         worker = self.random.choice(pool.workers)
         if self.kind.startswith("actor"):
             os.kill(worker.pid, signal.SIGKILL if self.kind == "actor killed" else signal.SIGSTOP)

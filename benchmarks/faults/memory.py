@@ -1,4 +1,4 @@
-"""What a very long run holds on to: memory, file descriptors and threads."""
+"""The resources that a very long run holds: memory, file descriptors and threads."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from typing import Any
 
 @dataclass
 class Outcome:
-    """What a row found. failures: one line for each failed try. figures: what was measured beside them."""
+    """The result of a row. failures: one line for each failed try. figures: further measured values."""
 
     tries: int = 0
     failures: list[str] = field(default_factory=list)
