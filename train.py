@@ -31,7 +31,15 @@ def build_env(
 ) -> WorkspaceEnv:
     """The environment. A module-level function, so that worker processes can unpickle it.
 
-    labelled: it observes the actions of the task's expert. Raises ConfigError for a task without one.
+    Args:
+        config: of the environment.
+        num_worlds: N.
+        seed: of the worlds.
+        render: whether visual shapes are loaded.
+        labelled: whether it observes the actions of the task's expert.
+
+    Raises:
+        ConfigError: the environment cannot be built, or the task has no expert.
     """
     from envs.experts.labelled_env import LabelledEnv
     from envs.workspace_env import WorkspaceEnv

@@ -188,9 +188,15 @@ def _results(work: tuple[Sequence[Job], str, str | None]) -> list[tuple[Job, str
 
 
 def understood(folder: Path, part: str, numbers: Collection[str] | None = None) -> Iterator[tuple[Item, Job | None]]:
-    """Each command with what is to be done for it; None if it is not understood. Raises OSError.
+    """Generates each command with its job; None if it is not understood.
 
-    numbers: of the commands; None: all of the part.
+    Args:
+        folder: of the Treebank.
+        part: of the boards.
+        numbers: of the commands; None: all of the part.
+
+    Raises:
+        OSError: a file cannot be read.
     """
     known = {board.number: board for board in boards(folder, part)}
     for item in read(folder, part).items:

@@ -4,8 +4,7 @@
 
 FOLDER has the Robot Commands Treebank, as for `benchmarks.rearrange`. Each command is understood in its own scene, and
 the scripted expert carries it out; between two commands the film cuts to the next scene. The subtitle is the command,
-and words beside the board tell whose left and front are meant. The film runs
-in real time.
+and words beside the board show whose left and front are meant. The film runs in real time.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def compose(overrides: Iterable[str] = ()) -> Any:
 def with_choices(config: Any, choices: Mapping[str, Any]) -> Any:
     """The composed config with a key `choices`: the option of each config group, such as `{"robot": "kuka", ...}`.
 
-    A group's values alone do not tell its option: options can share a name, and single keys can be overridden.
+    A group's values alone do not determine its option: options can share a name, and single keys can be overridden.
 
     Args:
         config: a composed DictConfig; it is changed.

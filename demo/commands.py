@@ -23,7 +23,7 @@ from language.commands import Action
 
 BIT = 1.5  # "a bit", in radii within which an object counts as being at its place
 SAME_PLACE = 0.02  # metres within which a see-through object marks the place already
-HOLD = 0.15  # metres above the table at which what is taken is held
+HOLD = 0.15  # metres above the table at which a taken object is held
 ON_TABLE = 0.01  # metres above the table below which a place counts as on the table
 # Verb of a task -> the kinds of step that it carries out.
 DOES = {
@@ -90,9 +90,14 @@ def moves(actions: Sequence[Action]) -> bool:
 def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_policy: bool) -> list[Subtask]:
     """A subtask for each step that moves the arm. Moves see-through objects to the places that are meant.
 
-    for_policy: whether a policy drives, which may need other words than the person's.
+    Args:
+        actions: the steps of a command.
+        planner: of the environment's task.
+        env: whose scene the command is about.
+        for_policy: whether a policy drives, which may need other words than the person's.
 
-    Raises LanguageError for what the task cannot do, and then nothing moves.
+    Raises:
+        LanguageError: the task cannot do a step; nothing moves then.
     """
     if env.task.stacks:
         return board.plan(actions, env, planner if for_policy else None)

@@ -274,7 +274,7 @@ class Page:
         self._recording.add(session)
 
     def _list_sayable(self, session: Session) -> None:
-        """Lists what can be said, while nothing is being done. The list is made anew where something has moved."""
+        """Lists feasible instructions while none is being carried out. The list is renewed if something has moved."""
         held = session.env.held
         state = np.append(session.scene().positions.round(2), -1 if held is None else held)
         if session.busy or np.array_equal(state, self._listed_for):

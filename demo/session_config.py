@@ -140,7 +140,16 @@ class Setup:
 
 
 def build(config: SessionConfig, seed: int, gui: bool = False) -> Setup:
-    """Builds environment and policy. gui: in PyBullet's window. Raises ConfigError for what cannot be built."""
+    """Builds environment and policy.
+
+    Args:
+        config: the person's choice.
+        seed: of the environment.
+        gui: whether PyBullet's window shows it.
+
+    Raises:
+        ConfigError: environment or policy cannot be built.
+    """
     payload, config, note = _find_policy(config)
     options = [f"{group}={getattr(config, group)}" for group in ("task", "robot", "control")]
     composed = compose(options) if payload is None else payload["config"]

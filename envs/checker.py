@@ -216,7 +216,7 @@ def _actions(env: EnvBase, steps: int) -> torch.Tensor:
 
 
 def _rollout(env: EnvBase, actions: torch.Tensor, seed: int = SEED) -> Iterator[TensorDictBase]:
-    """The frames after a reset and after each action; episodes that end are not begun anew."""
+    """The frames after a reset and after each action; ended episodes are not begun again."""
     env.set_seed(seed)
     state = env.reset()
     yield state

@@ -242,7 +242,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
 
     @property
     def state(self) -> State:
-        """Where everything is, and what is held: for scripted experts. Read-only."""
+        """The present state of all worlds, for scripted experts. Read-only."""
         return self._state
 
     @property
@@ -277,8 +277,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
     ) -> Tensor:
         """The action (N, A) that brings each gripper nearer to position (N, 3), metres: for scripted experts.
 
-        close: (N,) whether it is to grip; None: as commanded now. yaw: (N,) radians to which it is to be
-        turned about the vertical, in tasks that turn objects; None: as it is.
+        close: (N,) whether it is to grip; None: as commanded now. yaw: (N,) radians to which it is to be turned about
+        the vertical, in tasks that turn objects; None: as it is.
         """
         arm = self.control.towards(position, self._arrays.commanded, yaw)
         grip = np.where(self._grips.closed if close is None else close, 1.0, -1.0)

@@ -24,7 +24,12 @@ class Sentence(NamedTuple):
 def read_sentences(path: Path, scene: Path | None = None) -> list[Sentence]:
     """Returns the sentences of a file; `benchmarks/sentences.py` describes the formats.
 
-    scene: of sentences that have none. Raises LanguageError that names the line or entry.
+    Args:
+        path: of the file.
+        scene: file of the scene of sentences that have none.
+
+    Raises:
+        LanguageError: the file is invalid; the message names the line or entry.
     """
     try:
         text = path.read_text("utf-8")

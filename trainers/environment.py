@@ -77,8 +77,10 @@ class TrainingEnv(Protocol):
     def continue_episodes(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> None:
         """The next reset of all worlds continues these episodes, bit for bit, instead of beginning new ones.
 
-        actions: (N, T, A), those of the latest T steps. lengths: (N,) how many of them, the last ones, belong to the
-        present episode.
+        Args:
+            beginnings: for each world, as of `beginnings` when its episode began.
+            actions: (N, T, A), those of the latest T steps.
+            lengths: (N,) how many of them, the last ones, belong to the present episode.
         """
 
     def draw_scenes(self, count: int, seed: int) -> TensorDictBase:

@@ -135,7 +135,7 @@ def start_cluster(nodes: Sequence[int], head: bool = True) -> None:
 
 
 def wait_for_nodes(count: int) -> bool:
-    """Whether the cluster gets so many nodes beside its head in time."""
+    """Whether the cluster gets `count` nodes beside its head in time."""
     deadline = time.monotonic() + NODE_SECONDS
     while (found := count_nodes()) != count and time.monotonic() < deadline:
         time.sleep(0.5)

@@ -55,7 +55,7 @@ def finish(words: Sequence[str]) -> str:
 
 
 def stop_at(process: subprocess.Popen, folder: Path, rows: int, number: int) -> str:
-    """Send a signal to the run's group once metrics.csv has so many rows and there is a checkpoint."""
+    """Send a signal to the run's group once metrics.csv has `rows` rows and there is a checkpoint."""
     deadline = time.monotonic() + START_SECONDS
     last = folder / "checkpoints" / "last.pt"
     while not (last.exists() and len(rows_of(folder)) >= rows) and process.poll() is None:

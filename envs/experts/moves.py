@@ -33,7 +33,7 @@ class Move:
     """Brings an object to a place.
 
     thing: its number among the objects that are shown, as in `InteractiveEnv.scene`. place: (3,) its centre in the end,
-    metres. release: whether it is left there; else it stays in the gripper, in the air.
+    metres. release: whether it is released there; otherwise it stays in the gripper, in the air.
     """
 
     thing: int

@@ -14,7 +14,7 @@ from envs.experts.registry import register_expert
 
 ANGLE = math.radians(70)  # to which it turns the gripper
 GENTLY = 0.012  # metres that it moves up or down in a control step beside an object that it does not hold, or puts down
-ENOUGH = math.radians(60)  # from which on it puts down what it holds
+ENOUGH = math.radians(60)  # from which on it puts the object down
 
 
 @register_expert("pick_and_rotate")

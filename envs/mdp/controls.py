@@ -63,7 +63,16 @@ class Control(ABC):
         return float(np.linalg.norm(position - np.clip(position, *self.box)))
 
     def targets(self, action: Array, commanded: Array, measured: Array) -> Array:
-        """(N, J) the joint angles to command. action: (N, size). commanded, measured: (N, J) joint angles."""
+        """The joint angles to command.
+
+        Args:
+            action: (N, size) in [-1, 1].
+            commanded: (N, J) angles last commanded, radians.
+            measured: (N, J) angles, radians.
+
+        Returns:
+            (N, J) radians, within the limits of speeds and joints.
+        """
         start = np.clip(commanded, measured - MAX_LEAD, measured + MAX_LEAD)
         delta = self._limit_speed(self._delta(action, start))
         return np.clip(start + delta, self._chain.low, self._chain.high)

@@ -84,7 +84,11 @@ class GripController:
     def begin(self, i: int, slot: int, shown: NDArray[np.bool_], centre: NDArray[np.float64]) -> None:
         """Begin an episode of world i that holds the object of this slot, or NOTHING.
 
-        shown: (K,) the slots that it shows. centre: (3,) where the gripper is, metres.
+        Args:
+            i: the world.
+            slot: of the held object, or NOTHING.
+            shown: (K,) which slots the episode shows.
+            centre: (3,) position of the gripper, metres.
         """
         self.closed[i], self.held[i] = slot != NOTHING, slot
         self._opening[i] = 0.0 if slot != NOTHING else self._max_opening

@@ -34,7 +34,12 @@ _ONE_HOTS = np.eye(_NONE + 1, _NONE)
 
 
 def row_bounds(task: Task, low: Array, high: Array) -> tuple[list, list]:
-    """The least and greatest values of a row, in parts to concatenate. low, high: (3,) of positions, metres."""
+    """The least and greatest values of a row, in parts to concatenate.
+
+    Args:
+        task: of the rows.
+        low, high: (3,) bounds of positions, metres.
+    """
     rest = OBJECT_WIDTH - 7 - 2
     least: list = [low, -np.ones(4), np.zeros(rest), [0.0, 0.0]]
     greatest: list = [high, np.ones(4), np.ones(rest), [MAX_SIZE, 1.0]]
@@ -64,7 +69,10 @@ def static_rows(scene: Scene, yaw: Array | None) -> Array:
 def nouns_of_rows(rows: NDArray, devices: bool = False, fixtures: Sequence[str] = ()) -> NDArray[np.int64]:
     """(K,) indices into `language.NOUNS` of the objects that rows (K, D) describe.
 
-    devices: all of them are devices. fixtures: those that are marked by the first of the task's own columns.
+    Args:
+        rows: (K, D).
+        devices: whether all objects are devices.
+        fixtures: the nouns that the first of the task's own columns mark.
     """
     nouns: tuple[str, ...] = DEVICES if devices else SHAPES
     kinds = rows[:, 11 : 11 + len(nouns)]

@@ -181,7 +181,7 @@ def _one_step_later(outcomes: TensorDictBase) -> TensorDictBase:
 
 
 def _select_slots(states: State, slots: NDArray[np.int64]) -> State:
-    """The states with these slots alone, numbered anew."""
+    """The states with these slots alone, renumbered from 0."""
     selected: dict[str, Any] = {"objects": states.objects[:, slots], "shown": states.shown[:, slots]}
     selected["referent"] = np.searchsorted(slots, states.referent)
     if len(states.held):

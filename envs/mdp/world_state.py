@@ -55,7 +55,15 @@ class WorldState:
         self.said = np.ones(count, np.int64)
 
     def begin(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64], joints: Array, opening: float) -> None:
-        """Begin an episode in world i. slots: (K,) of its objects. joints (J,), opening: how the arm begins."""
+        """Begin an episode in world i.
+
+        Args:
+            i: the world.
+            episode: to begin.
+            slots: (K,) of its objects.
+            joints: (J,) angles of the arm, radians.
+            opening: of each finger, metres.
+        """
         self._show(i, episode, slots)
         self.set_goal(i, Goal.of(episode, slots))
         self.steps[i], self.said[i] = 0, 1

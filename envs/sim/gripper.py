@@ -88,13 +88,15 @@ class Gripper(ABC):
 
     @abstractmethod
     def release(self) -> None:
-        """Let go of what is held."""
+        """Release the held object."""
 
     @abstractmethod
     def update(self, things: Sequence[Holdable], centre: Point) -> None:
         """After a control step with the gripper closed: hold what is touched, and release what has slipped.
 
-        things: those near enough to be gripped. centre: the gripper's, metres.
+        Args:
+            things: those near enough to be gripped.
+            centre: the gripper's, metres.
         """
 
     @abstractmethod
@@ -188,7 +190,7 @@ class Fingers(Gripper):
     def __init__(self, config: GripperConfig, robot: Robot, client: int) -> None:
         super().__init__(config, robot, client)
         robot.limit_fingers(config.force)
-        # A gear couples both fingers: else what they hold would slide from side to side with them.
+        # A gear couples both fingers: otherwise a held object would slide from side to side with them.
         gear = bullet.createConstraint(
             robot.body,
             robot.fingers[0],

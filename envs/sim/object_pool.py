@@ -96,8 +96,11 @@ class ObjectPool:
     ) -> None:
         """Place one body of the pool for each object. An object above the table falls; others sleep until touched.
 
-        nouns, mobilities: indices into the pool. positions: (K, 3) metres. yaw: (K,) radians. resting: (K,) which
-        objects rest on others, and sleep although they are above the table; None: none.
+        Args:
+            nouns, mobilities: (K,) indices into the pool.
+            positions: (K, 3) metres.
+            yaw: (K,) radians.
+            resting: (K,) which objects rest on others, and sleep although they are above the table; None: none.
         """
         unused = [[list(reversed(bodies)) for bodies in pool] for pool in self._pool]
         self.shown = [unused[mobility][noun].pop() for mobility, noun in zip(mobilities, nouns, strict=True)]

@@ -139,7 +139,7 @@ class World:
     def _make_person(self) -> PointingArm | None:
         """Nothing touches the person, so a world without visuals needs no body for them.
 
-        The body is made after all that moves: else the order of moving bodies, and with it the bits, would depend on
+        The body is made after all moving ones: otherwise the order of moving bodies, and so the bits, would depend on
         whether the world is drawn.
         """
         human = self._workspace.human

@@ -24,7 +24,7 @@ def find_achieved_goal(
 ) -> AchievedGoal | None:
     """The object that was moved first, and a target where it came to rest; None if that is the original goal.
 
-    A target that stands there already is kept; else a random one is moved there, at its own height, since no episode
+    A target that stands there already is kept; otherwise a random one is moved there, at its own height: no episode
     has a target in the air.
 
     Args:

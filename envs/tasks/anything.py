@@ -134,8 +134,14 @@ class Anything(RoomScenes):
     def next_instruction(self, scene: Scene, held: int, rng: Generator, moved: Array | None = None) -> Said | None:
         """An instruction that is feasible in the scene as it is: first a verb is drawn, then its referent and target.
 
-        held: the object that the gripper holds, or NOTHING. moved: as for `room`. None if words can name no feasible
-        instruction.
+        Args:
+            scene: the objects.
+            held: the object that the gripper holds, or NOTHING.
+            rng: of the draws.
+            moved: as for `room`.
+
+        Returns:
+            The instruction; None if words can name no feasible one.
         """
         feasible = self._sayable(self.room(scene, moved), held)
         if not feasible:

@@ -45,9 +45,14 @@ class FreeTable:
         self._height = size / 2
 
     def nearest(self, objects: Array, shown: NDArray[np.bool_]) -> Array:
-        """(N, K, 3) for each object, a place near it that is free of all others, metres.
+        """For each object, a place near it that is free of all others.
 
-        objects: (N, K, 3), metres. shown: (N, K).
+        Args:
+            objects: (N, K, 3) positions, metres.
+            shown: (N, K) which slots hold an object.
+
+        Returns:
+            (N, K, 3) metres.
         """
         slots = np.arange(objects.shape[1])
         apart = length(self._places[:, None] - objects[:, None, :, :2])  # world, place, object

@@ -83,9 +83,14 @@ class Furnished(MovableObjects):
         return np.concatenate((nouns[..., None] == NUMBERS, shares), axis=-1)
 
     def rooms(self, nouns: NDArray[np.int64], places: Array) -> Array:
-        """(..., 2, 3) lowest and highest corner of the space inside each fitting, metres; 0 for other objects.
+        """The space inside each fitting.
 
-        nouns: (...). places: (..., 3), metres.
+        Args:
+            nouns: (...) numbers of the objects' nouns.
+            places: (..., 3) positions, of fittings those of their handles, metres.
+
+        Returns:
+            (..., 2, 3) lowest and highest corner, metres; 0 for other objects.
         """
         rooms, shares = np.zeros((*nouns.shape, 2, 3)), self.shares(nouns, places)
         for noun, fitting in self.fittings.items():

@@ -80,10 +80,20 @@ def share_at_goal(state: State, radius: float) -> Array:
 def lifted(
     scene: Scene, referent: int, target: int | None, area: Sequence[float], size: float, spacing: float, rng: Generator
 ) -> Scene | None:
-    """The scene with the referent in the air away from all other objects; None if no place was found.
+    """The scene with the referent in the air, away from all other objects.
 
     The place lies on a line from a random place above the table to the target.
-    area: x0, x1, y0, y1. size: of objects. All in metres.
+
+    Args:
+        scene: the objects.
+        referent, target: their numbers; target None: there is none.
+        area: x0, x1, y0, y1, metres.
+        size: of objects, metres.
+        spacing: least distance to other objects, metres.
+        rng: of the draws.
+
+    Returns:
+        The scene; None if no place was found.
     """
     others = scene.positions[~scene.targets & (np.arange(len(scene)) != referent)]
     for place in places_in_air(area, size, None if target is None else scene.positions[target], rng):
@@ -95,9 +105,16 @@ def lifted(
 def places_in_air(
     area: Sequence[float], size: float, goal: NDArray[np.float64] | None, rng: Generator
 ) -> NDArray[np.float64]:
-    """(TRIES, 3) random places above the table, each drawn on a line from there to the goal (3,), if there is one.
+    """Random places above the table or, with a goal, on lines from such places to the goal.
 
-    area: x0, x1, y0, y1. size: of objects. All in metres.
+    Args:
+        area: x0, x1, y0, y1, metres.
+        size: of objects, metres.
+        goal: (3,) metres, or None.
+        rng: of the draws.
+
+    Returns:
+        (TRIES, 3) metres.
     """
     x0, x1, y0, y1 = area
     places = rng.uniform([x0, y0, size / 2], [x1, y1, size / 2 + AIR], (TRIES, 3))

@@ -21,7 +21,7 @@ SPOTS = ("there", "here", "this", "that")  # words that carry no information wit
 class ReachGesture(Reach):
     """The person points in a random direction over the table; the referent is the object nearest to that line.
 
-    The words ("reach there") do not tell it. Raises ConfigError without a person who points.
+    The words ("reach there") do not identify it. Raises ConfigError without a person who points.
     """
 
     kind_names: tuple[str, ...] = SPOTS

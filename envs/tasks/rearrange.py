@@ -36,7 +36,7 @@ LOWERED = 0.4  # share of the episodes with a held object in which it is straigh
 class Rearrange(PickAndPlace):
     """Any object on top of a stack goes to any free place of the board: an empty cell, or the top of another stack.
 
-    A see-through target marks the place. Without words, a column of the objects tells which one is the referent, and
+    A see-through target marks the place. Without words, a column of the objects marks the referent, and
     some targets are in the air: what is brought there is not released.
     Success: the referent has been held, and lies within half a cell of its target along x and along y, at the same
     level, released (in the air: held) and at rest, for `hold_steps` steps. An episode ends as `wrong_object` once
@@ -108,7 +108,7 @@ class Rearrange(PickAndPlace):
         return funnel(self._referent(state) - goal, self._height_above(goal), MOUTH, SLOPE)
 
     def _height_above(self, place: Array) -> Array:
-        """(N,) metres above place (N, 3) at which the gripper and what it holds pass over all stacks."""
+        """(N,) metres above place (N, 3) at which the gripper and its load pass over all stacks."""
         return np.maximum(self._travel - place[:, 2], LEAST_HEIGHT)
 
     # ---- drawing

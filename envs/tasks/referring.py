@@ -22,7 +22,7 @@ WHOLE_SCENE_SPLITS = ("all", "train", "test_paraphrase")  # splits in which ever
 class ReferringTask(Task):
     """Scenes are drawn until every object can be named; the referent is then drawn uniformly from them.
 
-    So only the words tell the referent. The splits test_composition and test_length name few objects, and draw
+    So only the words identify the referent. The splits test_composition and test_length name few objects, and draw
     uniformly from those.
     """
 

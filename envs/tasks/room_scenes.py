@@ -37,7 +37,7 @@ class RoomScenes(Furnished):
     """Scenes of a room, their observations, and the state that decides what is feasible.
 
     Fittings are open or shut, with an object in them or without, and an object may stand on another one. With
-    `task.devices`, so many devices stand behind the loose objects; the task then has verbs and columns for them, and
+    `task.devices`, that many devices stand behind the loose objects; the task then has verbs and columns for them, and
     with `task.hand` also for the open hand of a person, whose place is drawn anew for each episode.
     """
 

@@ -34,8 +34,13 @@ class Choices(NamedTuple):
 def choices(sentence: str, planner: Planner, scene_chooses: bool = True) -> Choices:
     """Returns the plans of a sentence.
 
-    scene_chooses: False: the reading is chosen by its cost alone, before it is compared with the scene.
-    Raises NotUnderstood if the sentence is too long or can be read in too many ways.
+    Args:
+        sentence: as a person writes it.
+        planner: of the scene.
+        scene_chooses: False: the reading is chosen by its cost alone, before it is compared with the scene.
+
+    Raises:
+        NotUnderstood: the sentence is too long or can be read in too many ways.
     """
     found, lattice = readings(sentence, planner.judge if scene_chooses else None, planner.gestures)
     if not scene_chooses:

@@ -193,7 +193,13 @@ def _entries() -> Iterator[tuple[str, Any, str]]:
 def teach(category: str, meaning: str, phrase: str) -> None:
     """Adds a phrase to the lexicon: `teach("verb", "take", "snatch")`.
 
-    category: a key of TABLES. meaning: a key of that table. Raises LanguageError for others.
+    Args:
+        category: a key of TABLES.
+        meaning: a key of that table.
+        phrase: one or more words.
+
+    Raises:
+        LanguageError: an unknown category or meaning.
     """
     check_known("category", category, TABLES)
     check_known(category, meaning, TABLES[category])
@@ -202,6 +208,6 @@ def teach(category: str, meaning: str, phrase: str) -> None:
 
 
 def forget_caches() -> None:
-    """Makes the lexicon be read anew after its tables were changed."""
+    """Clears the caches of the lexicon after its tables were changed."""
     for cached in (trie, vocabulary, _choices, _corrected):
         cached.cache_clear()

@@ -130,7 +130,7 @@ def _points(resolver: Resolver, mover: int, relation: Relation, typed: bool) -> 
 
 
 def _anchors(resolver: Resolver, relation: Relation, mover: int | None) -> list[Ref]:
-    """Returns what the anchor denotes, and at a cost what it denotes among the things that can bear another."""
+    """Returns the referents of the anchor and, at a cost, its referents among the things that can bear another one."""
     entity, things = relation.anchors[0], resolver.world.things
     refs = resolver.resolve(entity)
     if entity.kind == "thing" and entity.noun is None and mover is not None:

@@ -23,8 +23,13 @@ _MOVING = ("move", "push", "drop", "give", "remove", "take")
 def readings(sentence: str, judge: Judge | None = None, made: Sequence[Gesture] = ()) -> tuple[list[Reading], Lattice]:
     """Returns the readings of a sentence, the cheapest first, and its lattice.
 
-    judge: of phrases in the scene. made: the gestures that go with the sentence, in order.
-    Raises NotUnderstood if it is too long.
+    Args:
+        sentence: as a person writes it.
+        judge: gives the costs of phrases in the scene; None: there is no scene.
+        made: the gestures that accompany the sentence, in order.
+
+    Raises:
+        NotUnderstood: the sentence is too long.
     """
     lattice = Lattice(sentence, len(made))
     found = _Sentences(Chart(lattice, judge)).likeliest()
@@ -32,7 +37,7 @@ def readings(sentence: str, judge: Judge | None = None, made: Sequence[Gesture] 
 
 
 def _with_gestures(found: list[Reading], made: Sequence[Gesture], judge: Judge | None) -> list[Reading]:
-    """Returns the readings with their gestures, whose phrases can only now be judged."""
+    """Returns the readings with their gestures, whose phrases can only now be compared with the scene."""
     changed = []
     used = [min(len(pointing_words(reading)), len(made)) for reading in found]
     for reading, its in zip(found, used, strict=True):

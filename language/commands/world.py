@@ -154,8 +154,11 @@ def board(
 ) -> World:
     """Returns the world of a board of 8 x 8 cells.
 
-    blocks: kind, colour, x (cells away from the robot), y (cells to its left), z (height in blocks, from 0).
-    held: the index of the block in the gripper. more: other fields of `World`.
+    Args:
+        blocks: kind, colour, x (cells away from the robot), y (cells to its left), z (height in blocks, from 0).
+        held: the index of the block in the gripper.
+        front: the side that "front" means, "near" or "far".
+        more: other fields of `World`.
     """
     things = tuple(Thing(kind, color, x, y, z, z + 1, 1.0) for kind, color, x, y, z in blocks)
     last = BOARD_CELLS - 1.0

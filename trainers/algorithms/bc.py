@@ -96,7 +96,7 @@ class BC(Algorithm):
         return frames.select(*self.frame_keys).set("move", expert_move(frames, self.policy))
 
     def learn(self, steps: int) -> list[dict[str, Tensor]]:
-        """Take so many gradient steps. Frames and scenes are drawn once for all of them, which saves overhead."""
+        """Take gradient steps. Frames and scenes are drawn once for all of them, which saves overhead."""
         if not steps:
             return []
         frames = self.frames.sample(steps * self.config.batch).split(self.config.batch)

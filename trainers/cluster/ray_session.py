@@ -96,9 +96,15 @@ class RaySession:
         return NodeAffinitySchedulingStrategy(node.id, soft=soft)
 
     def check_cpus(self, key: str, count: int, each: float) -> None:
-        """Raises ConfigError unless `count` actors or tasks find `each` cores at the same time.
+        """Checks that the cluster has enough cores for actors or tasks that run at the same time.
 
-        key: of `count` in the config.
+        Args:
+            key: of `count` in the config.
+            count: of actors or tasks.
+            each: cores of each.
+
+        Raises:
+            ConfigError: it has too few.
         """
         free, wanted = self.free_cpus, count * each
         if wanted <= free + 1e-6:

@@ -82,7 +82,7 @@ class RemoteWorker(Protocol):
         """The batch, None if it is in its buffer, and the beginnings from `Worker.collect`. Raises WorkerLostError."""
 
     def overdue(self, patience: float, waiting_since: float) -> bool:
-        """Whether it has not answered for so many seconds, or more where it is starting.
+        """Whether it has not answered for `patience` seconds, or more if it is starting.
 
         waiting_since: as `time.monotonic` has it. The seconds count from then, or from a later request.
         """
@@ -129,7 +129,7 @@ class WorkerHost(Protocol, Generic[W]):
         """A new worker, whose batches are written to `buffers` if it can. episodes: of its worlds, to continue."""
 
     def wait(self, workers: Sequence[W], seconds: float) -> list[W]:
-        """Those workers that have answered, ended or become silent, after at most so many seconds."""
+        """The workers that have answered, ended or become silent, after at most `seconds`."""
 
     def moved(self, workers: Sequence[W]) -> list[int]:
         """The indices of workers that are to be started again because there is a better place for them."""

@@ -91,7 +91,7 @@ class ProcessHost:
         ahead: how many batches workers collect ahead of the one that the pool waits for.
 
     Attributes:
-        weights: the number of the copy that has the latest weights. A copy is written anew once all batches that were
+        weights: the number of the copy that has the latest weights. A copy is overwritten once all batches that were
             asked for with it have been received.
         buffers: how many batches are in use at a time: the one that is learned from, and those ahead.
     """

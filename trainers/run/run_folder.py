@@ -67,7 +67,7 @@ def _refuse_links(folder: Path, place: Path) -> None:
 
 
 def name_semaphores() -> None:
-    """Give the semaphores of this process a name that tells whose they are, and remove those of dead processes."""
+    """Give the semaphores of this process a name that shows whose they are, and remove those of dead processes."""
     config = getattr(multiprocessing.current_process(), "_config", None)
     if isinstance(config, dict):
         config["semprefix"] = f"/mp-deixis-{os.getpid()}"

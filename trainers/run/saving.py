@@ -17,7 +17,7 @@ from trainers.run.memories import MemoryFiles
 class CheckpointWriter:
     """Writes checkpoints/last.pt, best.pt and, where checkpoint.keep asks for them, <frames>.pt.
 
-    Only best.pt lacks the running state: a run resumed from it begins new episodes and fills its memories anew.
+    Only best.pt lacks the running state: a run resumed from it begins new episodes with empty memories.
 
     Args:
         folder: of the checkpoints.

@@ -33,7 +33,7 @@ def is_device(env):
 
 
 def fetched(env, td, slots, steps=45):
-    """Every gripper lifts the loose object in its slot (N,). Returns the last "next", and which worlds ended wrongly."""
+    """Every gripper lifts the loose object in its slot (N,). Returns the last "next", and what ended wrongly."""
     wrong, rows = np.zeros(WORLDS, bool), np.arange(WORLDS)
     for _ in range(steps):
         thing, held = env.state.objects[rows, slots], env.state.held == slots
