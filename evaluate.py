@@ -88,7 +88,7 @@ DEFAULTS = {
     "shards": None,
     "collector": "local",
 }
-ALONE = {  # what evaluates something else than plain episodes, with the keys that it leaves as they are
+ALONE = {  # modes other than plain episodes, with the keys that must keep their defaults
     "by_hand": ("splits", "in_turn", "video", "shards", "collector"),
     "in_turn": ("shards", "collector"),
     "chains": ("splits", "in_turn", "by_hand", "video", "shards", "collector"),

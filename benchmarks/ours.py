@@ -188,7 +188,7 @@ def sac_products(steps: int) -> dict[str, Any]:
             inputs[id(weight)] @ weight.t()
         for weight in (*actor, *critic):  # gradients of weights
             outputs[id(weight)].t() @ inputs[id(weight)]
-        for weight in (*actor, *critic):  # gradients of inputs, but those of what is observed
+        for weight in (*actor, *critic):  # gradients of inputs, except those of observations
             if id(weight) not in first:
                 outputs[id(weight)] @ weight
         for weight in critic:  # ... down to the moves

@@ -134,7 +134,7 @@ def moves(job: Job, grid: Grid, order: Sequence[int]) -> list[Move]:
 
 
 def error(env: WorkspaceEnv, job: Job, policy: LoadedPolicy | None = None) -> str:
-    """What is wrong after the job was carried out, by the expert or by a policy; "" if nothing is."""
+    """The error after the job was carried out, by the expert or by a policy; "" if there is none."""
     grid, order = begin(env, job.board, marked=policy is not None)
     try:
         if policy is not None:

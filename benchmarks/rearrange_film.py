@@ -58,7 +58,7 @@ Picture = NDArray[np.uint8]
 
 
 def film(jobs: Sequence[tuple[str, Job]], robot: str) -> Iterator[Frame]:
-    """The frames of commands with what is done for each. Raises RuntimeError if one does not reach the board after."""
+    """The frames of commands with their jobs. Raises RuntimeError if one does not reach the board after."""
     changes = [f"task.num_objects={MOST_BLOCKS}", "task.curriculum={near: 0, held: 1, placed: 0}"]
     config = read_env(compose(["task=rearrange", f"robot={robot}", *changes]))
     workspace = replace(config.workspace, camera=CAMERA)

@@ -68,7 +68,7 @@ def names_of(env: InteractiveEnv) -> list[str]:
 
 
 def sayable(env: InteractiveEnv) -> list[str]:
-    """What can be said now, in sentences; [] where the task has one verb."""
+    """The feasible instructions as sentences; [] if the task has one verb."""
     return room.sayable(env) if env.task.verbs else []
 
 
@@ -180,7 +180,7 @@ def _does_itself(action: Action, planner: Planner, env: InteractiveEnv) -> bool:
 
 
 class _Table:
-    """The places of a table, for `moves_of`. hold: the height of the bottom of what is held, metres."""
+    """The places of a table, for `moves_of`. hold: the height of the bottom of a held object, metres."""
 
     def __init__(self, env: InteractiveEnv) -> None:
         self._env, self._half = env, env.config.task.object_size / 2
@@ -207,7 +207,7 @@ def put_object(env: InteractiveEnv, index: int, place: NDArray[np.float64]) -> N
 
 
 def _targets(steps: Sequence[Action], env: InteractiveEnv) -> list[int | None]:
-    """The object that marks the place of each step; None where the task has no places."""
+    """The object that marks the place of each step; None if the task has no places."""
     if not env.task.places:
         return [None] * len(steps)
     scene = env.scene()

@@ -33,7 +33,7 @@ class Return:
 
     @property
     def is_high(self) -> bool:
-        """Whether the gripper is above what stands on the table."""
+        """Whether the gripper is above all objects on the table."""
         return bool(self._env.gripper[0, 2] > self._low)
 
     @property

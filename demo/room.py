@@ -68,7 +68,7 @@ def room_of(env: InteractiveEnv, scene: Scene | None = None) -> Room:
 
 
 def sayable(env: InteractiveEnv) -> list[str]:
-    """What can be said now, MOST_SAID sentences at most: first one of each verb, about different objects."""
+    """The feasible instructions, MOST_SAID sentences at most: first one of each verb, about different objects."""
     scene = env.scene()
     names, held = names_of(scene), NOTHING if env.held is None else env.held
     by_verb: dict[str, list[Option]] = {}

@@ -1,4 +1,4 @@
-"""What a session is made from: its config, the environment, and the policy that fits or was chosen."""
+"""The parts of a session: its config, the environment, and the policy that fits or was chosen."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ DEFAULTS: dict[str, Any] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SessionConfig(Checked):
-    """What a person chooses.
+    """The choices of a person.
 
     task, robot, control, workspace: options of the config groups. Without a workspace: a board for tasks with stacks,
         a room for tasks with fittings, a workbench with a person for handing over, else a table with a person.
@@ -126,7 +126,7 @@ def check_choices(values: Mapping[str, str]) -> None:
 
 @dataclass(frozen=True)
 class Setup:
-    """What a session runs with. config: with the task, robot and control of a checkpoint, and a driver that exists.
+    """The parts of a session. config: with the task, robot and control of a checkpoint, and a driver that exists.
 
     own_workspace: where the task takes place unless a person chooses another workspace. policy: None if there is none.
     note: a warning for the person, or "".
@@ -169,7 +169,7 @@ def build(config: SessionConfig, seed: int, gui: bool = False) -> Setup:
 
 
 def _find_policy(config: SessionConfig) -> tuple[dict[str, Any] | None, SessionConfig, str]:
-    """The checkpoint's payload or None, the config with what follows from it, and a note for the person."""
+    """The checkpoint's payload or None, the config completed by it, and a note for the person."""
     if config.checkpoint is not None:
         path = Path(config.checkpoint)
         payload = _load(path)

@@ -58,7 +58,7 @@ def make_world(config: EnvConfig, task: Task, render: bool = False, window: Wind
 
 
 def gripper_name(config: EnvConfig, task: Task) -> str | None:
-    """What is mounted on the robot: "magnet" or "fingers"; None where the task moves no objects."""
+    """The gripper on the robot: "magnet" or "fingers"; None if the task moves no objects."""
     return config.gripper.of(config.robot) if task.moves else None
 
 

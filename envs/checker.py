@@ -1,8 +1,8 @@
 """A check of environments: `check_env(make)` lists every rule that an environment breaks.
 
-TorchRL's `check_env_specs` compares keys, shapes and types. This check also looks for what makes a training silently
-wrong: randomness that the seed does not fix, worlds that disturb each other, observations that change afterwards,
-rewards and episode ends that contradict each other.
+TorchRL's `check_env_specs` compares keys, shapes and types. This check also finds faults that silently spoil training:
+randomness that the seed does not fix, worlds that disturb each other, observations that change afterwards, rewards and
+episode ends that contradict each other.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def _check_all(env: EnvBase, alone: EnvBase, max_steps: int) -> Iterator[str]:
 
 
 def _check_frame(env: EnvBase, frame: TensorDictBase) -> Iterator[str]:
-    """What holds in every frame: values within their specs, and ends, rewards and words that fit together."""
+    """Conditions on every frame: values within their specs, and consistent ends, rewards and words."""
     for key, value in _leaves(frame):
         if value.is_floating_point() and not value.isfinite().all():
             yield f"{key}: not all numbers are finite"
@@ -198,7 +198,7 @@ def _check_partial_reset(env: EnvBase, actions: torch.Tensor) -> Iterator[str]:
 
 
 def _check_ends(env: EnvBase, max_steps: int) -> Iterator[str]:
-    """Episodes end, and later frames hold what every frame holds."""
+    """Episodes end, and later frames meet the conditions on every frame."""
     env.set_seed(SEED)
     state, over = env.reset(), torch.zeros(*env.batch_size, 1, dtype=torch.bool)
     for _ in range(max_steps):

@@ -43,14 +43,14 @@ class WorkspaceEnv(EpisodeReplayEnv):
     whatever N is, unless task.curriculum.automatic makes draws depend on the outcomes in all worlds.
 
     Args:
-        config: what to build.
+        config: of the environment.
         num_worlds: N.
         seed: of the generators.
         render: load visual shapes, for `render`.
         window: where the only world is shown.
 
     Raises:
-        ConfigError: for what cannot be built.
+        ConfigError: the environment cannot be built.
     """
 
     batch_locked = True
@@ -204,7 +204,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
 
         episodes: (T,) recorded frames each. Those that achieved no other goal are left out. Targets stand elsewhere, or
         other objects are named in other words; rewards and ends are the task's, and an episode is cut where it would
-        have ended. What a policy wrote to the frames is kept.
+        have ended. Entries that a policy wrote to the frames are kept.
         """
         return self._relabeller(episodes, seed)
 

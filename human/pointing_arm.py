@@ -31,7 +31,7 @@ class ArmModel:
     chain: the J joints that move in pointing.
     rest: (J,) radians, the posture that pointing starts from.
     points: FINGERTIP and each link of LINE_STARTS, by name.
-    other: the joints of the other arm, which holds out an open hand; None where the body has none.
+    other: the joints of the other arm, which holds out an open hand; None if the body has none.
     """
 
     chain: PointingChain

@@ -1,4 +1,4 @@
-"""What training expects of an environment, beside TorchRL's `EnvBase`."""
+"""The interface that training expects of an environment, beside TorchRL's `EnvBase`."""
 
 from __future__ import annotations
 

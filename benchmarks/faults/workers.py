@@ -29,7 +29,7 @@ from trainers.run.train_loop import fit
 from trainers.run.training_run import TrainingRun
 
 SIGNALS = {"SIGSTOP": signal.SIGSTOP, "SIGKILL": signal.SIGKILL}
-INSIDE = ("raise", "segfault", "loop")  # what a worker does by itself, at its next step
+INSIDE = ("raise", "segfault", "loop")  # faults that a worker causes itself, at its next step
 PHASES = ("collection", "update", "evaluation")
 
 

@@ -1,4 +1,4 @@
-"""What an episode asks for: its referent, target and sentence, as slots, tokens and bytes."""
+"""Goals of episodes: referent, target and sentence, as slots, tokens and bytes."""
 
 from __future__ import annotations
 

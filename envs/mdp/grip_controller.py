@@ -1,7 +1,7 @@
-"""The command of every world's gripper, and what each holds.
+"""The command of every world's gripper, and the object that each holds.
 
 The last number of an action closes the gripper above 0 and opens it below. There is no hysteresis: with a band about 0,
-or a bias towards what is held, only exploration noise ever released, and the mean action never let go.
+or a bias towards the present state, only exploration noise released objects, and the mean action never did.
 """
 
 from __future__ import annotations

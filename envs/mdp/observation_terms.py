@@ -1,4 +1,4 @@
-"""What one observation is: its spec, how it is computed, and who may see it."""
+"""The declaration of one observation: its spec, its computation, and who may see it."""
 
 from __future__ import annotations
 
@@ -74,11 +74,11 @@ class ObservationTerm:
 
     Attributes:
         key: "name" or "privileged/name".
-        description: what it holds, with units, for the documentation.
+        description: its content with units, for the documentation.
         spec: of one world.
         compute: gives (N, ...) numbers of N worlds from a `Source`. Floats are clipped to the spec's bounds.
         present: whether a task has it.
-        goal: whether it depends on what the episode asks for. It is then computed from a `GoalSource` alone, and again
+        goal: whether it depends on the goal of the episode. It is then computed from a `GoalSource` alone, and again
             where an episode is relabelled.
         gymnasium: whether the Gymnasium environment shows it.
     """

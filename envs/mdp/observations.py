@@ -1,4 +1,4 @@
-"""What the environment observes: the only place where an observation is declared.
+"""The observations of the environment. Each is declared here, and nowhere else.
 
 To add one, add an `ObservationTerm` to `OBSERVATIONS`.
 """
@@ -27,7 +27,7 @@ REWARD_TERMS = "(T,): the weighted reward terms, by `reward_names`; their sum is
 
 
 def observation_spec(observer: Observer, num_worlds: int, task: Task) -> Composite:
-    """The spec of what an environment of N worlds returns beside rewards and the ends of episodes."""
+    """The spec of all observations and outcomes of N worlds, without rewards and ends of episodes."""
     spec = observer.spec(num_worlds)
     for name in OUTCOMES:
         spec[name] = Binary(1, shape=(num_worlds, 1), dtype=torch.bool)
@@ -36,7 +36,7 @@ def observation_spec(observer: Observer, num_worlds: int, task: Task) -> Composi
 
 
 def descriptions() -> dict[str, str]:
-    """What each key holds, for the documentation."""
+    """The content of each key, for the documentation."""
     return {term.key: term.description for term in OBSERVATIONS} | OUTCOMES | {"reward_terms": REWARD_TERMS}
 
 

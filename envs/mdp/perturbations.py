@@ -17,7 +17,7 @@ class Perturbations:
     Args:
         config: of the task.
         worlds: N.
-        unit: (A,) what each number of the arm's action moves in a control step; an action may have further numbers.
+        unit: (A,) the action unit of each number of the arm's action; an action may have further numbers.
     """
 
     def __init__(self, config: TaskConfig, worlds: int, unit: Array) -> None:

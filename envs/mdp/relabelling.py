@@ -164,7 +164,7 @@ class Relabeller:
         return frames
 
     def _observations(self, relabelled: RelabelledEpisode, observed: TensorDictBase, count: int) -> TensorDictBase:
-        """(count,) all observations that may differ from what was recorded."""
+        """(count,) all observations that may differ from the recorded ones."""
         episode, observed = relabelled.episode, observed[:count].clone()
         words = torch.from_numpy(tokens(episode, self._tokenizer).copy())
         sentence = torch.from_numpy(in_bytes(episode.sentence, self._observer.shape("privileged/sentence")[0]).copy())

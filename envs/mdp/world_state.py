@@ -21,7 +21,7 @@ from language import Tokenizer
 class WorldState:
     """N worlds of K slots, with an arm of J joints and F fingers; metres, radians.
 
-    state: what tasks see; its positions and quaternions are views of `rows`. rows: (N, K, OBJECT_WIDTH), the rows of
+    state: as tasks see it; its positions and quaternions are views of `rows`. rows: (N, K, OBJECT_WIDTH), the rows of
     the observation `objects`, but for slots that are not shown. joints: (N, J + F, 2) angle and speed, fingers last.
     commanded, angles: (N, J) joint angles last commanded and measured. pose: of the grippers. slots: for each world,
     the slots of its objects in their order. goals: of each world; `set_goal` writes it, and also
@@ -86,7 +86,7 @@ class WorldState:
         )
 
     def _show(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64]) -> None:
-        """Write what does not change in the episode: which slots are shown, and what each object is."""
+        """Write the values that are constant during the episode: the shown slots, and the attributes of objects."""
         scene, state = episode.scene, self.state
         self.slots[i] = slots
         self.rows[i] = 0.0
@@ -124,7 +124,7 @@ class WorldState:
         self._write(worlds, [_measure(self._worlds[i]) for i in worlds.tolist()])
 
     def _write(self, worlds: NDArray[np.int64], measured: Sequence[tuple[list[float], list[float]]]) -> None:
-        """Write what `_measure` gave of these worlds to the arrays."""
+        """Write the results of `_measure` for these worlds to the arrays."""
         self.joints[worlds] = np.reshape([joints for joints, _ in measured], (len(worlds), *self.joints.shape[1:]))
         shown = np.zeros_like(self.state.shown)
         shown[worlds] = self.state.shown[worlds]

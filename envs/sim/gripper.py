@@ -69,7 +69,7 @@ class GripperConfig(Checked):
 
 
 class Holdable(NamedTuple):
-    """What a gripper can hold: a loose body, or the handle on a link of a fitting, which swivels under a magnet.
+    """A thing that grippers hold: a loose body, or the handle on a link of a fitting, which swivels under a magnet.
 
     pose: gives its (position, quaternion), metres.
     """
@@ -185,7 +185,7 @@ class Magnet(Gripper):
 
 
 class Fingers(Gripper):
-    """Two fingers that close with a limited force. They hold what both of them touch."""
+    """Two fingers that close with a limited force. They hold an object that both of them touch."""
 
     def __init__(self, config: GripperConfig, robot: Robot, client: int) -> None:
         super().__init__(config, robot, client)

@@ -30,7 +30,7 @@ DYNAMIC_FILTER, STATIC_FILTER = (1, -1), (2, -3)  # Bullet's own collision group
 
 
 class Mobility(IntEnum):
-    """What an object does when something runs into it."""
+    """How an object reacts when something runs into it."""
 
     FREE = 0  # it is pushed
     FIXED = 1  # it stays where it is

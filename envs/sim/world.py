@@ -54,13 +54,13 @@ class World:
     palm: the open hand that the person holds out, or None.
 
     Args:
-        robot, workspace, physics: what to build.
+        robot, workspace, physics: configuration of the world.
         objects: the bodies of the object pool.
         visuals: load visual shapes, for `render`. A world without them takes half the memory.
         window: where the world is shown. The world closes it.
-        gripper: what the robot grips with; None: it cannot grip.
+        gripper: the gripper of the robot; None: it cannot grip.
         devices: those that an episode shows at most.
-        holds: whether the gripper holds what it grips; else it is only a body.
+        holds: whether the gripper can hold objects; otherwise it is only a body.
         offers: whether the person holds out an open hand.
 
     Raises:
@@ -186,7 +186,7 @@ class World:
         self._draw(True)
 
     def _settle(self) -> None:
-        """Park what is shown and step until Bullet has it asleep.
+        """Park the shown objects, and step until they sleep in Bullet.
 
         A body that the last episode touched would otherwise be simulated for some steps more, and the same
         seed would give other bits than on a fresh world.
@@ -202,7 +202,7 @@ class World:
             self.palm.reset()
 
     def _draw(self, enabled: bool) -> None:
-        """Let the window, if any, draw what happens from now on."""
+        """Switch drawing in the window on or off, if there is one."""
         if self._window is not None:
             self._window.show(enabled)
 
@@ -240,7 +240,7 @@ class World:
         return self._shown.holdable.index(self._gripper.held)
 
     def release(self, after: int = 0) -> None:
-        """Release what is held: now, or `after` physics steps into the next control step."""
+        """Release the held object: now, or `after` physics steps into the next control step."""
         self._release_after = after
         if self._gripper is not None and not after:
             self._gripper.release()

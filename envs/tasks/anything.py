@@ -113,7 +113,7 @@ class Anything(RoomScenes):
 
     @property
     def memory(self) -> Array:
-        """(N, M) what the members remember."""
+        """(N, M) the memory of the members, for privileged critics."""
         return np.concatenate([member.memory for member in self.members], axis=1)
 
     def travel(self, state: State) -> Array:

@@ -51,7 +51,7 @@ class Task(ABC):
     real_goals = False  # goals are real objects, not see-through targets
     operates = False  # its objects are devices; their positions are those of their handles
     fixtures: tuple[str, ...] = ()  # nouns of devices or fittings among its objects; its first columns mark them
-    nouns: tuple[str, ...] = SHAPES  # what its objects can be
+    nouns: tuple[str, ...] = SHAPES  # nouns that its objects can have
     shapes: tuple[str, ...] = SHAPES  # the bodies that its worlds have, in the order in which episodes count them
     stacks = False  # objects stand in the cells of a board, on top of each other
     verbs: tuple[str, ...] = ()  # among which the words choose; (): all sentences have the same verb
@@ -161,8 +161,8 @@ class Task(ABC):
         return None
 
     def prepare(self, workspace: WorkspaceConfig) -> None:
-        """Takes what it needs of the workspace besides fittings, before anything is drawn. Raises ConfigError where
-        that is missing."""
+        """Reads other parts of the workspace than fittings, before anything is drawn. Raises ConfigError where one is
+        missing."""
         return None
 
     def described(self, episode: EpisodeSpec) -> NDArray[np.float64]:
@@ -209,7 +209,7 @@ class Task(ABC):
         return [self._pointed(self._draw(rng), rng)]
 
     def _retry(self, draw: Callable[[], T]) -> T:
-        """The result of `draw`, repeated until the person can point at what it needs."""
+        """The result of `draw`, repeated until the person can point at its objects."""
         for _ in range(TRIES):
             try:
                 return draw()

@@ -1,4 +1,4 @@
-"""What can be done in a room as it is: the verbs, with their referents and targets, that are feasible."""
+"""The instructions that are feasible in a room as it is: verbs with their referents and targets."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ UNDER = 0.5  # widths between the middles of two objects of which one stands on 
 
 
 class Option(NamedTuple):
-    """A feasible instruction. target: None where the verb has none."""
+    """A feasible instruction. target: None if the verb has none."""
 
     verb: str
     referent: int

@@ -21,7 +21,7 @@ def _range(low: float, high: float, off: Sequence[float]) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class CurriculumConfig(Checked):
-    """Shares of training episodes that begin nearer to success, and what they practise. Evaluations never use them."""
+    """Shares of training episodes that begin nearer to success, and the draw of verbs. Evaluations never use them."""
 
     near: float = within(0, 1)  # the gripper is just over the object
     held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
@@ -74,7 +74,7 @@ class RandomizeConfig(Checked):
 
 @dataclass(frozen=True)
 class Randomized:
-    """What an episode drew. mass, friction: factors. delay: control steps. noise: seed of its noise."""
+    """The values of one episode. mass, friction: factors. delay: control steps. noise: seed of its noise."""
 
     mass: float
     friction: float

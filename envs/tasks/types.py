@@ -79,7 +79,7 @@ class ObjectsConfig(Checked):
         return len(self.init) + len(self.goal)
 
     def layout(self, size: float) -> Layout | None:
-        """The listed objects, each `size` metres wide, init first; None where none is listed. Raises ConfigError."""
+        """The listed objects, each `size` metres wide, init first; None if none is listed. Raises ConfigError."""
         if not len(self):
             return None
         try:
@@ -217,13 +217,13 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True)
 class EpisodeSpec:
-    """What one world begins an episode with: a scene of K objects, the referent and the sentence."""
+    """The beginning of an episode in one world: a scene of K objects, the referent and the sentence."""
 
     scene: Scene  # its targets are see-through: they touch nothing, and stay where they are
     referent: int  # slot of the object that is meant
     kind: int  # index into the task's kind_names
     sentence: str
-    heard: str | None = None  # what the policy reads; none: the sentence itself
+    heard: str | None = None  # the sentence that the policy reads; none: `sentence`
     yaw: Array | None = None  # (K,) radians; none: not turned
     fixed: NDArray[np.bool_] | None = None  # (K,) objects that never move when touched; none: all move
     gesture: Gesture | None = None  # how the person points at the referent; none: nobody points
@@ -238,7 +238,7 @@ class EpisodeSpec:
 
 
 class Said(NamedTuple):
-    """An instruction in a scene. kind: index of its verb. heard: what the policy reads, if not the sentence."""
+    """An instruction in a scene. kind: index of its verb. heard: the sentence that the policy reads, if another."""
 
     kind: int
     referent: int

@@ -57,6 +57,6 @@ class Unstack(ToTable):
         return super()._movable(placed) & (placed.scene.positions[:, 2] > self.config.object_size)
 
     def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> EpisodeSpec:
-        """As in other tasks. What stands on others is at rest."""
+        """As in other tasks. Objects on others are at rest."""
         episode = super().episode(placed, referent, target, rng)
         return replace(episode, resting=np.ones(len(placed.scene), bool))

@@ -59,7 +59,7 @@ def understood(
 
 
 def _notes(choice: Choice, sentence: str, tokens: list[Token], world: World) -> list[str]:
-    """Returns what the scene settled: loose colours."""
+    """Returns the choices that the scene settled: loose colours."""
     found = {}
     todo: list[Entity] = [e for step in choice.reading.steps if step.entity for e in [step.entity]]
     todo += [a for step in choice.reading.steps for place in step.places for a in place.anchors]

@@ -1,4 +1,4 @@
-"""Names of things and of what plans do, for questions and refusals."""
+"""Names of things and descriptions of plans, for questions and refusals."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ FARTHEST = 4  # steps to a free place beside an anchor
 
 
 class Spot(NamedTuple):
-    """A position of a thing: its centre, the height of its bottom, what it would stand on, and a cost.
+    """A position of a thing: its centre, the height of its bottom, the thing below it, and a cost.
 
     why_not: why nothing can be put there, or "".
     """

@@ -186,7 +186,7 @@ class Planner:
         return refs
 
     def _held_cost(self, world: World, held: int, entity: Entity | None) -> float:
-        """Returns how badly a phrase fits what the gripper holds."""
+        """Returns the cost of a phrase for the held thing: how badly it fits."""
         if entity is None or entity.kind == "it":
             return 0.0
         thing = world.things[held]

@@ -1,4 +1,4 @@
-"""Revised readings: the last reading with what an answer or a correction changes."""
+"""Revised readings: the last reading with the changes of an answer or a correction."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ class _Sentences:
         return [self._reading(item, rejects) for item, rejects in found[:KEPT_READINGS]]
 
     def _rests(self) -> list[Item]:
-        """Returns, for each token, what it costs to leave out the rest of the sentence from there on."""
+        """Returns, for each token, the cost of leaving out the rest of the sentence from there on."""
         rests = [Item(len(self.lattice), None, 0.0)]
         for index in range(len(self.lattice) - 1, -1, -1):
             join = "join" in self.lattice.edges[index] and self.lattice.tokens[index].text in (".", ";", "and", "then")

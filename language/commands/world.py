@@ -41,7 +41,7 @@ class Thing(NamedTuple):
 class World:
     """The things and their surroundings.
 
-    bounds: of the centres of what is put down, x from and to, y from and to. pitch: the distance between neighbours.
+    bounds: of the centres of things that are put down, x from and to, y from and to. pitch: the distance of neighbours.
     little: the length of "a bit". ground, ceiling: heights where things stand and up to which they are stacked.
     held: the index of what the gripper holds, or None. viewpoint: whose left is meant, "robot" or "human".
     front: which side "front" is, "near" (the viewer's) or "far" (where the robot faces). fixtures: "drawer", "door".
@@ -61,17 +61,17 @@ class World:
 
     @cached_property
     def below(self) -> tuple[int | None, ...]:
-        """The index of what is directly below each thing, or None."""
+        """The index of the thing directly below each thing, or None."""
         return self._supports[0]
 
     @cached_property
     def above(self) -> tuple[int | None, ...]:
-        """The index of what is directly above each thing, or None."""
+        """The index of the thing directly above each thing, or None."""
         return self._supports[1]
 
     @cached_property
     def hand(self) -> int | None:
-        """The index of the open hand of the person, to which "me" and "my hand" refer; None where there is none."""
+        """The index of the open hand of the person, to which "me" and "my hand" refer; None if there is none."""
         return next((index for index, thing in enumerate(self.things) if thing.kind == HAND), None)
 
     @property
@@ -92,7 +92,7 @@ class World:
 
     @cached_property
     def _standing(self) -> dict[tuple[int, int] | None, list[int]]:
-        """What stands on the ground or on other things: on a board, by cell."""
+        """The things that stand on the ground or on other things: on a board, by cell."""
         found: dict[tuple[int, int] | None, list[int]] = {}
         for i, thing in enumerate(self.things):
             if i != self.held and not thing.target:
@@ -198,7 +198,7 @@ def table(scene: Scene, held: int | None = None, **more) -> World:
 
 
 def _supports(world: World) -> tuple[tuple[int | None, ...], tuple[int | None, ...]]:
-    """Returns what is directly below and above each thing, or None."""
+    """Returns the things directly below and above each thing, or None."""
     below: list[int | None] = [None] * len(world.things)
     above: list[int | None] = [None] * len(world.things)
     for together in world._standing.values():

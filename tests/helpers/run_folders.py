@@ -35,7 +35,7 @@ def add_run(
 ) -> Path:
     """A run evaluated every 100 frames, which took a second for 10 frames, and rows of training alone in between.
 
-    curve: success in each evaluation. success: of the final one; None where the run did not get there. loss: of the
+    curve: success in each evaluation. success: of the final one; None if the run did not get there. loss: of the
     critic, at first.
     """
     folder.mkdir(parents=True)

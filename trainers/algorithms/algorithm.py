@@ -1,4 +1,4 @@
-"""What every algorithm has: a policy, an optimizer, supervision of the grounding, checks and annealing."""
+"""The base class of algorithms: a policy, an optimizer, supervision of the grounding, checks and annealing."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ Part = Callable[[], dict[str, Tensor]]
 
 
 def run_parts(parts: Sequence[Part]) -> dict[str, Tensor]:
-    """Run the parts and return what they measure, together.
+    """Run the parts, and return their measured values together.
 
     They run at the same time if torch may use several threads, each on one thread; otherwise one after another. So
     they must not depend on each other, and at most one of them may draw random numbers. A single part has all threads.

@@ -27,7 +27,7 @@ STOP_SECONDS = 60.0  # for a run to save a checkpoint after SIGTERM
 
 @dataclass(frozen=True)
 class NodeJob:
-    """What a job needs on any node.
+    """A job as it is sent to a node.
 
     place: its folder, on the machine of the sweep. share: number of cores. token: in the folder's `TOKEN`. files: an
     archive of the folder as an earlier start has left it; None if it has no checkpoint. program: None for the

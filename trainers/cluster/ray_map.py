@@ -31,7 +31,7 @@ def map_on_cluster(
     Args:
         function: picklable.
         inputs: picklable.
-        name: of what is done, for Ray's dashboard and for messages.
+        name: of the work, for Ray's dashboard and for messages.
         address: of the cluster, as of `RaySession`.
         stop: called while it waits; True gives up.
 

@@ -138,7 +138,7 @@ class GroundingEncoder(nn.Module):
         return logits.masked_fill(~mask, MASKED)
 
     def _pairwise_lead(self, features: Tensor, relation: Tensor) -> Tensor:
-        """(N, K, K): how far each slot (N, K, F) exceeds each other one in what relation (N, K, E) compares."""
+        """(N, K, K): how far each slot (N, K, F) exceeds each other one, as relation (N, K, E) compares."""
         difference = features.unsqueeze(2) - features.unsqueeze(1)
         relation = relation.unsqueeze(2).expand(-1, -1, features.shape[1], -1)
         return self.comparison_scorer(torch.cat([difference, relation], -1)).squeeze(-1)

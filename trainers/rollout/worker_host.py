@@ -27,7 +27,7 @@ class WorkerLostError(Exception):
 
 
 def raised(error: BaseException) -> str:
-    """What was raised, as a clause: "raised ValueError: <the first line of its text>"."""
+    """An exception as a clause: "raised ValueError: <the first line of its text>"."""
     return f"raised {type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
 
 

@@ -19,7 +19,7 @@ from trainers.rollout.video import record_video
 from trainers.rollout.worker_host import Failure
 from trainers.utils.atomic_io import atomic_path
 
-ALIVE = "alive"  # what the process sends about every second of an evaluation
+ALIVE = "alive"  # message that the process sends about once a second during an evaluation
 ALIVE_SECONDS = 1.0
 POLL_SECONDS = 0.2  # between two looks at the signals
 

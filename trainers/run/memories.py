@@ -41,7 +41,7 @@ class MemoryFiles:
         self.earlier = dict.fromkeys(buffers, 0)  # rows that were written before, less those written by loading
 
     def save(self) -> References:
-        """Write the rows that no file holds yet. Returns what `load` needs."""
+        """Write the rows that no file holds yet. Returns the references for `load`."""
         references = {}
         for name, buffer in self.buffers.items():
             written = self.earlier[name] + buffer.write_count

@@ -39,7 +39,7 @@ class CheckpointWriter:
         checkpoint.save(self.folder / "best.pt", payload)
 
     def save_last(self, payload: dict[str, Any], state: dict[str, Any]) -> None:
-        """Write last.pt, and remove what no checkpoint refers to any more.
+        """Write last.pt, and remove memory files to which no checkpoint refers any more.
 
         Args:
             payload: the keys of a checkpoint.

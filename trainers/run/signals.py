@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 
-# What asks a program to end: a terminal (SIGINT, SIGHUP), a scheduler (SIGTERM; SIGUSR1 as SLURM's warning).
+# Signals to end a program: from a terminal (SIGINT, SIGHUP), a scheduler (SIGTERM; SIGUSR1 as SLURM's warning).
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
 HANDLED = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
 

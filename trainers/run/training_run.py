@@ -37,7 +37,7 @@ SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn sce
 class TrainingRun:
     """One training run: the state that the steps of `fit` share.
 
-    env: one world, for what is not simulated: specs, scenes and relabelling.
+    env: one world, for specs, unsimulated scenes and relabelling.
     counters: plain numbers that a resumed run continues from. rows: of metrics.csv, those of the latest iterations that
     are not written yet. pending: the checkpoint that is being evaluated, for the first of the rows; None if none is.
     consistent: whether no update is half done, so that the run can be saved.
