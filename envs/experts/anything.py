@@ -25,7 +25,7 @@ HOVER = 0.14  # metres above an object at which grippers travel: over stacks of 
 HEIGHT = 0.12  # metres above their targets at which objects are carried: over stacks of two
 BESIDE, CLEAR = 0.05, 0.06  # metres beside and over a handle from which a gripper may go sideways
 SHUT_WITHIN = 0.09  # metres beside a device within which fingers are shut; farther away they may release objects
-SINK = 0.02  # metres that fingers go down in a control step; at more, after going up, a panda leaves the vertical
+SINK = 0.02  # metres that fingers go down in a control step; if faster, a panda that was going up leaves the vertical
 STRAIGHT = 0.05  # metres from a device along x up to which a gripper stays between the fittings
 HAND_NEAR, HAND_FAR = (
     0.075,
@@ -33,7 +33,7 @@ HAND_NEAR, HAND_FAR = (
 )  # metres beside a hand: up to the first a gripper stays above its objects, from the second on it need not
 OVER_HAND = 0.1  # metres over a hand at which a gripper passes: above an object on it
 INSIDE = 0.01  # metres inside that line at which a gripper counts as between the fittings
-SAG = 0.02  # metres below its aim to which a gripper moves sideways at full speed; from twice as many on, not at all
+SAG = 0.02  # up to this many metres below its aim a gripper moves sideways at full speed; from twice as many not at all
 
 
 @register_expert("anything")

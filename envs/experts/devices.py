@@ -26,7 +26,7 @@ LOW = 0.004  # metres below the middle of a handle at which it is pushed: a wide
 ASIDE = 0.015  # metres beside its line at which a pushing gripper goes back for another try
 LEAD = 0.35  # radians by which the aim leads the gripper around a wheel
 APART = 1.15  # radians round a wheel from the peg at which a gripper goes down
-SLOWLY = 0.03  # metres that a gripper goes down in a control step; at more, the joints leave the line
+SLOWLY = 0.03  # metres that a gripper goes down in a control step; if faster, the joints leave the line
 REACHED = 0.012  # metres above the pushing height from which a gripper pushes
 
 

@@ -18,7 +18,7 @@ CLEAR = 0.02  # metres further away, at which it may go up
 FAR = 0.06  # metres behind where it touches the object, within which it goes on pushing
 SINK = 0.02  # metres that it goes down in a control step
 STEER = 0.4  # share of the lateral error that each step corrects
-STEP = 0.012  # metres that it pushes in a control step; at more, the object slides on
+STEP = 0.012  # metres that it pushes in a control step; if faster, the object slides on
 THERE = 0.025  # metres from its target within which an object is left alone
 FINE = 0.042  # ... if it would take another try to push it nearer
 # How high above the table a gripper pushes, metres: jaco's fingers spread wider than an object, and pass over it.

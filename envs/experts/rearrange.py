@@ -21,7 +21,7 @@ SAG = 0.005  # metres below that height at which it still travels
 PRESS = 0.005  # metres that a magnet goes below contact
 TOUCH = 0.012  # metres from contact within which the gripper closes
 NEAR = 0.03  # metres above its end from which the gripper goes down gently
-# Metres that the gripper moves in a control step: over all stacks, between them, and gently. At more, a panda or an
+# Metres that the gripper moves in a control step: over all stacks, between them, and gently. If faster, a panda or an
 # xarm7 leaves the vertical by 6 to 14 mm.
 FAST, BETWEEN, GENTLY = 0.03, 0.012, 0.008
 

@@ -112,7 +112,7 @@ class Kinematics:
     ) -> Array:
         """One damped least-squares step (N, J) from joints (N, J) towards position (N, 3) and rotation (..., 3, 3).
 
-        The gripper moves at most max_move metres. The null space pulls the joints to the rest pose. seen: the result of
+        The gripper moves at most max_move metres. Motion in the null space leads to the rest pose. seen: the result of
         `jacobian` for these joints, if it is known already.
         Source: Buss, "Introduction to inverse kinematics with Jacobian transpose, pseudoinverse and damped least
         squares methods", 2004.

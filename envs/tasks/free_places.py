@@ -17,7 +17,7 @@ BESIDE = 1.3  # widths between two objects that stand apart
 LEVEL = 0.01  # metres above the table up to which an object stands on it
 FREE = 0.3  # metres at which the observed offset to a free place is clipped
 GRID = (4, 9)  # places along x and y that are considered
-WORST = 10.0  # metres of way that a metre of missing clearance counts as much as
+WORST = 10.0  # a metre of missing clearance counts like this many metres of way
 COLUMNS = (
     Column("metres along x to where the table is free for it", -FREE, FREE),
     Column("metres along y to where the table is free for it", -FREE, FREE),

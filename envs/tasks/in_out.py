@@ -23,8 +23,8 @@ class InOut(Furnished, PickAndPlace):
     """The referent is a loose object, and the target a fitting that is open.
 
     Success: the referent has been picked up and lies where it is to go, released and at rest, for `hold_steps` steps.
-    With the other fitting, it is at the wrong target. The episode fails once the fitting of the instruction has been
-    pushed by `PUSHED` of its range.
+    An object that went into, or came out of, the other fitting is at the wrong target. The episode fails once the
+    fitting of the instruction has been pushed by `PUSHED` of its range.
     Potentials: those of pick and place.
     """
 

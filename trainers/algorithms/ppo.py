@@ -23,7 +23,7 @@ from trainers.models.networks import normal_log_prob
 from trainers.models.policy import Policy
 
 MEASURED = ("loss/actor", "loss/critic", "loss/entropy", "entropy", "kl", "clip_fraction")
-MAX_WEIGHT = 2.0  # of a frame: the likelihood of its move now, over that when it was collected
+MAX_WEIGHT = 2.0  # of a frame; the weight is the likelihood of its move now, over that at collection
 NORMAL_ENTROPY = 0.5 * math.log(2 * math.pi * math.e)  # nats, of a normal distribution with scale 1
 
 
