@@ -7,7 +7,7 @@
     splits=false      true: one row for each of train, test_composition, test_paraphrase and test_length
     words=said        instruction ablations: blank (no words) or swapped (those of another episode)
     reader=policy     oracle: the parser finds the object and a scripted arm goes there, on the same episodes;
-                      expert: the scripted arm is told what is meant
+                      expert: the scripted arm knows the referent and the target
     robustness=false  true: also with other start poses, sizes, masses, friction, numbers of objects, time steps and
                       workspaces, and with noise and delay; one row for each, and its success over the plain one
     in_turn=0         number of scenes in which each object is named in turn, with all else equal; replaces episodes
@@ -88,7 +88,7 @@ DEFAULTS = {
     "shards": None,
     "collector": "local",
 }
-ALONE = {  # what evaluates something else than plain episodes, with the keys that it leaves as they are
+ALONE = {  # modes other than plain episodes, with the keys that must keep their defaults
     "by_hand": ("splits", "in_turn", "video", "shards", "collector"),
     "in_turn": ("shards", "collector"),
     "chains": ("splits", "in_turn", "by_hand", "video", "shards", "collector"),
@@ -255,7 +255,7 @@ def _in_this_process(config: EvaluateConfig, saved: dict[str, Any], cfg: Any) ->
 
 
 def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
-    """What acts: the policy, the policy with ablated instructions, the oracle or the expert. Raises ConfigError."""
+    """The actor: the policy, the policy with ablated instructions, the oracle or the expert. Raises ConfigError."""
     from envs.experts import Oracle, expert
     from trainers.rollout.instruction_ablations import AblatedInstructions
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from demo.session import Session
 
 SESSION_KEYS = ("task", "robot", "control", "workspace", "objects", "driver", "checkpoint")
-TASK_KEYS = {"task", "control", "workspace", "objects", "checkpoint"}  # who gives one does not want just any task
+TASK_KEYS = {"task", "control", "workspace", "objects", "checkpoint"}  # whoever gives one has chosen a task
 VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi")
 MAX_VIDEO_STEPS = 2400  # control steps: two minutes
 FINAL_VIDEO_STEPS = 20  # control steps shown after the end: one second

@@ -167,7 +167,7 @@ def _eval_config(config: Any) -> EnvConfig:
 
 
 def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None, whole: Any) -> Any:
-    """What acts: the checkpoint's policy, or the task's expert. Raises ConfigError if it does not fit."""
+    """The actor: the checkpoint's policy, or the task's expert. Raises ConfigError if it does not fit."""
     if config.expert or saved is None:
         from envs.experts import expert
 
@@ -178,7 +178,7 @@ def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None
 
 
 def _about(env: WorkspaceEnv, config: RecordConfig, choices: Mapping[str, str]) -> dict[str, Any]:
-    """What the formats and the metadata need to know about the environment."""
+    """The facts about the environment that the formats and the metadata need."""
     env_config = env.config
     period = env_config.physics.time_step * env_config.physics.substeps
     joints = [f"{joint}.{of}" for of in ("angle", "speed") for joint in env_config.robot.joints]

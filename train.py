@@ -31,7 +31,15 @@ def build_env(
 ) -> WorkspaceEnv:
     """The environment. A module-level function, so that worker processes can unpickle it.
 
-    labelled: it observes the actions of the task's expert. Raises ConfigError for a task without one.
+    Args:
+        config: of the environment.
+        num_worlds: N.
+        seed: of the worlds.
+        render: whether visual shapes are loaded.
+        labelled: whether it observes the actions of the task's expert.
+
+    Raises:
+        ConfigError: the environment cannot be built, or the task has no expert.
     """
     from envs.experts.labelled_env import LabelledEnv
     from envs.workspace_env import WorkspaceEnv
@@ -61,7 +69,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
 
     env_config, plan = read_env(config), read_plan(config)
     if uses_processes(plan.collector):
-        fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process does
+        fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process imports
     with Progress(plan.run.total_frames) as progress:
         import_training()
         from trainers.algorithms.build import find_device

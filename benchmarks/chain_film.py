@@ -26,8 +26,8 @@ WIDTH, HEIGHT, CAPTION = 520, 360, 60  # pixels
 SUPERSAMPLING = 2
 CAMERA = {"target": [0.5, -0.06, 0.1], "distance": 1.5, "yaw": 10, "pitch": -36, "fov": 42}
 FRAME_TIME, LAST_TIME = 50, 1500  # milliseconds: a control step takes 50
-SKIPPED = 2  # one of so many control steps is shown
-SAMPLED = 40  # one of so many frames has a part in the palette
+SKIPPED = 2  # every SKIPPED-th control step is shown
+SAMPLED = 40  # every SAMPLED-th frame contributes to the palette
 
 
 def film(checkpoint: str, seed: int, length: int) -> Iterator[Frame]:

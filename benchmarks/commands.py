@@ -3,8 +3,8 @@
     python -m benchmarks.commands hostile --strings 100000 --out docs/language.json
     python -m benchmarks.commands blocks --data FOLDER --out docs/language.json
 
-Times are CPU time of the process, so that other load counts less. What the process holds before is left out of garbage
-collection, as a server does it at its start. Exits with 1 if a string raises an exception.
+Times are CPU time of the process, so that other load counts less. Objects from before the measurement are left out of
+garbage collection, as in a server. Exits with 1 if a string raises an exception.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from language.commands.world import World
 from tools.random_scenes import random_scene
 
 LIMIT = 0.05  # seconds of CPU time a hostile string
-REPEATS = 3  # of what takes longer than half of that: the least time counts
+REPEATS = 3  # of strings that take longer than half of that: the least time counts
 SHOWN = 5  # of the slowest strings
 BLOCKS = range(18, 23)
 

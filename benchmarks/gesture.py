@@ -45,7 +45,7 @@ ENVIRONMENTS = {  # number of objects, and: no person, a person who does not poi
     "1 bare": ("task=reach", *BARE),
     "1 standing": ("task=reach", "workspace=collabtable"),
     "1 pointing": ("task=reach_gesture", "workspace=collabtable", "task.num_objects=1"),
-    "3 bare": ("task=nl_reach", *BARE),  # with words: without a gesture, only they tell the referent
+    "3 bare": ("task=nl_reach", *BARE),  # with words: without a gesture, only they identify the referent
     "3 pointing": ("task=reach_gesture", "workspace=collabtable"),
 }
 RATIOS = (  # numerator and denominator, in steps a second

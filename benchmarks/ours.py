@@ -168,7 +168,7 @@ def sac_gradient_steps(steps: int) -> dict[str, Any]:
 
 
 def sac_products(steps: int) -> dict[str, Any]:
-    """The matrix products of `sac_gradient_steps`, and nothing else: what its arithmetic takes at least."""
+    """The matrix products of `sac_gradient_steps`, and nothing else: a lower bound of its time."""
     torch.set_num_threads(len(os.sched_getaffinity(0)))
     config = compose(["task=reach", "robot=panda", "algo=sac", *SB3_SAC])
     env = build_env(read_env(config), 1, 0)
@@ -188,7 +188,7 @@ def sac_products(steps: int) -> dict[str, Any]:
             inputs[id(weight)] @ weight.t()
         for weight in (*actor, *critic):  # gradients of weights
             outputs[id(weight)].t() @ inputs[id(weight)]
-        for weight in (*actor, *critic):  # gradients of inputs, but those of what is observed
+        for weight in (*actor, *critic):  # gradients of inputs, except those of observations
             if id(weight) not in first:
                 outputs[id(weight)] @ weight
         for weight in critic:  # ... down to the moves

@@ -9,11 +9,11 @@ carries out the move that leads to the board after, and the scene counts as righ
 cell of where that board has it, at the right level, and held or not as there.
 
 With `--words`, the expert carries out the steps that `language.commands` understands, for each command of the part.
-Commands of one scene that are understood alike are carried out once. Where a block is held in the air makes no
-difference then.
+Commands of one scene with the same steps are carried out once. The place at which a block is held in the air is not
+compared then.
 
 With `--policy`, a policy of `task=rearrange` carries out the move in place of the expert, on scenes that have no more
-blocks than its task. It is told which block moves and where to, by a see-through target.
+blocks than its task. It observes which block moves, and a see-through target at its place.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ def moves(job: Job, grid: Grid, order: Sequence[int]) -> list[Move]:
 
 
 def error(env: WorkspaceEnv, job: Job, policy: LoadedPolicy | None = None) -> str:
-    """What is wrong after the job was carried out, by the expert or by a policy; "" if nothing is."""
+    """The error after the job was carried out, by the expert or by a policy; "" if there is none."""
     grid, order = begin(env, job.board, marked=policy is not None)
     try:
         if policy is not None:
@@ -149,7 +149,7 @@ def error(env: WorkspaceEnv, job: Job, policy: LoadedPolicy | None = None) -> st
 
 
 def difference(env: WorkspaceEnv, job: Job, grid: Grid, order: Sequence[int]) -> str:
-    """What is otherwise now than on the board after; "" if nothing is."""
+    """How the present state differs from the board after; "" if it does not."""
     board, task, state = job.board, env.config.task, env.state
     wanted = np.array([grid.place(x, y, z) for x, y, z, *_ in board.before.blocks])
     wanted[board.moved] = grid.place(*board.goal[:3])
@@ -188,9 +188,15 @@ def _results(work: tuple[Sequence[Job], str, str | None]) -> list[tuple[Job, str
 
 
 def understood(folder: Path, part: str, numbers: Collection[str] | None = None) -> Iterator[tuple[Item, Job | None]]:
-    """Each command with what is to be done for it; None if it is not understood. Raises OSError.
+    """Generates each command with its job; None if it is not understood.
 
-    numbers: of the commands; None: all of the part.
+    Args:
+        folder: of the Treebank.
+        part: of the boards.
+        numbers: of the commands; None: all of the part.
+
+    Raises:
+        OSError: a file cannot be read.
     """
     known = {board.number: board for board in boards(folder, part)}
     for item in read(folder, part).items:

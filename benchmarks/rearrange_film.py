@@ -4,8 +4,7 @@
 
 FOLDER has the Robot Commands Treebank, as for `benchmarks.rearrange`. Each command is understood in its own scene, and
 the scripted expert carries it out; between two commands the film cuts to the next scene. The subtitle is the command,
-and words beside the board tell whose left and front are meant. The film runs
-in real time.
+and words beside the board show whose left and front are meant. The film runs in real time.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ Picture = NDArray[np.uint8]
 
 
 def film(jobs: Sequence[tuple[str, Job]], robot: str) -> Iterator[Frame]:
-    """The frames of commands with what is done for each. Raises RuntimeError if one does not reach the board after."""
+    """The frames of commands with their jobs. Raises RuntimeError if one does not reach the board after."""
     changes = [f"task.num_objects={MOST_BLOCKS}", "task.curriculum={near: 0, held: 1, placed: 0}"]
     config = read_env(compose(["task=rearrange", f"robot={robot}", *changes]))
     workspace = replace(config.workspace, camera=CAMERA)

@@ -1,4 +1,4 @@
-"""What the benchmarks share: results as a table, sections of a JSON file, and the machine they were measured on."""
+"""Shared by the benchmarks: results as a table, sections of a JSON file, and the machine they were measured on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Others' sentences: which of them the wide grammar understands, and whether as expected.
+"""Sentences of other people: which of them the wide grammar understands, and whether as expected.
 
     python -m benchmarks.sentences --data sentences.tsv
     python -m benchmarks.sentences --data calvin.yaml --scene scene.yaml

@@ -5,8 +5,8 @@
 
 Runs `python train.py` with the given overrides, one seed after the other, and prints a table: when the first evaluation
 of at least 0.90, 0.95 and 0.97 was printed, how long the whole command took, how busy the machine was, and the final
-evaluation. All seconds are those of a clock on the wall, from the start of the process; imports, worlds, evaluations
-and the report are in them. A second table says what the seconds of our runs were spent on.
+evaluation. All seconds are wall-clock time from the start of the process; they include imports, worlds, evaluations and
+the report. A second table divides the seconds of our runs into parts.
 
 `--peer ppo` or `--peer sac` trains stable-baselines3's algorithm with its default hyperparameters on the Gymnasium
 environment of the same task instead, with evaluations after as many frames, until its success or `--frames` is reached.
@@ -66,7 +66,7 @@ def train(seed: int, overrides: Sequence[str]) -> Run:
 
 
 def parts_of(rows: Sequence[Mapping[str, float]], seconds: float, imports: float) -> list[float]:
-    """Seconds of each of PARTS. Collecting: that training waited for batches.
+    """Seconds of each of PARTS. Collecting: the time that training waited for batches.
 
     Args:
         rows: of metrics.csv.
@@ -120,7 +120,7 @@ def table(runs: Sequence[Run]) -> Iterator[str]:
 
 
 def parts_table(runs: Sequence[Run]) -> Iterator[str]:
-    """The lines of a Markdown table: what the seconds of each run were spent on."""
+    """The lines of a Markdown table: the parts of the seconds of each run."""
     yield "| seed | " + " | ".join(PARTS) + " |"
     yield "|---" * (len(PARTS) + 1) + "|"
     for run in runs:

@@ -41,7 +41,7 @@ class Judged(NamedTuple):
 
 
 def world_of(before: Board) -> World:
-    """Returns a board's world. The arm faces away from itself: "front" and "top" are the far side."""
+    """Returns a board's world. Its front is where the arm faces: "front" and "top" are the far side."""
     held = None
     if before.closed:
         held = next((i for i, block in enumerate(before.blocks) if block[:3] == before.arm), None)

@@ -39,7 +39,7 @@ class World:
 
 @dataclass(frozen=True)
 class Item:
-    """A command and the worlds before and after it; None where the configuration lacks one."""
+    """A command and the worlds before and after it; None if the configuration lacks one."""
 
     number: str
     scene: int

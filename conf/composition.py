@@ -60,7 +60,7 @@ def compose(overrides: Iterable[str] = ()) -> Any:
 def with_choices(config: Any, choices: Mapping[str, Any]) -> Any:
     """The composed config with a key `choices`: the option of each config group, such as `{"robot": "kuka", ...}`.
 
-    A group's values alone do not tell its option: options can share a name, and single keys can be overridden.
+    A group's values alone do not determine its option: options can share a name, and single keys can be overridden.
 
     Args:
         config: a composed DictConfig; it is changed.
@@ -97,9 +97,9 @@ def _composed_once(overrides: tuple[str, ...]) -> tuple[Any, Mapping[str, Any]]:
 
 
 def _with_options(words: tuple[str, ...]) -> tuple[Any, Mapping[str, Any]] | None:
-    """What Hydra composes: the other options, in which those that stand alone replace their groups. None without any.
+    """The config of these options, as Hydra composes it, with less work: options that stand alone replace their groups.
 
-    The values of a group that something else sets too are not replaced.
+    None if no option stands alone, or if something else sets values of such a group, too.
     """
     alone = dict(word.split("=") for word in words if _stands_alone(word))
     rest = tuple(word for word in words if not _stands_alone(word))
@@ -114,7 +114,7 @@ def _with_options(words: tuple[str, ...]) -> tuple[Any, Mapping[str, Any]] | Non
 
 
 def _values_of(word: str, group: str) -> Any:
-    """The values of a group with one option, which callers do not change."""
+    """The values of a group with one option. Callers must not change them."""
     if _stands_alone(word):
         return _file(ROOT / group / f"{word.partition('=')[2]}.yaml")
     return _composed_once((word,))[0][group]
@@ -147,7 +147,7 @@ def _stands_alone(word: str) -> bool:
 
 
 def _with_values(options: tuple[str, ...], values: Sequence[str]) -> tuple[Any, Mapping[str, Any]] | None:
-    """What Hydra composes: the options, and then the values. None where Hydra itself has to set or to refuse them."""
+    """The config of these options and values, as Hydra composes it. None if Hydra itself has to set or refuse them."""
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 

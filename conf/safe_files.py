@@ -97,7 +97,7 @@ def parse_yaml(content: bytes, max_nodes: int = MAX_NODES) -> Any:
             _check_events(yaml.parse(content, Loader=fast), max_nodes)
             return yaml.load(content, Loader=fast)
         except yaml.YAMLError:
-            yaml.safe_load(content)  # libyaml tells less well where a mistake is
+            yaml.safe_load(content)  # libyaml reports the position of a mistake less well
             raise
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark

@@ -146,7 +146,7 @@ def _typed(cls: Any, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plain(kind: Any, value: Any) -> Any:
-    """The value if it is of the declared type already; else UNKNOWN: OmegaConf, which takes long, has to judge it."""
+    """The value if it is of the declared type already; else UNKNOWN: OmegaConf, which is slow, has to check it."""
     if isinstance(kind, UnionType) and len(get_args(kind)) == 2:  # with None
         return next((plain for each in get_args(kind) if (plain := _plain(each, value)) is not UNKNOWN), UNKNOWN)
     if get_origin(kind) is list and type(value) is list:
@@ -167,7 +167,7 @@ def _hints(cls: type) -> dict[str, Any]:
 
 @cache
 def _structured(cls: type) -> Any:
-    """The dataclass as OmegaConf's structured config, which callers do not change."""
+    """The dataclass as OmegaConf's structured config. Callers must not change it."""
     from omegaconf import OmegaConf
 
     return OmegaConf.structured(cls)

@@ -32,7 +32,7 @@ def check_origins(*names: str) -> None:
 
 
 def _origin(name: str) -> Path | None:
-    """The folder of a top-level package or the file of a top-level module; None where there is none."""
+    """The folder of a top-level package or the file of a top-level module; None if there is none."""
     loaded = sys.modules.get(name)
     if loaded is not None and loaded.__spec__ is None:
         return None if loaded.__file__ is None else Path(loaded.__file__)

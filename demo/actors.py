@@ -1,4 +1,4 @@
-"""What drives the robot during a subtask: the policy, or a scripted expert."""
+"""Actors, which drive the robot during a subtask: the policy, or a scripted expert."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ class MoveActor:
 
 
 def is_move_of_expert(subtask: Subtask, driver: str) -> bool:
-    """Whether the expert carries out a move: policies have not learned to keep what they hold."""
+    """Whether the expert carries out a move: policies have not learned to keep a held object."""
     return subtask.move is not None and (driver == "expert" or not subtask.move.release)
 
 
 def actor_of(subtask: Subtask, env: InteractiveEnv, driver: str, policy: Actor | None) -> Actor | None:
-    """What acts in a subtask that has just begun."""
+    """The actor of a subtask that has just begun."""
     if subtask.move is not None and is_move_of_expert(subtask, driver):
         return MoveActor(env, subtask.move)
     return expert(env) if driver == "expert" else policy
 
 
 def attention_of(output: TensorDictBase) -> NDArray[np.float64] | None:
-    """(K,) in [0, 1], the policy's attention over the K objects; None where it has none. output: what it returned."""
+    """(K,) in [0, 1], the policy's attention over the K objects; None if it has none. output: what it returned."""
     if "attention_logits" not in output.keys():
         return None
     shares = output["attention_logits"][0].softmax(-1)[output["objects_mask"][0]]

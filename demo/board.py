@@ -95,7 +95,13 @@ def _renumbered(action: commands.Action, numbers: Sequence[int]) -> commands.Act
 def plan(actions: Sequence[commands.Action], env: InteractiveEnv, planner: Planner | None = None) -> list[Subtask]:
     """A subtask for each object that is taken or brought to a place.
 
-    planner: chooses the words for a policy; None: no policy drives. Raises LanguageError for steps that move nothing.
+    Args:
+        actions: the steps of a command.
+        env: on a board.
+        planner: chooses the words for a policy; None: no policy drives.
+
+    Raises:
+        LanguageError: a step moves nothing.
     """
     scene, grid = env.scene(), grid_of(env)
     cells = [(float(x), float(y)) for x, y, _ in grid.cells(scene.positions)]

@@ -1,7 +1,7 @@
 """Sentences beyond the instruction grammar: from the steps that `language.commands` understands to subtasks.
 
-A place that is no object becomes one: a see-through object of the scene is moved there, and the policy is given the
-sentence that brings the referent to it.
+Where a sentence names a place without an object, a see-through object of the scene is moved there, and the policy is
+given the sentence that brings the referent to it.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from language.commands import Action
 
 BIT = 1.5  # "a bit", in radii within which an object counts as being at its place
 SAME_PLACE = 0.02  # metres within which a see-through object marks the place already
-HOLD = 0.15  # metres above the table at which what is taken is held
-ON_TABLE = 0.01  # metres above the table below which a place is one on the table
+HOLD = 0.15  # metres above the table at which a taken object is held
+ON_TABLE = 0.01  # metres above the table below which a place counts as on the table
 # Verb of a task -> the kinds of step that it carries out.
 DOES = {
     "reach": ("reach",),
@@ -39,15 +39,15 @@ DOES = {
     "turn": ("turn",),
     "hand_over": ("place",),
 }
-FIXTURES = {"drawer": "drawer", "door": "fridge"}  # what commands call a fitting -> its noun
+FIXTURES = {"drawer": "drawer", "door": "fridge"}  # a fitting in commands -> its noun
 STOPS = ("stop", "wait", "home")
 
 
 def dialogue(env: InteractiveEnv) -> Dialogue:
     """A dialogue about the environment's scene.
 
-    Where only an object is named, what the task does is meant, unless it needs a place. "A bit" is farther than the
-    distance within which the task counts an object as being at its place.
+    A sentence that only names an object means the task's own verb, unless that needs a place. "A bit" is farther than
+    the distance within which the task counts an object as being at its place.
     """
     if env.task.stacks:
         return board.BoardDialogue(env)
@@ -68,7 +68,7 @@ def names_of(env: InteractiveEnv) -> list[str]:
 
 
 def sayable(env: InteractiveEnv) -> list[str]:
-    """What can be said now, in sentences; [] where the task has one verb."""
+    """The feasible instructions as sentences; [] if the task has one verb."""
     return room.sayable(env) if env.task.verbs else []
 
 
@@ -90,9 +90,14 @@ def moves(actions: Sequence[Action]) -> bool:
 def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_policy: bool) -> list[Subtask]:
     """A subtask for each step that moves the arm. Moves see-through objects to the places that are meant.
 
-    for_policy: whether a policy drives, which may need other words than the person's.
+    Args:
+        actions: the steps of a command.
+        planner: of the environment's task.
+        env: whose scene the command is about.
+        for_policy: whether a policy drives, which may need other words than the person's.
 
-    Raises LanguageError for what the task cannot do, and then nothing moves.
+    Raises:
+        LanguageError: the task cannot do a step; nothing moves then.
     """
     if env.task.stacks:
         return board.plan(actions, env, planner if for_policy else None)
@@ -149,7 +154,7 @@ def _subtask(action: Action, move: Move | None, targets: Iterator[int | None], p
 
 
 def _moves(steps: Sequence[Action], planner: Planner, env: InteractiveEnv) -> list[Move | None]:
-    """For each step, the move by which the expert does what the task does not; None for the others.
+    """For each step that the task itself does not do, the expert's move; None for the others.
 
     Where the gripper can hold objects, everything is taken and brought to every place, also onto other objects.
     """
@@ -175,7 +180,7 @@ def _does_itself(action: Action, planner: Planner, env: InteractiveEnv) -> bool:
 
 
 class _Table:
-    """The places of a table, for `moves_of`. hold: the height of the bottom of what is held, metres."""
+    """The places of a table, for `moves_of`. hold: the height of the bottom of a held object, metres."""
 
     def __init__(self, env: InteractiveEnv) -> None:
         self._env, self._half = env, env.config.task.object_size / 2
@@ -202,7 +207,7 @@ def put_object(env: InteractiveEnv, index: int, place: NDArray[np.float64]) -> N
 
 
 def _targets(steps: Sequence[Action], env: InteractiveEnv) -> list[int | None]:
-    """The object that marks the place of each step; None where the task has no places."""
+    """The object that marks the place of each step; None if the task has no places."""
     if not env.task.places:
         return [None] * len(steps)
     scene = env.scene()

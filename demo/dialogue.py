@@ -41,7 +41,7 @@ class Interpretation:
     """The interpretation of a sentence.
 
     understood: of an instruction or a correction; else None. actions: of any other sentence that was understood.
-    message: the error, the question to the person, or what the scene settled about the sentence. position: index of the
+    message: the error, the question to the person, or a choice that the scene settled. position: index of the
     first character that does not fit, or of the ambiguous phrase. candidates: the objects that the phrase fits.
     """
 
@@ -81,7 +81,7 @@ class Dialogue:
         """Interprets a sentence without changing the state of the dialogue. Never raises: errors are in the result."""
         sentence = sentence[:MAX_CHARACTERS]
         found, _ = self._interpret_instruction(sentence, scene, pointed)
-        if _is_settled(found):  # a page asks at every key: what would be dropped is not computed
+        if _is_settled(found):  # pages preview at every key press: the rest would be dropped
             return found
         wide = replace(self._commands, history=[*self._commands.history])
         wide.surroundings["held"] = self._held()
@@ -153,7 +153,7 @@ class Dialogue:
 
 
 def _objects(found: Interpretation) -> tuple[int, ...]:
-    """The objects of the last step of what was understood, the one that is moved or acted on first."""
+    """The objects of the last step that was understood, the one that is moved or acted on first."""
     if found.understood is not None:
         return found.understood.steps[-1].objects
     named = [(action.object, action.on) for action in found.actions[-1:]]

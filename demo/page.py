@@ -33,13 +33,13 @@ DIRECTIONS = {  # of keys, as the person sees them, who stands opposite the robo
     "pageup": (0, 0, 1),
     "pagedown": (0, 0, -1),
 }
-LISTED = (222, 235, 250)  # RGB of the buttons that list what can be said
+LISTED = (222, 235, 250)  # RGB of the buttons that list feasible instructions
 SPEEDS = (0.1, 1.0)  # range of the clock's speed; 1 is real time
 HELP_BY_HAND = "Choose 'Driven by: hand'. Arrow and page keys move the gripper too."
 
 
 class Page:
-    """The page of a server. All browsers show the same scene, and each sees what the others do.
+    """The page of a server. All browsers show the same scene, with the actions of all others.
 
     Browser callbacks run in other threads, so they only send requests to the loop.
     """
@@ -49,7 +49,7 @@ class Page:
         self._server = server
         self._gui: Any = server.gui
         self._shown_html: dict[str, str] = {}
-        self._listed_for: Array = np.zeros(0)  # positions of the objects, and what is held
+        self._listed_for: Array = np.zeros(0)  # positions of the objects, and the held object
         self._finger: Any = None
         self._shown_workspace = ""  # by the camera
         self._scene_view = SceneView(server, self._on_click, self._on_drag)
@@ -274,7 +274,7 @@ class Page:
         self._recording.add(session)
 
     def _list_sayable(self, session: Session) -> None:
-        """Lists what can be said, while nothing is being done. The list is made anew where something has moved."""
+        """Lists feasible instructions while none is being carried out. The list is renewed if something has moved."""
         held = session.env.held
         state = np.append(session.scene().positions.round(2), -1 if held is None else held)
         if session.busy or np.array_equal(state, self._listed_for):

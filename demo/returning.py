@@ -24,21 +24,21 @@ class Return:
         self._low = self._low if env.task.stacks else LOW
 
     def start(self) -> None:
-        """Starts on the way, if the gripper is not there."""
+        """Starts the return, unless the gripper is at rest already."""
         self._steps = 0 if self._is_there() else MAX_STEPS
 
     def skip(self) -> None:
-        """Stays."""
+        """Leaves the gripper where it is."""
         self._steps = 0
 
     @property
     def is_high(self) -> bool:
-        """Whether the gripper is above what stands on the table."""
+        """Whether the gripper is above all objects on the table."""
         return bool(self._env.gripper[0, 2] > self._low)
 
     @property
     def is_over(self) -> bool:
-        """Whether the gripper is there, or has taken too long."""
+        """Whether the gripper has arrived, or has taken too long."""
         return self._steps <= 0 or self._is_there()
 
     def step(self) -> None:

@@ -1,4 +1,4 @@
-"""A room, where several verbs can be said: what can be done in it as it is, and if not, why not."""
+"""A room, where several verbs are possible: which instructions are feasible in it now, and why others are not."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def names_of(scene: Scene) -> list[str]:
 def plain_phrase(scene: Scene, index: int) -> ObjectPhrase | None:
     """The simplest phrase that fits this object alone; None if there is none.
 
-    As people do, it says which of two alike is the highest or leftmost where the difference is small.
+    As people do, it calls one of two alike objects the highest or leftmost even where the difference is small.
     """
     with suppress(LanguageError):
         return plain_name(index, ReferringExpressions(scene, Split()))
@@ -68,7 +68,7 @@ def room_of(env: InteractiveEnv, scene: Scene | None = None) -> Room:
 
 
 def sayable(env: InteractiveEnv) -> list[str]:
-    """What can be said now, MOST_SAID sentences at most: first one of each verb, about different objects."""
+    """The feasible instructions, MOST_SAID sentences at most: first one of each verb, about different objects."""
     scene = env.scene()
     names, held = names_of(scene), NOTHING if env.held is None else env.held
     by_verb: dict[str, list[Option]] = {}

@@ -31,7 +31,7 @@ NUDGE = 0.02  # metres by which a key moves the finger, or the gripper if driven
 class Session:
     """One robot and its environment. Not thread-safe: all calls must come from the thread that calls `step`.
 
-    config: the current choice. env: the world; `change` replaces it. view: what user interfaces show. finger: of the
+    config: the current choice. env: the world; `change` replaces it. view: shown by user interfaces. finger: of the
     person. note: a warning about the choice, or "". hand_target: (3,) metres, where the gripper is driven by hand; None
     if the policy or the expert drives. gripper_closed: by hand.
     """
@@ -93,7 +93,7 @@ class Session:
         return commands.example(self.env, self._planner)
 
     def sayable(self) -> list[str]:
-        """What can be said now, in sentences; [] where the task has one verb."""
+        """The feasible instructions as sentences; [] if the task has one verb."""
         return commands.sayable(self.env)
 
     @property
@@ -122,7 +122,7 @@ class Session:
         return interpretation
 
     def _plan(self, interpretation: Interpretation) -> list[Subtask]:
-        """The subtasks of an understood sentence. Raises LanguageError for what the task cannot do."""
+        """The subtasks of an understood sentence. Raises LanguageError if the task cannot do one."""
         if interpretation.understood is not None:
             return self._planner.plan(interpretation.understood)
         return commands.plan(interpretation.actions, self._planner, self.env, self.config.driver == "policy")
@@ -208,7 +208,7 @@ class Session:
         """Policies are trained to start at the rest position, so the gripper returns there first.
 
         Exceptions: a correction while the gripper is high takes effect at once; the expert of moves starts anywhere,
-        and so does what was trained on one instruction after another.
+        and so does a policy that was trained on one instruction after another.
         """
         is_correction = self._actor is not None and self._return.is_high
         self._subtask, self._actor = subtask, None

@@ -1,4 +1,4 @@
-"""What a session is made from: its config, the environment, and the policy that fits or was chosen."""
+"""The parts of a session: its config, the environment, and the policy that fits or was chosen."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ DEFAULTS: dict[str, Any] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SessionConfig(Checked):
-    """What a person chooses.
+    """The choices of a person.
 
     task, robot, control, workspace: options of the config groups. Without a workspace: a board for tasks with stacks,
         a room for tasks with fittings, a workbench with a person for handing over, else a table with a person.
@@ -126,7 +126,7 @@ def check_choices(values: Mapping[str, str]) -> None:
 
 @dataclass(frozen=True)
 class Setup:
-    """What a session runs with. config: with the task, robot and control of a checkpoint, and a driver that exists.
+    """The parts of a session. config: with the task, robot and control of a checkpoint, and a driver that exists.
 
     own_workspace: where the task takes place unless a person chooses another workspace. policy: None if there is none.
     note: a warning for the person, or "".
@@ -140,7 +140,16 @@ class Setup:
 
 
 def build(config: SessionConfig, seed: int, gui: bool = False) -> Setup:
-    """Builds environment and policy. gui: in PyBullet's window. Raises ConfigError for what cannot be built."""
+    """Builds environment and policy.
+
+    Args:
+        config: the person's choice.
+        seed: of the environment.
+        gui: whether PyBullet's window shows it.
+
+    Raises:
+        ConfigError: environment or policy cannot be built.
+    """
     payload, config, note = _find_policy(config)
     options = [f"{group}={getattr(config, group)}" for group in ("task", "robot", "control")]
     composed = compose(options) if payload is None else payload["config"]
@@ -160,7 +169,7 @@ def build(config: SessionConfig, seed: int, gui: bool = False) -> Setup:
 
 
 def _find_policy(config: SessionConfig) -> tuple[dict[str, Any] | None, SessionConfig, str]:
-    """The checkpoint's payload or None, the config with what follows from it, and a note for the person."""
+    """The checkpoint's payload or None, the config completed by it, and a note for the person."""
     if config.checkpoint is not None:
         path = Path(config.checkpoint)
         payload = _load(path)
@@ -182,7 +191,7 @@ def _changes(config: SessionConfig, composed: Any) -> list[str]:
     changes = []
     if config.workspace not in (None, composed["workspace"]["name"]):
         changes.append(f"workspace={config.workspace}")
-    has_cue = composed["task"]["kinds"] or composed["gesture"]["source"] != "none"  # else nothing tells the referent
+    has_cue = composed["task"]["kinds"] or composed["gesture"]["source"] != "none"  # else no cue names the referent
     if has_cue and config.objects is not None:
         changes += [f"task.num_objects={config.objects}", f"task.min_objects={config.objects}"]
     return [*changes, *config.overrides]

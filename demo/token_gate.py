@@ -1,8 +1,8 @@
-"""A gate before the page: other machines reach it only with a token, which the address that is printed holds.
+"""A gate before the page: other machines reach it only with a token, which is part of the printed address.
 
-The page's server listens on this machine only. The gate listens on the address that others reach, reads the head of
-each connection's first request, and passes the bytes on if that has the token, in the query or in the cookie that an
-answer to the query sets. Later requests of a connection come from the same browser.
+The page's server listens on this machine only. The gate listens on the address that others reach. It reads the head of
+each connection's first request, and passes the bytes on if the request has the token: in its query, or in the cookie
+that an answer to such a query sets. Later requests of a connection come from the same browser.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the user interfaces of a session show besides the scene."""
+"""The state that the user interfaces of a session show besides the scene."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ OUTCOMES = ("success", "wrong object", "wrong target", "failed", "out of time")
 class ViewState:
     """The state that is shown; K is the number of objects in the scene.
 
-    status: what the robot does, or how the last instruction ended.
-    sentence: what the person said last that is or was done, or "".
+    status: the robot's present activity, or how the last instruction ended.
+    sentence: the person's last sentence that is or was carried out, or "".
     policy_sentence: the sentence that the policy is given, or "".
     highlighted: index of the referent, then of the target if there is one; () if nothing is being done.
     attention: (K,) in [0, 1], the policy's attention over the objects.

@@ -59,7 +59,7 @@ class WindowUI:
             self._act(key)
 
     def _act(self, key: str) -> None:
-        """Does what the key stands for. An error of the person's becomes the message, and changes nothing."""
+        """Does what the key stands for. A user error becomes the message, and changes nothing."""
         self._message = ""
         actions: dict[str, Callable[[], object]] = {
             "enter": self._say,

@@ -27,7 +27,7 @@ PRESS_DEPTH = 0.005  # metres that a magnet without a gap may go below the top o
 
 
 def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task:
-    """The task of N worlds. person: who points, if anybody."""
+    """The task of N worlds. person: the person who points, or None."""
     task = TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
     task.furnish(config.workspace.fittings)
     task.prepare(config.workspace)
@@ -35,8 +35,10 @@ def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task
 
 
 def make_chain(config: EnvConfig, task: Task) -> Kinematics:
-    """The kinematics of the arm. Its rest pose depends on whether the task moves objects, and with a rod on the
-    workspace: the gripper is over the middle of the objects, as high as it may be."""
+    """The kinematics of the arm. Its rest pose depends on whether the task moves objects.
+
+    With a rod, the gripper rests over the middle of the object area, at the greatest allowed height.
+    """
     chain = read_chain(config.robot if task.moves else config.robot.reaching())
     if not (config.gripper.rod and task.moves):
         return chain
@@ -45,7 +47,7 @@ def make_chain(config: EnvConfig, task: Task) -> Kinematics:
 
 
 def make_world(config: EnvConfig, task: Task, render: bool = False, window: Window | None = None) -> World:
-    """One world with all that the task shows."""
+    """One world with all bodies that the task needs."""
     objects = PoolSpec(task.shapes, task.bodies, config.task.object_size)
     gripper = config.gripper if task.moves else None
     holds = task.grips or not task.devices
@@ -56,7 +58,7 @@ def make_world(config: EnvConfig, task: Task, render: bool = False, window: Wind
 
 
 def gripper_name(config: EnvConfig, task: Task) -> str | None:
-    """What is mounted on the robot: "magnet" or "fingers"; None where the task moves no objects."""
+    """The gripper on the robot: "magnet" or "fingers"; None if the task moves no objects."""
     return config.gripper.of(config.robot) if task.moves else None
 
 
@@ -64,12 +66,12 @@ def gripper_box(config: EnvConfig, task: Task) -> Array:
     """(2, 3) lowest and highest corner of where the gripper may be, metres.
 
     Raises:
-        ConfigError: the workspace's box ends below that.
+        ConfigError: the workspace's box ends below the least height that the task allows.
     """
     box = np.reshape(config.workspace.gripper_box, (3, 2)).T.copy()
-    if not task.moves:  # it reaches objects from above, and pushes none
+    if not task.moves:  # the gripper reaches objects from above, and pushes none
         box[0, 2] = max(box[0, 2], config.task.object_size / 2 + reaching_height(config.task, config.robot.clearance))
-    elif gripper_name(config, task) == "magnet" and task.grips:  # it grips objects, and presses buttons, from above
+    elif gripper_name(config, task) == "magnet" and task.grips:  # a magnet grips objects and presses buttons from above
         handles = [task.device_width * DEVICES[noun].lowest for noun in task.devices]
         above = config.gripper.gap or -PRESS_DEPTH
         box[0, 2] = max(box[0, 2], min([config.task.object_size + above, *handles]))
@@ -97,6 +99,6 @@ def make_initial_states(config: EnvConfig, task: Task, chain: Kinematics) -> Ini
 
 
 def make_grips(config: EnvConfig, task: Task, worlds: Sequence[World], state: State) -> GripController:
-    """The controller of all worlds' grippers. state: where it writes what they hold."""
+    """The controller of all worlds' grippers. state: the arrays to which it writes the held slots."""
     kind = gripper_name(config, task) if task.grips else None
     return GripController(kind, config.robot, config.task.object_size, worlds, state, task.lag, not task.moves)

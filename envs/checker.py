@@ -1,8 +1,8 @@
-"""A check of an environment that someone has written: `check_env(make)` names every promise that it breaks.
+"""A check of environments: `check_env(make)` lists every rule that an environment breaks.
 
-TorchRL's `check_env_specs` compares keys, shapes and types. This check also looks for what makes a training silently
-wrong: randomness that the seed does not fix, worlds that disturb each other, observations that change afterwards,
-rewards and ends that do not fit together.
+TorchRL's `check_env_specs` compares keys, shapes and types. This check also finds faults that silently spoil training:
+randomness that the seed does not fix, worlds that disturb each other, observations that change afterwards, rewards and
+episode ends that contradict each other.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MOVED = 1e-6  # the least change of an observation that counts
 
 
 class EnvError(AssertionError):
-    """An environment that breaks a promise. The text lists each of them in a line of its own."""
+    """An environment that breaks a rule. The text has one line for each broken rule."""
 
 
 def check_env(make: MakeEnv, max_steps: int = 400) -> None:
@@ -34,7 +34,7 @@ def check_env(make: MakeEnv, max_steps: int = 400) -> None:
         max_steps: control steps within which every episode must end.
 
     Raises:
-        EnvError: it breaks promises; all that were found are listed.
+        EnvError: it breaks rules; the text lists all that were found.
     """
     with closing(make(WORLDS, SEED)) as env, closing(make(1, SEED)) as alone:
         problems = list(dict.fromkeys([*_check_all(env, alone, max_steps)]))
@@ -59,7 +59,7 @@ def _check_all(env: EnvBase, alone: EnvBase, max_steps: int) -> Iterator[str]:
 
 
 def _check_frame(env: EnvBase, frame: TensorDictBase) -> Iterator[str]:
-    """What holds in every frame: values within their specs, and ends, rewards and words that fit together."""
+    """Conditions on every frame: values within their specs, and consistent ends, rewards and words."""
     for key, value in _leaves(frame):
         if value.is_floating_point() and not value.isfinite().all():
             yield f"{key}: not all numbers are finite"
@@ -198,7 +198,7 @@ def _check_partial_reset(env: EnvBase, actions: torch.Tensor) -> Iterator[str]:
 
 
 def _check_ends(env: EnvBase, max_steps: int) -> Iterator[str]:
-    """Episodes end, and later frames hold what every frame holds."""
+    """Episodes end, and later frames meet the conditions on every frame."""
     env.set_seed(SEED)
     state, over = env.reset(), torch.zeros(*env.batch_size, 1, dtype=torch.bool)
     for _ in range(max_steps):
@@ -216,7 +216,7 @@ def _actions(env: EnvBase, steps: int) -> torch.Tensor:
 
 
 def _rollout(env: EnvBase, actions: torch.Tensor, seed: int = SEED) -> Iterator[TensorDictBase]:
-    """The frames after a reset and after each action; episodes that end are not begun anew."""
+    """The frames after a reset and after each action; ended episodes are not begun again."""
     env.set_seed(seed)
     state = env.reset()
     yield state

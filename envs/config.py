@@ -28,12 +28,12 @@ class EnvConfig:
     gripper: GripperConfig
 
     def without_curriculum(self) -> EnvConfig:
-        """The config for evaluation: episodes begin at their beginning, with one instruction and nothing random."""
+        """The config for evaluation: one instruction an episode, no curriculum and no domain randomisation."""
         task = replace(self.task, curriculum=NO_CURRICULUM, instructions=1)
         return replace(self, task=task).randomized(RandomizeConfig())
 
     def with_instructions(self, count: int) -> EnvConfig:
-        """The config whose episodes have so many instructions, one after another."""
+        """The config whose episodes have `count` instructions, one after another."""
         return replace(self, task=replace(self.task, instructions=count))
 
     def randomized(self, randomize: RandomizeConfig) -> EnvConfig:

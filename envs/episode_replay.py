@@ -1,8 +1,8 @@
 """Environments whose running episodes can be continued in another process, bit for bit.
 
-PyBullet's `saveState` cannot do this: it leaves out motors, constraints and which bodies sleep. A world whose generator
-is set gives the same bits after every reset, so a running episode is what its generator was at the reset and the
-actions since. To continue it, the world is reset with that generator and the actions are taken again.
+PyBullet's `saveState` cannot do this: it leaves out motors, constraints and which bodies sleep. But a reset with the
+same generator state gives the same bits. So a running episode follows from the generator state at its reset and the
+actions since then. To continue it, the world is reset with that state, and the actions are applied again.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ from torchrl.envs import EnvBase
 
 
 class Draws(Protocol):
-    """Draws episodes, by what happened before."""
+    """Draws episodes whose distribution depends on the outcomes of earlier ones."""
 
     @property
     def draw_state(self) -> dict[str, float]:
-        """What a drawn episode depends on beside its generator."""
+        """The state on which drawn episodes depend, beside the generator."""
         ...
 
     def load_draw_state(self, state: Mapping[str, float]) -> None:
-        """Draw again as with this `draw_state`; what it lacks is as before anything happened."""
+        """Restore a `draw_state`. Values that it lacks become the initial ones."""
         ...
 
 
 class EpisodeReplayEnv(EnvBase):
     """N worlds, each with a generator of its own, whose episodes can be continued (`continue_episodes`).
 
-    beginnings: for each world, the state of its generator when its present episode began, and under "draws" whatever
-    else that was drawn from. Subclasses define `_begin_episodes` in the place of `_reset`, and call `_set_seed` before
+    beginnings: for each world, the state of its generator when its present episode began, and under "draws" the
+    `draw_state` of that moment. Subclasses define `_begin_episodes` in place of `_reset`, and call `_set_seed` before
     the first reset.
     """
 
     beginnings: list[Mapping[str, Any]]
-    _draws: Draws | None = None  # what episodes are drawn by
+    _draws: Draws | None = None  # draws the episodes
     _generators: list[Generator]
-    _continued: tuple[Sequence[Mapping[str, Any]], Tensor, Tensor] | None = None  # of `continue_episodes`
+    _continued: tuple[Sequence[Mapping[str, Any]], Tensor, Tensor] | None = None  # arguments of `continue_episodes`
 
     @abstractmethod
     def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
@@ -55,7 +55,7 @@ class EpisodeReplayEnv(EnvBase):
         return {**self._generators[i].bit_generator.state, "draws": draws}
 
     def _restore(self, i: int, beginning: Mapping[str, Any]) -> None:
-        """Let the next episode of world i be the one that had this beginning."""
+        """Make the next episode of world i the one with this beginning."""
         self.beginnings[i] = beginning
         self._generators[i].bit_generator.state = {key: beginning[key] for key in beginning if key != "draws"}
         if self._draws is not None:
@@ -65,7 +65,7 @@ class EpisodeReplayEnv(EnvBase):
         seeds = [np.random.SeedSequence(seed, spawn_key=(i,)) for i in range(self.batch_size[0])]
         self._generators = [np.random.default_rng(sequence) for sequence in seeds]
         if self._draws is not None:
-            self._draws.load_draw_state({})  # as before anything happened
+            self._draws.load_draw_state({})  # the initial state
         self.beginnings = [self._beginning(i) for i in range(len(seeds))]
 
     def continue_episodes(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> None:
@@ -90,10 +90,10 @@ class EpisodeReplayEnv(EnvBase):
         return self._begin_episodes(worlds)
 
     def _replay(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> TensorDictBase:
-        """The observation (N,) after the last of the actions. Arguments: of `continue_episodes`.
+        """The observation (N,) after the last action. The arguments are those of `continue_episodes`.
 
-        All worlds take their last actions together. Those whose episodes are shorter begin them later, and hold still
-        until then: what happens in a world before a reset changes nothing after it.
+        All worlds take their last action in the same step. Worlds with shorter episodes begin them later, and hold
+        still until then: what happens in a world before a reset has no effect after it.
         """
         steps = actions.shape[1]
         starts = steps - lengths.numpy()

@@ -68,7 +68,7 @@ class GymEnv(gym.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray], dict[str, Any]]:
-        """Begin an episode. seed: of this one and those after it; None: go on with the generator."""
+        """Begin an episode. seed: of this and all later episodes; None: continue with the present generator."""
         super().reset(seed=seed)
         if seed is not None:
             self._env.set_seed(seed)

@@ -32,7 +32,7 @@ def make_env(
         num_worlds: the number N of PyBullet worlds, which is the batch size.
         seed: seed of the worlds' random generators.
         render: load visual shapes, for `WorkspaceEnv.render`.
-        window: show the only world in a window. The words, such as "render_mode=human", are named in its errors.
+        window: None, or the setting that asks for a window of the only world, for errors: "render_mode=human".
 
     Raises:
         ConfigError: for an unknown or invalid override, or a window that cannot be opened.

@@ -40,17 +40,17 @@ class WorkspaceEnv(EpisodeReplayEnv):
     """N worlds that step together, and are reset one by one.
 
     World i draws all randomness from its own generator, seeded with (seed, i): its rollouts are the same, bit for bit,
-    whatever N is, unless task.curriculum.automatic makes draws depend on what happened in all N.
+    whatever N is, unless task.curriculum.automatic makes draws depend on the outcomes in all worlds.
 
     Args:
-        config: what to build.
+        config: of the environment.
         num_worlds: N.
         seed: of the generators.
         render: load visual shapes, for `render`.
         window: where the only world is shown.
 
     Raises:
-        ConfigError: for what cannot be built.
+        ConfigError: the environment cannot be built.
     """
 
     batch_locked = True
@@ -62,12 +62,12 @@ class WorkspaceEnv(EpisodeReplayEnv):
             if value < least:
                 raise ConfigError(f"{name}={value} must be at least {least}")
         super().__init__(batch_size=[num_worlds])
-        self.is_closed = False  # TorchRL's collectors close what they own only where this is said
+        self.is_closed = False  # TorchRL's collectors close an env only if it has this attribute
         self.config, self.tokenizer = config, Tokenizer.default()
         config.task.objects.check(config.workspace.bounds)
         self._person = make_person(config.workspace.human, config.gesture)
         self.task = self._draws = make_task(config, num_worlds, self._person)
-        self.task.draw(np.random.default_rng(0))  # raises now where no episode can be drawn
+        self.task.draw(np.random.default_rng(0))  # raises at once if no episode can be drawn
         self.chain = make_chain(config, self.task)
         self._worlds = [make_world(config, self.task, render, window) for _ in range(num_worlds)]
         self.control = make_control(config, self.task, self.chain)
@@ -99,7 +99,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
 
     @property
     def kind_names(self) -> tuple[str, ...]:
-        """The kinds of sentences that privileged/kind counts."""
+        """The kinds of sentences that privileged/kind indexes."""
         return self.task.kind_names
 
     @property
@@ -109,7 +109,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
 
     @property
     def action_unit(self) -> tuple[float, ...]:
-        """How far each of the A numbers of an action may be from `hold` to be reached within one control step."""
+        """(A,) the greatest difference from `hold` that each number of an action may have within one control step."""
         return (*self.control.unit.tolist(), *[ACTION_UNIT] * self._grips.width)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
@@ -128,7 +128,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return TensorDict(outcome | self._observer.observe(self._source), self.batch_size)
 
     def _switch_gestures(self) -> None:
-        """Move fingers on to another object where it is time; it is the referent from then on."""
+        """Move the fingers whose switch is due to another object, which becomes the referent."""
         for i, referent in self._gestures.switch(self._arrays.steps):
             slot = int(self._arrays.slots[i][referent])
             self._set_goal(i, replace(self._arrays.goals[i], referent=slot))
@@ -204,7 +204,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
 
         episodes: (T,) recorded frames each. Those that achieved no other goal are left out. Targets stand elsewhere, or
         other objects are named in other words; rewards and ends are the task's, and an episode is cut where it would
-        have ended. What a policy wrote to the frames is kept.
+        have ended. Entries that a policy wrote to the frames are kept.
         """
         return self._relabeller(episodes, seed)
 
@@ -242,7 +242,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
 
     @property
     def state(self) -> State:
-        """Where everything is, and what is held: for scripted experts. Read-only."""
+        """The present state of all worlds, for scripted experts. Read-only."""
         return self._state
 
     @property
@@ -266,7 +266,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
 
     @property
     def fingers_apart(self) -> NDArray[np.bool_]:
-        """(N,) whether the fingers are as far apart as they get; magnets have none, and always are."""
+        """(N,) whether the fingers are fully open; always True for a magnet."""
         return self._grips.are_apart(self._arrays.joints[..., 0])
 
     def towards(
@@ -277,8 +277,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
     ) -> Tensor:
         """The action (N, A) that brings each gripper nearer to position (N, 3), metres: for scripted experts.
 
-        close: (N,) whether it is to grip; None: as commanded now. yaw: (N,) radians about the vertical that it is to
-        be turned, where the task turns things; None: as it is.
+        close: (N,) whether it is to grip; None: as commanded now. yaw: (N,) radians to which it is to be turned about
+        the vertical, in tasks that turn objects; None: as it is.
         """
         arm = self.control.towards(position, self._arrays.commanded, yaw)
         grip = np.where(self._grips.closed if close is None else close, 1.0, -1.0)

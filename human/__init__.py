@@ -1,7 +1,7 @@
 """The person: the arm that points, the ray of its finger, and which object that ray refers to.
 
-Knows no robots. Positions are in metres in the workspace frame: origin on the table top where the robot is mounted,
-x away from the robot, y to the robot's left, z up.
+The package does not depend on robots. Positions are in metres in the workspace frame: origin on the table top where the
+robot is mounted, x away from the robot, y to the robot's left, z up.
 """
 
 from human.body import Body, read_arm

@@ -144,7 +144,7 @@ class KeyboardPointer:
             self.note = f"the finger stays: {error}"
 
     def chosen(self) -> int | None:
-        """Returns the referent; None where there is none, and then `note` gives the reason."""
+        """Returns the referent; None if there is none, and then `note` gives the reason."""
         try:
             self.note = ""
             return self._person.meant()

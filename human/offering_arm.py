@@ -20,14 +20,14 @@ JOINTS = (
     "l_wrist_flexion",
     "l_wrist_deviation",
 )
-REST = np.array([0.9, 0.1, -0.2, 0.8, -1.2, 0.2, 0.0])  # radians, of JOINTS: the posture that solutions are near to
+REST = np.array([0.9, 0.1, -0.2, 0.8, -1.2, 0.2, 0.0])  # radians, of JOINTS: solutions are near this posture
 HAND = len(JOINTS) - 1  # the joint that carries the hand
 PALM = np.array([0.0, -0.018, -0.055])  # metres in the hand's frame: the middle of the palm's surface
 NORMAL = np.array([0.0, -0.1, 0.0])  # metres in the hand's frame, away from the palm
-UP = np.array([0.0, 0.0, 0.1])  # metres: where NORMAL shows
+UP = np.array([0.0, 0.0, 0.1])  # metres: the direction of NORMAL if the palm faces up
 TOLERANCE = 2e-3  # metres, of the palm and of the end of its normal
 MAX_ITERATIONS, MAX_TURN, DAMPING = 150, 0.3, 1e-6  # radians that a joint may turn in one iteration
-NULLSPACE_GAIN = 0.1  # share of the way to REST that joints turn in an iteration where the palm stays
+NULLSPACE_GAIN = 0.1  # share of the way to REST that joints turn in an iteration, as far as the palm does not move
 
 
 class OfferingArm:
@@ -57,7 +57,7 @@ class OfferingArm:
 
 
 def _towards(error: Array, jacobian: Array, wish: Array) -> Array:
-    """Returns the turn (J,) that removes error (6,), damped least squares, with the part of wish (J,) that adds none.
+    """Returns the joint step (J,) that reduces `error` (6,) by damped least squares, and `wish` (J,) in the null space.
 
     jacobian: (6, J).
     """

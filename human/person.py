@@ -51,7 +51,7 @@ class Person:
             always: whether a gesture is certainly shown.
 
         Raises:
-            Unreachable: no posture points at the target, or where the noise leads.
+            Unreachable: no posture points at the target, or at the place to which the noise moves it.
         """
         exact = exact or self.aim(target)
         shown = bool(rng.random() >= self.config.dropout) or always
@@ -68,8 +68,8 @@ def _aim_distance(origin: Array, direction: Array, target: Array) -> float:
     """Metres along the noisy ray at which the finger is aimed: up to the target's height.
 
     The posture depends slightly on the distance of its aim. If that distance were always the target's, the posture
-    would reveal which of several objects at one height is the referent, beyond what the ray tells. Rays that do not
-    reach the target's height within MAX_REACH times the target's distance are aimed at the target's distance.
+    would reveal which of several objects at one height is the referent, beyond the information in the ray. Rays that do
+    not reach the target's height within MAX_REACH times the target's distance are aimed at the target's distance.
     """
     far = float(np.linalg.norm(target - origin))
     level = float((target - origin)[2] / direction[2]) if direction[2] != 0 else math.inf

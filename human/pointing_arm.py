@@ -1,6 +1,6 @@
 """The pointing arm: joint angles that point at a target, motions between postures, and the ray of the finger.
 
-Pure NumPy: a person is never touched, so a person whom nobody sees needs no simulated body.
+Pure NumPy: nothing touches the person, so a simulated body is needed only to draw them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ArmModel:
     chain: the J joints that move in pointing.
     rest: (J,) radians, the posture that pointing starts from.
     points: FINGERTIP and each link of LINE_STARTS, by name.
-    other: the joints of the other arm, which holds out an open hand; None where the body has none.
+    other: the joints of the other arm, which holds out an open hand; None if the body has none.
     """
 
     chain: PointingChain

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def suppress_stdout() -> Iterator[None]:
-    """Discards what C code writes to stdout and stderr inside the block. No effect on Windows."""
+    """Discards the output of C code to stdout and stderr inside the block. No effect on Windows."""
     if os.name != "posix":
         yield
         return

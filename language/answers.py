@@ -164,7 +164,7 @@ def _pairs(said: Answer) -> str:
 
 
 def error_as_text(answer: Answer, sentence: str) -> str:
-    """Returns the sentence, carets under what it is about, the message, and what may be meant or said."""
+    """Returns the sentence, carets under the part in question, the message, and candidates or suggestions."""
     kind = "question" if answer["error"] == "question" else "error"
     start, end = answer.get("span", (answer["position"],) * 2)
     lines = [*underlined(sentence, start, end), f"{kind}: {answer['message']}"]

@@ -24,7 +24,7 @@ class Describer:
     def __init__(
         self, kinds: Sequence[str] = DEFAULT_KINDS, split: Split | None = None, redundant: bool = False
     ) -> None:
-        """Sets what may be said.
+        """Sets which phrases are allowed.
 
         Args:
             kinds: some of KINDS.

@@ -78,7 +78,16 @@ def closest(word: str, choices: Iterable[str]) -> str | None:
 
 
 def check_known(what: str, word: str, choices: Iterable[str]) -> None:
-    """Raises LanguageError, with a suggestion, if the word is not among the choices. what: "color", "noun", ..."""
+    """Checks that a word is one of the choices.
+
+    Args:
+        what: the kind of word: "color", "noun", ...
+        word: to check.
+        choices: the known words.
+
+    Raises:
+        LanguageError: it is not; the message has a suggestion.
+    """
     choices = list(choices)
     if word in choices:
         return

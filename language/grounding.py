@@ -49,9 +49,14 @@ class PhraseResolver:
             raise LanguageError(f"pointed={self._gestures} is out of range: the scene has {len(scene)} objects")
 
     def resolve(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> int:
-        """Returns the index of the one object that the phrase fits. Raises NothingFits or SeveralFit.
+        """Returns the index of the one object that the phrase fits.
 
-        among: (K,) bool, the objects that are considered; None: all.
+        Args:
+            phrase: to resolve.
+            among: (K,) bool, the objects that are considered; None: all.
+
+        Raises:
+            NothingFits, SeveralFit: the phrase fits no object, or several.
         """
         fits = self.fits(phrase, among)
         candidates = fits.nonzero()[0].tolist()

@@ -113,7 +113,7 @@ class Layout:
         return Placed(scene, np.where(turned, yaw, 0.0), np.array([spec.fixed for spec in self.specs]))
 
     def pick(self, rng: Generator) -> tuple[int | None, int | None]:
-        """Draws a subtask: the indices of its init and goal, None where there is none."""
+        """Draws a subtask: the indices of its init and goal, None if there is none."""
         if self.pairs is not None:
             return self.pairs[int(rng.integers(len(self.pairs)))]
         return _one_of(rng, self.inits), _one_of(rng, self.goals)

@@ -36,7 +36,7 @@ def keep_apart(
 
 
 def scatter(rng: Generator, count: int, area: Sequence[float], spacing: float) -> list[tuple[float, float]]:
-    """`count` places (x, y) in area (x0, x1, y0, y1), metres, uniform but for the spacing; [] if they do not fit."""
+    """`count` places (x, y) in area (x0, x1, y0, y1), metres, uniform except for the spacing; [] if they do not fit."""
     x0, x1, y0, y1 = area
     for _ in range(TRIES):
         drawn = [(x0 + u * (x1 - x0), y0 + v * (y1 - y0)) for u, v in rng.random((8 * count, 2)).tolist()]

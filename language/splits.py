@@ -76,7 +76,9 @@ class Split:
     def keep(self, named: np.ndarray, held: np.ndarray) -> np.ndarray:
         """Returns which expressions belong to the split.
 
-        named, held: whether an expression exists, and whether it contains a held-out pair; bool arrays that broadcast.
+        Args:
+            named: bool array, whether an expression exists.
+            held: bool array that broadcasts with `named`, whether it contains a held-out pair.
         """
         if self.name == "all":
             return named

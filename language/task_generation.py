@@ -46,7 +46,7 @@ def scene_after(task: str, init: int | None, goal: int | None, scene: Scene) -> 
 
 
 def hand_of(scene: Scene) -> int | None:
-    """Returns the index of the person's hand, which no words need to name; None where the scene has none."""
+    """Returns the index of the person's hand, which no words need to name; None if the scene has none."""
     hands = np.flatnonzero(scene.nouns == list(NOUNS).index(HAND)).tolist()
     return hands[0] if hands else None
 

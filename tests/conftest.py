@@ -8,5 +8,5 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def pytest_collection_finish():
-    """What has been imported stays: the garbage collector need not look at it again and again."""
+    """Imported objects stay for good, so the garbage collector need not look at them again and again."""
     gc.freeze()

@@ -25,7 +25,7 @@ class Evaluation(NamedTuple):
     """One evaluation of a run.
 
     seconds leaves out the time of this and all earlier evaluations, wall_seconds includes it. success and confirmed are
-    shares of episodes; confirmed: in further episodes, None where the success was below the target.
+    shares of episodes; confirmed: in further episodes, None if the success was below the target.
     """
 
     seconds: float

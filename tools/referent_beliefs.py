@@ -1,4 +1,4 @@
-"""How well words and finger tell the referent: beliefs over the objects of a scene, their accuracy and calibration."""
+"""How well words and finger identify the referent: beliefs over a scene's objects, their accuracy and calibration."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def insider_belief(person: Person, shown: PointedScene, noise_deg: float) -> Arr
     if noise_deg == 0:
         return posterior(shown.origin, shown.direction, shown.positions, noise_deg, shown.prior)
     height = shown.positions[0, 2] - shown.origin[2]
-    spot = shown.origin + shown.direction * (height / shown.direction[2])  # all that the ray tells
+    spot = shown.origin + shown.direction * (height / shown.direction[2])  # all the information of the ray
     fingertips = np.array([person.aim(place).origin for place in shown.positions])
     sight = spot - fingertips
     distance = np.linalg.norm(sight, axis=1)

@@ -1,4 +1,4 @@
-"""Sentences of other people in files, each with a scene and what is expected of it, for `benchmarks/sentences.py`."""
+"""Sentences of other people in files, each with a scene and the expected outcome, for `benchmarks/sentences.py`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ RESULTS = ("right", "wrong", "asked", "refused", "understood")
 
 
 class Sentence(NamedTuple):
-    """A sentence with its scene file and what is expected, "" for anything; group: by which results are counted."""
+    """A sentence with its scene file and its expected outcome, "" for any; group: by which results are counted."""
 
     text: str
     scene: Path
@@ -24,7 +24,12 @@ class Sentence(NamedTuple):
 def read_sentences(path: Path, scene: Path | None = None) -> list[Sentence]:
     """Returns the sentences of a file; `benchmarks/sentences.py` describes the formats.
 
-    scene: of sentences that have none. Raises LanguageError that names the line or entry.
+    Args:
+        path: of the file.
+        scene: file of the scene of sentences that have none.
+
+    Raises:
+        LanguageError: the file is invalid; the message names the line or entry.
     """
     try:
         text = path.read_text("utf-8")
@@ -66,7 +71,7 @@ def _annotations(text: str, path: Path) -> list[tuple[str, str]]:
 
 
 def judged(sentence: Sentence, world: World, ids: tuple[str, ...]) -> tuple[str, str]:
-    """Returns one of RESULTS, and what the sentence led to."""
+    """Returns one of RESULTS, and the outcome in words."""
     outcome = interpret(sentence.text, world)
     found, said = _found(outcome, ids)
     kind = {Question: "asked", Refusal: "refused"}.get(type(outcome), "understood")

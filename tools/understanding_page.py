@@ -87,19 +87,19 @@ assert interpret("pls grab that red cube", scene, pointed=[(0, 1)]).steps[0].obj
 
 The parser keeps every reading of a sentence. Each is compared with the scene: a covered block cannot be taken,
 nothing stands on a ball or a pyramid, a stack has a greatest height. Of the plans that can be carried out, the one of
-the least cost is chosen; if another one with a different result costs at most `CLOSE` more, it is a question. A plan
-is refused in favour of the reason why a much cheaper reading fails. These are the costs:
+the least cost is chosen; if another one with a different result costs at most `CLOSE` more, the outcome is a question.
+If a much cheaper reading fails, the reason of its failure is reported instead. These are the costs:
 """
 LEFT = """\
 ## Whose left
 
 Left and right are those of the scene's `viewpoint`: "robot" (the default) or "human", who sits across the table.
-"Forward" is away from the viewer. "Front" is the viewer's side of the table (`World.front`); on a board whose arm
-faces away from itself, as in the Treebank, it is the far side, which is also the "top". A thing that is brought to a
-person goes into the open hand that they hold out, where the scene has one, and to the far edge elsewhere.
+"Forward" is away from the viewer. "Front" is the viewer's side of the table (`World.front`); on a board whose front is
+where the arm faces, as in the Treebank, it is the far side, which is also the "top". A thing that is brought to a
+person goes into the open hand that they hold out, if the scene has one, and otherwise to the far edge.
 """
 FILM = """\
-## Carried out
+## Commands carried out
 
 ![Twelve commands, one after another: an arm moves blocks of a board as the subtitle says](commands.gif)
 
@@ -112,7 +112,7 @@ physics, in real time. The sentences are quoted from the Robot Commands Treebank
 TEACHING = """\
 ## Your own sentences
 
-`python -m benchmarks.sentences --data sentences.tsv --errors` tells which sentences of a file are understood as
+`python -m benchmarks.sentences --data sentences.tsv --errors` lists which sentences of a file are understood as
 expected. Each line has a sentence, the scene file (a table's or a board's), the id of the expected object and, if it is
 put somewhere, the id of what it then stands on; the fields are separated by tabs.
 "held" is the gripper, "asked" and "refused" are outcomes, and an empty field allows anything. An example
@@ -150,7 +150,7 @@ assert isinstance(outcome, Understood)
 assert outcome.steps[1].on == 1
 ```
 
-For good, add it to `language/commands/verb_words.py`, `modifiers.py` or `nouns.py`, and write this page again.
+To keep it, add it to `language/commands/verb_words.py`, `modifiers.py` or `nouns.py`, and generate this page again.
 
 ## Words
 """
@@ -182,20 +182,23 @@ def _coverage() -> list[str]:
     if not FIGURES.exists():
         return []
     about = """\
-## How much of what strangers write
+## Accuracy on commands of strangers
 
 The Robot Commands Treebank has commands that people wrote for a block-stacking arm, each with the board before and
 after. The grammar was developed on four fifths of the boards (groups of scenes that share a board are never divided);
-the other fifth was first measured on 22 November 2026 (98.2 % right). After that came bounds on the search, gestures,
-words for see-through things, refusals of questions ("what can you do"), and colours that are never left out. They
-changed one sentence of the other four fifths. On 23 November the fifth was measured twice more, on the last change too
-(`python -m benchmarks.treebank --data FOLDER --part held_out`): these are the figures below. Its sentences were never
-looked at. A command is right if its block goes where it went; times are CPU time.
-`python -m benchmarks.treebank --data FOLDER` measures it; with `--no-scene`, the reading is chosen before it is seen
-beside the scene. The data show each pair of worlds in both directions; the even scene of a pair leads back.
+the other fifth was first measured on 22 November 2026 (98.2 % right). After that, the following were added: bounds on
+the search, gestures, words for see-through things, refusals of questions ("what can you do"), and colours that are
+never left out. They changed the outcome of one sentence of the four fifths. On 23 November the fifth was measured twice
+more, also after the last change (`python -m benchmarks.treebank --data FOLDER --part held_out`): these are the figures
+below. Nobody looked at its sentences.
+
+A command is right if its block goes where it went in the data; times are CPU time.
+`python -m benchmarks.treebank --data FOLDER` measures it; with `--no-scene`, the reading is chosen before it is
+compared with the scene. The data show each pair of worlds in both directions; the even scene of a pair leads back.
 
 Of [200 sentences](../tests/language/commands/people.txt) that were written before the grammar, 199 lead to the expected
-outcome and one to another. The grammar was mended by them, and six expectations too: they are a test, no measurement.
+outcome and one to another. The grammar and six of the expectations were corrected with them, so they are a test, not a
+measurement.
 """
     rows = []
     for name, figures in json.loads(FIGURES.read_text("utf-8")).items():

@@ -16,13 +16,13 @@ class CollectorConfig(Checked):
     name: str = one_of("local", "ray")
     workers: int = within(0, 256)  # processes; 0 = one per core if worlds divide evenly, 1 = only the main process
     worlds: int = within(1, 4096)  # over all workers
-    # Seconds to wait for a batch of a worker process; None = twice the slowest of the latest batches, and 4 s more.
+    # Seconds to wait for a batch of a worker process; None = twice the slowest of the latest batches, plus 4 s.
     timeout: float | None = within(0.1)
     restarts: int = within(0)  # worker processes that are replaced in a run, before it gives up
 
     @property
     def batches_ahead(self) -> int:
-        """How many batches workers collect beyond the one that is waited for."""
+        """How many batches workers collect ahead of the one that the pool waits for."""
         return 0
 
     def __post_init__(self) -> None:

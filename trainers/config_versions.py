@@ -7,7 +7,7 @@ from typing import Any
 
 from conf.overrides import compose
 
-# Keys that the configs of earlier versions lack, and the options of their group that have them; None: each has.
+# Keys that configs of earlier versions lack, with the options of their group that have the key; None: all options.
 NEW_KEYS: dict[str, tuple[str, ...] | None] = {
     "schedule_frames": None,
     "collector.name": None,
@@ -21,8 +21,8 @@ NEW_KEYS: dict[str, tuple[str, ...] | None] = {
     "checkpoint": None,
     "eval.overlap": None,
 }
-# Keys that the configs of earlier versions have with the value null, which says the same as no key, and the options of
-# their group that lack them.
+# Keys that configs of earlier versions have with the value null, which means the same as no key, with the options of
+# their group that no longer have the key.
 FORMER_KEYS = {"algo.grounding_gain": ("bc", "crossq", "redq", "sac", "td3", "tqc")}
 MISSING = object()
 
@@ -30,7 +30,7 @@ MISSING = object()
 def of_this_version(config: Any) -> Any:
     """A config of this or an earlier version with the keys of this one, as a DictConfig; new keys have their defaults.
 
-    Another key that is not known, or the value of a former key where it is not null, stays for the reader to refuse.
+    Other unknown keys, and former keys with a value, are kept, so that the reader refuses them.
     """
     from omegaconf import OmegaConf
 
@@ -53,7 +53,7 @@ def _with_new_keys(config: Any) -> Any:
     from omegaconf import OmegaConf
 
     options = {"algo": OmegaConf.select(config, "algo.name"), "collector": OmegaConf.select(config, "collector.name")}
-    options["collector"] = options["collector"] or "local"  # the only one before it had a name
+    options["collector"] = options["collector"] or "local"  # the only collector before collectors had names
     had = [key for key, names in NEW_KEYS.items() if names is None or options.get(key.partition(".")[0]) in names]
     missing = [key for key in had if OmegaConf.select(config, key, default=MISSING) is MISSING]
     if missing:

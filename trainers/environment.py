@@ -1,4 +1,4 @@
-"""What training expects of an environment, beside TorchRL's `EnvBase`."""
+"""The interface that training expects of an environment, beside TorchRL's `EnvBase`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import Composite, TensorSpec
 
-# Episodes (T,) and a seed, to those of them that achieved another goal, relabelled and cut where they then end.
+# Maps episodes (T,) and a seed to relabelled ones: those that achieved another goal, cut where they now end.
 Relabel = Callable[[Sequence[TensorDictBase], int], Sequence[TensorDictBase]]
 
 
@@ -29,13 +29,13 @@ class TrainingEnv(Protocol):
     "at_goal" and "reward_terms", and under "privileged" at least "referent", "goal" and "kind". A row of "objects"
     (N, K, D) begins with a position, metres, and is 0 throughout in a slot that shows no object. Where a person points
     there is "gesture" too. Policies never read a privileged key. Where an algorithm imitates, the worlds that it trains
-    in also observe "privileged/expert_action" (N, A): what an expert would do. An exception that `step` raises may have
-    an attribute `frame` (N,): what the step was given, which the run then saves.
+    in also observe "privileged/expert_action" (N, A), an expert's action. An exception that `step` raises may have an
+    attribute `frame` (N,), the input of the step, which the run then saves.
 
     Attributes:
         action_unit: (A,), the action that moves the arm as far as it gets in one control step.
-        reward_names: what the columns of "reward_terms" are.
-        kind_names: what the values of privileged/kind are.
+        reward_names: names of the columns of "reward_terms".
+        kind_names: names of the values of privileged/kind.
         tokenizer: has the words that "instruction" is made of.
         moves_referent: whether the task is to move the referent.
     """
@@ -77,8 +77,10 @@ class TrainingEnv(Protocol):
     def continue_episodes(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> None:
         """The next reset of all worlds continues these episodes, bit for bit, instead of beginning new ones.
 
-        actions: (N, T, A), those of the latest T steps. lengths: (N,) how many of them, the last ones, belong to the
-        present episode.
+        Args:
+            beginnings: for each world, as of `beginnings` when its episode began.
+            actions: (N, T, A), those of the latest T steps.
+            lengths: (N,) how many of them, the last ones, belong to the present episode.
         """
 
     def draw_scenes(self, count: int, seed: int) -> TensorDictBase:

@@ -39,7 +39,7 @@ PROCESSES = 2  # actors, which the workers share: a process for each of them wou
 
 
 class ReplayedActor:
-    """Stands for many workers: each request sleeps as long as physics would take, and returns a recorded batch."""
+    """Acts for many workers: each request sleeps as long as physics would take, and returns a recorded batch."""
 
     def __init__(self, recorded: Mapping[Any, Any], beginnings: dict[int, Any]) -> None:
         self.recorded, self.beginnings = recorded, beginnings
@@ -65,7 +65,7 @@ class ReplayedActor:
 
 
 class ReplayedWorker(RayWorker):
-    """Its actor is shared, so that it is not ended with it."""
+    """A worker whose actor is shared: killing the worker does not end the actor."""
 
     def begin(self, episodes: Any) -> None:
         """Nothing: there are no worlds."""
@@ -98,7 +98,7 @@ class ReplayHost(RayHost):
 
 @dataclass(frozen=True)
 class Point:
-    """What was measured with so many workers. cpu_share: cores that the main process kept busy."""
+    """The measurement with one number of workers. cpu_share: cores that the main process kept busy."""
 
     workers: int
     frames_per_s: float
@@ -150,7 +150,7 @@ def ceiling(tries: int, random: Random, folder: Path) -> Outcome:
 
 
 def measured(host: ReplayHost, config: RayCollectorConfig) -> Point:
-    """What the pool delivers, after the first batches."""
+    """The throughput of the pool, after the first batches."""
     host.count = config.workers
     specs = [WorkerSpec(i, WORLDS, HORIZON, 0) for i in range(config.workers)]
     pool = WorkerPool(host, specs, config, None)

@@ -71,7 +71,7 @@ class Fault:
         self.node: int | None = None  # the namespace that was lost
 
     def patches(self) -> list[Any]:
-        """What has to be patched, as arguments of `patch.object`."""
+        """The patches, as arguments of `patch.object`."""
         collect, replace = WorkerPool.collect, WorkerPool._replace
 
         def collecting(pool: Any, order: Any) -> Any:
@@ -88,7 +88,7 @@ class Fault:
         return [(WorkerPool, "collect", collecting), (WorkerPool, "_replace", replacing)]
 
     def happen(self, pool: Any) -> None:
-        """Do it."""
+        """Cause the fault."""
         worker = self.random.choice(pool.workers)
         if self.kind.startswith("actor"):
             os.kill(worker.pid, signal.SIGKILL if self.kind == "actor killed" else signal.SIGSTOP)
@@ -135,7 +135,7 @@ def start_cluster(nodes: Sequence[int], head: bool = True) -> None:
 
 
 def wait_for_nodes(count: int) -> bool:
-    """Whether the cluster gets so many nodes beside its head in time."""
+    """Whether the cluster gets `count` nodes beside its head in time."""
     deadline = time.monotonic() + NODE_SECONDS
     while (found := count_nodes()) != count and time.monotonic() < deadline:
         time.sleep(0.5)

@@ -17,7 +17,7 @@ BRIDGE, SUBNET = "deixis-br", "10.77.0"
 PORT = 6379
 SETTINGS = {
     "RAY_AUTH_MODE": "disabled",  # nothing but the namespaces reaches the head
-    "RAY_worker_niceness": "0",  # Ray's default, 15, gives actors what other processes leave
+    "RAY_worker_niceness": "0",  # Ray's default, 15, gives actors only time that other processes leave
     # How soon the head counts a silent node as dead: after about 4 s.
     "RAY_health_check_initial_delay_ms": "1000",
     "RAY_health_check_period_ms": "1000",

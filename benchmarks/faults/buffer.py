@@ -1,4 +1,4 @@
-"""What a checkpoint of a long off-policy run costs."""
+"""The cost of a checkpoint of a long off-policy run."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ def _damaged(content: bytes, rng: random.Random) -> tuple[str, bytes]:
 
 
 def _plain(value: Any) -> Any:
-    """The value with tensors as their bytes, and without what only describes the file."""
+    """The value with tensors as their bytes, and without entries that only describe the file."""
     if isinstance(value, torch.Tensor):
         return (str(value.dtype), tuple(value.shape), hash(value.detach().contiguous().numpy().tobytes()))
     if isinstance(value, torch.nn.Module):

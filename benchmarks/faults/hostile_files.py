@@ -32,7 +32,7 @@ from trainers.sweeps.runs import find_runs
 from trainers.utils.atomic_io import atomic_file, write_text
 
 MAX_SECONDS, MAX_BYTES = 1.0, 200 * 2**20
-Case = tuple[str, Callable[[Path], Callable[[], object]]]  # name, and what makes the file and returns its reader
+Case = tuple[str, Callable[[Path], Callable[[], object]]]  # name, and a maker of the file that returns its reader
 
 
 class Owned:
@@ -184,7 +184,7 @@ def _configs() -> Iterator[Case]:
         yield f"robot.urdf={urdf} in {package}", partial(_read_env, config)
 
 
-# ---- What makes a file and returns the call that reads it
+# ---- Functions that make a file and return the call that reads it
 
 
 def _written(name: str, text: str, read: Callable[[Path], object], folder: Path) -> Callable[[], object]:
@@ -235,7 +235,7 @@ def _npz(arrays: dict[str, Any], folder: Path) -> Callable[[], object]:
     return partial(_read_rays, folder / "pointing.npz")
 
 
-# ---- What reads
+# ---- Readers
 
 
 def _load(path: Path) -> None:
@@ -263,7 +263,7 @@ def _resume_sweep(path: Path) -> list[str]:
 
 
 def _run_sweep(path: Path) -> None:
-    """What `train.py sweep.resume=` does up to the start of the jobs."""
+    """The work of `train.py sweep.resume=` up to the start of the jobs."""
     import train
 
     train.check_run(_resume_sweep(path))

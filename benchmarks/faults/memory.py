@@ -1,4 +1,4 @@
-"""What a very long run holds on to: memory, file descriptors and threads."""
+"""The resources that a very long run holds: memory, file descriptors and threads."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchmarks.faults.runs import command, start
 from trainers.run.metrics import read_metrics
 
 FRAMES = 10_000_000
-# Cheap physics and networks: the frames are what is counted.
+# Cheap physics and networks: only the number of frames matters.
 WORDS = ["task=reach", "policy=mlp", "policy.hidden=[32,32]", "policy.critic_hidden=[32,32]", "physics.substeps=1"]
 WORDS += ["collector.worlds=64", "algo.epochs=1", "algo.horizon=64", "algo.minibatch=4096", "eval.episodes=10"]
 WORDS += ["eval.interval=200_000", "eval.interval_episodes=10", "eval.worlds=10", "eval.video_episodes=0", "logger=[]"]

@@ -20,7 +20,7 @@ from typing import Any
 
 @dataclass
 class Outcome:
-    """What a row found. failures: one line for each failed try. figures: what was measured beside them."""
+    """The result of a row. failures: one line for each failed try. figures: further measured values."""
 
     tries: int = 0
     failures: list[str] = field(default_factory=list)
@@ -38,7 +38,7 @@ Measure = Callable[[int, Random, Path], Outcome]  # (tries, generator, folder fo
 
 @dataclass(frozen=True)
 class Row:
-    """text: what is done. tries: how often by default."""
+    """text: description. tries: how often by default."""
 
     text: str
     tries: int
@@ -85,7 +85,7 @@ def run_table(
 
 
 def measure(name: str, row: Row, tries: int | None, seed: int) -> int:
-    """Run a row and print what it found, and the machine's load, as a line of JSON. Returns the number of failures."""
+    """Run a row and print its result, and the machine's load, as a line of JSON. Returns the number of failures."""
     start = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix=f"deixis-{name}-") as folder:
         outcome = row.measure(row.tries if tries is None else tries, Random(seed), Path(folder))

@@ -44,7 +44,7 @@ def start(words: Sequence[str]) -> subprocess.Popen:
 
 
 def finish(words: Sequence[str]) -> str:
-    """Run to the end. Returns "" or what went wrong."""
+    """Run to the end. Returns the error, or ""."""
     process = start(words)
     try:
         _, errors = process.communicate(timeout=START_SECONDS)
@@ -55,7 +55,7 @@ def finish(words: Sequence[str]) -> str:
 
 
 def stop_at(process: subprocess.Popen, folder: Path, rows: int, number: int) -> str:
-    """Send a signal to the run's group once metrics.csv has so many rows and there is a checkpoint."""
+    """Send a signal to the run's group once metrics.csv has `rows` rows and there is a checkpoint."""
     deadline = time.monotonic() + START_SECONDS
     last = folder / "checkpoints" / "last.pt"
     while not (last.exists() and len(rows_of(folder)) >= rows) and process.poll() is None:
@@ -82,7 +82,7 @@ def rows_of(folder: Path) -> list[dict[str, float]]:
 
 
 def differences(one: Path, other: Path) -> str:
-    """What two finished runs differ in; "" for nothing."""
+    """The differences of two finished runs; "" if there are none."""
     if repr(rows_of(one)) != repr(rows_of(other)):
         return "metrics.csv differs"
     a, b = (checkpoint.load(folder / "checkpoints" / "last.pt")["algorithm"] for folder in (one, other))
@@ -128,7 +128,7 @@ def resume(tries: int, random: Random, folder: Path) -> Outcome:
 
 
 def stopped_and_resumed(place: Path, words: list[str], how: str, at: int) -> str:
-    """One try; returns what went wrong."""
+    """One try. Returns the error, or ""."""
     if how == "end":
         wrong = finish(command(place, *words, f"total_frames={BATCH * at}", f"schedule_frames={FRAMES}"))
     else:

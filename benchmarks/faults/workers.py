@@ -29,12 +29,12 @@ from trainers.run.train_loop import fit
 from trainers.run.training_run import TrainingRun
 
 SIGNALS = {"SIGSTOP": signal.SIGSTOP, "SIGKILL": signal.SIGKILL}
-INSIDE = ("raise", "segfault", "loop")  # what a worker does by itself, at its next step
+INSIDE = ("raise", "segfault", "loop")  # faults that a worker causes itself, at its next step
 PHASES = ("collection", "update", "evaluation")
 
 
 class FaultyEnv(WorkspaceEnv):
-    """Does what the file `trigger` says at the next step, and removes it: one worker alone does it, once.
+    """Fails at its next step as the file `trigger` says, and removes the file: only one worker fails, once.
 
     The file is looked for in worker processes alone.
     """
@@ -53,7 +53,7 @@ class FaultyEnv(WorkspaceEnv):
 
 
 def fail(fault: str) -> None:
-    """Do what a bug does."""
+    """Fail in this way."""
     if fault == "raise":
         raise ArithmeticError("planted")
     if fault == "segfault":
@@ -81,7 +81,7 @@ class Fault:
         self.done = False
 
     def happen(self) -> None:
-        """Do it to a worker."""
+        """Cause the fault in a worker."""
         self.done, self.waited_from = True, time.monotonic()
         if self.kind in SIGNALS:
             process = self.random.choice(self.pool.workers).process
@@ -94,7 +94,7 @@ class Fault:
         return not self.done and self.phase == phase and iteration >= self.iteration and self.pool is not None
 
     def patches(self) -> list[Any]:
-        """What has to be patched, as arguments of `patch.object`."""
+        """The patches, as arguments of `patch.object`."""
         collect, replace = WorkerPool.collect, WorkerPool._replace
         update, evaluated = TrainingRun.add_drawn_scenes, Evaluator.request
 

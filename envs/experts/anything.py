@@ -1,4 +1,4 @@
-"""Anything: does what the verb's expert does, but lets go of other things first, and goes up before sideways."""
+"""Anything: acts as the verb's expert, but first releases other objects, and moves up before it moves sideways."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from envs.workspace_env import WorkspaceEnv
 HOVER = 0.14  # metres above an object at which grippers travel: over stacks of two
 HEIGHT = 0.12  # metres above their targets at which objects are carried: over stacks of two
 BESIDE, CLEAR = 0.05, 0.06  # metres beside and over a handle from which a gripper may go sideways
-SHUT_WITHIN = 0.09  # metres beside a device from which on fingers are shut: not at what they have just released
-SINK = 0.02  # metres that fingers go down in a control step: faster, after they went up, a panda leaves the vertical
+SHUT_WITHIN = 0.09  # metres beside a device within which fingers are shut; farther away they may release objects
+SINK = 0.02  # metres that fingers go down in a control step; if faster, a panda that was going up leaves the vertical
 STRAIGHT = 0.05  # metres from a device along x up to which a gripper stays between the fittings
 HAND_NEAR, HAND_FAR = (
     0.075,
     0.095,
-)  # metres beside a hand up to which a gripper stays over it, and from which it need not
-OVER_HAND = 0.1  # metres over a hand at which it passes: over what lies on it
-INSIDE = 0.01  # metres within the line at which it is between them
-SAG = 0.02  # metres below its aim up to which a gripper goes sideways, and less so down to twice as much
+)  # metres beside a hand: up to the first a gripper stays above its objects, from the second on it need not
+OVER_HAND = 0.1  # metres over a hand at which a gripper passes: above an object on it
+INSIDE = 0.01  # metres inside that line at which a gripper counts as between the fittings
+SAG = 0.02  # up to this many metres below its aim a gripper moves sideways at full speed; from twice as many not at all
 
 
 @register_expert("anything")
 class AnythingExpert(AimingExpert):
-    """Each world's gripper goes where the expert of its verb wants it."""
+    """Moves each world's gripper with the expert of its verb."""
 
     def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
         super().__init__(env, task)
@@ -59,7 +59,7 @@ class AnythingExpert(AimingExpert):
             member.height = HEIGHT
         if isinstance(member, DeviceExpert):
             member.shut_within = SHUT_WITHIN
-        if isinstance(member, LiftExpert):  # also from the top of another object, and nobody remembers where it stood
+        if isinstance(member, LiftExpert):  # the object may stand on another one, at a height that is not remembered
             member.more += task.config.object_size
         return member
 
@@ -79,7 +79,7 @@ class AnythingExpert(AimingExpert):
         return choose_rows(other, gripper, place), close & ~other
 
     def _over_the_hand(self, place: Array, handing: NDArray[np.bool_]) -> Array:
-        """The places (N, 3), over what may lie on the hand where the gripper is near it and brings nothing there.
+        """The places (N, 3), raised above what lies on the hand for grippers near it that bring nothing there.
 
         handing: (N,) whether something is to be handed over.
         """
@@ -94,9 +94,9 @@ class AnythingExpert(AimingExpert):
         return place
 
     def _past_the_lid(self, place: Array) -> Array:
-        """The places (N, 3), or what is on the way there from a fitting, past its open lid.
+        """The places (N, 3), or waypoints to them from a fitting, past its open lid.
 
-        A gripper does not go down before it is away from the fitting. To a device it goes along y, and then along x.
+        A gripper goes down only once it is away from the fitting. It moves to a device along y, and then along x.
         """
         gripper, place = self._env.gripper, place.copy()
         at = np.abs(gripper[:, 1]) > self._beside

@@ -46,7 +46,7 @@ class Expert(ABC):
 
 
 class AimingExpert(Expert):
-    """It tells where each gripper goes next, and whether it closes; the environment's control does the rest."""
+    """Gives each gripper's next position and whether it closes; the environment's control computes the action."""
 
     def act(self, referent: Slots, target: Slots) -> Tensor:
         return self._env.towards(*self.aim(referent, target))
@@ -62,7 +62,7 @@ def choose_rows(which: NDArray[np.bool_], these: Array, those: Array) -> Array:
 
 
 def height_share(beside: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) shares of its full height above a place that a gripper has at distances (N,) beside it, metres.
+    """(N,) the share of its full height above a place that a gripper has at distance (N,) beside it, metres.
 
     The height is continuous. A policy that imitates a switch between up and down stands still at the switch.
     """

@@ -1,4 +1,4 @@
-"""Press, switch and turn: move above the place to operate a device from, down, and on until it is operated."""
+"""Press, switch and turn: move above the device, down beside its handle, and along its path until it is operated."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ ENOUGH = 0.92  # share of its range at which the expert stops
 STEP = 0.015  # metres that a handle is pushed in a control step
 BEHIND = 0.046  # metres from the middle of a handle at which a gripper goes down beside it
 CLOSE = 0.025  # metres behind the middle of a knob from which thin fingers may touch it
-RISE = 0.02  # metres that they are led up or down with it at most: they are rough, and would hold it back
+RISE = 0.02  # metres that they follow it up or down at most: their friction would otherwise hold it back
 LOW = 0.004  # metres below the middle of a handle at which it is pushed: a wide flange passes over it
-ASIDE = 0.015  # metres beside the line that it pushes along at which a gripper goes back for another try
-LEAD = 0.35  # radians that a gripper goes ahead of itself round a wheel
+ASIDE = 0.015  # metres beside its line at which a pushing gripper goes back for another try
+LEAD = 0.35  # radians by which the aim leads the gripper around a wheel
 APART = 1.15  # radians round a wheel from the peg at which a gripper goes down
-SLOWLY = 0.03  # metres that a gripper goes down in a control step: faster joints leave the line
+SLOWLY = 0.03  # metres that a gripper goes down in a control step; if faster, the joints leave the line
 REACHED = 0.012  # metres above the pushing height from which a gripper pushes
 
 
 class DeviceExpert(AimingExpert):
-    """Operates the referent, then keeps still. shut_within: metres beside it from which on fingers are shut."""
+    """Operates the referent, then keeps still. shut_within: metres beside it within which fingers are shut."""
 
     shut_within = np.inf
 
@@ -57,7 +57,7 @@ class DeviceExpert(AimingExpert):
         """
 
     def _down(self, start: Array) -> Array:
-        """Up, over the start (N, 3), and down to it."""
+        """Where the gripper goes (N, 3): up, over the start (N, 3), and down to it."""
         gripper = self._env.gripper
         offset = start - gripper
         over = length(offset[:, :2]) < OVER
@@ -93,7 +93,7 @@ class SwitchExpert(DeviceExpert):
         return choose_rows(pushing, onward, self._down(level - BEHIND * ahead))
 
     def _rise(self, way: Array, side: Array) -> NDArray[np.float64]:
-        """(N,) metres that a gripper that touches a knob is led up or down, as the knob goes. side: (N,) 1 or -1."""
+        """(N,) metres by which a gripper that touches a knob follows it up or down. side: (N,) 1 or -1."""
         lever = DEVICES["lever"]
         return -RISE * np.sin(lever.start + lever.way * side * way)
 
@@ -122,7 +122,7 @@ class TurnExpert(DeviceExpert):
         return choose_rows(pushing, self._round(centre, out, angle), self._down(self._round(centre, out, angle)))
 
     def _round(self, centre: Array, out: Array, angle: NDArray[np.float64]) -> Array:
-        """(N, 3) on the peg's circle, at this angle (N,) from the peg."""
+        """(N, 3) points on the peg's circle, at `angle` (N,) radians from the peg."""
         across = np.stack((-out[:, 1], out[:, 0], out[:, 2]), axis=1)
         return centre + self._radius * (np.cos(angle)[:, None] * out + np.sin(angle)[:, None] * across)
 

@@ -41,12 +41,12 @@ class FittingExpert(AimingExpert):
         grip = handle + top[:, None] * UP
         fetch, close = self._take(grip)
         pull = env.gripper + onward - handle
-        pull[:, 1] = handle[:, 1]  # along which fingers close: no handle moves that way
+        pull[:, 1] = handle[:, 1]  # fingers close along y, and no handle moves along y
         place = choose_rows(held, pull, fetch)
         return place, held | close
 
     def _take(self, grip: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Up, over the handle and down on it, to grip (N, 3); and whether the gripper closes (N,)."""
+        """The way to `grip` (N, 3): up, over the handle and down on it; and whether the gripper closes (N,)."""
         gripper = self._env.gripper
         travel, up, down = grip + HOVER * UP, gripper.copy(), grip - PRESS * (self._env.below > 0) * UP
         up[:, 2] = travel[:, 2]

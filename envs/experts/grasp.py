@@ -23,7 +23,7 @@ class GraspExpert(Fetch, AimingExpert):
         return choose_rows(held, self._keep(), place), held | close
 
     def _keep(self) -> Array:
-        """Where the gripper goes (N, 3) with what it holds."""
+        """Where the gripper goes (N, 3) with the held object."""
         return self._env.gripper
 
 

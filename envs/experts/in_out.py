@@ -14,7 +14,7 @@ from envs.workspace_env import WorkspaceEnv
 
 BESIDE = 0.04  # metres beside the area of the loose objects from which a gripper is at a fitting
 TRAVEL = 0.14  # metres above the table at which an object passes over all walls
-BELOW = 0.015  # metres below its height at which an object goes nowhere but up at a fitting
+BELOW = 0.015  # metres below its travelling height at which an object at a fitting moves only up
 STRAIGHT = 0.015  # metres beside its aim along x at which a gripper may go to a fitting
 
 
@@ -25,7 +25,7 @@ def fittings_from(env: WorkspaceEnv) -> float:
 
 @register_expert("nl_put_in", "nl_take_out")
 class InOutExpert(StackExpert):
-    """Between the table and a fitting it goes along y alone."""
+    """Moves only along y between the table and a fitting."""
 
     def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
         super().__init__(env, task)
@@ -50,7 +50,7 @@ class InOutExpert(StackExpert):
         return TRAVEL - goal[:, 2]
 
     def _straight(self, place: Array) -> Array:
-        """The places (N, 3), or what is on the way there along x, and then along y."""
+        """The places (N, 3), or waypoints to them: first along x, then along y."""
         gripper, way = self._env.gripper, place.copy()
         at, aim = np.abs(gripper[:, 1]) > self._beside, np.abs(place[:, 1]) > self._beside
         away, aside = at & ~aim, aim & ~at & (np.abs(place[:, 0] - gripper[:, 0]) > STRAIGHT)

@@ -1,4 +1,4 @@
-"""An environment that observes what the task's scripted expert would do, as labels for imitation."""
+"""An environment that observes the actions of the task's scripted expert, as labels for imitation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class LabelledEnv(WorkspaceEnv):
     """Also observes privileged/expert_action (N, A): the expert's action in each state, whoever acts.
 
     Raises:
-        ConfigError: for what cannot be built, and for a task without an expert.
+        ConfigError: the environment cannot be built, or the task has no expert.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:

@@ -22,8 +22,8 @@ from language.commands import Action
 from language.commands.world import BOARD_HEIGHT
 
 MAX_STEPS = 200  # control steps of a move
-RISE = 0.03  # metres that the gripper goes up from what it has left before the next move
-HELD_THERE = 0.006  # metres from its place, along each axis, at which an object that is held is there
+RISE = 0.03  # metres that the gripper rises from a released object before the next move
+HELD_THERE = 0.006  # metres from its place, along each axis, within which a held object has arrived
 Cells = Sequence[tuple[float, float]]
 CARRIED = ("place", "push")  # kinds of steps that bring an object to a place
 
@@ -33,7 +33,7 @@ class Move:
     """Brings an object to a place.
 
     thing: its number among the objects that are shown, as in `InteractiveEnv.scene`. place: (3,) its centre in the end,
-    metres. release: whether it is left there; else it stays in the gripper, in the air.
+    metres. release: whether it is released there; otherwise it stays in the gripper, in the air.
     """
 
     thing: int
@@ -42,7 +42,7 @@ class Move:
 
 
 def without_takes(actions: Sequence[Action]) -> list[Action]:
-    """The steps without each "take" whose object the next step places: to place includes to take."""
+    """The steps without each "take" whose object the next step places, since placing includes taking."""
     following = [*actions[1:], None]
     return [
         action
@@ -69,7 +69,7 @@ def moves_of(
     Args:
         actions: the steps; places are in cells, or whatever `grid` takes.
         cells: column and row of each object that a step may name, before the first step.
-        numbers: of these objects among those that are shown.
+        numbers: for each of these objects, its number among the objects that are shown.
         grid: the board's cells, or another kind of places.
         hold: the level at which an object is held; on a board, the highest one.
 
@@ -105,7 +105,7 @@ class MoveRunner:
 
     A move that is not done after `max_steps` control steps is given up, and so are those after it.
 
-    done: for each move, whether it was carried out, as far as they have been tried.
+    done: for each move that has been tried, whether it was carried out.
 
     Raises:
         ConfigError: for an environment of several worlds, or whose task does not grip.

@@ -18,7 +18,7 @@ CAMERA_DEG = 2.0  # error in degrees of a ray that is read from a picture
 class Oracle:
     """Parses each sentence in its scene, combines it with the gesture, and drives the expert to the result.
 
-    It uses public observations only, and knows the aiming noise: its success is that of a complete understanding.
+    It uses public observations only, and knows the aiming noise. No policy can understand words and gesture better.
     """
 
     def __init__(self, env: WorkspaceEnv) -> None:
@@ -54,7 +54,7 @@ class Oracle:
         return int(slots[both[0]]), int(slots[both[-1]])
 
     def _shown(self, world: int, sentence: str, scene: Scene, ray: NDArray) -> int | None:
-        """The most likely object by words and gesture; None while a moving finger points at nothing that they fit."""
+        """The most likely object by words and gesture; None while a moving finger points at no object that fits."""
         phrase = referring_phrase(sentence)
         try:
             return int(fuse(phrase, scene, self._weights(scene, ray)).argmax())

@@ -43,7 +43,7 @@ class PlaceExpert(Fetch, AimingExpert):
         there = ~held & (length(thing - goal) < THERE)
         fetch, close = self._fetch(thing)
         carry, keep = self._carry(thing, goal)
-        rise = self._env.gripper + np.where(self._env.fingers_apart, HOVER, 0.0)[:, None] * UP  # else it takes it along
+        rise = self._env.gripper + np.where(self._env.fingers_apart, HOVER, 0.0)[:, None] * UP  # else the object rises
         place = choose_rows(there, rise, choose_rows(held, carry, fetch))
         return place, np.where(held, keep, close) & ~there
 

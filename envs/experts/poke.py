@@ -13,12 +13,12 @@ from envs.workspace_env import WorkspaceEnv
 
 FAR = 0.028  # metres that it pushes
 STEP = 0.006  # ... in a control step: a faster one sends the object away
-WAYS = 8  # in which it may push
+WAYS = 8  # directions in which it may push
 
 
 @register_expert("poke")
 class PokeExpert(Pusher):
-    """Pushes to where there is most room: it remembers where the object stood, and which way that is."""
+    """Pushes in the direction with the most room. It remembers that direction and where the object stood."""
 
     def __init__(self, env: WorkspaceEnv) -> None:
         super().__init__(env)
@@ -32,7 +32,7 @@ class PokeExpert(Pusher):
         return self._env.towards(choose_rows(poked, self._back(thing, self._way), self._push(thing, self._way, STEP)))
 
     def _freest_direction(self, i: int, thing: Array) -> Array:
-        """(3,) the way in which world i's object and the gripper behind it are farthest from all else."""
+        """(3,) the direction in which world i's object, and the gripper behind it, are farthest from other objects."""
         state, angles = self._env.state, np.arange(WAYS) * 2 * np.pi / WAYS
         ways = np.stack((np.cos(angles), np.sin(angles), np.zeros(WAYS)), axis=1)
         starts = thing - (self._apart + FREE) * ways

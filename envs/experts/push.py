@@ -18,16 +18,16 @@ CLEAR = 0.02  # metres further away, at which it may go up
 FAR = 0.06  # metres behind where it touches the object, within which it goes on pushing
 SINK = 0.02  # metres that it goes down in a control step
 STEER = 0.4  # share of the lateral error that each step corrects
-STEP = 0.012  # metres that it pushes in a control step: faster, and the object slides on
-THERE = 0.025  # metres from its target at which an object is left alone
-FINE = 0.042  # ... where it would take another try
+STEP = 0.012  # metres that it pushes in a control step; if faster, the object slides on
+THERE = 0.025  # metres from its target within which an object is left alone
+FINE = 0.042  # ... if it would take another try to push it nearer
 # How high above the table a gripper pushes, metres: jaco's fingers spread wider than an object, and pass over it.
 HEIGHTS = {"jaco": 0.043}
 HEIGHT = 0.025
 
 
 class Pusher(Expert):
-    """Goes round behind an object in the air, and pushes it."""
+    """Moves through the air to a place behind an object, and pushes it."""
 
     def __init__(self, env: WorkspaceEnv) -> None:
         super().__init__(env)
@@ -36,7 +36,7 @@ class Pusher(Expert):
         self._apart = env.config.task.object_size / 2 + TOOL  # metres between the centres as they touch
 
     def _push(self, thing: Array, way: Array, step: float = STEP) -> Array:
-        """Where the gripper goes (N, 3) to push the object along the way, a unit vector (N, 3), by so many metres."""
+        """Where the gripper goes (N, 3) to push the object `step` metres along `way`, a unit vector (N, 3)."""
         pushing, aside = self._pushing(thing, way)
         onward = self._env.gripper - STEER * aside + step * way
         onward[:, 2] = self._height

@@ -14,14 +14,14 @@ from envs.tasks.geometry import length, tops_on_the_way
 from envs.tasks.rearrange import Rearrange
 from envs.workspace_env import WorkspaceEnv
 
-LEAST = 0.04  # metres above the table at which it travels at least, and what it holds
-RETREAT = 0.03  # metres that it goes up beyond that from what it has left
+LEAST = 0.04  # least height above the table, metres, at which the gripper and its load travel
+RETREAT = 0.03  # metres that it rises beyond that from a released object
 CLEARANCE = 0.012  # metres over the tops of the stacks on the way
 SAG = 0.005  # metres below that height at which it still travels
 PRESS = 0.005  # metres that a magnet goes below contact
 TOUCH = 0.012  # metres from contact within which the gripper closes
 NEAR = 0.03  # metres above its end from which the gripper goes down gently
-# Metres that the gripper moves in a control step: over all stacks, between them, and gently. Faster, a panda or an
+# Metres that the gripper moves in a control step: over all stacks, between them, and gently. If faster, a panda or an
 # xarm7 leaves the vertical by 6 to 14 mm.
 FAST, BETWEEN, GENTLY = 0.03, 0.012, 0.008
 
@@ -33,8 +33,8 @@ class Precision:
     Attributes:
         over, still_over: beside a place that count as over it, at first and on the way down.
         release: along each axis from its place within which an object is released.
-        there: from its place within which what is not held counts as put down.
-        lift: over the height at which it passes all stacks, at which it goes sideways; it rises towards twice as much.
+        there: from its place within which an object that is not held counts as put down.
+        lift: above the height that clears all stacks, where it moves sideways; it rises towards twice as much.
     """
 
     over: float = 0.003
@@ -44,8 +44,8 @@ class Precision:
     lift: float = 0.0
 
 
-# As lenient as the board allows, for imitation: a policy that misses the expert's move by a tenth goes on to the next
-# phase all the same. With the narrow margins, clones hovered 3 to 5 mm beside objects and below the height of travel.
+# As lenient as the board allows, for imitation: a policy that misses the expert's move by a tenth still goes on to the
+# next phase. With the narrow margins, clones hovered 3 to 5 mm beside objects and below the height of travel.
 LENIENT = Precision(over=0.006, still_over=0.01, release=0.007, there=0.01, lift=0.01)
 
 
@@ -61,9 +61,9 @@ class Carrier:
         self._ceiling = env.config.workspace.gripper_box[-1]
 
     def act(self, things: Slots, places: Array, release: NDArray[np.bool_] | bool = True) -> Tensor:
-        """The action (N, A) that brings things (N,), slots, to places (N, 3), metres.
+        """The action (N, A) that brings the objects in slots `things` (N,) to `places` (N, 3), metres.
 
-        release: (N,) whether it is left there. What is not released is held there, in the air.
+        release: (N,) whether the object is released there; otherwise the gripper holds it there, in the air.
         """
         env = self._env
         thing, held = env.state.objects[self._rows, things], env.state.held == things
@@ -97,7 +97,7 @@ class Carrier:
         return choose_rows(over, down, choose_rows(high, sideways, up))
 
     def _within(self, goal: Array, step: NDArray[np.float64]) -> Array:
-        """(N, 3) on the way to goal (N, 3), step (N,) metres from the gripper at most."""
+        """(N, 3) points on the way to `goal` (N, 3), at most `step` (N,) metres from the gripper."""
         move = goal - self._env.gripper
         return self._env.gripper + move * np.minimum(1.0, step / np.maximum(length(move), 1e-9))[:, None]
 
@@ -106,7 +106,7 @@ class Carrier:
         return np.column_stack((places[:, :2], height))
 
     def _heights(self, aim: Array, things: Slots, held: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """(N,) height of the stacks on the way to aim, and of the gripper that passes over them with what it holds."""
+        """(N,) height of the stacks on the way to `aim`, and (N,) of a gripper that passes over them with its load."""
         state = self._env.state
         others = state.movable.copy()
         others[self._rows, things] = False

@@ -13,13 +13,13 @@ from envs.experts.place import CARRY, GRASP, Fetch
 from envs.experts.registry import register_expert
 
 ANGLE = math.radians(70)  # to which it turns the gripper
-GENTLY = 0.012  # metres that it goes up or down in a control step beside what it does not hold, or is to put down
-ENOUGH = math.radians(60)  # from which on it puts down what it holds
+GENTLY = 0.012  # metres that it moves up or down in a control step beside an object that it does not hold, or puts down
+ENOUGH = math.radians(60)  # from which on it puts the object down
 
 
 @register_expert("pick_and_rotate")
 class RotateExpert(Fetch):
-    """Grips with the gripper as it points at rest, so that the gripper's yaw tells how far the object is turned."""
+    """Grips with the gripper's yaw at rest, so that the yaw then equals the rotation of the object."""
 
     def act(self, referent: Slots, target: Slots) -> Tensor:
         env, thing = self._env, self._place(referent)
@@ -38,6 +38,6 @@ class RotateExpert(Fetch):
         """Where the gripper goes (N, 3) with the object that it holds, and whether it keeps it (N,)."""
         place = self._env.gripper
         place[:, 2] += np.where(turned, np.maximum(rest - thing[:, 2], -GENTLY), rest + CARRY - thing[:, 2])
-        # It can have slipped upwards in the fingers, which then come down to the table first.
+        # The object may have slipped upwards in the fingers, which then come down to the table first.
         low = np.minimum(thing[:, 2], self._env.gripper[:, 2] - self._env.below) < rest + GRASP / 2
         return place, ~(turned & low)

@@ -9,7 +9,7 @@ from envs.experts.base import UP, Array, Slots
 from envs.experts.place import PlaceExpert
 from envs.experts.registry import register_expert
 
-SINK = 0.02  # metres that it goes down in a control step with the object: faster, arms under joint control go astray
+SINK = 0.02  # metres that it goes down in a control step with the object; if faster, joint control leaves the path
 
 
 @register_expert("nl_stack")

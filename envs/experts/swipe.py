@@ -24,6 +24,6 @@ class SwipeExpert(Fetch):
         there = ~held & (left < THERE)
         fetch, close = self._fetch(thing)
         onward = self._env.gripper + (goal - thing) * np.minimum(1.0, STEP / np.maximum(left, 1e-9))[:, None]
-        onward[:, 2] = self._env.gripper[:, 2] + (goal - thing)[:, 2]  # a gripper that closed too low does not lift
+        onward[:, 2] = self._env.gripper[:, 2] + (goal - thing)[:, 2]  # a gripper that closed too low must not lift
         place = choose_rows(there, self._env.gripper + HOVER * UP, choose_rows(held, onward, fetch))
         return self._env.towards(place, np.where(held, left > GRASP, close) & ~there)

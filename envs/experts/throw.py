@@ -16,7 +16,7 @@ from envs.tasks.throw import LANDED, SHORT
 from envs.workspace_env import WorkspaceEnv
 
 AT = 0.02  # metres from the start of the run within which the run begins
-RUN_UP_STEP = 0.012  # further metres of run-up of each further try: the same run-up would fall short again
+RUN_UP_STEP = 0.012  # metres by which each further try lengthens the run-up: the same one would fall short again
 FOLLOW = 3  # control steps after the release at the same speed: slower fingers would be in the way
 MARGIN = 0.005  # metres beyond the required distance at the release
 WINDOW = 1.2  # control steps' worth of distance within which it releases, so that no step skips the place
@@ -66,7 +66,7 @@ class ThrowExpert(Fetch):
         return self._env.towards(place, np.where(held, ~self._letting_go, close & ~follow & ~landed))
 
     def _note(self, thing: Array, goal: Array, way: Array, held: NDArray[np.bool_]) -> None:
-        """Whether it runs, and lets go."""
+        """Updates which grippers are in their run-up, and which have released."""
         left, pace = ((goal - thing) * way).sum(1), ((thing - self._last) * way).sum(1)
         start = self._start(goal, way)
         self._running = held & ((self._running & (left > SHORT)) | (length(start - thing) < AT))
@@ -85,7 +85,7 @@ class ThrowExpert(Fetch):
         return start
 
     def _carry(self, thing: Array, goal: Array, way: Array) -> Array:
-        """Where the object goes (N, 3) that is held: up, to where the run begins, and on."""
+        """Where the held object goes (N, 3): up, to the start of the run-up, and on."""
         start = self._start(goal, way)
         up, run = thing.copy(), start.copy()
         up[:, 2] = self._style.height

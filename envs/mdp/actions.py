@@ -11,7 +11,7 @@ from torch import Tensor
 class NotFiniteError(ValueError):
     """A step was given an action that is not finite.
 
-    frame: (N,), what the step was given. A training run that this error ends saves it.
+    frame: (N,), the input of the step. A training run that this error ends saves it.
     """
 
     def __init__(self, frame: TensorDictBase) -> None:
@@ -28,7 +28,7 @@ def read_action(frame: TensorDictBase) -> NDArray[np.float64]:
 
 
 def _not_finite(frame: TensorDictBase) -> str:
-    """What is not finite: an observation, from which the action was computed, or else the action."""
+    """The name of the value that is not finite: an observation if there is one, otherwise the action."""
     for key, value in frame.items():
         if key != "action" and isinstance(value, Tensor) and value.is_floating_point() and not value.isfinite().all():
             return f"the observation {key}"

@@ -30,7 +30,7 @@ class Control(ABC):
 
     Args:
         config, chain: the control's config, and the arm.
-        speed: (J,) greatest motion of each joint, radians a control step.
+        speed: (J,) greatest motion of each joint, radians per control step.
         box: (2, 3) lowest and highest corner of the gripper box, metres.
         guarded: never send the gripper below the box, even with joint angles as actions.
         turns: the gripper can be turned about the vertical.
@@ -52,7 +52,7 @@ class Control(ABC):
     @property
     @abstractmethod
     def unit(self) -> Array:
-        """(size,) how far an action may be from `hold` to be reached within one control step."""
+        """(size,) the greatest difference from `hold` that the arm carries out within one control step."""
 
     @abstractmethod
     def hold(self, angles: Array, gripper: Array) -> Array:
@@ -63,7 +63,16 @@ class Control(ABC):
         return float(np.linalg.norm(position - np.clip(position, *self.box)))
 
     def targets(self, action: Array, commanded: Array, measured: Array) -> Array:
-        """(N, J) the joint angles to command. action: (N, size). commanded, measured: (N, J) joint angles."""
+        """The joint angles to command.
+
+        Args:
+            action: (N, size) in [-1, 1].
+            commanded: (N, J) angles last commanded, radians.
+            measured: (N, J) angles, radians.
+
+        Returns:
+            (N, J) radians, within the limits of speeds and joints.
+        """
         start = np.clip(commanded, measured - MAX_LEAD, measured + MAX_LEAD)
         delta = self._limit_speed(self._delta(action, start))
         return np.clip(start + delta, self._chain.low, self._chain.high)
@@ -135,9 +144,9 @@ class StepControl(Control):
 
 
 class AbsoluteControl(Control):
-    """Each action is a position in the gripper box, approached by up to max_move a control step, pointing down.
+    """Each action is a position in the gripper box, approached by up to max_move per control step, pointing down.
 
-    The yaw is from -MAX_YAW to MAX_YAW, approached by up to MAX_YAW_STEP a control step.
+    The yaw is from -MAX_YAW to MAX_YAW, approached by up to MAX_YAW_STEP per control step.
     """
 
     @property
@@ -192,7 +201,7 @@ class JointControl(Control):
         return delta * self._fraction_above_floor(start, delta) if self._guarded else delta
 
     def _fraction_above_floor(self, start: Array, delta: Array) -> Array:
-        """(N, 1) the part of its motion, in [0, 1], that the gripper can make before it is below the box."""
+        """(N, 1) the share of the motion, in [0, 1], after which the gripper would be below the box."""
         floor = self.box[0, 2]
         here, there = (self._chain.forward(joints).position[:, 2] for joints in (start, start + delta))
         down = np.maximum(here - there, 1e-9)

@@ -124,7 +124,7 @@ class Gestures:
     def measures(
         self, positions: NDArray[np.float64], shown: NDArray[np.bool_], referent: NDArray[np.int64]
     ) -> NDArray:
-        """(N, 3) how hard the gesture is to interpret, since the finger last moved; 0 where no gesture is shown.
+        """(N, 3) how hard the gesture is to interpret, as of the finger's last motion; 0 where none is shown.
 
         The columns: radians from the ray to the referent, radians between the referent and the object nearest to it,
         both seen from the fingertip, and metres from the fingertip to the referent.

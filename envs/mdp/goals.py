@@ -1,4 +1,4 @@
-"""What an episode asks for: its referent, target and sentence, as slots, tokens and bytes."""
+"""Goals of episodes: referent, target and sentence, as slots, tokens and bytes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from language import LanguageError, Tokenizer
 class Goal:
     """The goal of one world's episode.
 
-    referent, target: slots; without a target, that of the referent. sentence: as a person says it.
+    referent, target: slots; without a target, `target` is the referent's. sentence: as a person says it.
     policy_sentence: as the policy reads it. kind: index into the task's kind_names.
     """
 
@@ -51,7 +51,7 @@ def tokens(episode: EpisodeSpec, tokenizer: Tokenizer) -> NDArray[np.int64]:
 
 
 def sentence_bytes(tokenizer: Tokenizer) -> int:
-    """Room for every sentence of known words that the tokenizer takes, with a space and a mark after each word."""
+    """Bytes that the longest sentence of known words needs, with a space and a mark after each word."""
     return tokenizer.length * (max(len(word.encode()) for word in tokenizer.vocabulary) + 2)
 
 

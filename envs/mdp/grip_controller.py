@@ -1,7 +1,7 @@
-"""The command of every world's gripper, and what each holds.
+"""The command of every world's gripper, and the object that each holds.
 
 The last number of an action closes the gripper above 0 and opens it below. There is no hysteresis: with a band about 0,
-or a bias towards what is held, only exploration noise ever released, and the mean action never let go.
+or a bias towards the present state, only exploration noise released objects, and the mean action never did.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class GripController:
         kind: "magnet" or "fingers"; None: nothing is gripped, and the fingers stay apart or closed.
         robot: whose fingers they are.
         object_size: metres.
-        worlds, state: of which `state` holds the arrays.
-        lag: physics steps after its command that a gripper releases.
+        worlds, state: the worlds and the arrays of their state.
+        lag: physics steps from the command to open until the gripper releases.
         apart: where nothing is gripped, whether the fingers stay apart. An object that is only reached fits between
             them; closed fingers push it away.
     """
@@ -84,7 +84,11 @@ class GripController:
     def begin(self, i: int, slot: int, shown: NDArray[np.bool_], centre: NDArray[np.float64]) -> None:
         """Begin an episode of world i that holds the object of this slot, or NOTHING.
 
-        shown: (K,) the slots that it shows. centre: (3,) where the gripper is, metres.
+        Args:
+            i: the world.
+            slot: of the held object, or NOTHING.
+            shown: (K,) which slots the episode shows.
+            centre: (3,) position of the gripper, metres.
         """
         self.closed[i], self.held[i] = slot != NOTHING, slot
         self._opening[i] = 0.0 if slot != NOTHING else self._max_opening
@@ -92,7 +96,7 @@ class GripController:
             self._worlds[i].attach(int(shown[:slot].sum()), centre.tolist())
 
     def update_grasps(self) -> None:
-        """After a control step: closed grippers take hold of what they touch; `held` is what they hold then."""
+        """After a control step: closed grippers take hold of what they touch, and `held` is updated."""
         state = self._state
         offset = state.objects - state.gripper[:, None]
         near = state.movable & ((offset * offset).sum(-1) < MAX_DISTANCE**2)

@@ -1,4 +1,4 @@
-"""Joint angles at which episodes begin: about the rest pose, or with the gripper where the curriculum wants it."""
+"""Joint angles at which episodes begin: about the rest pose, or with the gripper where the curriculum puts it."""
 
 from __future__ import annotations
 

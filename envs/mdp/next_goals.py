@@ -17,7 +17,7 @@ from envs.tasks import NOTHING, Task
 def next_goals(
     arrays: WorldState, task: Task, success: NDArray[np.bool_], generators: Sequence[Generator]
 ) -> Iterator[tuple[int, Goal]]:
-    """The worlds whose episodes go on after this control step, each with its next goal. Their clocks start again.
+    """The worlds whose episodes go on after this control step, each with its next goal. Their steps count from 0.
 
     success: (N,). generators: of each world.
     """

@@ -1,9 +1,9 @@
-"""The rows of the observation `objects`: one for each slot, with what is known of the object in it.
+"""The rows of the observation `objects`: one for each slot, with the attributes of the object in it.
 
 The columns in their order:
 
 1. position (m) and quaternion (x, y, z, w);
-2. RGBA (A of a target: 0.5), shape one-hot, size (m) and role (1: target), which no episode changes;
+2. RGBA (A of a target: 0.5), shape one-hot, size (m) and role (1: target), constant during an episode;
 3. where the task moves objects: the offset from the gripper, clipped at `NEAR`, and again at `CLOSE`;
 4. the task's own `columns`.
 """
@@ -21,7 +21,7 @@ from language import COLORS, DEVICES, NOUNS, SEE_THROUGH, SHAPES, Scene, color_n
 Array = NDArray[np.float64]
 NEAR, CLOSE = 0.2, 0.04  # metres at which offsets are clipped: grasping needs the finer scale
 OBJECT_WIDTH = 3 + 4 + 4 + len(SHAPES) + 1 + 1
-ATTRIBUTES = slice(7, OBJECT_WIDTH)  # what no episode changes: colour, shape, size, role
+ATTRIBUTES = slice(7, OBJECT_WIDTH)  # constant during an episode: colour, shape, size, role
 OFFSET = slice(OBJECT_WIDTH, OBJECT_WIDTH + 6)  # the offsets from the gripper, if any
 COLUMNS = slice(OFFSET.stop, None)  # the task's own columns, if any
 FACING = slice(OFFSET.stop, OFFSET.stop + 2)  # of devices: where they face
@@ -34,7 +34,12 @@ _ONE_HOTS = np.eye(_NONE + 1, _NONE)
 
 
 def row_bounds(task: Task, low: Array, high: Array) -> tuple[list, list]:
-    """The least and greatest values of a row, in parts to concatenate. low, high: (3,) of positions, metres."""
+    """The least and greatest values of a row, in parts to concatenate.
+
+    Args:
+        task: of the rows.
+        low, high: (3,) bounds of positions, metres.
+    """
     rest = OBJECT_WIDTH - 7 - 2
     least: list = [low, -np.ones(4), np.zeros(rest), [0.0, 0.0]]
     greatest: list = [high, np.ones(4), np.ones(rest), [MAX_SIZE, 1.0]]
@@ -46,7 +51,7 @@ def row_bounds(task: Task, low: Array, high: Array) -> tuple[list, list]:
 
 
 def attributes(scene: Scene) -> Array:
-    """(K, OBJECT_WIDTH - 7) the part of each object's row that no episode changes."""
+    """(K, OBJECT_WIDTH - 7) the part of each object's row that is constant during an episode."""
     shape, device = _SHAPE[scene.nouns], _DEVICE[scene.nouns]
     kinds = _ONE_HOTS[shape if (device == _NONE).any() else device]
     colors = color_table()[scene.colors]
@@ -64,7 +69,10 @@ def static_rows(scene: Scene, yaw: Array | None) -> Array:
 def nouns_of_rows(rows: NDArray, devices: bool = False, fixtures: Sequence[str] = ()) -> NDArray[np.int64]:
     """(K,) indices into `language.NOUNS` of the objects that rows (K, D) describe.
 
-    devices: all of them are devices. fixtures: those that are marked by the first of the task's own columns.
+    Args:
+        rows: (K, D).
+        devices: whether all objects are devices.
+        fixtures: the nouns that the first of the task's own columns mark.
     """
     nouns: tuple[str, ...] = DEVICES if devices else SHAPES
     kinds = rows[:, 11 : 11 + len(nouns)]

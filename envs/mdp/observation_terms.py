@@ -1,4 +1,4 @@
-"""What one observation is: its spec, how it is computed, and who may see it."""
+"""The declaration of one observation: its spec, its computation, and who may see it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from language import Tokenizer
 
 @dataclass(frozen=True)
 class Setup:
-    """What specs depend on. action_width: how many numbers an action has."""
+    """The settings on which specs depend. action_width: how many numbers an action has."""
 
     workspace: WorkspaceConfig
     robot: RobotConfig
@@ -38,7 +38,7 @@ class Setup:
 
 @dataclass(frozen=True)
 class GoalSource:
-    """What observations that depend on the goal are computed from: N episodes as the task sees them."""
+    """The inputs of observations that depend on the goal: N episodes as the task sees them."""
 
     task: Task
     state: State
@@ -46,7 +46,7 @@ class GoalSource:
 
 @dataclass(frozen=True)
 class Source(GoalSource):
-    """What all other observations are computed from, beside `GoalSource`."""
+    """The inputs of all other observations, beside those of `GoalSource`."""
 
     worlds: WorldState
     grips: GripController
@@ -74,11 +74,11 @@ class ObservationTerm:
 
     Attributes:
         key: "name" or "privileged/name".
-        description: what it holds, with units, for the documentation.
+        description: its content with units, for the documentation.
         spec: of one world.
         compute: gives (N, ...) numbers of N worlds from a `Source`. Floats are clipped to the spec's bounds.
         present: whether a task has it.
-        goal: whether it depends on what the episode asks for. It is then computed from a `GoalSource` alone, and again
+        goal: whether it depends on the goal of the episode. It is then computed from a `GoalSource` alone, and again
             where an episode is relabelled.
         gymnasium: whether the Gymnasium environment shows it.
     """
@@ -98,7 +98,7 @@ class ObservationTerm:
 
 
 class Observer:
-    """Makes specs of observations and tensors that keep to them.
+    """Makes the specs of observations, and tensors that are within them.
 
     terms: those that the task has.
     """
@@ -121,7 +121,7 @@ class Observer:
         return spec
 
     def shape(self, key: str) -> torch.Size:
-        """Of one world."""
+        """The shape of one world's values."""
         return self._specs[key].shape
 
     def bounds(self, key: str) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

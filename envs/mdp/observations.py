@@ -1,4 +1,4 @@
-"""What the environment observes: the only place where an observation is declared.
+"""The observations of the environment. Each is declared here, and nowhere else.
 
 To add one, add an `ObservationTerm` to `OBSERVATIONS`.
 """
@@ -17,7 +17,7 @@ from envs.tasks import State, Task
 
 MAX_TIP_DISTANCE = 3.0  # metres from the origin that a fingertip may be
 NEAR_OFFSET = np.repeat((NEAR, CLOSE), 3)
-OUTCOMES = {  # what a control step gave, (N, 1) bool each
+OUTCOMES = {  # results of a control step, (N, 1) bool each
     "success": "whether the episode ended in success at this step",
     "wrong_object": "whether it ended so because of another object",
     "wrong_target": "whether it ended so because of another target",
@@ -27,7 +27,7 @@ REWARD_TERMS = "(T,): the weighted reward terms, by `reward_names`; their sum is
 
 
 def observation_spec(observer: Observer, num_worlds: int, task: Task) -> Composite:
-    """The spec of what an environment of N worlds returns beside rewards and the ends of episodes."""
+    """The spec of all observations and outcomes of N worlds, without rewards and ends of episodes."""
     spec = observer.spec(num_worlds)
     for name in OUTCOMES:
         spec[name] = Binary(1, shape=(num_worlds, 1), dtype=torch.bool)
@@ -36,7 +36,7 @@ def observation_spec(observer: Observer, num_worlds: int, task: Task) -> Composi
 
 
 def descriptions() -> dict[str, str]:
-    """What each key holds, for the documentation."""
+    """The content of each key, for the documentation."""
     return {term.key: term.description for term in OBSERVATIONS} | OUTCOMES | {"reward_terms": REWARD_TERMS}
 
 
@@ -153,7 +153,7 @@ OBSERVATIONS = (
         "(K, D), a row for each slot: position (m), quaternion (x, y, z, w), RGBA (A of a target: 0.5), shape one-hot "
         "(of devices: their kind, and the pose of their handle), size (m), role (1: target). Where the task moves "
         f"objects: the offset from the gripper clipped at {NEAR} m, again clipped at {CLOSE} m (grasping and releasing "
-        "are matters of a centimetre), and the task's own columns. Of a slot that is not shown: 0",
+        "need centimetre accuracy), and the task's own columns. 0 for a slot that is not shown",
         spec=_objects_spec,
         compute=_objects,
         gymnasium=True,

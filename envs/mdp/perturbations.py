@@ -12,12 +12,12 @@ from envs.tasks import EpisodeSpec, TaskConfig
 
 
 class Perturbations:
-    """Of N worlds with K slots. What an episode's noise is follows from its seed, not from the other worlds.
+    """Noise and delay of N worlds with K slots. An episode's noise follows from its seed, not from other worlds.
 
     Args:
         config: of the task.
         worlds: N.
-        unit: (A,) what each number of the arm's action moves in a control step; an action may have further numbers.
+        unit: (A,) the action unit of each number of the arm's action; an action may have further numbers.
     """
 
     def __init__(self, config: TaskConfig, worlds: int, unit: Array) -> None:
@@ -31,7 +31,7 @@ class Perturbations:
         self._latest = randomize.delay[1] + 1
 
     def begin(self, world: int, episode: EpisodeSpec) -> None:
-        """Begin an episode with what it drew."""
+        """Begin an episode with the values that it drew."""
         drawn = episode.randomized
         self._delay[world] = 0 if drawn is None else drawn.delay
         rng = np.random.default_rng(0 if drawn is None else drawn.noise)

@@ -29,7 +29,7 @@ from envs.tasks import NOTHING, EpisodeSpec, State, Task
 from language import LanguageError, Placed, Tokenizer
 
 STATE_FIELDS = [field.name for field in fields(State)]
-FIELDS_WITHOUT_MOVING = STATE_FIELDS[:4]  # those that tasks have that move nothing
+FIELDS_WITHOUT_MOVING = STATE_FIELDS[:4]  # the fields of tasks that move nothing
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Relabeller:
         self._gripper = slice(2 * joints, 2 * joints + 3)  # the gripper centre's columns in `robot`
 
     def __call__(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:
-        """The episodes, (T,) each with all that is observed, that achieved another goal, up to where they end then."""
+        """The episodes that achieved another goal, relabelled: (T,) each, all observations, cut where they now end."""
         if self._task.points:
             return []  # the finger points at the recorded goal
         rng = np.random.default_rng(seed)
@@ -72,7 +72,7 @@ class Relabeller:
         return [frames for batch in batches for frames in self._evaluate(batch)]
 
     def _relabel(self, frames: TensorDictBase, rng: Generator) -> RelabelledEpisode | None:
-        """The episode with the goal that it achieved, if that is another one and words can say it."""
+        """The episode with the goal that it achieved; None if that is no other one, or no sentence names it."""
         rows = np.concatenate((frames["objects"][:1].numpy(), frames["next", "objects"].numpy()))
         states = self._states(frames, rows)
         shown = np.flatnonzero(states.shown[0])
@@ -109,7 +109,7 @@ class Relabeller:
         goals = shown & ((rows[..., OBJECT_WIDTH - 1] > 0.5) != self._task.real_goals)
         quaternions, nouns = rows[..., 3:7].astype(float), np.zeros(shown.shape, np.int64)
         known = places, shown, referent, target, movable, goals, quaternions, held, nouns, np.zeros_like(referent)
-        return State(gripper, *known, yaw=np.zeros(shown.shape))  # no task that is relabelled reads how things were put
+        return State(gripper, *known, yaw=np.zeros(shown.shape))  # no relabelled task reads the yaw of placed objects
 
     @staticmethod
     def _history(frames: TensorDictBase, *key: str) -> Any:
@@ -138,7 +138,7 @@ class Relabeller:
         return TensorDict(observed | {"columns": torch.from_numpy(columns)}, [self._num_episodes])
 
     def _side_by_side(self, episodes: Sequence[State], span: int) -> list[State]:
-        """For each step, the episodes as worlds. Those that are over stay as they are; the first fills empty places."""
+        """For each step, the episodes as worlds. Ended ones keep their last state; the first fills unused worlds."""
         episodes = [*episodes, *[episodes[0]] * (self._num_episodes - len(episodes))]
         steps = [np.minimum(np.arange(span + 1), len(states.gripper) - 1) for states in episodes]
         names = STATE_FIELDS if self._task.moves else FIELDS_WITHOUT_MOVING
@@ -164,7 +164,7 @@ class Relabeller:
         return frames
 
     def _observations(self, relabelled: RelabelledEpisode, observed: TensorDictBase, count: int) -> TensorDictBase:
-        """(count,) all observations that may differ from what was recorded."""
+        """(count,) all observations that may differ from the recorded ones."""
         episode, observed = relabelled.episode, observed[:count].clone()
         words = torch.from_numpy(tokens(episode, self._tokenizer).copy())
         sentence = torch.from_numpy(in_bytes(episode.sentence, self._observer.shape("privileged/sentence")[0]).copy())
@@ -176,12 +176,12 @@ class Relabeller:
 
 
 def _one_step_later(outcomes: TensorDictBase) -> TensorDictBase:
-    """(T,) the outcomes as the observation before each step has them: none at first."""
+    """(T,) the outcomes as the observation before each step shows them: all false at first."""
     return torch.cat((torch.zeros_like(outcomes[:1]), outcomes[:-1]))
 
 
 def _select_slots(states: State, slots: NDArray[np.int64]) -> State:
-    """The states with these slots alone, numbered anew."""
+    """The states with these slots alone, renumbered from 0."""
     selected: dict[str, Any] = {"objects": states.objects[:, slots], "shown": states.shown[:, slots]}
     selected["referent"] = np.searchsorted(slots, states.referent)
     if len(states.held):

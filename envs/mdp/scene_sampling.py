@@ -16,12 +16,12 @@ from envs.sim.devices import facing
 def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> TensorDictBase:
     """Draw episodes and observe what can be observed without a simulator.
 
-    Offsets are seen from grippers that are anywhere in the workspace. The gesture is the finger's own ray, even where
-    episodes show the one that a camera reads.
+    Offsets are relative to random gripper positions in the workspace. The gesture is the finger's own ray, even where
+    episodes show the ray that a camera reads.
 
     Args:
         setup, observer: of the environment whose shapes and bounds the observations have.
-        count: how many.
+        count: number of scenes.
         seed: of all randomness.
 
     Returns:

@@ -1,4 +1,4 @@
-"""The state of N worlds as arrays: what their episodes ask for, where objects are, how the arms stand."""
+"""The state of N worlds as arrays: the goals of their episodes, the poses of objects, the states of the arms."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from language import Tokenizer
 class WorldState:
     """N worlds of K slots, with an arm of J joints and F fingers; metres, radians.
 
-    state: what tasks see; its positions and quaternions are views of `rows`. rows: (N, K, OBJECT_WIDTH), the rows of
+    state: as tasks see it; its positions and quaternions are views of `rows`. rows: (N, K, OBJECT_WIDTH), the rows of
     the observation `objects`, but for slots that are not shown. joints: (N, J + F, 2) angle and speed, fingers last.
     commanded, angles: (N, J) joint angles last commanded and measured. pose: of the grippers. slots: for each world,
     the slots of its objects in their order. goals: of each world; `set_goal` writes it, and also
@@ -55,7 +55,15 @@ class WorldState:
         self.said = np.ones(count, np.int64)
 
     def begin(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64], joints: Array, opening: float) -> None:
-        """Begin an episode in world i. slots: (K,) of its objects. joints (J,), opening: how the arm begins."""
+        """Begin an episode in world i.
+
+        Args:
+            i: the world.
+            episode: to begin.
+            slots: (K,) of its objects.
+            joints: (J,) angles of the arm, radians.
+            opening: of each finger, metres.
+        """
         self._show(i, episode, slots)
         self.set_goal(i, Goal.of(episode, slots))
         self.steps[i], self.said[i] = 0, 1
@@ -78,7 +86,7 @@ class WorldState:
         )
 
     def _show(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64]) -> None:
-        """Write what does not change in the episode: which slots are shown, and what each object is."""
+        """Write the values that are constant during the episode: the shown slots, and the attributes of objects."""
         scene, state = episode.scene, self.state
         self.slots[i] = slots
         self.rows[i] = 0.0
@@ -108,7 +116,7 @@ class WorldState:
         measured = []
         for world, target in zip(self._worlds, targets.tolist(), strict=True):
             world.advance(target)
-            measured.append(_measure(world))  # now: once other worlds have stepped, its memory is out of the cache
+            measured.append(_measure(world))  # at once: after other worlds have stepped, its memory is out of the cache
         self._write(self.index, measured)
 
     def read(self, worlds: NDArray[np.int64]) -> None:
@@ -116,7 +124,7 @@ class WorldState:
         self._write(worlds, [_measure(self._worlds[i]) for i in worlds.tolist()])
 
     def _write(self, worlds: NDArray[np.int64], measured: Sequence[tuple[list[float], list[float]]]) -> None:
-        """Write what `_measure` gave of these worlds to the arrays."""
+        """Write the results of `_measure` for these worlds to the arrays."""
         self.joints[worlds] = np.reshape([joints for joints, _ in measured], (len(worlds), *self.joints.shape[1:]))
         shown = np.zeros_like(self.state.shown)
         shown[worlds] = self.state.shown[worlds]

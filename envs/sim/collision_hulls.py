@@ -77,7 +77,7 @@ def _vertices(body: int, link: int, shape: int, client: int) -> list[list[float]
 
 
 def obj(vertices: list[list[float]]) -> str:
-    """The points as an OBJ file. Bullet takes the hull of what faces name, so each point is in one."""
+    """The points as an OBJ file. Bullet takes the hull of the points of faces, so each point is in a face."""
     count = len(vertices)
     rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices]
     faces = [f"f {i + 1} {(i + 1) % count + 1} {(i + 2) % count + 1}" for i in range(0, count, 3)]

@@ -97,7 +97,12 @@ class DeviceBodies:
     ) -> None:
         """Place devices on the table.
 
-        places: of their handles, metres. colors: RGBA. shares: of their joints' ranges; None: they are at their start.
+        Args:
+            nouns: one for each device.
+            places: of their handles, metres.
+            yaw: radians.
+            colors: RGBA.
+            shares: of their joints' ranges; None: they are at their start.
         """
         unused = {
             noun: [body for body, of in zip(self.bodies, self._nouns, strict=True) if of == noun] for noun in nouns

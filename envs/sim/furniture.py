@@ -23,7 +23,7 @@ class Furniture:
     """Furniture is made once, around the robot; only the fittings move. visuals: load visual shapes.
 
     Bullet solves joints in an order that depends on which bodies it takes to be near each other. It notices some steps
-    late that bodies have parted. How late depends on the past, and the same seed would give other bits. So a fitting is
+    late that bodies have parted. How late depends on the past, so the same seed would give other bits. So a fitting is
     always solved together with the robot, and never sleeps, and between episodes all are apart for `parting` steps.
     """
 

@@ -31,8 +31,8 @@ class GripperConfig(Checked):
     """Forces in N: `pull`, with which a magnet holds on, and `force`, with which each finger closes.
 
     name: own is the robot's first gripper, rod a magnet at the end of a rod. rod: radius and length of that in metres.
-    gap: metres over the tops of what stands on the table below which a magnet never goes, so that it pushes nothing
-    aside; it takes hold of what is up to twice as far from its face. With 0 it presses on what it takes.
+    gap: metres that a magnet stays above the tops of objects on the table, so that it pushes nothing aside; it attaches
+    objects up to twice as far from its face. With 0 it presses on them.
     """
 
     name: str = one_of("own", "magnet", "fingers", "rod")
@@ -69,7 +69,7 @@ class GripperConfig(Checked):
 
 
 class Holdable(NamedTuple):
-    """What a gripper can hold: a loose body, or the handle on a link of a fitting, which swivels under a magnet.
+    """A thing that grippers hold: a loose body, or the handle on a link of a fitting, which swivels under a magnet.
 
     pose: gives its (position, quaternion), metres.
     """
@@ -80,7 +80,7 @@ class Holdable(NamedTuple):
 
 
 class Gripper(ABC):
-    """What the robot in this client grips with. held: what it holds, or None."""
+    """The gripper of the robot in this client. held: the object that it holds, or None."""
 
     def __init__(self, config: GripperConfig, robot: Robot, client: int) -> None:
         self._config, self._robot, self._client = config, robot, client
@@ -88,22 +88,24 @@ class Gripper(ABC):
 
     @abstractmethod
     def release(self) -> None:
-        """Let go of what is held."""
+        """Release the held object."""
 
     @abstractmethod
     def update(self, things: Sequence[Holdable], centre: Point) -> None:
-        """After a control step with the gripper closed: hold what is touched, and lose what slipped.
+        """After a control step with the gripper closed: hold what is touched, and release what has slipped.
 
-        things: those near enough to be gripped. centre: the gripper's, metres.
+        Args:
+            things: those near enough to be gripped.
+            centre: the gripper's, metres.
         """
 
     @abstractmethod
     def attach(self, thing: Holdable, centre: Point) -> None:
-        """Hold this, which stands in its place at the gripper. centre: the gripper's, metres."""
+        """Hold an object that is already at the gripper. centre: the gripper's, metres."""
 
 
 class Magnet(Gripper):
-    """A fixed constraint, made when a closed magnet touches something. What is held back too hard comes off."""
+    """A fixed constraint, made when the closed magnet touches an object. It is removed if the object is pulled hard."""
 
     def __init__(self, config: GripperConfig, robot: Robot, client: int) -> None:
         super().__init__(config, robot, client)
@@ -112,7 +114,7 @@ class Magnet(Gripper):
         bullet.changeDynamics(robot.body, robot.hand, **face, physicsClientId=client)
         self._reach = max(CONTACT_DISTANCE, 2 * config.gap)  # metres from its face within which it takes hold
         self._constraint = -1
-        self._place = np.zeros(3)  # of what is held in the frame of the hand, as it was attached
+        self._place = np.zeros(3)  # of the held object in the hand's frame, when it was attached
 
     def release(self) -> None:
         if self.held is not None:
@@ -151,8 +153,10 @@ class Magnet(Gripper):
         self._set_collision(thing, False)
 
     def _set_collision(self, thing: Holdable, enabled: bool) -> None:
-        """Whether something collides with the hand. What is held does not: the constraint keeps it in place, in half
-        the time."""
+        """Turn collisions between an object and the hand on or off.
+
+        They are off for a held object: the constraint keeps it in place, in half the time.
+        """
         ends = (self._robot.body, thing.body, self._robot.hand, thing.link)
         bullet.setCollisionFilterPair(*ends, int(enabled), self._client)
 
@@ -163,7 +167,7 @@ class Magnet(Gripper):
         )
 
     def _contacts(self, thing: Holdable) -> Sequence[tuple[Any, ...]]:
-        """Bullet's contacts with something, and with a gap where it is nearest to the hand."""
+        """Bullet's contacts with an object and, with a gap, the point where it is nearest to the hand."""
         bodies = self._robot.body, thing.body
         if not self._config.gap:
             return tuple(bullet.getContactPoints(*bodies, physicsClientId=self._client))
@@ -176,17 +180,17 @@ class Magnet(Gripper):
         return bullet.multiplyTransforms(*bullet.invertTransform(*hand), *thing.pose())
 
     def _slip(self, thing: Holdable) -> float:
-        """Metres from where what is held was when it was attached."""
+        """Metres that the held object has moved in the hand since it was attached."""
         return _distance(self._pose_in_hand(thing)[0], self._place)
 
 
 class Fingers(Gripper):
-    """Two fingers that close with a limited force. They hold what both of them touch."""
+    """Two fingers that close with a limited force. They hold an object that both of them touch."""
 
     def __init__(self, config: GripperConfig, robot: Robot, client: int) -> None:
         super().__init__(config, robot, client)
         robot.limit_fingers(config.force)
-        # A gear couples both fingers: else what they hold would slide from side to side with them.
+        # A gear couples both fingers: otherwise a held object would slide from side to side with them.
         gear = bullet.createConstraint(
             robot.body,
             robot.fingers[0],

@@ -112,8 +112,8 @@ class Kinematics:
     ) -> Array:
         """One damped least-squares step (N, J) from joints (N, J) towards position (N, 3) and rotation (..., 3, 3).
 
-        The gripper moves at most max_move metres; what the task leaves free is drawn to the rest pose. seen: what
-        `jacobian` gives for these joints, where it is known already.
+        The gripper moves at most max_move metres. Motion in the null space leads to the rest pose. seen: the result of
+        `jacobian` for these joints, if it is known already.
         Source: Buss, "Introduction to inverse kinematics with Jacobian transpose, pseudoinverse and damped least
         squares methods", 2004.
         """
@@ -125,7 +125,7 @@ class Kinematics:
         if self._position_first:
             limits = np.stack((self.low, self.high))
             delta = prioritized_step(joints, jacobian, move, turn, limits, damping)
-            # Once more from there: such an arm is short, and the Jacobian good for less than a control step.
+            # A second step from there: such an arm is short, and the Jacobian is valid for less than a control step.
             near, jacobian = self.jacobian(joints + delta)
             move, turn = move + pose.position - near.position, _turn(near.rotation, rotation)
             return delta + prioritized_step(joints + delta, jacobian, move, turn, limits, damping)
@@ -143,7 +143,7 @@ class Kinematics:
         return moved
 
     def solve(self, joints: Array, position: Array, rotation: Array, iterations: int = 30) -> Array:
-        """Joints (N, J) that bring the gripper to position (N, 3) and rotation (..., 3, 3), from `joints` on."""
+        """Joints (N, J) that bring the gripper to position (N, 3) and rotation (..., 3, 3), starting from `joints`."""
         for _ in range(iterations):
             step = self.step(joints, position, rotation, max_move=0.2)
             joints = np.clip(joints + step, self.low, self.high)

@@ -41,7 +41,7 @@ def _writable() -> set[Span]:
 
 
 def _added(before: set[Span], after: set[Span]) -> Iterator[Span]:
-    """What is in `after` alone. The kernel joins neighbouring spans, so that a new one can contain old ones."""
+    """The addresses only in `after`. The kernel joins neighbouring spans, so that a new one can contain old ones."""
     gone = sorted(before - after)
     for start, end in sorted(after - before):
         for low, high in gone:

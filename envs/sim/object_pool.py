@@ -30,7 +30,7 @@ DYNAMIC_FILTER, STATIC_FILTER = (1, -1), (2, -3)  # Bullet's own collision group
 
 
 class Mobility(IntEnum):
-    """What an object does when something runs into it."""
+    """How an object reacts when something runs into it."""
 
     FREE = 0  # it is pushed
     FIXED = 1  # it stays where it is
@@ -80,7 +80,7 @@ class ObjectPool:
             for mobility, count in zip(Mobility, spec.counts, strict=True)
         ]
         self.dynamics = USUAL
-        self._dynamics: dict[int, tuple[float, float]] = {}  # in force, if ever other than `USUAL`
+        self._dynamics: dict[int, tuple[float, float]] = {}  # present factors, unless always `USUAL`
         self.bodies = self.shown = [body for pool in self._pool for bodies in pool for body in bodies]
         self._free: list[int] = []
         self._resting_height = spec.size / 2 + RESTING_GAP
@@ -96,8 +96,11 @@ class ObjectPool:
     ) -> None:
         """Place one body of the pool for each object. An object above the table falls; others sleep until touched.
 
-        nouns, mobilities: indices into the pool. positions: (K, 3) metres. yaw: (K,) radians. resting: (K,) what rests
-        on others, and sleeps although it is above the table; None: nothing.
+        Args:
+            nouns, mobilities: (K,) indices into the pool.
+            positions: (K, 3) metres.
+            yaw: (K,) radians.
+            resting: (K,) which objects rest on others, and sleep although they are above the table; None: none.
         """
         unused = [[list(reversed(bodies)) for bodies in pool] for pool in self._pool]
         self.shown = [unused[mobility][noun].pop() for mobility, noun in zip(mobilities, nouns, strict=True)]
@@ -113,7 +116,7 @@ class ObjectPool:
                 self._wake(body)
 
     def wake(self) -> None:
-        """Wake what is shown and moves. Bullet wakes nothing that sleeps on a link as a joint moves it."""
+        """Wake the shown bodies that can move. Bullet does not wake a body on a link when the link moves."""
         for body in self._free:
             self._wake(body)
 

@@ -19,7 +19,7 @@ STRENGTH = 8.0  # N that hold it up; more pushes it down
 RETURN_GAIN = 0.1  # part of the way back that it takes in a physics step
 MASS = 0.05  # kg
 FRICTION = 0.8  # lateral
-DRAWN = (0.07, 0.05, 0.012)  # metres: what is drawn of it, inside the hand of the person
+DRAWN = (0.07, 0.05, 0.012)  # metres: the drawn box, inside the hand of the person
 PARKED = (0.0, 0.0, -18.0)  # metres: where it is while no episode shows it
 Pose = tuple[tuple[float, ...], tuple[float, ...]]
 

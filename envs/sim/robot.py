@@ -1,4 +1,4 @@
-"""A robot: what its YAML declares, and the loaded arm in one PyBullet client."""
+"""A robot: the fields of its YAML, and the loaded arm in one PyBullet client."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class RobotConfig(Checked):
     """One arm. Names are the URDF's own; lengths in metres, angles in radians."""
 
     name: str
-    package: str = one_of("pybullet_data", "example_robot_data", "file")  # where `urdf` is looked for
+    package: str = one_of("pybullet_data", "example_robot_data", "file")  # where `urdf` is searched
     urdf: str
     base: list[float] = within(-1, 1, count=3)  # where the URDF's origin stands in the workspace frame
     joints: list[str]  # the arm's revolute joints, from the base on
@@ -35,7 +35,7 @@ class RobotConfig(Checked):
     tip: str  # the link that carries the gripper
     tip_offset: list[float] = within(-1, 1, count=3)  # gripper centre in that link's frame
     approach: list[float] = within(-1, 1, count=3)  # unit vector: where the gripper points, in that link's frame
-    grippers: list[str] = one_of("magnet", "fingers")  # what it may grip with; the first is its own
+    grippers: list[str] = one_of("magnet", "fingers")  # its possible grippers; the first is its own
     magnet: list[float] = within(
         0.001, 0.5
     )  # radius and length of the cylinder that ends at the gripper centre, if any

@@ -20,9 +20,9 @@ NAMES = tuple(NOUNS)
 
 
 class ShownObjects:
-    """Objects go by their number among those that are shown, whatever their kind.
+    """Objects are identified by their number among those that are shown, whatever their kind.
 
-    holdable: what a gripper can hold of each of them.
+    holdable: for each of them, the body or handle that a gripper can hold.
 
     Args:
         pool, devices, furniture: whose bodies are shown.
@@ -58,7 +58,7 @@ class ShownObjects:
         resting: Sequence[bool] | None = None,
         shares: Sequence[float] | None = None,
     ) -> None:
-        """Place what the next episode shows; the arguments are those of `World.reset`."""
+        """Place the objects of the next episode. The arguments are those of `World.reset`."""
         rests = [False] * len(nouns) if resting is None else resting
         loose, devices, fittings, palms = kinds = _by_kind(nouns)
         places, turns, paints = _chosen(devices, positions, yaw, colors)

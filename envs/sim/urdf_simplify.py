@@ -49,7 +49,7 @@ def simplified(urdf: Path, joints: tuple[str, ...]) -> Path:
 
 
 def resolved(mesh: str, urdf: Path) -> str:
-    """The mesh's absolute path, looked for beside the URDF and above it, as Bullet does; else as it is."""
+    """The mesh's absolute path, searched beside the URDF and above it, as Bullet does; unchanged if there is none."""
     name = mesh.removeprefix("package://")
     return next((str(folder / name) for folder in urdf.resolve().parents if (folder / name).is_file()), mesh)
 

@@ -16,7 +16,7 @@ from human.suppress_stdout import suppress_stdout
 
 WIDTH, HEIGHT = 960, 720  # pixels
 BACKGROUND = "--background_color_red=0.93 --background_color_green=0.94 --background_color_blue=0.96"
-ZOOM = 0.9  # part of the camera's distance: nearer, so that small objects can be told apart
+ZOOM = 0.9  # part of the camera's distance: nearer, so that small objects can be distinguished
 DISABLED = (  # PyBullet's panels and its own keys: "w" would draw wireframes
     bullet.COV_ENABLE_GUI,
     bullet.COV_ENABLE_KEYBOARD_SHORTCUTS,

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from conf.schema import Checked, ConfigError, one_of, within
 from human import Camera, HumanConfig
 
-PLATE, DRAWN = 0.002, 0.0003  # metres: thickness of what is drawn of a board, and how far it is above the table
+PLATE, DRAWN = 0.002, 0.0003  # metres: thickness of the drawn parts of a board, and their height above the table
 HANDLE = "handle"  # the part of a fitting by which a gripper holds it
 AROUND = 0.02  # metres between objects and the end of a robot's reach, so that the gripper gets around them
 
@@ -77,7 +77,7 @@ class Fitting(Checked):
         return self.low + np.asarray(share, np.float64) * (self.high - self.low)
 
     def share(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(...) by which share a fitting is open whose handle is at places (..., 3), metres."""
+        """(...) the share by which a fitting is open, given the positions (..., 3) of its handle, metres."""
         if self.joint == "slide":
             value = (places - self.parts[HANDLE].position) @ self.axis
         else:
@@ -103,7 +103,7 @@ class Fitting(Checked):
 
     @cached_property
     def _turning(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """The middle of the handle's circle, and the vectors from there to the handle that its sine and cosine have.
+        """The centre of the handle's circle, and the vectors that the joint value's sine and cosine multiply.
 
         (3,) metres each. Source: Rodrigues' rotation formula.
         """
@@ -135,7 +135,7 @@ class BoardConfig(Checked):
         return [x, round(x + self.columns * self.cell, 6), y, round(y + self.rows * self.cell, 6)]
 
     def cells(self) -> list[Box]:
-        """What is drawn: a light plate, and each dark cell on it."""
+        """The drawn parts: a light plate, and each dark cell on it."""
         x0, x1, y0, y1 = self.area
         plate = Box(
             size=[x1 - x0, y1 - y0, PLATE],
@@ -175,7 +175,7 @@ class WorkspaceConfig(Checked):
             _check_box("device_area", self.device_area, 4)
 
     def within_reach(self, reach: Sequence[float]) -> WorkspaceConfig:
-        """The workspace with object_area and gripper_box cut to what a robot reaches: (x0, x1, y0, y1, z0, z1).
+        """The workspace with object_area and gripper_box cut to a robot's reach: (x0, x1, y0, y1, z0, z1).
 
         Raises ConfigError where nothing is left.
         """
@@ -191,7 +191,7 @@ class WorkspaceConfig(Checked):
 
 
 def _common(box: Sequence[float], other: Sequence[float]) -> list[float]:
-    """What two boxes have in common, in as many dimensions as the first has."""
+    """The intersection of two boxes, in the dimensions of the first one."""
     pairs = enumerate(zip(box, other, strict=False))
     return [min(pair) if i % 2 else max(pair) for i, pair in pairs]
 

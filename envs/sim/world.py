@@ -50,17 +50,17 @@ class PhysicsConfig(Checked):
 class World:
     """Joint angles in radians, finger positions and places in metres, in the workspace frame.
 
-    client: PyBullet's client. robot: the loaded arm. pool: the objects. person: who stands there, if anybody. palm: the
-    open hand that they hold out, if they do.
+    client: PyBullet's client. robot: the loaded arm. pool: the objects. person: the person in the workspace, or None.
+    palm: the open hand that the person holds out, or None.
 
     Args:
-        robot, workspace, physics: what to build.
+        robot, workspace, physics: configuration of the world.
         objects: the bodies of the object pool.
         visuals: load visual shapes, for `render`. A world without them takes half the memory.
         window: where the world is shown. The world closes it.
-        gripper: what the robot grips with; None: it cannot grip.
+        gripper: the gripper of the robot; None: it cannot grip.
         devices: those that an episode shows at most.
-        holds: whether the gripper holds what it grips; else it is only a body.
+        holds: whether the gripper can hold objects; otherwise it is only a body.
         offers: whether the person holds out an open hand.
 
     Raises:
@@ -139,7 +139,7 @@ class World:
     def _make_person(self) -> PointingArm | None:
         """Nothing touches the person, so a world without visuals needs no body for them.
 
-        The body is made after all that moves: else the order of moving bodies, and with it the bits, would depend on
+        The body is made after all moving ones: otherwise the order of moving bodies, and so the bits, would depend on
         whether the world is drawn.
         """
         human = self._workspace.human
@@ -169,7 +169,7 @@ class World:
                 table falls.
             yaw: (K,) radians.
             colors: (K, 4) RGBA.
-            resting: (K,) what rests on other objects and does not fall; None: nothing.
+            resting: (K,) which objects rest on others and do not fall; None: none.
             shares: (K,) in [0, 1], of the ranges of fittings and devices; None: they are shut, and at their start.
         """
         self._draw(False)
@@ -186,7 +186,7 @@ class World:
         self._draw(True)
 
     def _settle(self) -> None:
-        """Park what is shown and step until Bullet has it asleep.
+        """Park the shown objects, and step until they sleep in Bullet.
 
         A body that the last episode touched would otherwise be simulated for some steps more, and the same
         seed would give other bits than on a fresh world.
@@ -202,18 +202,18 @@ class World:
             self.palm.reset()
 
     def _draw(self, enabled: bool) -> None:
-        """Let the window, if any, draw what happens from now on."""
+        """Switch drawing in the window on or off, if there is one."""
         if self._window is not None:
             self._window.show(enabled)
 
     def show_finger(self, shown: bool) -> None:
-        """Show or hide the cone along the person's finger, which tells where they point."""
+        """Show or hide the cone along the person's finger, which shows where they point."""
         if isinstance(self.person, Body) and self.person.cone is not None:
             body, link = self.person.body, self.person.cone
             self._renderer.set_see_through(body, link, CONE if shown else None)
             paint(body, CONE if shown else INVISIBLE, self.client, link)
 
-    # ---- gripping: objects go by their number among those that are shown
+    # ---- gripping: objects are given by their number among those that are shown
 
     def attach(self, number: int, centre: Sequence[float]) -> None:
         """Let the gripper hold this object from the start of an episode. centre: the gripper's, metres."""
@@ -221,7 +221,7 @@ class World:
         self._gripper.attach(self._shown.holdable[number], centre)
 
     def update_grasp(self, near: Sequence[int], centre: Sequence[float]) -> None:
-        """Once a control step: let the closed gripper hold what it touches, or lose what slipped.
+        """Once per control step: let the closed gripper hold what it touches, or release what has slipped.
 
         near: numbers of the objects that are near enough to be held. centre: the gripper's, metres.
         """
@@ -230,7 +230,7 @@ class World:
         self._gripper.update([self._shown.holdable[number] for number in near], centre)
         held = self._gripper.held
         if held is not None and held is not before and held.link != BASE:
-            self.pool.wake()  # what lies in the drawer goes with it
+            self.pool.wake()  # objects in the drawer move with it
 
     @property
     def held(self) -> int | None:
@@ -240,7 +240,7 @@ class World:
         return self._shown.holdable.index(self._gripper.held)
 
     def release(self, after: int = 0) -> None:
-        """Release what is held: now, or `after` physics steps into the next control step."""
+        """Release the held object: now, or `after` physics steps into the next control step."""
         self._release_after = after
         if self._gripper is not None and not after:
             self._gripper.release()
@@ -263,7 +263,7 @@ class World:
         self.release()
 
     def step_physics(self, steps: int = 1) -> None:
-        """So many physics steps, and the person's posture after each."""
+        """Take this number of physics steps, and update the person's posture after each."""
         if World._contact_breaking_in_force != self._contact_breaking:
             self._enforce_contact_breaking()
         while steps and self.person is not None and self.person.moving:
@@ -277,7 +277,7 @@ class World:
         value = World._contact_breaking_in_force = self._contact_breaking
         bullet.setPhysicsEngineParameter(contactBreakingThreshold=value, physicsClientId=self.client)
 
-    # ---- what is where
+    # ---- state
 
     def object_poses(self) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
         """(position, quaternion) of each object that is shown; of a device or a fitting, that of its handle."""

@@ -1,4 +1,4 @@
-"""The tasks: what an episode asks for, its reward terms, and when it ends.
+"""The tasks: goals of episodes, reward terms, and ends of episodes.
 
 `TASKS` maps the `name` of each conf/task/*.yaml to its class. Every module of this package is imported here, so that a
 new file registers its task without an edit elsewhere.

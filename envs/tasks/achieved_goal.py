@@ -24,7 +24,7 @@ def find_achieved_goal(
 ) -> AchievedGoal | None:
     """The object that was moved first, and a target where it came to rest; None if that is the original goal.
 
-    A target that stands there already is kept; else a random one is moved there, at its own height, since no episode
+    A target that stands there already is kept; otherwise a random one is moved there, at its own height: no episode
     has a target in the air.
 
     Args:
@@ -52,7 +52,7 @@ def find_achieved_goal(
 
 
 def first_moved(moments: State, moved: float) -> int | None:
-    """The movable object that was first more than `moved` metres from where it began; None where none was."""
+    """The movable object that was first more than `moved` metres from where it began; None if none was."""
     gone = _gone(moments, moved)
     movable = np.flatnonzero(moments.movable[0] & gone.any(0))
     return int(movable[gone[:, movable].argmax(0).argmin()]) if len(movable) else None

@@ -33,7 +33,7 @@ STACK_RADIUS = 0.02  # metres from the place on top of the base, as in conf/task
 class Anything(RoomScenes):
     """Each episode draws a verb among those that are feasible in its room, and then its referent and target.
 
-    Success and the ends of episodes are those of the task that is said: `members` has one for each verb. Reward terms
+    The task of the episode's verb decides about success and failure: `members` has one task for each verb. Reward terms
     of all members have the same weights. Scenes are drawn so that several verbs are feasible.
 
     kind_names: the verbs.
@@ -47,7 +47,7 @@ class Anything(RoomScenes):
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
     ) -> None:
         super().__init__(config, object_area, num_worlds, person)
-        self._verbs = [verb for verb in self.verbs if verb in config.verbs] or list(self.verbs)  # that are said
+        self._verbs = [verb for verb in self.verbs if verb in config.verbs] or list(self.verbs)  # that instructions use
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
@@ -56,7 +56,7 @@ class Anything(RoomScenes):
         self.members = [self._member(verb, worlds) for verb in self.verbs]
 
     def _member(self, verb: str, worlds: int) -> Task:
-        """The task of a verb, as far as it evaluates steps: it draws nothing."""
+        """The task of a verb. It only evaluates steps, and draws nothing."""
         name, config = f"nl_{verb}", self.config
         kind = ReachNext if verb == "reach" else TASKS[name]
         targets = config.num_targets if verb == "pick_and_place" else 0
@@ -82,7 +82,7 @@ class Anything(RoomScenes):
         for member in self.members:
             member.furnish(fittings)
 
-    # ---- judging
+    # ---- evaluating
 
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
         """Begins new episodes in these worlds, or continues with another instruction."""
@@ -92,7 +92,7 @@ class Anything(RoomScenes):
             member.reset(worlds, state)
 
     def step(self, state: State) -> Outcome:
-        """Evaluates one control step of all worlds, each by the member whose verb is said there."""
+        """Evaluates one control step of all worlds, each by the member of its verb."""
         outcomes = [member.step(state) for member in self.members]
         never = np.zeros(len(self._rows))
 
@@ -113,12 +113,12 @@ class Anything(RoomScenes):
 
     @property
     def memory(self) -> Array:
-        """(N, M) what the members remember."""
+        """(N, M) the memory of the members, for privileged critics."""
         return np.concatenate([member.memory for member in self.members], axis=1)
 
     def travel(self, state: State) -> Array:
         member = self.members[self.verbs.index("press")]
-        assert isinstance(member, OperateAmong)  # any of them tells how far all devices have travelled
+        assert isinstance(member, OperateAmong)  # any of these members gives the travel of all devices
         return member.travel(state)
 
     # ---- drawing
@@ -132,10 +132,16 @@ class Anything(RoomScenes):
         self._sampler.failures[:] = [state.get(verb, 1.0) for verb in self.verbs]
 
     def next_instruction(self, scene: Scene, held: int, rng: Generator, moved: Array | None = None) -> Said | None:
-        """An instruction that is feasible in the scene as it is: first a verb is drawn, and then what it is done to.
+        """An instruction that is feasible in the scene as it is: first a verb is drawn, then its referent and target.
 
-        held: the object that the gripper holds, or NOTHING. moved: as for `room`. None where nothing is feasible that
-        words can name.
+        Args:
+            scene: the objects.
+            held: the object that the gripper holds, or NOTHING.
+            rng: of the draws.
+            moved: as for `room`.
+
+        Returns:
+            The instruction; None if words can name no feasible one.
         """
         feasible = self._sayable(self.room(scene, moved), held)
         if not feasible:
@@ -146,7 +152,7 @@ class Anything(RoomScenes):
         return self._said(scene, chosen[rng.integers(len(chosen))], rng)
 
     def _sayable(self, room: Room, held: int = NOTHING, verb: str | None = None) -> list[Option]:
-        """The feasible instructions, of one verb or of all that are said, whose objects words can name."""
+        """The feasible instructions of one verb, or of all verbs in use, whose objects words can name."""
         verbs = self._verbs if verb is None else (verb,)
         feasible = [each for each in options(room, held) if each.verb in verbs]
         if not feasible:

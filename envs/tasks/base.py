@@ -34,8 +34,8 @@ class Task(ABC):
     """N episodes at once.
 
     verb: the key of `language.VERBS` for its sentences, set by `register_task`.
-    terms: the names of its reward terms, in their order. columns: what is seen of each object besides its row and its
-    offset from the gripper, where the task `moves` any.
+    terms: the names of its reward terms, in their order. columns: further observations of each object, after its row
+    and its offset from the gripper, in tasks that move objects (`moves`).
     """
 
     verb: str
@@ -51,10 +51,10 @@ class Task(ABC):
     real_goals = False  # goals are real objects, not see-through targets
     operates = False  # its objects are devices; their positions are those of their handles
     fixtures: tuple[str, ...] = ()  # nouns of devices or fittings among its objects; its first columns mark them
-    nouns: tuple[str, ...] = SHAPES  # what its objects can be
+    nouns: tuple[str, ...] = SHAPES  # nouns that its objects can have
     shapes: tuple[str, ...] = SHAPES  # the bodies that its worlds have, in the order in which episodes count them
     stacks = False  # objects stand in the cells of a board, on top of each other
-    verbs: tuple[str, ...] = ()  # that the words choose from; none: all sentences have the same one
+    verbs: tuple[str, ...] = ()  # among which the words choose; (): all sentences have the same verb
     continues = False  # after a success there can be another instruction
     marks = False  # the first of its columns marks the referent where no words name it
     stages = 1  # number of stages that `stage` returns
@@ -103,7 +103,7 @@ class Task(ABC):
 
     @abstractmethod
     def _allocate(self, worlds: int) -> None:
-        """Allocates what is kept of each world from step to step."""
+        """Allocates the memory that each world keeps between steps."""
 
     @abstractmethod
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
@@ -119,7 +119,7 @@ class Task(ABC):
 
     @property
     def memory(self) -> NDArray[np.float64]:
-        """(N, M) in [0, 1]: what success depends on beside the observation; for privileged critics."""
+        """(N, M) in [0, 1]: values that success depends on and the observation lacks; for privileged critics."""
         return np.zeros((len(self._rows), 0))
 
     def seen(self, state: State) -> NDArray[np.float64]:
@@ -142,7 +142,7 @@ class Task(ABC):
     def next_instruction(
         self, scene: Scene, held: int, rng: Generator, moved: NDArray[np.float64] | None = None
     ) -> Said | None:
-        """Another instruction after a success, in the scene as it is; None where there is none.
+        """Returns the next instruction after a success, in the scene as it is; None if there is none.
 
         held: the object that the gripper holds, or NOTHING. moved: (K,) of `moved`; None: 0.
         """
@@ -150,19 +150,19 @@ class Task(ABC):
 
     @property
     def draw_state(self) -> dict[str, float]:
-        """What `draw` depends on beside its generator: what happened in the worlds, under a name each."""
+        """The state on which `draw` depends beside its generator: named statistics of earlier outcomes."""
         return {}
 
     def load_draw_state(self, state: Mapping[str, float]) -> None:  # noqa: B027
-        """Draw again as with this `draw_state`; what it lacks is as before anything happened."""
+        """Restores a `draw_state`. Values that it lacks become the initial ones."""
 
     def furnish(self, fittings: Mapping[str, Fitting]) -> None:
         """Takes note of the workspace's fittings, before anything is drawn. Raises ConfigError where one is missing."""
         return None
 
     def prepare(self, workspace: WorkspaceConfig) -> None:
-        """Takes what it needs of the workspace besides fittings, before anything is drawn. Raises ConfigError where
-        that is missing."""
+        """Reads other parts of the workspace than fittings, before anything is drawn. Raises ConfigError where one is
+        missing."""
         return None
 
     def described(self, episode: EpisodeSpec) -> NDArray[np.float64]:
@@ -201,7 +201,7 @@ class Task(ABC):
         return episode if randomized is None else replace(episode, randomized=randomized)
 
     def each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
-        """One scene, and an episode for each of its objects that the words or the finger single out."""
+        """Episodes of one scene: one for each object that the words or the finger single out."""
         return self._retry(lambda: self._each_in_turn(rng))
 
     def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
@@ -209,7 +209,7 @@ class Task(ABC):
         return [self._pointed(self._draw(rng), rng)]
 
     def _retry(self, draw: Callable[[], T]) -> T:
-        """The result of `draw`, repeated until the person can point at what it needs."""
+        """The result of `draw`, repeated until the person can point at its objects."""
         for _ in range(TRIES):
             try:
                 return draw()
@@ -237,7 +237,7 @@ class Task(ABC):
         return episode if other is None else replace(episode, gesture_switch=GestureSwitch(at, *other))
 
     def _say(self, instruction: Instruction, rng: Generator) -> str:
-        """The instruction in our own words, or in drawn ones where the config wants those."""
+        """The standard sentence of the instruction or, with `task.varied`, one in random words."""
         if self._wording is None:
             return say(instruction)
         try:

@@ -14,17 +14,17 @@ from language import NOUNS
 
 BEHIND = 0.035  # metres from a lever's knob to the middle of a gripper that is about to push it
 BESIDE = 0.035  # metres from a wheel's peg to the middle of a gripper that is about to push it
-OVER = 0.5  # share of its way from which a lever is over, and is switched back
+OVER = 0.5  # share of its way from which a lever counts as switched, and is switched back
 OFF_CENTRE = 0.15  # share of its way from which a wheel is turned back: the other way may be too short
 
 
 class Motion(NamedTuple):
     """How devices of one noun move.
 
-    measure: of positions (..., 3), metres, and quaternions (..., 4) of handles, the joint values (...), metres or
-        radians, from any zero.
-    start: of positions (N, 3) and quaternions (N, 4) of handles, of grippers (N, 3), and of how far the devices were
-        moved before the instruction (N,), where a gripper begins to move each device, (N, 3) metres.
+    measure: maps positions (..., 3), metres, and quaternions (..., 4) of handles to joint values (...), metres or
+        radians, with an arbitrary zero.
+    start: returns where a gripper begins to move each device, (N, 3) metres, given the positions (N, 3) and quaternions
+        (N, 4) of handles, the grippers (N, 3), and how far the devices were moved before the instruction (N,).
     """
 
     measure: Callable[[Array, Array], Array]
@@ -36,7 +36,7 @@ def _depth(places: Array, quaternions: Array) -> Array:
 
 
 def _lean(places: Array, quaternions: Array) -> Array:
-    """How far levers lean to where they face."""
+    """(...) radians by which levers lean in the direction that they face."""
     x, y, z, w = np.moveaxis(quaternions, -1, 0)
     return np.arctan2(2 * (y * w - x * z), 1 - 2 * (x * x + y * y))
 
@@ -57,7 +57,7 @@ def _behind(places: Array, quaternions: Array, grippers: Array, before: Array) -
 
 
 def _nearer_side(places: Array, quaternions: Array, grippers: Array, before: Array) -> Array:
-    """The side of the peg that is nearer to the gripper; of a wheel that was turned, that from which it goes back."""
+    """The side of the peg nearer to the gripper; for a turned wheel, the side from which it is turned back."""
     out = facing(quaternions)
     along = BESIDE * np.stack((-out[:, 1], out[:, 0], np.zeros(len(out))), axis=1)
     nearer = length(places + along - grippers) < length(places - along - grippers)
@@ -67,12 +67,12 @@ def _nearer_side(places: Array, quaternions: Array, grippers: Array, before: Arr
 
 
 def lever_way(before: Array) -> Array:
-    """(N,) 1 or -1: which way levers are switched that had been moved by `before` (N,), in shares of their way."""
+    """(N,) 1 or -1: the direction in which to switch levers, given the shares of their way moved before, (N,)."""
     return np.where(before > OVER, -1.0, 1.0)
 
 
 def wheel_way(before: Array) -> Array:
-    """(N,) which way wheels are turned that had been moved by `before` (N,), in shares of their way; 0: either."""
+    """(N,) the direction in which to turn wheels, given the shares of their way moved before, (N,); 0: either."""
     return np.where(np.abs(before) > OFF_CENTRE, -np.sign(before), 0.0)
 
 

@@ -1,4 +1,4 @@
-"""What can be done in a room as it is: the verbs, with their referents and targets, that are feasible."""
+"""The instructions that are feasible in a room as it is: verbs with their referents and targets."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from envs.tasks.types import NOTHING, Array
 from language import HAND, NOUNS, Scene
 
 VERBS = ("reach", "grasp", "lift", "pick_and_place", "stack", "unstack", "open", "close", "put_in", "take_out")
-DEVICE_VERBS = {"press": "button", "switch": "lever", "turn": "wheel"}  # what is done to devices, and to which
-HANDING = "hand_over"  # what is done with the open hand of a person
-CARRY = ("pick_and_place", "stack", "put_in", HANDING)  # what can be done with an object that is held already
+DEVICE_VERBS = {"press": "button", "switch": "lever", "turn": "wheel"}  # the verbs of devices, each with its noun
+HANDING = "hand_over"  # the verb of the open hand of a person
+CARRY = ("pick_and_place", "stack", "put_in", HANDING)  # verbs for an object that is held already
 AJAR, WIDE = 0.2, 0.8  # shares up to which a fitting can be opened, and from which it can be closed
 THROUGH = 0.9  # share from which it is open wide enough to put something in and take it out
 EDGE = 0.06  # metres beyond the area of the objects up to which the arm takes objects
@@ -27,7 +27,7 @@ UNDER = 0.5  # widths between the middles of two objects of which one stands on 
 
 
 class Option(NamedTuple):
-    """A feasible instruction. target: None where the verb has none."""
+    """A feasible instruction. target: None if the verb has none."""
 
     verb: str
     referent: int
@@ -38,12 +38,12 @@ class Room:
     """A scene with the state that decides what is feasible in it: K objects, in the order of the scene.
 
     Attributes:
-        loose: (K,) what can be carried. fits: (K,) what is a fitting. shares: (K,) by which it is open.
+        loose: (K,) which objects can be carried. fits: (K,) which are fittings. shares: (K,) how far those are open.
         inside: (K, K) whether the first of two is loose and in the second, a fitting.
-        upon: (K, K) whether the first of two stands on the second. covered: (K,) what another object stands on.
-        ready: (K,) what can be taken from above: it stands on the table or on another object, and nothing is on it.
-        devices: (K,) what is a device. moved: (K,) how far each is from its start, in shares of its way.
-        hands: (K,) what is the open hand of a person.
+        upon: (K, K) whether the first of two stands on the second. covered: (K,) which have another object on them.
+        ready: (K,) which can be taken from above: on the table or on another object, with nothing on them.
+        devices: (K,) which are devices. moved: (K,) how far each is from its start, in shares of its way.
+        hands: (K,) which are the open hand of a person.
         handed: (K, K) whether the first of two is loose and lies on the second, a hand.
 
     Args:
@@ -89,7 +89,7 @@ class Room:
         return self.scene.targets & ~np.any(self.loose & (apart < BESIDE * self.scene.sizes), axis=1)
 
     def operable(self, verb: str) -> NDArray[np.bool_]:
-        """(K,) the devices that this verb can be said of: a button that is up, a lever at an end, and any wheel."""
+        """(K,) the devices that this verb applies to: a button that is up, a lever at an end, and any wheel."""
         devices = self.scene.nouns == list(NOUNS).index(DEVICE_VERBS[verb])
         if verb == "turn":
             return devices
@@ -104,7 +104,7 @@ class Room:
 def options(room: Room, held: int = NOTHING) -> list[Option]:
     """All feasible instructions. held: the object that the gripper holds, or NOTHING.
 
-    While it holds a loose object, only what can be done with that one is feasible. The handle of a fitting is let go.
+    While it holds a loose object, only instructions about that one are feasible. The handle of a fitting is let go.
     """
     if held != NOTHING and room.loose[held]:
         return [each for each in _options(room, _only(held, room)) if each.verb in CARRY]
@@ -116,7 +116,7 @@ def _only(held: int, room: Room) -> NDArray[np.bool_]:
 
 
 def _options(room: Room, taken: NDArray[np.bool_]) -> Iterator[Option]:
-    """taken: (K,) the loose objects that can be taken, or are."""
+    """taken: (K,) the loose objects that can be taken, or are held."""
     shut, wide, through = (room.fits & each for each in (room.shares < AJAR, room.shares > WIDE, room.shares > THROUGH))
     clear, full = not room.blocked(), np.any(room.inside, axis=0)
     bases = room.ready & room.level

@@ -16,8 +16,8 @@ APART = 0.12  # metres between the middle of a free place and all other objects
 BESIDE = 1.3  # widths between two objects that stand apart
 LEVEL = 0.01  # metres above the table up to which an object stands on it
 FREE = 0.3  # metres at which the observed offset to a free place is clipped
-GRID = (4, 9)  # places along x and y that are looked at
-WORST = 10.0  # metres of way for which a place is worth a metre of clearance less
+GRID = (4, 9)  # places along x and y that are considered
+WORST = 10.0  # a metre of missing clearance counts like this many metres of way
 COLUMNS = (
     Column("metres along x to where the table is free for it", -FREE, FREE),
     Column("metres along y to where the table is free for it", -FREE, FREE),
@@ -45,9 +45,14 @@ class FreeTable:
         self._height = size / 2
 
     def nearest(self, objects: Array, shown: NDArray[np.bool_]) -> Array:
-        """(N, K, 3) for each object, a place near it that is free of all others, metres.
+        """For each object, a place near it that is free of all others.
 
-        objects: (N, K, 3), metres. shown: (N, K).
+        Args:
+            objects: (N, K, 3) positions, metres.
+            shown: (N, K) which slots hold an object.
+
+        Returns:
+            (N, K, 3) metres.
         """
         slots = np.arange(objects.shape[1])
         apart = length(self._places[:, None] - objects[:, None, :, :2])  # world, place, object
@@ -59,7 +64,7 @@ class FreeTable:
 
 
 class ToTable(PickAndPlace):
-    """The referent is put down on the table, beside all other objects: anywhere, though the reward has a free place.
+    """The referent is put down anywhere on the table beside all other objects. The reward leads to a free place.
 
     Potentials: those of pick and place, with the nearest place of the table that was free as the episode began, which
     is observed, as the target.
@@ -78,7 +83,7 @@ class ToTable(PickAndPlace):
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         self._free[worlds] = self._table.nearest(state.objects[worlds], state.shown[worlds])
         super()._reset_memory(worlds, state)
-        self._raised[worlds] = (state.held == state.referent)[worlds]  # also what stands there already is lifted
+        self._raised[worlds] = (state.held == state.referent)[worlds]  # also an object on the table is to be lifted
 
     def seen(self, state: State) -> Array:
         return np.concatenate((super().seen(state), (self._free - state.objects)[..., :2]), axis=-1)

@@ -17,8 +17,8 @@ from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
 from human import Person
 from language import COLORS, FITTINGS, NOUNS, Placed, Scene
 
-OPEN, SHUT = 0.85, 0.05  # shares of its range from which, and up to which, a fitting is open or shut
-AJAR = (0.0, 0.04)  # shares by which a fitting is open that is drawn as shut
+OPEN, SHUT = 0.85, 0.05  # shares of its range: from the first on a fitting counts as open, up to the second as shut
+AJAR = (0.0, 0.04)  # range of the share by which a fitting that is drawn as shut is open
 NUMBERS = np.array([list(NOUNS).index(noun) for noun in FITTINGS])
 
 
@@ -61,10 +61,10 @@ class Furnished(MovableObjects):
         free, fixed, targets = super().bodies
         return free - len(FITTINGS), fixed, targets
 
-    # ---- judging
+    # ---- evaluating
 
     def shares(self, nouns: NDArray[np.int64], places: Array) -> Array:
-        """(...) by which share each fitting is open; 0 for other objects. nouns: (...). places: (..., 3), metres."""
+        """(...) the share by which fittings are open; 0 for other objects. nouns: (...). places: (..., 3), metres."""
         shares = np.zeros(nouns.shape)
         for noun, fitting in self.fittings.items():
             which = nouns == noun
@@ -83,9 +83,14 @@ class Furnished(MovableObjects):
         return np.concatenate((nouns[..., None] == NUMBERS, shares), axis=-1)
 
     def rooms(self, nouns: NDArray[np.int64], places: Array) -> Array:
-        """(..., 2, 3) lowest and highest corner of the room in each fitting, metres; of other objects, 0.
+        """The space inside each fitting.
 
-        nouns: (...). places: (..., 3), metres.
+        Args:
+            nouns: (...) numbers of the objects' nouns.
+            places: (..., 3) positions, of fittings those of their handles, metres.
+
+        Returns:
+            (..., 2, 3) lowest and highest corner, metres; 0 for other objects.
         """
         rooms, shares = np.zeros((*nouns.shape, 2, 3)), self.shares(nouns, places)
         for noun, fitting in self.fittings.items():
@@ -108,13 +113,13 @@ class Furnished(MovableObjects):
         return middle
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
-        """None: fittings do not move to where words could say."""
+        """None: no sentence names the place to which a fitting was moved."""
         return None
 
     # ---- drawing
 
     def _draw_shares(self, rng: Generator) -> Array:
-        """(F,) by which share each fitting is open as an episode begins: each is shut or open."""
+        """(F,) the share by which each fitting is open when an episode begins: each is shut or open."""
         low, high = np.where(rng.random((len(FITTINGS), 1)) < self.shut, AJAR, self.wide).T
         return rng.uniform(low, high)
 

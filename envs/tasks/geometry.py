@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from envs.tasks.types import Array, State
 from language import Placed, Scene
 
-CLEAR = 0.08  # metres that other objects are from the straight path of an object over the table
-AIR = 0.15  # metres above the table that a held object begins at most
-EDGE = 0.005  # metres about the border of a target in which an object lies there in part
-WAY = 1.7  # width of a way that must be free, in objects: with what is held, and some room
+CLEAR = 0.08  # least distance of other objects from the straight path of an object over the table, metres
+AIR = 0.15  # greatest height above the table at which a held object begins, metres
+EDGE = 0.005  # metres about the border of a target within which an object counts in part
+WAY = 1.7  # width of the path that must be free, in widths of an object: the held object and a margin
 TRIES = 20  # places drawn at most for a held object
 
 
@@ -47,7 +47,7 @@ def distance_to_segment(places: Array, starts: Array, ends: Array) -> Array:
 
 
 def tops_on_the_way(places: Array, which: NDArray[np.bool_], starts: Array, ends: Array, size: float) -> Array:
-    """(N, M) metres above the table up to the top of what stands on the straight ways to `ends`; 0 where nothing does.
+    """(N, M) height of the tops of objects on the straight paths to `ends`, metres; 0 where there are none.
 
     Args:
         places: (N, K, 3) of objects, metres.
@@ -80,10 +80,20 @@ def share_at_goal(state: State, radius: float) -> Array:
 def lifted(
     scene: Scene, referent: int, target: int | None, area: Sequence[float], size: float, spacing: float, rng: Generator
 ) -> Scene | None:
-    """The scene with the referent in the air away from all other objects; None if no place was found.
+    """The scene with the referent in the air, away from all other objects.
 
     The place lies on a line from a random place above the table to the target.
-    area: x0, x1, y0, y1. size: of objects. All in metres.
+
+    Args:
+        scene: the objects.
+        referent, target: their numbers; target None: there is none.
+        area: x0, x1, y0, y1, metres.
+        size: of objects, metres.
+        spacing: least distance to other objects, metres.
+        rng: of the draws.
+
+    Returns:
+        The scene; None if no place was found.
     """
     others = scene.positions[~scene.targets & (np.arange(len(scene)) != referent)]
     for place in places_in_air(area, size, None if target is None else scene.positions[target], rng):
@@ -95,9 +105,16 @@ def lifted(
 def places_in_air(
     area: Sequence[float], size: float, goal: NDArray[np.float64] | None, rng: Generator
 ) -> NDArray[np.float64]:
-    """(TRIES, 3) random places above the table, each drawn on a line from there to the goal (3,), if there is one.
+    """Random places above the table or, with a goal, on lines from such places to the goal.
 
-    area: x0, x1, y0, y1. size: of objects. All in metres.
+    Args:
+        area: x0, x1, y0, y1, metres.
+        size: of objects, metres.
+        goal: (3,) metres, or None.
+        rng: of the draws.
+
+    Returns:
+        (TRIES, 3) metres.
     """
     x0, x1, y0, y1 = area
     places = rng.uniform([x0, y0, size / 2], [x1, y1, size / 2 + AIR], (TRIES, 3))

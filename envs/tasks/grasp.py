@@ -25,7 +25,7 @@ class Grasp(Manipulation):
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
         self._other = np.zeros(worlds, np.int64)  # control steps that another object has been held
-        self._before = np.full(worlds, NOTHING)  # what was held as the episode began, until it is let go
+        self._before = np.full(worlds, NOTHING)  # the object held at the beginning, until it is released
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         self._other[worlds] = 0

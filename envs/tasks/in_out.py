@@ -15,7 +15,7 @@ from envs.tasks.registry import register_task
 from envs.tasks.types import Array, EpisodeSpec, State
 from language import FITTINGS, Placed, Scene
 
-PUSHED = 0.25  # share by which the fitting that is meant may be opened or closed on the way
+PUSHED = 0.25  # share by which the fitting of the instruction may be opened or closed by accident
 JITTER = 0.012  # metres from the middle of a fitting at which an object in it begins, at most
 
 
@@ -23,19 +23,19 @@ class InOut(Furnished, PickAndPlace):
     """The referent is a loose object, and the target a fitting that is open.
 
     Success: the referent has been picked up and lies where it is to go, released and at rest, for `hold_steps` steps.
-    In or out of the other fitting, it is at the wrong target. The episode fails once the fitting that is meant has been
-    pushed by `PUSHED` of its range.
+    An object that went into, or came out of, the other fitting is at the wrong target. The episode fails once the
+    fitting of the instruction has been pushed by `PUSHED` of its range.
     Potentials: those of pick and place.
     """
 
     potentials = PickAndPlace.potentials
     real_goals = True
     fails = True
-    wide = (0.94, 1.0)  # objects go into and come out of them
+    wide = (0.94, 1.0)  # open far enough for objects to go in and out
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
-        self._opened = np.zeros((worlds, self.config.slots))  # by which share each fitting was open at first
+        self._opened = np.zeros((worlds, self.config.slots))  # the share by which each fitting was open at first
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         self._raised[worlds] = (state.held == state.referent)[worlds]
@@ -103,7 +103,7 @@ class TakeOut(ToTable, InOut):
         return scene.moved(places)
 
     def _movable(self, placed: Placed) -> NDArray[np.bool_]:
-        """(K,) what lies in a fitting."""
+        """(K,) which objects lie in a fitting."""
         return np.any(self._inside(placed.scene.nouns, placed.scene.positions), axis=1)
 
     def _draw(self, rng: Generator) -> EpisodeSpec:

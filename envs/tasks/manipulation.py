@@ -30,7 +30,7 @@ class Manipulation(MovableObjects):
     shaping, Ng et al. 1999), so a cycle of states earns nothing.
     """
 
-    potentials: tuple[str, ...]  # the names of what `_potentials` returns
+    potentials: tuple[str, ...]  # the names of the values of `_potentials`
     fails = False
     disturbed = DISTURBED
     ends: tuple[str, ...] = ("success", "wrong_object", "wrong_target", "time")
@@ -58,10 +58,10 @@ class Manipulation(MovableObjects):
         """(N,) whether the goal is reached; for `hold_steps` consecutive steps, that is success."""
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
-        """Resets what a subclass remembers of these worlds' episodes."""
+        """Resets the memory of a subclass for these worlds."""
 
     def _update_memory(self, state: State) -> None:
-        """Updates what a subclass remembers of all episodes, once a control step, before anything is evaluated."""
+        """Updates the memory of a subclass for all worlds, once per control step, before anything is evaluated."""
 
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
         """Begins new episodes in these worlds, or continues with another referent."""
@@ -74,7 +74,7 @@ class Manipulation(MovableObjects):
             self._values[name][worlds] = values[worlds]
 
     def step(self, state: State) -> Outcome:
-        """Evaluates one control step of all worlds: the memory is updated first, what follows has no side effects."""
+        """Evaluates one control step of all worlds: the memory is updated first, and the rest has no side effects."""
         self._remember(state)
         return self._outcome(state)
 

@@ -26,7 +26,7 @@ class MovableObjects(ReferringTask):
     """The referent is a real object. If the task has goals, one of them is where the referent goes.
 
     A goal is a see-through target or, with `real_goals`, another real object. Without kinds of sentences there are no
-    words: one object, and one target at most. Subclasses say what success is.
+    words: one object, and one target at most. Subclasses define success.
     """
 
     moves = True
@@ -116,7 +116,7 @@ class MovableObjects(ReferringTask):
         return ~placed.scene.targets & ~placed.fixed
 
     def _possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
-        """(K,) what could be the goal."""
+        """(K,) which objects could be the goal."""
         return placed.scene.targets != self.real_goals
 
     def _one_of(self, choices: NDArray[np.bool_], rng: Generator) -> int:

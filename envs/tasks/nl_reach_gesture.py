@@ -1,4 +1,4 @@
-"""NL reach gesture: words that fit two objects, and a finger too inaccurate to tell neighbours apart."""
+"""NL reach gesture: words that fit two objects, and a finger too inaccurate to distinguish neighbours."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class NLReachGesture(ReachGesture):
 
     So the words leave two candidates, the finger one object and its neighbours, and both together a single object. Both
     groups are drawn alike, and the referent is drawn uniformly from the two candidates, or by `visibility` if one is
-    hidden, so nothing else tells it. Objects 0 and 1 of a scene are the candidates.
+    hidden, so nothing else identifies it. Objects 0 and 1 of a scene are the candidates.
     """
 
     kind_names = tuple(SAID)
@@ -74,7 +74,7 @@ class NLReachGesture(ReachGesture):
         return ObjectPhrase(noun, color, determiner=SHOWING[rng.integers(2)])
 
     def _groups(self, said: list[bool], rng: Generator) -> Scene:
-        """A scene whose objects 0 and 1, one in each group, share what is said; nothing else has it."""
+        """A scene whose objects 0 and 1, one in each group, share the words' attributes; no other object does."""
         config = self.config
         count = int(rng.integers(config.min_objects, config.num_objects + 1))
         looks = np.stack((rng.integers(len(SHAPES), size=count), rng.integers(len(COLORS), size=count)), axis=1)

@@ -34,7 +34,7 @@ def scatter(
 def groups(
     rng: Generator, count: int, area: Sequence[float], spacing: float, height: float
 ) -> list[tuple[float, float, float]]:
-    """`count` places in two groups that stand apart: even numbers in one, odd ones in the other; as `scatter` else."""
+    """`count` places in two groups that stand apart: even numbers in one, odd ones in the other; else as `scatter`."""
     x0, x1, y0, y1 = area
     for _ in range(TRIES):
         one, other = rng.uniform([x0, y0], [x1, y1], (2, 2)).tolist()

@@ -26,7 +26,7 @@ class OpenClose(Furnished, Manipulation):
     potentials = ("approach", "grasp", "operate")
 
     def _share(self, state: State) -> Array:
-        """(N,) by which share the referent is open."""
+        """(N,) the share by which the referent is open."""
         each = self._rows, state.referent
         return self.shares(state.nouns[each], state.objects[each])
 
@@ -47,7 +47,7 @@ class OpenClose(Furnished, Manipulation):
         return self._done(state) >= 1.0
 
     def _stays(self, state: State) -> NDArray[np.bool_]:
-        """(N, K) which objects are to stay where they are: what lies in the referent goes with it."""
+        """(N, K) which objects are to stay where they are: objects in the referent move with it."""
         along = self._inside(state.nouns, state.objects)[self._rows, :, state.referent]
         return super()._stays(state) & ~along
 

@@ -48,7 +48,7 @@ class Operate(Manipulation):
             raise ConfigError(f"task.objects must be empty in task.name={config.name}: its devices are drawn")
         super().__init__(config, object_area, num_worlds, person)
 
-    # ---- judging
+    # ---- evaluating
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)

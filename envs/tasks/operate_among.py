@@ -25,7 +25,7 @@ COLUMNS = (*(Column(f"is a {noun}", 0.0, 1.0) for noun in DEVICES), *Operate.col
 
 
 class OperateAmong(Operate):
-    """Two devices of the verb's noun, another device, and loose objects, of which none is meant.
+    """Two devices of the verb's noun, another device, and loose objects, which are never the referent.
 
     `num_objects` counts the devices, too. A loose object that is moved is the wrong object, like another device that
     is operated. The gripper can hold things, although nothing is to be held.
@@ -63,10 +63,10 @@ class OperateAmong(Operate):
     def _other_nouns(self) -> tuple[str, ...]:
         return tuple(noun for noun in DEVICES if noun != self.noun)
 
-    # ---- judging
+    # ---- evaluating
 
     def _of_each_noun(self, nouns: NDArray[np.int64], values: Callable[[str, NDArray[np.bool_]], Array]) -> Array:
-        """(...) values(noun, which) of the devices of each noun, `which` (...) of the objects; 0 for other objects."""
+        """(...) values(noun, which) for the devices of each noun, which `which` (...) marks; 0 for other objects."""
         found = np.zeros(nouns.shape)
         for noun, number in zip(DEVICES, NUMBERS, strict=True):
             which = nouns == number
@@ -132,7 +132,7 @@ class OperateAmong(Operate):
         return ObjectSpec(noun, str(color), [x0, x1, y0, y1, size / 2, size / 2], size)
 
     def _movable(self, placed: Placed) -> NDArray[np.bool_]:
-        """(K,) what the verb can be said of."""
+        """(K,) which objects the verb applies to."""
         return placed.scene.nouns == list(NOUNS).index(self.noun)
 
     def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:

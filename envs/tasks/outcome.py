@@ -1,4 +1,4 @@
-"""What a control step came to, in every world."""
+"""The outcome of a control step in every world: reward terms, success and failures."""
 
 from __future__ import annotations
 
@@ -27,6 +27,6 @@ class Outcome:
 
     @property
     def terminated(self) -> NDArray[np.bool_]:
-        """Whether the instruction has ended, time limits apart."""
+        """(N,) whether the instruction has ended in success or failure; time limits do not count."""
         ends = (self.success, self.wrong_object, self.wrong_target, self.failed)
         return np.any([flags for flags in ends if flags is not None], axis=0)

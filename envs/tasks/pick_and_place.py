@@ -13,7 +13,7 @@ from envs.tasks.types import NOTHING, Array, State
 LIFT = 0.02  # metres above the table at which a held object counts as picked up
 MOUTH = 0.02  # metres: a funnel's radius at its lower end
 ABOVE, OVER_ALL = 0.06, 0.09  # metres: heights of the funnels to the object, and with it over others to its target
-CLEAR = 0.08  # metres over the table up to which lifting is rewarded: what is held there passes over other objects
+CLEAR = 0.08  # metres over the table up to which lifting is rewarded: objects held there pass over others
 
 
 @register_task("pick_and_place", "nl_pick_and_place", verb="pick_and_place")
@@ -59,7 +59,7 @@ class PickAndPlace(Manipulation):
         return length(self._goal(state) - self._referent(state)) <= self.config.radius
 
     def goal_places(self, state: State) -> Array:
-        """(N, 3) where the reward, and the expert, brings the referents, metres."""
+        """(N, 3) the places to which reward and expert bring the referents, metres."""
         return self._goal(state)
 
     def _potentials(self, state: State) -> dict[str, Array]:

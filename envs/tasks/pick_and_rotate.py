@@ -44,7 +44,7 @@ class PickAndRotate(Manipulation):
 
     @property
     def memory(self) -> NDArray[np.float64]:
-        """(N, 3) whether the referent has been picked up, and how it stood: halves of sine and cosine, above 0."""
+        """(N, 3) whether the referent has been picked up, and sine and cosine of its first yaw, scaled to [0, 1]."""
         angle = self._stood
         return np.stack((self._picked, (1 + np.sin(angle)) / 2, (1 + np.cos(angle)) / 2), axis=1)
 

@@ -14,9 +14,9 @@ from language import Placed, Scene
 
 MARGIN = 0.06  # metres from the border of the object area to pushed objects, so that a gripper fits behind them
 BEHIND = 0.02  # metres from an object's side to the centre of a gripper that is about to push it
-NEAR = 0.05  # metres further away that a gripper begins, at most, and above the object's middle
-FASTEST = 0.03  # bound of the observed sliding in metres a control step
-LOST = 0.02  # metres beyond that border from which no gripper can push an object back
+NEAR = 0.05  # greatest further distance, and height over the object's middle, at which a gripper begins, metres
+FASTEST = 0.03  # bound of the observed sliding, metres per control step
+LOST = 0.02  # metres beyond that border at which no gripper can push an object back
 SLACK = 0.04  # further metres that a gripper may be behind: pushed objects slide ahead of it
 # Height in metres of the gripper on its way to behind the object, by its horizontal distance: it must pass above.
 MOUTH, SLOPE, ABOVE = 0.015, 2.0, 0.08
@@ -85,9 +85,9 @@ class Push(Manipulation):
         return np.minimum(self._reached / self.config.hold_steps, 1.0)
 
     def _to_go(self, offset: Array, way: Array) -> Array:
-        """(N,) metres from offsets (N, 3) of the gripper to behind an object that is to go this way, (N, 3).
+        """(N,) metres from a gripper at `offset` (N, 3) to a place behind an object that is to move along `way` (N, 3).
 
-        Beside that place; and in height, where being too low to get there counts as going up and down again.
+        The horizontal distance plus that in height. A gripper that is too low has to go up and down again.
         """
         back = -(offset * way).sum(-1)
         behind = np.clip(back, self._behind(), self._behind() + SLACK)

@@ -22,9 +22,9 @@ def reaching_height(config: TaskConfig, clearance: float) -> float:
 class Reach(Task):
     """One object, no words.
 
-    Success: the referent is the object nearest to the gripper, within `radius`, for `hold_steps` steps running.
-    As long at another object ends the episode as `wrong_object`, so trying all objects in turn does not pay.
-    The environment lets the gripper not below the `reaching_height` of objects on the table, so that it pushes none.
+    Success: the referent is the object nearest to the gripper, within `radius`, for `hold_steps` consecutive steps.
+    The same time at another object ends the episode as `wrong_object`, so trying all objects in turn does not pay.
+    The environment keeps the gripper above the `reaching_height` of objects on the table, so that it pushes none.
     Terms: progress (metres nearer to the referent than a step ago), success, wrong_object and time (1 each step).
     """
 

@@ -14,14 +14,14 @@ from envs.tasks.types import EpisodeSpec, TaskConfig
 from human import Gesture, NothingPointedAt, Person, Unreachable, pointed_object
 from language import Instruction, ObjectPhrase, Placed
 
-SPOTS = ("there", "here", "this", "that")  # words without information beside the finger
+SPOTS = ("there", "here", "this", "that")  # words that carry no information without the finger
 
 
 @register_task("reach_gesture", verb="reach")
 class ReachGesture(Reach):
     """The person points in a random direction over the table; the referent is the object nearest to that line.
 
-    The words ("reach there") do not tell it. Raises ConfigError without a person who points.
+    The words ("reach there") do not identify it. Raises ConfigError without a person who points.
     """
 
     kind_names: tuple[str, ...] = SPOTS

@@ -11,7 +11,7 @@ from envs.tasks.types import NOTHING, Array, State
 
 
 class ReachNext(NLReach):
-    """Reach after another instruction: the object at which the gripper begins is not the wrong one until it left it."""
+    """Reach after another instruction. The object at which the gripper begins counts only after the gripper left it."""
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
@@ -24,7 +24,7 @@ class ReachNext(NLReach):
         self._first[worlds] = np.where(distances.min(1) <= self.config.radius, nearest, NOTHING)
 
     def _distances(self, state: State) -> Array:
-        """With devices, see-through targets do not count: they are never meant, and as near as what stands there."""
+        """With devices, see-through targets do not count: none is a referent, and objects may stand at their places."""
         distances = super()._distances(state)
         return np.where(state.movable, distances, np.inf) if self.config.devices else distances
 

@@ -25,7 +25,7 @@ IN_THE_AIR = 0.25  # share of the targets that are in the air, where no words na
 STRAIGHT_UP = 0.5  # share of those that are over the object itself
 HEIGHTS = (0.1, 0.02)  # metres at which the observed height over what is on the way is clipped: far and near
 OFFSETS = 0.012  # ... and the offset from where the gripper would hold an object
-CLEARANCE = 0.012  # metres between what is carried and the tops of stacks
+CLEARANCE = 0.012  # metres between a carried object and the tops of stacks
 LEAST_HEIGHT = 0.03  # metres above its end at which a way over the board is rewarded, at least
 MOUTH, SLOPE = 0.005, 6.0  # of the funnels: between stacks only straight up and down
 BESIDE = 0.003  # metres beside its object at which an episode begins over it, at most
@@ -36,8 +36,8 @@ LOWERED = 0.4  # share of the episodes with a held object in which it is straigh
 class Rearrange(PickAndPlace):
     """Any object on top of a stack goes to any free place of the board: an empty cell, or the top of another stack.
 
-    A see-through target marks the place. Without words, a column of the objects tells which one is the referent, and
-    some targets are in the air: what is brought there is not released.
+    A see-through target marks the place. Without words, a column of the objects marks the referent, and
+    some targets are in the air: an object is brought there and not released.
     Success: the referent has been held, and lies within half a cell of its target along x and along y, at the same
     level, released (in the air: held) and at rest, for `hold_steps` steps. An episode ends as `wrong_object` once
     another object has moved by half a cell.
@@ -79,7 +79,7 @@ class Rearrange(PickAndPlace):
         offset = state.objects - state.gripper[:, None] + [0.0, 0.0, size / 2]
         return np.concatenate((np.stack(flags, axis=2), offset), axis=2)
 
-    # ---- judging
+    # ---- evaluating
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         super()._reset_memory(worlds, state)
@@ -108,7 +108,7 @@ class Rearrange(PickAndPlace):
         return funnel(self._referent(state) - goal, self._height_above(goal), MOUTH, SLOPE)
 
     def _height_above(self, place: Array) -> Array:
-        """(N,) metres above place (N, 3) at which the gripper and what it holds pass over all stacks."""
+        """(N,) metres above place (N, 3) at which the gripper and its load pass over all stacks."""
         return np.maximum(self._travel - place[:, 2], LEAST_HEIGHT)
 
     # ---- drawing
@@ -149,7 +149,7 @@ class Rearrange(PickAndPlace):
         raise ConfigError(f"task.kinds={list(self.config.kinds)} names no object on top of a stack, and no target")
 
     def _movable(self, placed: Placed) -> NDArray[np.bool_]:
-        """(K,) what is on top of a stack to which no target belongs."""
+        """(K,) which objects are on top of a stack without a target."""
         return super()._movable(placed) & ~above(placed.scene.positions, self.config.object_size).any(1)
 
     def _is_feasible(self, placed: Placed) -> bool:
@@ -202,7 +202,7 @@ class Rearrange(PickAndPlace):
         return with_object_at(scene, referent, place)
 
     def _over_all(self, scene: Scene, referent: int) -> float:
-        """Metres above the table at which the middle of what is carried passes over all others."""
+        """Metres above the table at which the middle of a carried object passes over all others."""
         others = ~scene.targets & (np.arange(len(scene)) != referent)
         top = float(scene.positions[others, 2].max(initial=0.0))
         return top + self.config.object_size + CLEARANCE
@@ -219,7 +219,7 @@ class Rearrange(PickAndPlace):
 def _is_in_the_air(places: Array, solid: NDArray[np.bool_], size: float) -> NDArray[np.bool_]:
     """(N, K) whether no solid object, and not the table, is right below each place (N, K, 3), metres.
 
-    solid: (N, K) what could carry another object. size: of objects, metres.
+    solid: (N, K) which objects could carry another one. size: of objects, metres.
     """
     offset = places[:, :, None] - places[:, None]
     below = (np.abs(offset[..., :2]).max(-1) < size) & (np.abs(offset[..., 2] - size) < size / 2)

@@ -22,7 +22,7 @@ WHOLE_SCENE_SPLITS = ("all", "train", "test_paraphrase")  # splits in which ever
 class ReferringTask(Task):
     """Scenes are drawn until every object can be named; the referent is then drawn uniformly from them.
 
-    So only the words tell the referent. The splits test_composition and test_length name few objects, and draw
+    So only the words identify the referent. The splits test_composition and test_length name few objects, and draw
     uniformly from those.
     """
 
@@ -39,7 +39,7 @@ class ReferringTask(Task):
     def _sentence(
         self, verb: str, scene: Scene, referent: int, target: int | None, rng: Generator
     ) -> tuple[str, Instruction]:
-        """Words for what is to be done with these objects, MAX_WORDS at most, and what they mean."""
+        """A sentence of at most MAX_WORDS for these objects, and its instruction."""
         for _ in range(PHRASES):
             phrase = self._describer.phrase(scene, referent, rng)
             goal = None if target is None else self._describer.phrase(scene, target, rng)

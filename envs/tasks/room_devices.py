@@ -1,4 +1,4 @@
-"""Devices in a room with fittings and loose objects: where they stand, and what is observed of them."""
+"""Devices in a room with fittings and loose objects: their places, and their observations."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from envs.tasks.types import Array, Column
 from language import COLORS, NOUNS, Placed, Scene
 
 ALIKE = 2  # devices of one noun, at most
-JITTER = 0.01  # metres along the row of devices from the middle of a device's part of it
-SIDEWAYS = 0.8  # radians between the way of a lever and the row, at most: arms reach both ends of the way
+JITTER = 0.01  # greatest offset of a device along the row from the middle of its section, metres
+SIDEWAYS = 0.8  # greatest angle between the way of a lever and the row, radians: arms reach both ends of the way
 TURNED = 1.0  # share of its way by which a wheel is turned as an episode begins, at most
 COLUMNS = (*operate_among.COLUMNS, Column("share of its way from its start", -1.0, 1.0))
 
 
 def most_devices(count: int) -> tuple[str, ...]:
-    """The nouns of all devices that scenes with so many devices can show."""
+    """The nouns of all devices that scenes with `count` devices can show."""
     return tuple(noun for noun in DEVICES for _ in range(min(ALIKE, count)))
 
 

@@ -26,7 +26,7 @@ from human import Person
 from language import COLORS, DEVICES, FITTINGS, HAND, Placed, Scene
 
 STORED, STACKED = 0.3, 0.5  # chances that an object lies in each fitting, and that one stands on another
-AT_AN_OBJECT = 0.5  # share of the episodes that the curriculum begins elsewhere, in which that is over another object
+AT_AN_OBJECT = 0.5  # of the episodes that the curriculum begins elsewhere, the share that begins over another object
 ABOVE = 0.12  # metres over an object up to which a gripper begins there
 HIGH = (0.2, 0.4)  # metres over the table between which a gripper begins anywhere
 OVER_DEVICE = 0.04  # metres over a device from which on a gripper begins there
@@ -34,10 +34,10 @@ LEAST_ON_TABLE = 2  # loose objects that stand on the table, at least
 
 
 class RoomScenes(Furnished):
-    """Scenes of a room, what is observed of it, and what decides about what is feasible in it.
+    """Scenes of a room, their observations, and the state that decides what is feasible.
 
     Fittings are open or shut, with an object in them or without, and an object may stand on another one. With
-    `task.devices`, so many devices stand behind the loose objects; the task then has verbs and columns for them, and
+    `task.devices`, that many devices stand behind the loose objects; the task then has verbs and columns for them, and
     with `task.hand` also for the open hand of a person, whose place is drawn anew for each episode.
     """
 
@@ -82,7 +82,7 @@ class RoomScenes(Furnished):
     def device_width(self) -> float:
         return WIDTHS * self.config.object_size
 
-    # ---- judging
+    # ---- evaluating
 
     def _allocate(self, worlds: int) -> None:
         self._free = np.zeros((worlds, self.config.slots, 3))  # where the table is free for each object
@@ -128,7 +128,7 @@ class RoomScenes(Furnished):
     # ---- drawing
 
     def room(self, scene: Scene, moved: Array | None = None) -> Room:
-        """What the scene is like, for what is feasible in it.
+        """The state of the scene that decides what is feasible.
 
         moved: (K,) how far devices are from their start, in shares of their way; None: they are there.
         """
@@ -137,7 +137,7 @@ class RoomScenes(Furnished):
         return Room(scene, self.shares(nouns, places), self._inside(nouns, places), fits, self._area, moved)
 
     def _furnished(self, rng: Generator) -> tuple[Placed, Room]:
-        """A scene, with its devices and the hand, and what it is like."""
+        """A scene with its devices and the hand, and the state that decides what is feasible."""
         placed, count = self._placed(rng), self.config.devices
         if not count:
             return placed, self.room(placed.scene)

@@ -75,10 +75,15 @@ class Stack(PickAndPlace):
 
 
 def stacked_pair(moments: State, tops: Array, radius: float) -> tuple[int, int] | None:
-    """The object and its base where one was put on another in an episode and released; None where none was.
+    """The last object that was put on another one in an episode and released, and its base.
 
-    moments: T + 1 states of one episode. tops: (T + 1, K, 3) the places on top of each object. radius: metres from
-    such a place that count as there. The last such pair counts.
+    Args:
+        moments: the T + 1 states of one episode.
+        tops: (T + 1, K, 3) the places on top of each object, metres.
+        radius: metres from such a place within which an object is on it.
+
+    Returns:
+        (object, base); None if no object was put on another one.
     """
     there = length(moments.objects[:, :, None] - tops[:, None]) <= radius  # (T + 1, object, base)
     there &= moments.movable[:, :, None] & moments.goals[:, None] & (moments.held == NOTHING)[:, None, None]

@@ -77,7 +77,7 @@ class Swipe(Manipulation):
         }
 
     def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
-        """On the table, some of the way done."""
+        """On the table, part of the way to its target."""
         assert target is not None
         way = scene.positions[target] - scene.positions[referent]
         return with_object_at(scene, referent, scene.positions[referent] + 0.9 * rng.random() * way)

@@ -45,7 +45,7 @@ class Throw(Manipulation):
         return self._thrown[:, None].astype(np.float64)
 
     def _held_at(self, state: State) -> Array:
-        """(N, 3) where the referent is held; not a number where it is not."""
+        """(N, 3) where the referent is held; NaN where it is not."""
         return np.where((state.held == state.referent)[:, None], self._referent(state), np.nan)
 
     def _update_memory(self, state: State) -> None:

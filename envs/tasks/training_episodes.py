@@ -1,4 +1,4 @@
-"""What training episodes draw that evaluations never do: a curriculum of beginnings, and domain randomisation."""
+"""Settings that only training episodes use: the curriculum, and domain randomisation."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def _range(low: float, high: float, off: Sequence[float]) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class CurriculumConfig(Checked):
-    """Shares of training episodes that begin nearer to success, and what they practise. Evaluations never use them."""
+    """Shares of training episodes that begin nearer to success, and the draw of verbs. Evaluations never use them."""
 
     near: float = within(0, 1)  # the gripper is just over the object
     held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
     placed: float = within(0, 1)  # the gripper has just let go of the object at its target
-    # Whether verbs that failed lately are said more often, in a task that has several. The draws of a world then
-    # depend on what happened in the other worlds of its process.
+    # Whether verbs that failed recently are drawn more often, in tasks with several. The draws of a world then depend
+    # on the outcomes in the other worlds of its process.
     automatic: bool = False
 
     def __post_init__(self) -> None:
@@ -51,10 +51,10 @@ class RandomizeConfig(Checked):
     If low equals high, every episode has that value. Evaluations are not randomised. By default nothing is.
     """
 
-    start: float = within(0, 1, default=0.0)  # radians that joints begin from the rest pose; 0: task.reset_noise
+    start: float = within(0, 1, default=0.0)  # greatest distance of joints from rest, radians; 0: task.reset_noise
     mass: list[float] = _range(0.01, 100, OFF)  # factor of the objects' mass
     friction: list[float] = _range(0.01, 10, OFF)  # factor of the objects' lateral friction
-    action_noise: float = within(0, 1, default=0.0)  # std of the arm's motion, of what it moves in one control step
+    action_noise: float = within(0, 1, default=0.0)  # std of the arm's motion, as a share of a control step's motion
     observation_noise: float = within(0, 0.1, default=0.0)  # std of the objects' observed positions, metres
     delay: list[int] = _range(0, MOST_STEPS, [0, 0])  # control steps after which an action is carried out
 
@@ -74,7 +74,7 @@ class RandomizeConfig(Checked):
 
 @dataclass(frozen=True)
 class Randomized:
-    """What an episode drew. mass, friction: factors. delay: control steps. noise: seed of its noise."""
+    """The values of one episode. mass, friction: factors. delay: control steps. noise: seed of its noise."""
 
     mass: float
     friction: float
@@ -83,7 +83,7 @@ class Randomized:
 
 
 def draw_randomized(config: RandomizeConfig, rng: Generator) -> Randomized | None:
-    """Draws for one episode; None where it is off. rng stays as it is: scenes do not depend on what is drawn."""
+    """Draws for one episode; None if it is off. `rng` does not advance, so scenes do not depend on the values."""
     if not config.is_on:
         return None
     rng = Generator(rng.bit_generator.jumped())  # type: ignore[attr-defined]

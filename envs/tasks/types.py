@@ -79,7 +79,7 @@ class ObjectsConfig(Checked):
         return len(self.init) + len(self.goal)
 
     def layout(self, size: float) -> Layout | None:
-        """The listed objects, each `size` metres wide, init first; None where none is listed. Raises ConfigError."""
+        """The listed objects, each `size` metres wide, init first; None if none is listed. Raises ConfigError."""
         if not len(self):
             return None
         try:
@@ -130,7 +130,7 @@ class HeldOutConfig(Checked):
 class TaskConfig(Checked):
     """Lengths in metres, angles in radians, steps in control steps.
 
-    Where objects are listed, num_objects and min_objects are as many, whatever was given for them, and num_targets 0.
+    If objects are listed, num_objects and min_objects are their number and num_targets is 0, whatever was given.
     """
 
     name: str
@@ -139,11 +139,11 @@ class TaskConfig(Checked):
     min_objects: int = within(1, STACKED_SLOTS)  # an episode shows this many to num_objects
     num_targets: int = within(0, SLOTS)  # see-through places, beside the objects
     levels: int = within(1, STACKED_SLOTS)  # objects in a stack, at most
-    devices: int = within(0, 3, default=0)  # of the objects, where a task has devices beside fittings
+    devices: int = within(0, 3, default=0)  # number of devices among the objects, in tasks with fittings
     hand: bool = False  # whether one of the objects is the open hand of a person, where a task has devices
-    nouns: list[str] = one_of(*NOUNS)  # what objects are drawn as
+    nouns: list[str] = one_of(*NOUNS)  # nouns of drawn objects
     kinds: list[str] = one_of(*KINDS)  # of sentences; empty: no words
-    viewpoint: str = one_of(*VIEWPOINTS)  # whose left is left
+    viewpoint: str = one_of(*VIEWPOINTS)  # whose left and right are meant
     split: str = one_of(*SPLITS)  # which sentences are drawn
     held_out: HeldOutConfig
     varied: bool  # sentences use every synonym and template, not only the first of each
@@ -156,8 +156,8 @@ class TaskConfig(Checked):
     reset_noise: float = within(0, 1)
     curriculum: CurriculumConfig
     randomize: RandomizeConfig = field(default_factory=RandomizeConfig)  # configs of older versions lack it
-    instructions: int = within(1, 1000, default=1)  # of an episode: after a success the next one is said
-    verbs: list[str] = field(default_factory=list)  # that are said, of those that the task has; empty: all
+    instructions: int = within(1, 1000, default=1)  # per episode: after a success the next one is given
+    verbs: list[str] = field(default_factory=list)  # verbs of the task that instructions use; empty: all
     reward: dict[str, float] = within(-1000, 1000)  # the weight of every reward term of the task, by name
 
     def __post_init__(self) -> None:
@@ -217,28 +217,28 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True)
 class EpisodeSpec:
-    """What one world begins an episode with: a scene of K objects, the referent and the sentence."""
+    """The beginning of an episode in one world: a scene of K objects, the referent and the sentence."""
 
     scene: Scene  # its targets are see-through: they touch nothing, and stay where they are
     referent: int  # slot of the object that is meant
     kind: int  # index into the task's kind_names
     sentence: str
-    heard: str | None = None  # what the policy reads; none: the sentence itself
+    heard: str | None = None  # the sentence that the policy reads; none: `sentence`
     yaw: Array | None = None  # (K,) radians; none: not turned
     fixed: NDArray[np.bool_] | None = None  # (K,) objects that never move when touched; none: all move
     gesture: Gesture | None = None  # how the person points at the referent; none: nobody points
     gesture_switch: GestureSwitch | None = None  # the finger moves on in mid-episode; none: it stays
     target: int | None = None  # slot of the target that the referent is to be brought to; none: to none
     start: GripperStart | None = None  # where the gripper begins; none: at rest
-    goals: NDArray[np.bool_] | None = None  # (K,) what the referent could be brought to; none: the see-through targets
+    goals: NDArray[np.bool_] | None = None  # (K,) where the referent could be brought; none: the see-through targets
     shapes: NDArray[np.int64] | None = None  # (K,) indices into the task's `shapes`; none: the nouns of the scene
-    resting: NDArray[np.bool_] | None = None  # (K,) what stays at rest on top of others as it begins; none: nothing
+    resting: NDArray[np.bool_] | None = None  # (K,) objects that begin at rest on top of others; none: none
     shares: Array | None = None  # (K,) in [0, 1], of the ranges of fittings and devices; none: all are at their start
-    randomized: Randomized | None = None  # what domain randomisation drew; none: nothing
+    randomized: Randomized | None = None  # values of domain randomisation; none: it is off
 
 
 class Said(NamedTuple):
-    """An instruction in a scene. kind: index of its verb. heard: what the policy reads, if not the sentence."""
+    """An instruction in a scene. kind: index of its verb. heard: the sentence that the policy reads, if another."""
 
     kind: int
     referent: int
@@ -249,7 +249,7 @@ class Said(NamedTuple):
 
 @dataclass(frozen=True)
 class GripperStart:
-    """The gripper begins at the referent: offset (3,) metres from where it would hold it; held: whether it does."""
+    """The gripper begins at the referent: offset (3,) metres from where it would hold it; held: whether it holds it."""
 
     offset: Array
     held: bool
@@ -269,9 +269,9 @@ class State:
     """All worlds after a control step.
 
     gripper: (N, 3) metres. objects: (N, K, 3) metres. shown: (N, K). referent: (N,) slots.
-    What follows is empty where a task moves nothing. target: (N,) slots. movable, goals: (N, K), what can be moved, and
-    what the referent could be brought to. quaternions: (N, K, 4), x, y, z, w. held: (N,) slots, or -1. nouns: (N, K).
-    kind: (N,) of the instruction. yaw: (N, K) radians about the vertical by which objects were put down.
+    The other fields are empty in tasks that move nothing. target: (N,) slots. movable, goals: (N, K), which objects can
+    be moved, and to which the referent could be brought. quaternions: (N, K, 4), x, y, z, w. held: (N,) slots, or -1.
+    nouns: (N, K). kind: (N,) of the instruction. yaw: (N, K) radians about the vertical at which objects were placed.
     """
 
     gripper: Array

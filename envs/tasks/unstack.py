@@ -53,10 +53,10 @@ class Unstack(ToTable):
         return scene.moved(places)
 
     def _movable(self, placed: Placed) -> NDArray[np.bool_]:
-        """(K,) what stands on another object."""
+        """(K,) which objects stand on another one."""
         return super()._movable(placed) & (placed.scene.positions[:, 2] > self.config.object_size)
 
     def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> EpisodeSpec:
-        """As in other tasks. What stands on others is at rest."""
+        """As in other tasks. Objects on others are at rest."""
         episode = super().episode(placed, referent, target, rng)
         return replace(episode, resting=np.ones(len(placed.scene), bool))

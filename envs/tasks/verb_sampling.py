@@ -1,4 +1,4 @@
-"""Which verb an episode begins with: each as often as the others, or those that have failed lately more often."""
+"""Draws the first verb of an episode: uniformly, or in proportion to recent failures."""
 
 from __future__ import annotations
 

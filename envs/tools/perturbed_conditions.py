@@ -1,4 +1,4 @@
-"""The conditions under which `evaluate.py robustness=true` judges a policy: one thing changed in each."""
+"""The conditions under which `evaluate.py robustness=true` evaluates a policy. Each changes one thing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WORKSPACES = ("table", "collabtable", "drawer", "fridge")
 
 @dataclass(frozen=True)
 class Condition:
-    """overrides: of the checkpoint's config. randomize: what every episode has besides."""
+    """overrides: of the checkpoint's config. randomize: the domain randomisation of every episode."""
 
     overrides: list[str] = field(default_factory=list)
     randomize: RandomizeConfig = field(default_factory=RandomizeConfig)

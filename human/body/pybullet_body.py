@@ -45,7 +45,7 @@ class _Joint:
 class Body(PointingArm):
     """A pointing arm with a body that PyBullet draws.
 
-    The body sleeps and is posed again whenever the arm moves, which costs next to nothing.
+    The body sleeps and is posed again whenever the arm moves, which takes negligible time.
 
     Collisions are off: a person is seen, not touched. PyBullet solves bodies that may collide in an order that
     depends on earlier episodes, so that the same seed would give other bits.

@@ -150,7 +150,7 @@ def _curled() -> list[tuple[float, float]]:
 
 
 def _relaxed(shortening: float) -> list[tuple[float, float]]:
-    """Returns the same of a relaxed finger, shortened by so many metres at a hand of standard size."""
+    """Returns the same of a relaxed finger. shortening: metres, for a hand of standard size."""
     return [(0.0, -0.092), (0.01, -0.134 + shortening / 2), (0.026, -0.158 + shortening), (0.04, -0.172 + shortening)]
 
 

@@ -37,7 +37,7 @@ TYPING_KEYS = {  # while sentences are typed
     bullet.B3G_BACKSPACE: "backspace",
     **{bullet.B3G_F1 + number: f"f{number + 1}" for number in range(5)},
 }
-PROJECTION, YAW = 3, 8  # of what PyBullet tells of a window's camera
+PROJECTION, YAW = 3, 8  # indices in PyBullet's description of a window's camera
 CLOSED = bullet.error  # raised by PyBullet after a person has closed the window
 UNKNOWN = -1  # PyBullet's number of any other key
 PAGE_KEYSYMS = {0xFF55: "pageup", 0xFF56: "pagedown"}  # X11's keysyms

@@ -1,6 +1,6 @@
 """The choice of a plan among all readings.
 
-the cheapest that can be carried out, unless another one is about as cheap.
+It is the cheapest one that can be carried out, unless another one is about as cheap.
 """
 
 from __future__ import annotations
@@ -34,8 +34,13 @@ class Choices(NamedTuple):
 def choices(sentence: str, planner: Planner, scene_chooses: bool = True) -> Choices:
     """Returns the plans of a sentence.
 
-    scene_chooses: False: the reading is chosen by its cost alone, before it is compared with the scene.
-    Raises NotUnderstood if the sentence is too long or can be read in too many ways.
+    Args:
+        sentence: as a person writes it.
+        planner: of the scene.
+        scene_chooses: False: the reading is chosen by its cost alone, before it is compared with the scene.
+
+    Raises:
+        NotUnderstood: the sentence is too long or can be read in too many ways.
     """
     found, lattice = readings(sentence, planner.judge if scene_chooses else None, planner.gestures)
     if not scene_chooses:
@@ -70,7 +75,7 @@ def _distinct(possible: list[Choice]) -> list[Choice]:
 
 
 def result(plan: Plan) -> tuple:
-    """Returns what a plan changes, for comparison: where things end, what is held, and what is done beside that."""
+    """Returns the effects of a plan, for comparison: where things end, what is held, and all other actions."""
     acts = tuple((a.kind, a.object, a.fixture) for a in plan.actions if a.kind not in ("take", "place", "push"))
     ends = {a.object: (a.position, a.bottom) for a in plan.actions if a.kind in ("take", "place", "push")}
     rounded = tuple(

@@ -12,42 +12,42 @@ RELATION = 0.10  # each relation that is attached to a phrase
 ODD_PREPOSITION = 0.6  # such as "in the cube"
 NO_NOUN = 0.8  # "the blue"
 REGION_WITHOUT_PREPOSITION = 1.0  # "on red cube left edge"
-TAKEN_SOMEWHERE = 1.5  # "take X" with a place: rather a phrase for X
-POINTED = -0.05  # "this cube" with a gesture: rather what it shows
-UNUSED_GESTURE = 3.5  # a gesture that goes with no word, where it goes with one of another reading
+TAKEN_SOMEWHERE = 1.5  # "take X" with a place, which is more likely a part of the phrase X
+POINTED = -0.05  # "this cube" with a gesture: more likely the cube that it shows
+UNUSED_GESTURE = 3.5  # a gesture without a word for it, if another reading has one
 NO_VERB = 1.0
-NO_VERB_BUT_PLACE = 1.4  # "the red cube on the blue one": rather a thing than a command
+NO_VERB_BUT_PLACE = 1.4  # "the red cube on the blue one": more likely a thing than a command
 NO_OBJECT = 0.5  # "pick up the cube and place on the red one"
 NEAREST_PLACE = 1.5  # "nearest to" as a place; it mostly says which thing
 BARE_DIRECTION = 0.3  # "the cube left"
 FAR_SIDE = 0.4  # "far left" as two sides
-ANOTHER_KIND = 0.3  # "put the cube on the blue one": rather a cube, too
+ANOTHER_KIND = 0.3  # "put the cube on the blue one": more likely a cube, too
 ON_TOP_OF_REGION = 0.7  # "on top | right corner"
 SUPERLATIVE_ALONE = 1.6  # "the top" as a thing
 INVERTED = 0.8  # "place on the red cube the blue one"
 PLACE_TWICE = 0.7  # two places joined without "and"
-STEP_WITHOUT_JOIN = 1.0
+STEP_WITHOUT_JOIN = 1.0  # a further step without a word such as "then"
 
 # Outcomes.
 EMPTY = 8.0  # a phrase that nothing fits, while the readings are pruned
-CLOSE = 0.12  # readings this close in cost with other outcomes are asked about
+CLOSE = 0.12  # readings with other outcomes that cost at most this much more lead to a question
 
 # Referents.
-SEE_THROUGH = 0.5  # a thing that only marks a place, which the words do not say
+SEE_THROUGH = 0.5  # a see-through thing that the words do not call see-through
 ELEVATED = 0.2  # an anchor "the red block" that stands on another block
 TOP_OF_STACK = 0.8  # "the cube on the tower" for the tower's own top
 NOT_DIRECTLY = 1.0  # above, with something between
-NOT_QUITE_THERE = 1.5  # nearest to a corner that nothing is in
-ONLY_USABLE = 0.3  # the best only among what can be taken or bear another thing
+NOT_QUITE_THERE = 1.5  # the thing nearest to a corner, if nothing is in the corner
+ONLY_USABLE = 0.3  # the best among the things that can be taken or bear another one, not among all
 OCCUPIED = 0.6  # beside an anchor, but on top of something else
 
 # Plans.
-NO_CHANGE = 4.0  # what is put down stands there already
+NO_CHANGE = 4.0  # the thing stands there already
 ANOTHER_OBJECT = 0.6  # a further step moves something else
-NOT_BELOW = 0.2  # what the gripper holds goes elsewhere than straight down
+NOT_BELOW = 0.2  # the held thing goes elsewhere than straight down
 MOVED_TWICE = 2.0  # the same thing is put down by two steps
 
 # Outcomes.
 FAR_BETTER = 3.0  # a reading that fails is reported if it is this much cheaper than any that can be carried out
-TOO_MUCH = 7.5  # dearer readings are asked about
-DOUBT = 12.0  # confidence falls by e with this cost
+TOO_MUCH = 7.5  # a reading that costs more leads to a question
+DOUBT = 12.0  # cost that lowers the confidence by a factor of e

@@ -37,7 +37,7 @@ class Dialogue:
 
     world: the scene after the last outcome. before: the scene before it. last: its reading. outcome: the last one.
     history: the outcomes, oldest first. it: the things that were spoken of last.
-    surroundings: of every scene: fields of `World`, such as `bounds` and `little`.
+    surroundings: further fields of `World` for every scene, such as `bounds` and `little`.
     """
 
     world: World | None = None

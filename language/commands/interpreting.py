@@ -15,7 +15,7 @@ from language.commands.planning import Planner
 from language.commands.world import World
 from language.errors import NotUnderstood
 
-_TELLING = ("nothing", "impossible", "dialogue")  # failures that are rather reported than another reading chosen
+_TELLING = ("nothing", "impossible", "dialogue")  # failures that are reported in preference to another reading
 MOST_CANDIDATES = 6  # of a question
 
 
@@ -35,13 +35,13 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
 
 
 def _far_better(found: Choices) -> bool:
-    """Returns whether a reading that fails is much cheaper than all others, apart from that nothing fits it."""
+    """Returns whether a reading that fails is much cheaper than all others, without the cost of fitting nothing."""
     least = min((_telling_cost(c) for c in found.failed if c.plan.reason in _TELLING), default=math.inf)
     return least < found.possible[0].cost - costs.FAR_BETTER
 
 
 def _telling_cost(choice: Choice) -> float:
-    """Returns the cost of a plan that fails, apart from that nothing fits it."""
+    """Returns the cost of a plan that fails, without the cost of fitting nothing."""
     return choice.cost - costs.EMPTY * (choice.plan.reason == "nothing")
 
 
@@ -59,7 +59,7 @@ def understood(
 
 
 def _notes(choice: Choice, sentence: str, tokens: list[Token], world: World) -> list[str]:
-    """Returns what the scene settled: loose colours."""
+    """Returns the choices that the scene settled: loose colours."""
     found = {}
     todo: list[Entity] = [e for step in choice.reading.steps if step.entity for e in [step.entity]]
     todo += [a for step in choice.reading.steps for place in step.places for a in place.anchors]

@@ -33,7 +33,7 @@ class Gaps:
     def at(self, start: int) -> list[Item]:
         """Returns the tokens where the next phrase may begin.
 
-        fillers are left out at no cost, one other word at a cost.
+        Fillers are left out at no cost, one other word at a cost.
         """
         if start not in self._gaps:
             found = [Item(at, None, 0.0) for at in self._free(start)]

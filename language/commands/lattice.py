@@ -1,6 +1,6 @@
 """The lattice of a sentence.
 
-for each word, the phrases of the lexicon that begin there, with the cost of misspellings.
+For each word, it has the phrases of the lexicon that begin there, with the cost of misspellings.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Lattice:
     """The tokens of a sentence and, for each, the edges that begin there, by category.
 
     unknown: indices of tokens that are no words of the lexicon, however spelt.
-    gestures: the number that go with the sentence; without any, no word needs one.
+    gestures: how many accompany the sentence; if there are none, no word needs one.
     """
 
     def __init__(self, sentence: str, gestures: int = 0) -> None:
@@ -193,7 +193,13 @@ def _entries() -> Iterator[tuple[str, Any, str]]:
 def teach(category: str, meaning: str, phrase: str) -> None:
     """Adds a phrase to the lexicon: `teach("verb", "take", "snatch")`.
 
-    category: a key of TABLES. meaning: a key of that table. Raises LanguageError for others.
+    Args:
+        category: a key of TABLES.
+        meaning: a key of that table.
+        phrase: one or more words.
+
+    Raises:
+        LanguageError: an unknown category or meaning.
     """
     check_known("category", category, TABLES)
     check_known(category, meaning, TABLES[category])
@@ -202,6 +208,6 @@ def teach(category: str, meaning: str, phrase: str) -> None:
 
 
 def forget_caches() -> None:
-    """Makes the lexicon be read anew after its tables were changed."""
+    """Clears the caches of the lexicon after its tables were changed."""
     for cached in (trie, vocabulary, _choices, _corrected):
         cached.cache_clear()

@@ -13,7 +13,7 @@ Span = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Gesture:
-    """What a person points at.
+    """The things or the place that a person points at.
 
     things: indices of the things that may be meant. place: x and y of a place, in the world's unit, or None.
     """
@@ -83,7 +83,7 @@ class Entity:
 class Step:
     """One action: a key of `verb_words.VERBS` or `verb_words.CONTROLS`, "fragment" (no verb) or "nothing".
 
-    entity: what is acted on. places: conjoined relations that say where to.
+    entity: the object of the action. places: conjoined relations that say where it goes.
     """
 
     action: str

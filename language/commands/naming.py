@@ -1,4 +1,4 @@
-"""Names of things and of what plans do, for questions and refusals."""
+"""Names of things and descriptions of plans, for questions and refusals."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from language.commands.world import World
 
 
 def name(world: World, index: int) -> str:
-    """Returns a name that tells a thing from the others: "the red cube", "the red cube on the blue cube"."""
+    """Returns a name that distinguishes a thing from the others: "the red cube", "the red cube on the blue cube"."""
     thing = world.things[index]
     plain = f"the {thing.color} {thing.kind}"
     same = [i for i, other in enumerate(world.things) if (other.kind, other.color) == (thing.kind, thing.color)]
@@ -37,7 +37,7 @@ def described(world: World, action: Action) -> str:
 
 
 def said(world: World, actions: tuple[Action, ...]) -> str:
-    """Returns a plan in words; what is put somewhere is not said to be taken before."""
+    """Returns a plan in words. For a thing that is put somewhere, the words leave out that it is taken first."""
     placed = {action.object for action in actions if action.kind == "place"}
     kept = [action for action in actions if action.kind != "take" or action.object not in placed]
     return ", then ".join(described(world, action) for action in kept) or "nothing"

@@ -1,6 +1,6 @@
 """Noun phrases of the chart without their relations.
 
-"the second blue block", "top left corner", "red and green tower".
+For example "the second blue block", "top left corner", "red and green tower".
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _MODIFIERS = (
 
 
 class _Draft(NamedTuple):
-    """A noun phrase that is being parsed: the next token, what is known of it, its cost, the words left out."""
+    """A noun phrase that is being parsed: the next token, its fields so far, its cost, the words left out."""
 
     at: int
     known: dict[str, Any]
@@ -169,7 +169,7 @@ class NounPhrases:
 
 
 def _modified(known: dict[str, Any], category: str, value: Any) -> dict[str, Any] | None:
-    """Returns what is known with one more modifier, or None if it is there already."""
+    """Returns the fields so far with one more modifier; None if they have it already."""
     key = {"both": "number", "last": "ordinal", "vacant": "exposed"}.get(category, category)
     if key in known:
         return None

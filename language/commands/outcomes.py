@@ -31,7 +31,7 @@ class Action:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a sentence leads to.
+    """The outcome of a sentence.
 
     confidence: 0 to 1. unused: the words that were not used. span: characters of the sentence that it is about.
     """
@@ -47,7 +47,7 @@ class Understood(Outcome):
     """A sentence whose steps can be carried out in order.
 
     steps: checked one after the other. result: the world after them. reading: the parse that was chosen.
-    notes: what was settled by the scene, such as "purple is taken for magenta".
+    notes: choices that the scene settled, such as "purple is taken for magenta".
     """
 
     steps: tuple[Action, ...] = ()
@@ -60,7 +60,7 @@ class Understood(Outcome):
 class Question(Outcome):
     """A sentence with several outcomes that are about as likely, or that leaves something open.
 
-    text: the question. candidates: indices of the things that may be meant. choices: what each answer would do.
+    text: the question. candidates: indices of the things that may be meant. choices: the outcome of each answer.
     reading: of a sentence that leaves something open.
     """
 
@@ -74,9 +74,9 @@ class Question(Outcome):
 class Refusal(Outcome):
     """A sentence that is not carried out.
 
-    reason: "syntax", "nothing" (no thing fits), "
-    ""impossible" (a precondition fails) or "dialogue" (nothing to refer to).
-    text: why. suggestions: what would help, such as sentences that can be carried out.
+    reason: "syntax", "nothing" (no thing fits), "impossible" (a precondition fails) or "dialogue" (nothing to refer
+        to).
+    text: the reason in words. suggestions: for example sentences that can be carried out.
     """
 
     reason: str = "syntax"

@@ -19,7 +19,7 @@ FARTHEST = 4  # steps to a free place beside an anchor
 
 
 class Spot(NamedTuple):
-    """A position of a thing: its centre, the height of its bottom, what it would stand on, and a cost.
+    """A position of a thing: its centre, the height of its bottom, the thing below it, and a cost.
 
     why_not: why nothing can be put there, or "".
     """
@@ -35,8 +35,8 @@ class Spot(NamedTuple):
 class Point(NamedTuple):
     """A place before it is checked: x, y, a cost, and the thing that it must stand on directly, if any.
 
-    free: whether it should be empty. group: of several places that serve equally, such as those at an edge, the
-    cheapest is taken; 0: a place of its own.
+    free: whether it should be empty. group: number of a group of equivalent places, such as those at an edge, of which
+    the cheapest is taken; 0: none.
     """
 
     x: float
@@ -130,7 +130,7 @@ def _points(resolver: Resolver, mover: int, relation: Relation, typed: bool) -> 
 
 
 def _anchors(resolver: Resolver, relation: Relation, mover: int | None) -> list[Ref]:
-    """Returns what the anchor denotes, and at a cost what it denotes among the things that can bear another."""
+    """Returns the referents of the anchor and, at a cost, its referents among the things that can bear another one."""
     entity, things = relation.anchors[0], resolver.world.things
     refs = resolver.resolve(entity)
     if entity.kind == "thing" and entity.noun is None and mover is not None:

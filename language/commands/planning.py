@@ -17,7 +17,7 @@ from language.commands.worlds import Worlds
 from language.errors import NotUnderstood
 
 KEPT = 12  # plans of the steps so far
-# Effort: phrases that are judged and actions that are tried for one sentence, of about 0.03 ms each.
+# Effort: phrases that are weighed and actions that are tried for one sentence, of about 0.03 ms each.
 ENOUGH_EFFORT = 700  # after this, no further readings are weighed if one can be carried out
 POINTS = 8  # points of places that are compared with a further relation for the same effort
 MOST_EFFORT = 900  # after this, the sentence is refused
@@ -30,7 +30,7 @@ class Planner:
     """Plans readings in one world. it, mentioned: the things of the dialogue.
 
     help: whether the scene helps to select. gestures: those of the sentence, in order.
-    effort: phrases judged and actions tried so far.
+    effort: phrases weighed and actions tried so far.
     """
 
     world: World
@@ -186,7 +186,7 @@ class Planner:
         return refs
 
     def _held_cost(self, world: World, held: int, entity: Entity | None) -> float:
-        """Returns how badly a phrase fits what the gripper holds."""
+        """Returns the cost of a phrase for the held thing: how badly it fits."""
         if entity is None or entity.kind == "it":
             return 0.0
         thing = world.things[held]

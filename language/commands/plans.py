@@ -13,7 +13,7 @@ from language.commands.world import DEVICES, World
 class Plan:
     """The actions so far, the world after them, and their cost.
 
-    mover: the thing of the current step. it: what "it" means next.
+    mover: the thing of the current step. it: the things that "it" means next.
     failure, reason: why the plan cannot be carried out. entity: the phrase that it is about.
     """
 

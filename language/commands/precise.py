@@ -1,4 +1,4 @@
-"""Plans for sentences of the project's own grammar, which is asked first: `language.parse` names exactly one object."""
+"""Plans for sentences of the project's own grammar, which is tried first: `language.parse` names exactly one object."""
 
 from __future__ import annotations
 

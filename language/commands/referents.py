@@ -1,4 +1,4 @@
-"""What a phrase denotes in a world: things, stacks and regions, each with a cost for what does not fit quite."""
+"""Referents of phrases in a world: things, stacks and regions, each with a cost for an imperfect fit."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _unshown(world: World, entity: Entity) -> list[Ref]:
 
 
 def _shown(world: World, entity: Entity) -> list[Ref]:
-    """Returns what a gesture shows: things or a place; before it is known, all things."""
+    """Returns the referents of a gesture: things or a place; before the gesture is known, all things."""
     if not isinstance(entity.pointed, Gesture):
         return [thing_ref(world, index) for index in range(len(world.things))]
     things = [thing_ref(world, index) for index in entity.pointed.things]

@@ -1,6 +1,6 @@
 """Whether a referent stands in a relation to its anchors, as a cost.
 
-0 where it clearly does, None where it does not.
+The cost is 0 if the relation clearly holds, and None if it does not hold.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Revised readings: the last reading with what an answer or a correction changes."""
+"""Revised readings: the last reading with the changes of an answer or a correction."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _with_object(steps: tuple[Step, ...], entity: Entity) -> tuple[Step, ...] | 
 
 
 def _completed(steps: tuple[Step, ...], new: Entity) -> list[Entity]:
-    """Returns the new phrase with what it leaves unsaid of the old one: noun and colour, noun, nothing."""
+    """Returns the new phrase with the words of the old one that it lacks: noun and colour, noun, or nothing."""
     at = _object_step(steps)
     old = None if at is None else steps[at].entity
     if old is None or new.noun is not None or new.kind != "thing":

@@ -1,6 +1,6 @@
 """Resolves phrases in a world.
 
-heads, then relations, then what selects among those left (superlatives, ranks, nearest).
+Heads are resolved first, then relations, then the words that select among the rest (superlatives, ranks, nearest).
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Resolver:
         return self._anchors[entity]
 
     def _filtered(self, entity: Entity, relations: tuple[Relation, ...]) -> list[Ref]:
-        """Returns what the phrase denotes with the relations that do not select; phrases share their beginnings."""
+        """Returns the referents of the phrase with the relations that do not select; phrases share their beginnings."""
         number = entity.every, entity.number, entity.single, entity.exposed, entity.plural, entity.other
         counted = entity.ordinal is not None
         what = entity.kind, entity.noun, entity.colors, entity.size, entity.sides, entity.pointed, entity.role
@@ -83,7 +83,7 @@ class Resolver:
         return self._heads[key]
 
     def _selects(self, entity: Entity, relation: Relation) -> bool:
-        """Returns whether a relation selects the best of what the others leave."""
+        """Returns whether a relation selects the best of the referents that the others leave."""
         if relation.name in _SELECTING or (relation.name == "direction" and entity.kind in ("thing", "stack")):
             return True
         kinds = {anchor.kind for anchor in relation.anchors}
@@ -104,7 +104,7 @@ class Resolver:
         return found or self._not_quite(refs, relation)
 
     def _not_quite(self, refs: list[Ref], relation: Relation) -> list[Ref]:
-        """Returns what is nearest to a region that nothing is in."""
+        """Returns the referents nearest to a region that contains none."""
         kinds = {anchor.kind for anchor in relation.anchors}
         if relation.name in _LOCATING and kinds & {"corner", "edge"}:
             found = self._nearest(refs, relation.anchors[0])
@@ -137,7 +137,7 @@ class Resolver:
         return best(refs, score, TIE * self.world.pitch)
 
     def _ranked(self, entity: Entity, refs: list[Ref]) -> list[Ref]:
-        """Returns what the phrase's sides, superlative and rank select."""
+        """Returns the referents that the phrase's sides, superlative and rank select."""
         if entity.ordinal is not None:
             return self._counted(entity, refs)
         if entity.kind not in ("thing", "stack"):

@@ -15,7 +15,7 @@ from language.commands.meanings import Entity, Gesture, Reading, Relation, Step
 MOST_PLACES = 3  # relations that are joined to one place
 MOST_JOINED = 16  # of the places, and of the relations after each, that are joined
 MOST_STEPS = 5
-MOST_COST = 16.0  # dearer readings leave out most of the sentence
+MOST_COST = 16.0  # readings that cost more leave out most of the sentence
 KEPT_STEPS, KEPT_READINGS = 16, 80  # of the same span; of the sentence
 _MOVING = ("move", "push", "drop", "give", "remove", "take")
 
@@ -23,8 +23,13 @@ _MOVING = ("move", "push", "drop", "give", "remove", "take")
 def readings(sentence: str, judge: Judge | None = None, made: Sequence[Gesture] = ()) -> tuple[list[Reading], Lattice]:
     """Returns the readings of a sentence, the cheapest first, and its lattice.
 
-    judge: of phrases in the scene. made: the gestures that go with the sentence, in order.
-    Raises NotUnderstood if it is too long.
+    Args:
+        sentence: as a person writes it.
+        judge: gives the costs of phrases in the scene; None: there is no scene.
+        made: the gestures that accompany the sentence, in order.
+
+    Raises:
+        NotUnderstood: the sentence is too long.
     """
     lattice = Lattice(sentence, len(made))
     found = _Sentences(Chart(lattice, judge)).likeliest()
@@ -32,7 +37,7 @@ def readings(sentence: str, judge: Judge | None = None, made: Sequence[Gesture] 
 
 
 def _with_gestures(found: list[Reading], made: Sequence[Gesture], judge: Judge | None) -> list[Reading]:
-    """Returns the readings with their gestures, whose phrases can only now be judged."""
+    """Returns the readings with their gestures, whose phrases can only now be compared with the scene."""
     changed = []
     used = [min(len(pointing_words(reading)), len(made)) for reading in found]
     for reading, its in zip(found, used, strict=True):
@@ -68,7 +73,7 @@ class _Sentences:
         return [self._reading(item, rejects) for item, rejects in found[:KEPT_READINGS]]
 
     def _rests(self) -> list[Item]:
-        """Returns, for each token, what it costs to leave out the rest of the sentence from there on."""
+        """Returns, for each token, the cost of leaving out the rest of the sentence from there on."""
         rests = [Item(len(self.lattice), None, 0.0)]
         for index in range(len(self.lattice) - 1, -1, -1):
             join = "join" in self.lattice.edges[index] and self.lattice.tokens[index].text in (".", ";", "and", "then")

@@ -41,7 +41,7 @@ class Thing(NamedTuple):
 class World:
     """The things and their surroundings.
 
-    bounds: of the centres of what is put down, x from and to, y from and to. pitch: the distance between neighbours.
+    bounds: of the centres of things that are put down, x from and to, y from and to. pitch: the distance of neighbours.
     little: the length of "a bit". ground, ceiling: heights where things stand and up to which they are stacked.
     held: the index of what the gripper holds, or None. viewpoint: whose left is meant, "robot" or "human".
     front: which side "front" is, "near" (the viewer's) or "far" (where the robot faces). fixtures: "drawer", "door".
@@ -61,22 +61,22 @@ class World:
 
     @cached_property
     def below(self) -> tuple[int | None, ...]:
-        """The index of what is directly below each thing, or None."""
+        """The index of the thing directly below each thing, or None."""
         return self._supports[0]
 
     @cached_property
     def above(self) -> tuple[int | None, ...]:
-        """The index of what is directly above each thing, or None."""
+        """The index of the thing directly above each thing, or None."""
         return self._supports[1]
 
     @cached_property
     def hand(self) -> int | None:
-        """The index of the open hand of the person, to which "me" and "my hand" refer; None where there is none."""
+        """The index of the open hand of the person, to which "me" and "my hand" refer; None if there is none."""
         return next((index for index, thing in enumerate(self.things) if thing.kind == HAND), None)
 
     @property
     def in_hand(self) -> tuple[float, float, float, int]:
-        """The x, y and bottom of what lies in the open hand, and the hand's index. There must be one."""
+        """The x, y and bottom of a thing that is put into the open hand, and the hand's index. There must be one."""
         assert self.hand is not None
         palm = self.things[self.hand]
         return palm.x, palm.y, palm.top, self.hand
@@ -92,7 +92,7 @@ class World:
 
     @cached_property
     def _standing(self) -> dict[tuple[int, int] | None, list[int]]:
-        """What stands on the ground or on other things: on a board, by cell."""
+        """The things that stand on the ground or on other things: on a board, by cell."""
         found: dict[tuple[int, int] | None, list[int]] = {}
         for i, thing in enumerate(self.things):
             if i != self.held and not thing.target:
@@ -154,8 +154,11 @@ def board(
 ) -> World:
     """Returns the world of a board of 8 x 8 cells.
 
-    blocks: kind, colour, x (cells away from the robot), y (cells to its left), z (height in blocks, from 0).
-    held: the index of the block in the gripper. more: other fields of `World`.
+    Args:
+        blocks: kind, colour, x (cells away from the robot), y (cells to its left), z (height in blocks, from 0).
+        held: the index of the block in the gripper.
+        front: the side that "front" means, "near" or "far".
+        more: other fields of `World`.
     """
     things = tuple(Thing(kind, color, x, y, z, z + 1, 1.0) for kind, color, x, y, z in blocks)
     last = BOARD_CELLS - 1.0
@@ -195,7 +198,7 @@ def table(scene: Scene, held: int | None = None, **more) -> World:
 
 
 def _supports(world: World) -> tuple[tuple[int | None, ...], tuple[int | None, ...]]:
-    """Returns what is directly below and above each thing, or None."""
+    """Returns the things directly below and above each thing, or None."""
     below: list[int | None] = [None] * len(world.things)
     above: list[int | None] = [None] * len(world.things)
     for together in world._standing.values():

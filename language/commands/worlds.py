@@ -7,7 +7,7 @@ from language.commands.world import World
 
 
 class Worlds:
-    """Worlds after a thing was taken or put down: the same object every time, so that plans share what it denotes."""
+    """Worlds after a thing was taken or put down. Equal changes give the same object, so that plans share referents."""
 
     def __init__(self) -> None:
         self._known: dict[tuple, tuple[World, World]] = {}  # with the world before, so that its id stays its own

@@ -1,6 +1,6 @@
-"""Every task is an honest TorchRL environment, and every robot with every control.
+"""Every task, and every robot with every control, is a correct TorchRL environment.
 
-`check_env_specs` misses an ignored `_reset`, global randomness, wrong rewards and aliased buffers: these are here.
+`check_env_specs` misses an ignored `_reset`, global randomness, wrong rewards and aliased buffers; these tests do not.
 """
 
 import random
@@ -210,7 +210,7 @@ def constant_elements(env):
     if env.task.operates:  # levers tilt, and wheels stay as high as they are
         columns += {"press": [3, 4], "turn": [2, 3, 4]}.get(task.name, [])
     columns += own_columns(env, MARK, IN_THE_AIR) if env.task.speaks else []
-    columns += own_columns(env, "lies at a target")  # who pokes at random brings none there: test_push.py does
+    columns += own_columns(env, "lies at a target")  # random pokes bring none there: see test_push.py
     rows = {f"objects[{k},{d}]" for k in range(task.slots) for d in columns}
     gripper = {f"robot[{2 * joints + 9}]"}  # fingers that grip nothing stay as they are
     mask = {f"objects_mask[{k}]" for k in range(task.slots)}
@@ -221,8 +221,10 @@ def constant_elements(env):
 
 
 def constant_so_far(env, seen):
-    """Elements that had the same value in all worlds all along; of how objects are turned, slide and are meant, enough
-    if one object's varied."""
+    """Elements that had the same value in all worlds at all steps.
+
+    Of the columns that say how objects are turned, slide or are marked as referents, one object's need to vary.
+    """
     constant = set()
     for key in {"robot", "objects", "objects_mask", "instruction", "gesture"} & set(env.observation_spec.keys()):
         values = torch.stack([each[key] for each in seen]).flatten(0, 1)

@@ -37,7 +37,7 @@ def test_a_fresh_environment_gives_the_same_rollout_bit_for_bit(robot, control):
         env = make(robot, control, task, TOUCHING, "task.hold_steps=60", worlds=2, seed=5)  # no end while it pushes
         histories.append(poked(env))
         env.close()
-    assert moved(histories[0]) > 0.002  # else the test would say little
+    assert moved(histories[0]) > 0.002  # else the test would show little
     assert len({tuple(each.tolist()) for each in histories[0]["instruction"].flatten(0, 1)}) > 5
     assert differences(*histories) == []
 

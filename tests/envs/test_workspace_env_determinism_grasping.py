@@ -37,7 +37,7 @@ def test_a_seed_gives_the_same_bits_after_any_grasp(robot, task, more):
     env = make(robot, "step", task, *more, worlds=2, seed=5)
     fresh = history(env)
     if env.task.grips:
-        assert fresh["privileged", "held"].max() >= 0  # else the test would say little
+        assert fresh["privileged", "held"].max() >= 0  # else the test would show little
     env.set_seed(6)
     assert differences(history(env, 34)[:2], fresh[:2]) != []
     env.set_seed(5)

@@ -88,7 +88,7 @@ def task_of(name, *overrides, worlds=1):
 
 
 def act(env, td, action):
-    """One step under action (N, A): what the env says "next"."""
+    """Takes one step with action (N, A). Returns its "next"."""
     return env.step(td.clone(recurse=False).set("action", torch.as_tensor(action, dtype=torch.float32)))["next"]
 
 

@@ -87,7 +87,7 @@ class FakeEnv(EpisodeReplayEnv):
         return bool(place.abs().max() <= 1)
 
     def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:
-        """As if the colour had been named whose place each episode came nearest to, where that is another one."""
+        """Relabels episodes with the colour whose place they came nearest to, if it is another one than was named."""
         relabelled = []
         for frames in episodes:
             places, hand = frames["objects"][..., :3], frames["next", "robot"][:, :3]

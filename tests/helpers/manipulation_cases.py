@@ -1,4 +1,4 @@
-"""Hand-made states of manipulation tasks, and whole episodes of them with the way that each should end."""
+"""Hand-made states of manipulation tasks, and whole episodes with their expected outcomes."""
 
 from dataclasses import replace
 
@@ -77,7 +77,7 @@ def judged(name, moments):
 
 
 def ends(outcomes):
-    """What the last of them ended with, or nothing."""
+    """How the last of them ended the episode; nothing if it did not."""
     names = ("success", "wrong_object", "wrong_target", "failed")
     return [name for name in names if getattr(outcomes[-1], name) is not None and getattr(outcomes[-1], name)[0]]
 

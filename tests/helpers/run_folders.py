@@ -1,4 +1,4 @@
-"""Folders of runs that were never run, with numbers that are known."""
+"""Folders of made-up runs with known numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EPISODES = 500
 
 
 def config(seed: int = 0, robot: str = "kuka", control: str = "step", algo: str = "ppo", **rest: Any) -> dict[str, Any]:
-    """The keys of a composed config that a report reads, and some that it must not mind."""
+    """The keys of a composed config that a report reads, and some that it must ignore."""
     named = {"robot": robot, "control": control, "algo": algo, "policy": "grounded"}
     named["task"] = rest.pop("task", "nl_reach")
     groups: dict[str, Any] = {group: {"name": name} for group, name in named.items()}
@@ -35,7 +35,7 @@ def add_run(
 ) -> Path:
     """A run evaluated every 100 frames, which took a second for 10 frames, and rows of training alone in between.
 
-    curve: success in each evaluation. success: of the final one; None where the run did not get there. loss: of the
+    curve: success in each evaluation. success: of the final one; None if the run did not get there. loss: of the
     critic, at first.
     """
     folder.mkdir(parents=True)

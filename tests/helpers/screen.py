@@ -43,7 +43,7 @@ class Screen:
         return os.environ | {"DISPLAY": self.name, "LP_NUM_THREADS": "1", "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
 
     def check(self) -> None:
-        """Skips the test if PyBullet cannot open a window here, for want of OpenGL in software."""
+        """Skips the test if PyBullet cannot open a window here, because software OpenGL is missing."""
         code = "import pybullet as b; print('opened', b.connect(b.GUI), flush=True)"
         tried = subprocess.run(
             [sys.executable, "-c", code], env=self.environment(), capture_output=True, text=True, timeout=TIMEOUT

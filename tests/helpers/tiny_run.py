@@ -1,4 +1,4 @@
-"""A whole training run in seconds: it learns nothing, but leaves all that a run leaves."""
+"""A whole training run in seconds: it learns nothing, but writes all files of a run."""
 
 TINY = [
     "total_frames=256",

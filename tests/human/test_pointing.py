@@ -1,4 +1,4 @@
-"""What a ray singles out: distances, angles, likelihoods, and what cannot be meant."""
+"""The object that a ray singles out: distances, angles, likelihoods, and objects that cannot be the referent."""
 
 import numpy as np
 import pytest
@@ -81,7 +81,7 @@ def test_the_length_of_a_direction_has_no_effect():
 
 
 def test_the_posterior_is_calibrated():
-    """Calibration: of objects drawn evenly and pointed at with this noise, those given p are meant in a share p."""
+    """Calibration: of the objects that get probability p, a share p are the referent."""
     rng = np.random.default_rng(2)
     count, noise = 20_000, 5.0
     positions = ORIGIN + [-0.5, 0.0, -0.2] + rng.uniform(-0.08, 0.08, (count, 4, 3))

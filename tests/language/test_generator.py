@@ -22,7 +22,7 @@ def test_an_object_is_nameable_if_and_only_if_some_phrase_fits_it_alone(kind, re
 
 
 class Brute:
-    """Says every phrase of a kind about a scene, and asks whom it may be said of."""
+    """Generates every phrase of a kind for a scene, and finds the object that each fits."""
 
     def __init__(self, scene, redundant):
         self.scene, self.fewest = scene, 1 if redundant else 2
@@ -46,7 +46,7 @@ class Brute:
                 yield head
 
     def named(self, phrase):
-        """The index of whom the phrase may be said, if anybody: clearly that one, and nobody in another reading."""
+        """A set with the index of the object that the phrase clearly fits; empty if another one may fit, or none."""
         fits = self.fits(ObjectPhrase(phrase.noun, phrase.color, size=phrase.size, role=phrase.role))
         more = phrase.excluded or phrase.superlative or phrase.relation
         if more and fits.sum() < self.fewest:
@@ -78,7 +78,7 @@ class Brute:
 
 
 def all_heads(scene):
-    """Every noun, colour, size and role together that could be said of the scene's objects."""
+    """Every combination of noun, colour, size and role that an object of the scene could have."""
     for noun, color in {(n, c) for thing in scene for n in (None, thing.noun) for c in (None, thing.color)}:
         for size in (None, "small", "large"):
             for role in (None, *ROLES) if scene.targets.any() else (None,):
@@ -90,6 +90,6 @@ def pairs(things):
 
 
 def ahead(score, fits, clear):
-    """Who has the best score, and all who come near it."""
+    """The object with the best score, and all objects with scores near it."""
     score = np.where(fits, score, -np.inf)
     return np.isfinite(score) & (score >= score.max() - clear)

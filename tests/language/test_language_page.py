@@ -18,7 +18,7 @@ BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 PYTHON = [code for kind, code in BLOCKS if kind == "python"]
 CONSOLE = "".join(text for kind, text in BLOCKS if kind == "console")
 STEP = dict.fromkeys(language.GroundedStep.__dataclass_fields__, str)
-KNOWN = {"object": language.Object, "scene": language.Scene, **STEP}  # what the table speaks of
+KNOWN = {"object": language.Object, "scene": language.Scene, **STEP}  # names that the table uses
 REGISTRIES = (COLORS, NOUNS, SIZES, RELATIONS, SUPERLATIVES, VERBS)
 
 

@@ -36,7 +36,7 @@ BLUE_SPHERE = ObjectPhrase("sphere", "blue")
 
 @cache
 def examples(kind):
-    """For each relation or superlative, the scenes, referents and phrases in which it singles somebody out."""
+    """For each relation or superlative, the scenes, referents and phrases in which it singles out one object."""
     found = {}
     for each in random_scenes(150, counts=[3, 4, 5], seed=8):
         expressions = Describer([kind]).expressions(each)

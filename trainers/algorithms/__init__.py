@@ -1,7 +1,7 @@
 """Learning algorithms: our own PPO, SAC and imitation, and adapters that take any loss module of TorchRL.
 
 registry            settings by name; *_config modules register them
-algorithm           what every algorithm has
+algorithm           the base class
 on_policy           advantages, epochs and minibatches          ppo, torchrl_on_policy
 off_policy          replay, relabelling, gradient steps         sac, torchrl_off_policy
 bc                  imitation of an expert

@@ -1,4 +1,4 @@
-"""What every algorithm has: a policy, an optimizer, supervision of the grounding, checks and annealing."""
+"""The base class of algorithms: a policy, an optimizer, supervision of the grounding, checks and annealing."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from trainers.utils.observation_keys import public_keys
 
 
 class DivergedError(RunError):
-    """A loss, reward or observation is not finite. `batch` is what it was found in."""
+    """A loss, reward or observation is not finite. batch: the frames in which it was found."""
 
     def __init__(self, message: str, batch: TensorDictBase) -> None:
         super().__init__(message)
@@ -60,7 +60,7 @@ class Algorithm(ABC):
 
     @property
     def behaviour(self) -> Policy | ExpertMixture:
-        """What acts in the worlds while they collect."""
+        """The module that acts in the worlds during collection."""
         return self.policy
 
     @property
@@ -77,18 +77,18 @@ class Algorithm(ABC):
         """Learn from a batch (worlds, steps).
 
         Args:
-            batch: frames, each with its "next"; the worlds are the same at every call, and the steps follow on.
+            batch: frames, each with its "next"; every call has the same worlds, and continues their steps.
             progress: share of the run that is over, in [0, 1].
 
         Returns:
-            What was measured, by names of `metrics`.
+            The measured values, by the names in `metrics`.
 
         Raises:
             DivergedError: a number is not finite.
         """
 
     def make_optimizer(self, learned: Sequence[Tensor], **options: Any) -> torch.optim.Adam:
-        """Adam over these parameters. What the grounding loss alone trains has a group and a learning rate of its own.
+        """Adam over these parameters. Those that only the grounding loss trains are a group with its own learning rate.
 
         options: of Adam.
         """
@@ -100,7 +100,7 @@ class Algorithm(ABC):
     def anneal_learning_rates(self, progress: float) -> float:
         """Set the learning rates for this progress in [0, 1] of a run, and return that of actor and critics."""
         left = 1 - progress if self.anneals else 1.0
-        for group, rate in zip(self.optimizer.param_groups, self.rates, strict=False):  # one of them without words
+        for group, rate in zip(self.optimizer.param_groups, self.rates, strict=False):  # one group without words
             group["lr"] = rate * left
         return self.rates[0] * left
 
@@ -119,7 +119,7 @@ class Algorithm(ABC):
         return {"scenes": self.grounding.scenes} if self.grounding.active else {}
 
     def running_state(self) -> dict[str, Any]:
-        """What later updates depend on beside `state_dict` and `memories`: plain values and tensors."""
+        """The rest of the state on which later updates depend: plain values and tensors."""
         return {}
 
     def load_running_state(self, state: dict[str, Any]) -> None:  # noqa: B027
@@ -145,7 +145,7 @@ class ExplorationSchedule:
 
 
 def check_batch(batch: TensorDictBase) -> None:
-    """Raise DivergedError that names an observation, reward or action that is not finite."""
+    """Raise DivergedError if an observation, reward or action is not finite. The message names it."""
     after = batch["next"]
     floats = [key for key in public_keys(after) if after[key].is_floating_point()]
     before = [key for key in (*floats, "action") if key in batch.keys()]
@@ -167,8 +167,8 @@ def descend(
     Args:
         optimizer: of the parameters.
         loss: a scalar.
-        batch: what the loss was computed on.
-        max_norm: of the gradient of each group of `clipped` by itself.
+        batch: the frames on which the loss was computed.
+        max_norm: greatest norm of the gradient of each group in `clipped`.
         clipped: groups of parameters.
 
     Raises:
@@ -190,7 +190,7 @@ def backward(measured: dict[str, Tensor], parameters: Sequence[Tensor], weight: 
     """Add the gradients of the sum of the losses, times a weight, to these parameters alone.
 
     Returns:
-        What was measured, without its graph.
+        The measured values, detached.
     """
     (weight * total_loss(measured)).backward(inputs=list(parameters))
     return {name: value.detach() for name, value in measured.items()}

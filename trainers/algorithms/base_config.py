@@ -21,9 +21,9 @@ class AlgorithmConfig(Checked):
     lr: float = within(1e-7, 1.0)
     max_grad_norm: float = within(1e-3)
     grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
-    grounding_lr: float = within(1e-7, 1.0)  # of what the grounding loss alone trains; annealed as lr is
+    grounding_lr: float = within(1e-7, 1.0)  # of the parameters that only the grounding loss trains; annealed like lr
     grounding_batch: int = within(1)  # scenes of one gradient step of the grounding loss
-    grounding_memory: int = within(1)  # scenes that the grounding loss is computed on, the latest ones
+    grounding_memory: int = within(1)  # latest scenes, on which the grounding loss is computed
     grounding_scenes: int = within(0)  # scenes added at each update that are drawn and described but never simulated
 
     @property
@@ -38,7 +38,7 @@ class AlgorithmConfig(Checked):
 
     @property
     def imitates(self) -> bool:
-        """Whether the worlds must observe what the task's expert would do."""
+        """Whether the worlds must observe the actions of the task's expert."""
         return False
 
     def check_batch(self, frames: int) -> None:
@@ -59,8 +59,8 @@ class OnPolicyConfig(AlgorithmConfig):
     final_std: float = within(0.01, 2.0)  # upper bound of the exploration noise at the end, after a linear decline
     # Share of the run, at its beginning, in which the actor does not learn.
     critic_warmup: float = within(0.0, 1.0, default=0.0)
-    # Share of gradient steps and added scenes that learn words: this times the share of fresh scenes that the attention
-    # has wrong, at most 1 and at least 1/8. None = all.
+    # Share of gradient steps and of added scenes for the grounding loss: this times the attention's error on fresh
+    # scenes, at most 1 and at least 1/8. None = all.
     grounding_gain: float | None = within(0.0)
 
     def check_batch(self, frames: int) -> None:

@@ -1,7 +1,7 @@
 """Imitation of an expert that labels every state the policy meets: DAgger, Ross et al. 2011 (arXiv:1011.0686).
 
-All labelled frames are kept, and the mean move is regressed on the expert's, both before the tanh. The words are
-learned as by all other algorithms, by the grounding loss.
+All labelled frames are kept, and the mean move is regressed on the expert's, both before the tanh. As with all other
+algorithms, the grounding loss trains the words.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class BC(Algorithm):
         self.optimizer = self.make_optimizer(self.parameters)
         self.mixture = ExpertMixture(policy)
         self.frames = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer, device=self.device))
-        self.pending_steps = 0.0  # gradient steps that the frames so far call for and that are not taken yet
+        self.pending_steps = 0.0  # gradient steps that are due for the frames so far, and not taken yet
         context = [policy.context_key] if self.grounding.active else list(policy.encoder_keys)
         self.frame_keys = list(dict.fromkeys([*policy.actor_keys, *context]))
         with torch.no_grad():
@@ -71,7 +71,7 @@ class BC(Algorithm):
         self.mixture.expert_share.fill_(state["expert_share"])
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
-        """Keep a batch of labelled frames (worlds, steps), and take the gradient steps that it calls for.
+        """Keep a batch of labelled frames (worlds, steps), and take the gradient steps that are due.
 
         progress anneals the learning rate and the expert's share of the steps that are collected next.
         """
@@ -89,14 +89,14 @@ class BC(Algorithm):
         return averages(self.learn(steps)) | {"expert_share": share, "updates": float(steps), "lr": rate}
 
     def labelled(self, frames: TensorDictBase) -> TensorDictBase:
-        """What is kept of frames (B,): inputs of the actor, or of the encoder, and "move", the expert's."""
+        """The entries of frames (B,) that are kept: inputs of the actor, or of the encoder, and the expert's "move"."""
         frames = frames.copy()
         if self.grounding.active:
             self.policy.encoder.select_labelled(frames)
         return frames.select(*self.frame_keys).set("move", expert_move(frames, self.policy))
 
     def learn(self, steps: int) -> list[dict[str, Tensor]]:
-        """Take so many gradient steps. Frames and scenes are drawn once for all of them, which saves overhead."""
+        """Take gradient steps. Frames and scenes are drawn once for all of them, which saves overhead."""
         if not steps:
             return []
         frames = self.frames.sample(steps * self.config.batch).split(self.config.batch)
@@ -118,9 +118,9 @@ class BC(Algorithm):
 
 
 def preimage(move: Tensor) -> Tensor:
-    """What the actor's tanh maps to a move.
+    """The inverse of the actor's tanh.
 
-    Moves are compared there: a tanh that has saturated has no gradient, so that a gripper's command which was right in
-    nearly all states could not be learned any more in the few where it is the opposite.
+    The loss compares preimages, because a saturated tanh has no gradient: a gripper command that is right in nearly all
+    states could then not be corrected in the few states where the opposite is right.
     """
     return torch.atanh(move.clamp(-BOUND, BOUND))

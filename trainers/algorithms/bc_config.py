@@ -20,7 +20,7 @@ class BCConfig(AlgorithmConfig):
     batch: int = within(2)
     updates_per_frame: float = within(0.0, 100.0)  # gradient steps per collected frame
     buffer: int = within(100)  # labelled frames that are kept, the latest ones
-    grounding_every: int = within(1)  # one of so many gradient steps includes the grounding loss
+    grounding_every: int = within(1)  # gradient steps for each one that includes the grounding loss
     std: float = within(0.01, 2.0)  # exploration noise of the policy's moves
     expert_until: float = within(0.0, 1.0)  # share of the run over which the expert's share of the steps falls to 0
 

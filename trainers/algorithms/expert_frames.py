@@ -17,7 +17,7 @@ class ExpertFrames:
     """Lets the expert act until `config.demonstrations` frames are kept.
 
     Attributes:
-        mixture: what acts in the worlds: the expert at first, then the policy.
+        mixture: acts in the worlds: the expert at first, then the policy.
         replay: the expert's frames.
 
     Args: as of `Replay`; its capacity is that of `config`.
@@ -38,7 +38,7 @@ class ExpertFrames:
     def add(self, batch: TensorDictBase) -> bool:
         """Keep a batch (worlds, steps) if the expert acted in it. Returns whether it did.
 
-        The actions tell, since the collector may be a batch behind.
+        The actions show it, since the collector may be a batch behind.
         """
         if not torch.equal(batch["action"], batch[LABEL]):
             return False

@@ -19,7 +19,7 @@ from trainers.models.grounding import grounding_loss
 from trainers.models.policy import Policy
 
 METRICS = ("loss/grounding", "grounding/accuracy")
-LEAST_SHARE = 1 / 8  # of the gradient steps that have scenes, however right the attention is
+LEAST_SHARE = 1 / 8  # least share of gradient steps with scenes, however small the error
 SMOOTHING = 0.5  # weight of the latest batch in the error
 
 
@@ -31,8 +31,8 @@ class GroundingSupervision:
 
     Attributes:
         active: False if the weight is 0 or the policy has no attention; then the words are learned from reward alone.
-        gain: the share of gradient steps that learn from scenes, over the error; None: all of them do.
-        error: share of fresh scenes that the attention has wrong, a running mean; 1 before the first batch.
+        gain: the share of gradient steps with scenes, divided by the error; None: all steps have scenes.
+        error: running mean of the attention's error rate on fresh scenes; 1 before the first batch.
     """
 
     def __init__(self, config: AlgorithmConfig, policy: Policy, device: torch.device) -> None:
@@ -45,7 +45,7 @@ class GroundingSupervision:
 
     @property
     def share(self) -> float:
-        """The share of gradient steps that learn from scenes: in proportion to the error, between LEAST_SHARE and 1."""
+        """The share of gradient steps with scenes: in proportion to the error, between LEAST_SHARE and 1."""
         return 1.0 if self.gain is None else min(1.0, max(LEAST_SHARE, self.gain * self.error))
 
     @property
@@ -64,10 +64,10 @@ class GroundingSupervision:
     def paired(
         self, parts: Iterable[TensorDictBase], count: int, share: float
     ) -> Iterator[tuple[TensorDictBase, TensorDictBase | None]]:
-        """Each of `count` parts with a batch of scenes for the same gradient step; None where it has none.
+        """Pairs each of `count` parts with a batch of scenes for the same gradient step, or with None.
 
-        A pass over scenes costs more than one over frames, and fewer of them suffice: a share of the parts, evenly
-        spaced, has scenes, and none has where the words are not supervised. All scenes are drawn at once.
+        A pass over scenes costs more than one over frames, and fewer passes suffice. So only a share of the parts,
+        evenly spaced, has scenes; none has if the words are not supervised. All scenes are drawn at once.
         """
         chosen = math.ceil(count * share) if self.active else 0
         drawn = self.sample(chosen) if chosen else ()
@@ -76,7 +76,7 @@ class GroundingSupervision:
             yield part, scenes.get(i)
 
     def measure_fresh(self, scenes: TensorDictBase) -> float:
-        """The accuracy on scenes (count,) that were not learned from; it sets how much is learned from scenes."""
+        """The accuracy on scenes (count,) that no step has learned from yet. Updates `error`."""
         accuracy = float(self.measure(scenes)["grounding/accuracy"])
         self.error += SMOOTHING * (1 - accuracy - self.error)
         return accuracy

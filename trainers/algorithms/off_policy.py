@@ -36,7 +36,7 @@ class OffPolicyAlgorithm(Algorithm):
     A subclass sets `optimizer` and defines `compute_losses` and, if it needs to, `after_step`.
 
     Args:
-        critic_key: what the critic is given beside robot and move.
+        critic_key: the key that the critic reads beside robot and move.
         relabel: the environment's `hindsight`; None: no relabelling.
         priority: exponents (alpha, beta) of prioritised replay; alpha 0 draws evenly.
     """
@@ -60,7 +60,7 @@ class OffPolicyAlgorithm(Algorithm):
             self.demonstrations = ExpertFrames(policy, critic_key, config, self.device, self.grounding.active)
         self.relabelling = Relabelling(relabel, config.hindsight)
         self.starts: Tensor | None = None  # (worlds, 1) whether the next frame begins an episode
-        self.pending_steps = 0.0  # gradient steps that the frames so far call for and that are not taken yet
+        self.pending_steps = 0.0  # gradient steps that are due for the frames so far, and not taken yet
         self.steps_taken = 0
 
     @property
@@ -89,7 +89,7 @@ class OffPolicyAlgorithm(Algorithm):
             self.replay.frames.sampler.load_state_dict(state["priorities"])
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
-        """Add a batch (worlds, steps) to the replay buffer, then take the gradient steps that it calls for.
+        """Add a batch (worlds, steps) to the replay buffer, then take the gradient steps that are due.
 
         progress anneals the learning rate.
         """
@@ -158,7 +158,7 @@ class OffPolicyAlgorithm(Algorithm):
         return measured
 
     def parts(self, frames: TensorDictBase, scenes: TensorDictBase | None) -> list[Part]:
-        """What a gradient step consists of. Each part measures losses and adds their gradients, the longest first."""
+        """The parts of a gradient step, the longest first. Each measures losses and adds their gradients."""
 
         def whole() -> dict[str, Tensor]:
             measured = backward(self.losses(frames), self.learned)
@@ -172,7 +172,7 @@ class OffPolicyAlgorithm(Algorithm):
         return backward(measured, self.actor_parameters, self.config.grounding_weight)
 
     def losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
-        """`compute_losses`, once the words are encoded where they are not supervised."""
+        """`compute_losses`, after encoding the words if they are not supervised."""
         self.encode(frames)
         return self.compute_losses(frames)
 
@@ -183,7 +183,7 @@ class OffPolicyAlgorithm(Algorithm):
 
     @abstractmethod
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
-        """What a gradient step on frames (B,) measures, scalars; the sum of those named loss/... is minimised."""
+        """The scalars that a gradient step on frames (B,) measures; the sum of those named loss/... is minimised."""
 
     def after_step(self, frames: TensorDictBase) -> None:
         """Called after each gradient step on frames (B,): moves target networks, updates priorities."""

@@ -35,7 +35,7 @@ class OnPolicyAlgorithm(Algorithm):
 
     Args:
         critic: writes state_value (N, 1); it may read privileged/goal.
-        measured: names of what `compute_losses` returns.
+        measured: names of the values that `compute_losses` returns.
     """
 
     saved = ("policy", "critic", "optimizer")
@@ -76,7 +76,7 @@ class OnPolicyAlgorithm(Algorithm):
         return averages(rows) | fresh | {"explained_variance": explained, "lr": rate}
 
     def stops_early(self, row: dict[str, Tensor]) -> bool:
-        """Whether the remaining epochs are left out, given what the latest gradient step measured."""
+        """Whether to skip the remaining epochs, given the measured values of the latest gradient step."""
         return False
 
     @torch.no_grad()
@@ -132,7 +132,7 @@ class OnPolicyAlgorithm(Algorithm):
 
     @abstractmethod
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
-        """What a gradient step on encoded frames (B,) measures, scalars; the sum of those named loss/... is minimised.
+        """The scalars that a step on encoded frames (B,) measures; the sum of those named loss/... is minimised.
 
         The frames have the keys of actor and critic, "move", "move_log_prob" (B,), "advantage" and "value_target"
         (B, 1).

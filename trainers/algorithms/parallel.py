@@ -1,7 +1,7 @@
 """Independent parts of a gradient step, each on a core of its own.
 
-The networks are small: on two threads each of the hundreds of operations of a step waits for the other thread, and
-where a neighbour has one of the cores, it waits long. Two losses on a thread each wait for each other once a step.
+The networks are small. With two threads, each of a step's hundreds of operations waits for the other thread, and waits
+long if another process uses one of the cores. Two losses on a thread each wait for each other once per step.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ Part = Callable[[], dict[str, Tensor]]
 
 
 def run_parts(parts: Sequence[Part]) -> dict[str, Tensor]:
-    """Run the parts and return what they measure, together.
+    """Run the parts, and return their measured values together.
 
-    They run at the same time where torch may use several threads, each on one thread; else one after the other. So
+    They run at the same time if torch may use several threads, each on one thread; otherwise one after another. So
     they must not depend on each other, and at most one of them may draw random numbers. A single part has all threads.
 
     Args:

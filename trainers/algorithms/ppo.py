@@ -23,7 +23,7 @@ from trainers.models.networks import normal_log_prob
 from trainers.models.policy import Policy
 
 MEASURED = ("loss/actor", "loss/critic", "loss/entropy", "entropy", "kl", "clip_fraction")
-MAX_WEIGHT = 2.0  # of a frame, by how much likelier its move has become since it was collected
+MAX_WEIGHT = 2.0  # of a frame; the weight is the likelihood of its move now, over that at collection
 NORMAL_ENTROPY = 0.5 * math.log(2 * math.pi * math.e)  # nats, of a normal distribution with scale 1
 
 
@@ -42,7 +42,7 @@ class PPO(OnPolicyAlgorithm):
 
     @torch.no_grad()
     def compute_advantages(self, batch: TensorDictBase) -> tuple[TensorDictBase, float]:
-        """As for other algorithms; the likelihood ratio is then that to the policy at the beginning of the update.
+        """As for other algorithms. Likelihood ratios then refer to the policy at the beginning of the update.
 
         With `collector.overlap` an older policy has acted. The ratio of both weighs the advantage, and the clipping
         bounds the update alone (Hilton et al. 2022, "Batch size-invariance for policy optimization", arXiv:2110.00641).

@@ -55,7 +55,13 @@ class ProportionalSampler(Sampler):
         self.priorities[index] = self._greatest
 
     def update_priority(self, index: Any, priority: Any, *, storage: Storage | None = None) -> None:
-        """Set priorities. index: (B,) int64. priority: (B,) absolute errors."""
+        """Set priorities.
+
+        Args:
+            index: (B,) int64, the frames.
+            priority: (B,) absolute errors.
+            storage: ignored.
+        """
         powers = (torch.as_tensor(priority).detach().double().abs() + MIN_PRIORITY) ** self.alpha
         self.priorities[index] = powers.to(self.priorities.device)
         self._greatest = max(self._greatest, powers.max().item())

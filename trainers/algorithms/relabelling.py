@@ -34,7 +34,7 @@ class Relabelling:
         self.begins: list[int] = []  # the step of `unfinished` at which each world's present episode began
 
     def __call__(self, batch: TensorDictBase) -> list[TensorDictBase]:
-        """Relabelled episodes (T,) of those that end in a batch (worlds, steps), the next one of the same worlds."""
+        """Relabelled copies (T,) of the episodes that end in a batch (worlds, steps), which continues the last one."""
         if self.relabel is None or not self.copies:
             return []
         ended = [episode for episode in self.episodes(batch) for _ in range(self._draw_copies())]

@@ -16,12 +16,12 @@ PRIORITY = "td_error"
 class Replay:
     """Frames with their "next", drawn evenly or by priority.
 
-    Supervised words are not stored. The frames then hold the rows of the labelled slots, so whatever is learned of the
-    words later fits frames recorded before. Unsupervised words are stored and encoded again at each gradient step.
+    Supervised words are not stored. The frames then hold the rows of the labelled slots, so they stay valid while the
+    words are being learned. Unsupervised words are stored and encoded again at each gradient step.
 
     Args:
         policy: chooses the keys and writes the labelled rows.
-        critic_key: what the critic is given beside robot and move.
+        critic_key: the key that the critic reads beside robot and move.
         capacity: frames.
         device: of the buffer.
         supervised: whether the grounding loss trains the words.

@@ -1,4 +1,4 @@
-"""What an algorithm's critics are built from."""
+"""The inputs from which an algorithm builds its critics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from trainers.models.policy import Policy
 
 @dataclass(frozen=True)
 class Specs:
-    """What an algorithm builds its critics from.
+    """The inputs from which an algorithm builds its critics.
 
     Attributes:
         config: the key `policy` of a run.

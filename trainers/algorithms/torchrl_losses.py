@@ -39,7 +39,7 @@ def build_loss(cls: type[LossModule], options: Mapping[str, Any], given: Mapping
     Args:
         cls: the class.
         options: keyword arguments of the config; they win over `given`.
-        given: what the adapter can supply, by parameter names; what the class does not take is left out.
+        given: values that the adapter can supply, by parameter names; those that the class does not take are left out.
 
     Raises:
         ConfigError: an option that the class does not take, or one that it refuses.

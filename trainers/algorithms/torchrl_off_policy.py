@@ -60,7 +60,7 @@ class TorchRLOffPolicy(OffPolicyAlgorithm):
         return super().update(batch, progress)
 
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
-        """What the loss module outputs. The actor's losses are left out of all but one of `actor_every` steps."""
+        """The outputs of the loss module. The actor's losses are included in one of `actor_every` steps only."""
         frames["next", "done"] = frames["next", "terminated"]  # a truncated frame bootstraps
         out = self.loss(frames)
         measured = {name: out[key].mean() for key, name in self.outputs.items()}
@@ -115,7 +115,7 @@ def build_off_policy_loss(config: TorchRLOffPolicyConfig, policy: Policy, specs:
 
 
 def build_target_updater(config: TorchRLOffPolicyConfig, loss: LossModule) -> TargetNetUpdater | None:
-    """What moves the target networks after each gradient step; None: the loss has none."""
+    """The updater of the target networks, used after each gradient step; None: the loss has no targets."""
     if config.target == "soft":
         return SoftUpdate(loss, tau=config.tau)
     if config.target == "hard":

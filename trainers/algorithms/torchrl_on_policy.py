@@ -44,6 +44,6 @@ class TorchRLOnPolicy(OnPolicyAlgorithm):
 
 
 def loss_outputs(loss: LossModule, frames: TensorDictBase) -> dict[str, Tensor]:
-    """What the loss measures on frames (B,), under our names."""
+    """The outputs of the loss on frames (B,), under our names."""
     out = loss(frames)
     return {name: out[key] for key, name in OUTPUTS.items() if key in loss.out_keys}

@@ -19,7 +19,7 @@ from trainers.sweeps.job import ENVIRONMENT, failure_message, job_command
 from trainers.utils.parent_death import signal_at_parent_death
 
 PROGRAM = Path(__file__).parents[2] / "train.py"
-TOKEN = ".token"  # file in a job's folder, by which a node knows that it sees this very folder
+TOKEN = ".token"  # file in a job's folder, which shows a node that it sees the same folder
 LEFT_OUT = (".lock", ".stderr", TOKEN)
 POLL_SECONDS = 0.2
 STOP_SECONDS = 60.0  # for a run to save a checkpoint after SIGTERM
@@ -27,10 +27,10 @@ STOP_SECONDS = 60.0  # for a run to save a checkpoint after SIGTERM
 
 @dataclass(frozen=True)
 class NodeJob:
-    """What a job needs on any node.
+    """A job as it is sent to a node.
 
     place: its folder, on the machine of the sweep. share: number of cores. token: in the folder's `TOKEN`. files: an
-    archive of the folder as an earlier start has left it; None if there is nothing to go on from. program: None for the
+    archive of the folder as an earlier start has left it; None if it has no checkpoint. program: None for the
     train.py of the node.
     """
 

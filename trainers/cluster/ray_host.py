@@ -1,4 +1,4 @@
-"""The host of workers in Ray actors: it starts them, spreads them over the nodes, and hears whether they live."""
+"""The host of workers in Ray actors: it starts them, spreads them over the nodes, and monitors them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class RayHost:
 
     Attributes:
         count: number of workers.
-        buffers: 1: what arrives is copied when it is waited for.
+        buffers: 1: a batch is copied while the pool waits for it.
 
     Raises:
         ConfigError: there is no such cluster, it has too few cores, or a node has other versions.
@@ -82,7 +82,7 @@ class RayHost:
         return worker
 
     def wait(self, workers: Sequence[RayWorker], seconds: float) -> list[RayWorker]:
-        """Those whose next batch is there, that have died or that are silent, after at most so many seconds."""
+        """The workers whose next batch has arrived, that have died or are silent, after at most `seconds`."""
         waited = {worker.answers[0]: worker for worker in workers}
         ready, _ = self.session.ray.wait(list(waited), num_returns=1, timeout=seconds)
         if ready:
@@ -112,7 +112,7 @@ class RayHost:
         self.session.close()
 
     def status(self, workers: Sequence[RayWorker], restarts: int, age: int) -> dict[str, str]:
-        """Workers alive, restarts, age of the batch and frames per second of each node, for people."""
+        """Workers alive, restarts, age of the batch and frames per second of each node, for display."""
         alive = sum(worker.node_id is not None for worker in workers)
         values = {"workers": f"{alive}/{len(workers)}", "restarts": str(restarts), "age": str(age)}
         addresses = {node.id: node.address for node in self.nodes}
@@ -131,8 +131,8 @@ class RayHost:
     def _place(self) -> dict[str, Any]:
         """Where a worker is started, as options of an actor: on all nodes evenly.
 
-        After a loss it is started on what is left: not on a node where a worker was silent, which Ray may still count
-        as alive, and without cores of its own where there are too few.
+        After a loss, a worker starts on the remaining nodes: not on a node where a worker was silent, which Ray may
+        still count as alive, and without reserved cores if there are too few.
         """
         place: dict[str, Any] = {"num_cpus": self.config.cpus, "scheduling_strategy": "SPREAD"}
         suspects = self._present_suspects()

@@ -14,7 +14,7 @@ from trainers.rollout.worker_host import raised
 
 POLL_SECONDS = 0.2
 RETRIES = 3  # of an input whose task was lost
-WINDOW = 2  # tasks that are started for each core, so that results which wait for an earlier one stay few
+WINDOW = 2  # tasks that are started for each core: few, so that few results wait for an earlier one
 
 T = TypeVar("T")
 
@@ -31,9 +31,9 @@ def map_on_cluster(
     Args:
         function: picklable.
         inputs: picklable.
-        name: of what is done, for Ray's dashboard and for messages.
+        name: of the work, for Ray's dashboard and for messages.
         address: of the cluster, as of `RaySession`.
-        stop: True gives up.
+        stop: called while it waits; True gives up.
 
     Raises:
         ConfigError: there is no such cluster, a node has other versions, or the function refused its input.
@@ -96,7 +96,7 @@ class _Tasks:
 
 
 def _call(function: Callable[[Any], T], value: Any) -> T:
-    """What a task does: with one thread, so that the bits do not depend on the node's cores."""
+    """Runs in a task, with one thread, so that the bits do not depend on the node's cores."""
     import torch
 
     torch.set_num_threads(1)

@@ -23,7 +23,7 @@ SHARED_MEMORY = Path("/dev/shm")
 STORE_BYTES = (512 * 2**20, 4 * 2**30)  # of a Ray that is started here, at least and at most
 LOOPBACK = "127.0.0.1"
 # Of a Ray that is started here: a killed actor that does not end by itself holds its cores for this long, and actors
-# have the priority of other processes. Ray's default gives them the lowest ones: any neighbour would stop a run.
+# have the priority of other processes. Ray's default gives them a low one: any other process would stall a run.
 SYSTEM_CONFIG = {"kill_worker_timeout_milliseconds": 500, "worker_niceness": 0}
 
 
@@ -62,7 +62,7 @@ class RaySession:
     def __init__(self, address: str | None = None, dashboard: bool = False) -> None:
         self.ray = import_ray()
         self.folder: Path | None = None  # of a Ray that was started here
-        self.joined = self.ray.is_initialized()  # whoever has connected this process ends it
+        self.joined = self.ray.is_initialized()  # connected elsewhere in this process, and closed there
         if self.joined:
             return
         found = _find_address(address)
@@ -96,9 +96,15 @@ class RaySession:
         return NodeAffinitySchedulingStrategy(node.id, soft=soft)
 
     def check_cpus(self, key: str, count: int, each: float) -> None:
-        """Raises ConfigError unless `count` actors or tasks find `each` cores at the same time.
+        """Checks that the cluster has enough cores for actors or tasks that run at the same time.
 
-        key: of `count` in the config.
+        Args:
+            key: of `count` in the config.
+            count: of actors or tasks.
+            each: cores of each.
+
+        Raises:
+            ConfigError: it has too few.
         """
         free, wanted = self.free_cpus, count * each
         if wanted <= free + 1e-6:

@@ -42,7 +42,7 @@ def to_tensor(array: NDArray[Any]) -> torch.Tensor:
 
 
 class CollectorActor:
-    """What runs in a Ray actor: a worker, built at the first batch's request or before.
+    """The worker in a Ray actor. It is built at the first request of a batch, or before.
 
     Args:
         own: versions of the process that reads the batches.
@@ -69,7 +69,7 @@ class CollectorActor:
         """Answered by a thread of its own, as long as the process runs."""
 
     def begin(self, episodes: Episodes | None) -> None:
-        """Build the worlds. The request of a batch says which exception was raised, if one was."""
+        """Build the worlds. The next request of a batch reports an exception, if one was raised."""
         try:
             torch.set_num_threads(1)
             if self.difference:
@@ -133,7 +133,7 @@ class RayWorker(RequestClock):
         """Nothing: batches come through the object store."""
 
     def receive(self) -> tuple[TensorDictBase, Mapping[int, Beginning]]:
-        """The batch, in memory that is read-only, and what `Worker.collect` says of it.
+        """The batch, in read-only memory, and the beginnings that `Worker.collect` returns.
 
         Raises:
             WorkerLostError: the actor has died, is silent or has raised an exception.
@@ -195,7 +195,7 @@ class RayWorker(RequestClock):
             if self.ray.wait([self.place], timeout=0)[0]:
                 self.node_id, self.pid = self.ray.get(self.place)
         except self.ray.exceptions.RayError:
-            pass  # the request of a batch says why
+            pass  # the request of a batch reports why
 
 
 def _reason(error: Exception) -> str:

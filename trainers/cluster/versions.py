@@ -1,4 +1,4 @@
-"""What must be the same on all nodes of a cluster, so that they compute the same."""
+"""The versions that must be equal on all nodes of a cluster, so that the nodes compute the same."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def write(
         recorded: the episodes of `demonstrate`.
         episodes: their number.
         seed: of the recording.
-        about: config, actor and instruction for the metadata, and what the format's writer needs.
+        about: config, actor and instruction for the metadata, and the entries that the format's writer needs.
         images: whether to record camera images.
         stop: called after each episode; True interrupts the recording.
 

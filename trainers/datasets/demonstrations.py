@@ -85,7 +85,7 @@ def _run_episode(
     images: bool,
     max_steps: int | None = None,
 ) -> Demonstration:
-    """act: the action (1, A) for a state. max_steps: the episode is cut after so many steps."""
+    """act: the action (1, A) for a state. max_steps: the episode is cut after this number of steps."""
     env.set_seed(seed)
     state = env.reset()
     sentence, frames = sentence_of(state), [env.render()] if images else []

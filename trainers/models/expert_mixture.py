@@ -13,7 +13,7 @@ LABEL = ("privileged", "expert_action")
 
 
 def expert_move(frames: TensorDictBase, policy: Policy) -> Tensor:
-    """(N, A) the expert's action as a move of the policy, from what it would hold, in [-1, 1]."""
+    """(N, A) the expert's action as a move of the policy, relative to `hold`, in [-1, 1]."""
     return ((frames[LABEL] - frames["hold"]) / policy.action_unit).clamp(-1.0, 1.0)
 
 
@@ -40,7 +40,7 @@ class ExpertMixture(nn.Module):
 
 
 class MixedAct(TensorDictModuleBase):
-    """Observations (N,) with privileged/expert_action (N, A) to "action" (N, A), and the "move" that it is."""
+    """Observations (N,) with privileged/expert_action (N, A) to "action" (N, A) and the equal "move" (N, A)."""
 
     def __init__(self, mixture: ExpertMixture) -> None:
         super().__init__()

@@ -19,7 +19,7 @@ from trainers.models.query_encoder import QUERIES, QueryEncoder
 SCENE_KEYS = ("objects", "objects_mask")
 GESTURE = "gesture"
 NEAR, OBSTACLE = "objects_near", "obstacle"
-RAY_FEATURES = 5  # numbers that tell how an object lies to a ray
+RAY_FEATURES = 5  # numbers that describe an object's position relative to a ray
 REFERENT, TARGET, VERB = ("privileged", "referent"), ("privileged", "target"), ("privileged", "verb")
 SLOTS = {"attention_logits": REFERENT, "target_logits": TARGET}  # the attention, and the slot that it should choose
 VERB_LOGITS = "verb_logits"
@@ -54,7 +54,7 @@ class GroundingEncoder(nn.Module):
         reads_gesture: whether the scene has a gesture.
         choices: 1, or 2 where the words name a target as well.
         observes_obstacles: whether to write the nearest obstacle as well, from objects_near (N, K).
-        verbs: V; 0 where there is one verb only, which the words need not tell.
+        verbs: V; 0 if there is only one verb.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class GroundingEncoder(nn.Module):
         return logits.masked_fill(~mask, MASKED)
 
     def _pairwise_lead(self, features: Tensor, relation: Tensor) -> Tensor:
-        """(N, K, K): how far each slot (N, K, F) exceeds each other one in what the relation (N, K, E) compares."""
+        """(N, K, K): how far each slot (N, K, F) exceeds each other one, as relation (N, K, E) compares."""
         difference = features.unsqueeze(2) - features.unsqueeze(1)
         relation = relation.unsqueeze(2).expand(-1, -1, features.shape[1], -1)
         return self.comparison_scorer(torch.cat([difference, relation], -1)).squeeze(-1)
@@ -187,7 +187,7 @@ class GroundingEncoder(nn.Module):
 
 
 def ray_features(positions: Tensor, gesture: Tensor) -> Tensor:
-    """How positions (N, K, 3), metres, lie to the finger's ray (N, 7), as (N, K, RAY_FEATURES); 0 without a ray.
+    """(N, K, RAY_FEATURES) the positions (N, K, 3), metres, relative to the finger's ray (N, 7); 0 without a ray.
 
     The angle to the ray and the distance from it, each with its square, and whether it lies behind the fingertip.
     """
@@ -195,7 +195,7 @@ def ray_features(positions: Tensor, gesture: Tensor) -> Tensor:
     offset = positions - origin
     along = (offset * direction).sum(-1, keepdim=True)
     distance = (offset - along * direction).square().sum(-1, keepdim=True).sqrt()
-    # In units of 6 degrees and 1 cm, or near ties of two objects are told apart too late; squares that stay small.
+    # In units of 6 degrees and 1 cm: otherwise near ties of two objects are separated too late in training.
     angle, near = 10 * torch.atan2(distance, along), 20 * distance
     squares = (angle.clamp(max=4.0).square(), near.clamp(max=4.0).square())
     return torch.cat([angle, 100 * distance, *squares, (along < 0).to(along)], -1) * shown

@@ -28,7 +28,7 @@ class QueryEncoder(nn.Module):
         self.convolutions = nn.ModuleList(nn.Linear(3 * width, width) for _ in range(2))
         queries = QUERIES * choices + reads_verb
         self.roles = nn.Linear(width, queries)
-        # Two choices differ even where nothing is said of them: one can be moved, the other marks a place.
+        # Referent and target differ even if the words describe neither: one can be moved, the other marks a place.
         self.base_queries = nn.Parameter(0.1 * torch.randn(queries, width)) if choices > 1 else None
         generator = torch.Generator().manual_seed(1)
         self.register_buffer("hash_weights", torch.randint(2**62, (length,), generator=generator))
@@ -45,8 +45,8 @@ class QueryEncoder(nn.Module):
         """Queries, without the search for repetitions.
 
         Which words belong to which query depends on the whole sentence; their content depends on each word alone. So a
-        known word means the same beside an unknown one, and pairs of words that were never trained together mean what
-        their parts do: 98 % accuracy on such pairs in fresh scenes, against 97 % with queries of mixed words.
+        known word means the same beside an unknown one, and pairs of words that were never trained together have the
+        meaning of their parts: 98 % accuracy on such pairs in fresh scenes, against 97 % with queries of mixed words.
         """
         present = (tokens != 0).unsqueeze(-1)
         words = self.word_embedding(tokens) * present

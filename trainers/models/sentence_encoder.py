@@ -1,4 +1,4 @@
-"""Words as a frozen, pretrained sentence encoder encodes them: each in the context of its sentence.
+"""Words encoded by a frozen, pretrained sentence encoder, each in the context of its sentence.
 
 The encoder is MiniLM (Wang et al. 2020, arXiv:2002.10957) trained on pairs of sentences (Reimers & Gurevych 2019,
 arXiv:1908.10084). Its weights come with a package; nothing is downloaded.

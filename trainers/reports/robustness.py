@@ -11,7 +11,7 @@ HEADER = ("condition", "success (95 %)", "/ plain", "disturbed", "wrong object",
 
 
 def with_ratios(results: Mapping[str, dict[str, Any]]) -> list[dict[str, Any]]:
-    """The results of `conditions` as rows: with their name and their success over that of the first one."""
+    """The results of `conditions` as rows, with their names and the ratio of their success to that of the first one."""
     plain = next(iter(results.values()))["success_at_end"]
     return [
         {"condition": name, "over_plain": result["success_at_end"] / plain if plain else None, **result}

@@ -72,7 +72,7 @@ class Score:
 
     success: interquartile mean of the final success rates. interval: its 95 % bootstrap interval. worst: the run with
     the lowest final success. wrong_object: share of the final episodes, mean over seeds. disturbed: share of
-    the successful final episodes, maximum over seeds; None where no run measured it. final_over_best: minimum over
+    the successful final episodes, maximum over seeds; None if no run measured it. final_over_best: minimum over
     seeds. frames, seconds: to each of `LEVELS`, median over seeds; infinite if a level was never reached.
     """
 

@@ -1,6 +1,6 @@
-"""Evaluation of chains: instructions one after another in the same world, each said once the last one is carried out.
+"""Evaluation of chains: instructions one after another in the same world, each given after the last was carried out.
 
-A chain ends at the first instruction that is not carried out in time. What is reported follows CALVIN, Mees et al. 2022
+A chain ends at the first instruction that is not carried out in time. The figures are those of CALVIN, Mees et al. 2022
 (arXiv:2112.03227): the shares of chains in which 1, 2, ... instructions were carried out in a row, and their mean.
 """
 

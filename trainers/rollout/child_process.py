@@ -34,7 +34,7 @@ class ChildProcess:
         theirs.close()
 
     def send(self, message: object) -> None:
-        """Send it. Of a process that has ended, the pipe says so, once what it answered before has been received."""
+        """Send a message. If the process has ended, reading from the pipe reports it after the earlier answers."""
         with suppress(OSError):
             self.connection.send(message)
 
@@ -45,7 +45,7 @@ class ChildProcess:
         self.connection.close()
 
     def ending(self) -> str:
-        """How the process ended whose pipe is closed, as a clause."""
+        """How the process ended, as a clause. Its pipe is closed."""
         self.process.join(EXIT_SECONDS)
         code = self.process.exitcode
         if code is not None and code < 0:
@@ -54,7 +54,7 @@ class ChildProcess:
 
 
 def detach() -> None:
-    """One thread; no SIGINT, which a terminal sends to all processes; and an end with the main process."""
+    """Use one thread, ignore SIGINT, which a terminal sends to all processes, and end with the main process."""
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal_at_parent_death(signal.SIGKILL)  # the parent is the fork server, which ends with the main process

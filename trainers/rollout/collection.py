@@ -21,12 +21,12 @@ from trainers.rollout.worker_process import ProcessHost
 
 
 class Rollouts:
-    """Batches (worlds of all workers, steps), asked for with the policy that `sync` was last given.
+    """Batches (worlds of all workers, steps), collected with the policy of the last `sync`.
 
-    Where batches are collected ahead, `next` asks for a later one before it returns its own.
+    If batches are collected ahead, `next` requests a later one before it returns its own.
 
     The policy acts on the CPU, where the worlds are, whatever device it learns on. `close` must be called at the end.
-    The batches depend on the arguments alone: whether a worker is lost and replaced on the way changes no bit.
+    The batches depend on the arguments alone: the loss and replacement of a worker changes no bit.
 
     Args:
         make_env: `make_env(worlds, seed)` builds the environment; picklable.
@@ -35,7 +35,7 @@ class Rollouts:
         horizon: steps of a batch.
         seed: of the workers.
         iteration: number of the first batch: it seeds the noise.
-        state: a `state_dict` to go on from; it replaces `seed`.
+        state: a `state_dict` to continue from; it replaces `seed`.
         steps: how many steps are left of the run. The last batch is shortened to them. None: the run has no end.
     """
 
@@ -85,7 +85,7 @@ class Rollouts:
         return 0 if self.pool is None else self.pool.restarts
 
     def sync(self, policy: Policy | ExpertMixture) -> None:
-        """Copy the policy's weights; the batches that are asked for from now on are collected with them."""
+        """Copy the policy's weights. Batches that are requested from now on are collected with them."""
         self.cpu_policy.load_state_dict(policy.state_dict())
         if self.pool is not None:
             self.pool.host.publish()
@@ -94,7 +94,7 @@ class Rollouts:
                 self.published = recent | {self.iteration: copy.deepcopy(self.cpu_policy.state_dict())}
 
     def status(self) -> dict[str, str]:
-        """How the workers do, for people; {} where no cluster collects."""
+        """The state of the workers, for display; {} unless a cluster collects."""
         return {} if self.pool is None else self.pool.host.status(self.pool.workers, self.pool.restarts, self.pool.age)
 
     def measures(self) -> dict[str, float]:
@@ -127,14 +127,14 @@ class Rollouts:
         return batch
 
     def state_dict(self) -> dict[str, Any] | None:
-        """What it takes to go on with the same bits after the latest batch; None before the first one."""
+        """The state from which collection continues, bit for bit, after the latest batch; None before the first one."""
         episodes = self.log.episodes
         if episodes is None:
             return None
         return {"seed": self.seed, "episodes": episodes.state_dict(), "ahead": self._ahead()}
 
     def _ahead(self) -> list[dict[str, Any]]:
-        """The batches that were asked for with earlier weights than the present ones, each with these weights."""
+        """The requested batches whose weights are older than the present ones, each with its weights."""
         asked = {} if self.pool is None else self.pool.asked
         later = [(k, since) for k, (_, since) in sorted(asked.items()) if since < self.iteration <= k]
         return [{"iteration": k, "since": since, "weights": self.published[since]} for k, since in later]
@@ -160,5 +160,5 @@ class Rollouts:
 
 
 def columns(config: CollectorConfig) -> tuple[str, ...]:
-    """The columns of metrics.csv that tell how a cluster collected. As timings, they differ between equal runs."""
+    """The columns of metrics.csv that describe collection on a cluster. Like timings, they differ between runs."""
     return ("time/batch_age", "time/restarts") if isinstance(config, RayCollectorConfig) else ()

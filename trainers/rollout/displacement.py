@@ -1,4 +1,4 @@
-"""How far objects are moved in the episodes of an evaluation, beside what the task asks to move."""
+"""How far objects are moved in the episodes of an evaluation, except the object that the task moves."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ MOVED, MOVED_FAR = 0.01, 0.03  # metres above which an object counts as moved, a
 class Displacement:
     """How far objects were moved in an episode: the greatest distance from where they began, metres.
 
-    referent: None where the task is to move it. others: of all other objects, the one that was moved furthest.
-    out_of_reach: the referent lay out of the gripper's reach at the end; None where the task is to move it.
+    referent: None if the task is to move it. others: of all other objects, the one that was moved furthest.
+    out_of_reach: the referent lay out of the gripper's reach at the end; None if the task is to move it.
     """
 
     referent: float | None = 0.0
@@ -35,8 +35,8 @@ class Displacements:
     """Follows the objects of N worlds by "privileged/places", or the first three columns of "objects" if exact.
 
     Args:
-        env: says whether its task is to move the referent, and what its grippers reach.
-        state: the observation with which the episodes begin.
+        env: has `moves_referent` and `is_reachable`.
+        state: the first observation of the episodes.
     """
 
     def __init__(self, env: TrainingEnv, state: TensorDictBase) -> None:
@@ -76,8 +76,8 @@ def moved_shares(successful: Sequence[Displacement], ended: Sequence[Displacemen
     """Shares of episodes by how far objects were moved; None for a share of nothing.
 
     referent_1cm, referent_3cm, others_1cm: of the successful episodes, those in which the referent, or another object,
-    was moved by more than that. swept_out_of_reach: of all episodes, those that ended with the referent there. What
-    concerns the referent is None where the task is to move it.
+    was moved by more than that. swept_out_of_reach: of all episodes, those that ended with the referent out of reach.
+    Shares of the referent are None if the task is to move it.
     """
     return {
         "referent_1cm": share([each.referent > MOVED for each in successful if each.referent is not None]),

@@ -1,8 +1,8 @@
-"""What it takes to continue the episodes that the training worlds are in: kept by the main process, batch by batch.
+"""The state from which the running episodes of the training worlds can be continued.
 
-A world's state is that of its generator when its episode began and the actions since; the environment's
-`continue_episodes` replays them. The main process has both, so it needs no worker to save a checkpoint or to replace
-a worker that was lost.
+A world's state follows from the generator state when its episode began and the actions since; the environment's
+`continue_episodes` replays them. The main process records both from each batch, so it needs no worker to save a
+checkpoint, or to replace a worker that was lost.
 """
 
 from __future__ import annotations

@@ -159,7 +159,7 @@ def run_episodes(
 
 
 def summarize(outcomes: list[EpisodeOutcome], kind_names: Sequence[str]) -> EvalResult:
-    """Statistics over episodes. kind_names: what the values of `EpisodeOutcome.kind` are."""
+    """Statistics over episodes. kind_names: names of the values of `EpisodeOutcome.kind`."""
     kinds = {kind_names[kind]: [e for e in outcomes if e.kind == kind] for kind in sorted({e.kind for e in outcomes})}
     result = _summary(outcomes)
     result.by_kind = {name: _summary(group) for name, group in kinds.items()}

@@ -1,4 +1,4 @@
-"""The process that collection workers are forked from. It has imported what they need, so they start at once.
+"""The process that collection workers are forked from. It has imported their modules, so they start at once.
 
 This file imports no torch, so that a program can start the server before its own slow imports.
 """
@@ -23,7 +23,7 @@ def start(modules: Sequence[str] = ()) -> BaseContext:
     of this one cannot use it.
 
     Args:
-        modules: what the server imports beside the collection of batches; ignored if it runs already.
+        modules: imported by the server beside the collection of batches; ignored if it runs already.
 
     Returns:
         The context in which to start processes: that of the server, or one that starts a new interpreter for each.

@@ -1,4 +1,4 @@
-"""What the fork server imports; nothing else may import it, since it changes the process's signals.
+"""Imported by the fork server, and by nothing else, since it changes the process's signals.
 
 The server ignores SIGINT, which a terminal sends to all processes, and ends with the main process, whatever the way
 that one ends. The workers end with the server.

@@ -80,7 +80,7 @@ def success_in_turn(env: Any, policy: Any, scenes: int, seed: int) -> dict[str, 
     Where a scene has more episodes than there are worlds, they take turns.
 
     Raises:
-        ConfigError: nothing is said in the task.
+        ConfigError: the task has no instructions.
     """
     if not env.task.speaks:
         raise ConfigError(f"in_turn needs a task with words; {env.config.task.name} has none")

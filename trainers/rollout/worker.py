@@ -43,7 +43,7 @@ class Worker:
     """Collects batches (worlds, steps).
 
     A batch depends on the spec, the policy's weights, the episodes that the worlds are in and the number of the
-    iteration, and on nothing else: another worker, started with the same ones, collects the same bits.
+    iteration, and on nothing else: another worker that starts with the same values collects the same bits.
 
     Args:
         make_env: builds the environment.

@@ -1,4 +1,4 @@
-"""What a pool of workers needs from the place where they run: processes of this machine, or actors of a cluster."""
+"""The interface of a pool to the place where its workers run: processes of this machine, or actors of a cluster."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ START_SECONDS = 120.0  # to start a worker, to build its worlds and to replay th
 class WorkerLostError(Exception):
     """A worker has ended, raised an exception or does not answer. The text says which.
 
-    frame: what the environment's step was given that raised, if its exception has a `frame`.
+    frame: the input of the environment's step that raised, if its exception has a `frame`.
     """
 
     frame: TensorDictBase | None = None
 
 
 def raised(error: BaseException) -> str:
-    """What was raised, as a clause: "raised ValueError: <the first line of its text>"."""
+    """An exception as a clause: "raised ValueError: <the first line of its text>"."""
     return f"raised {type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
 
 
 @dataclass(frozen=True)
 class Failure:
-    """What a worker answers if it raised an exception: its text, and its `frame` if it has one.
+    """The answer of a worker that raised an exception: its text, and its `frame` if it has one.
 
     frame: written by `torch.save`. Tensors that are sent as they are cannot be read once their process has ended.
     """
@@ -61,8 +61,8 @@ class Failure:
 class RemoteWorker(Protocol):
     """A worker outside of this process. Requests are answered in their order.
 
-    answered: whether a batch was received; until then it may still be starting. collect_seconds: that the batch
-    received last took it.
+    answered: whether a batch was received; until then it may still be starting. collect_seconds: seconds that it took
+    to collect the batch received last.
     """
 
     spec: WorkerSpec
@@ -73,16 +73,16 @@ class RemoteWorker(Protocol):
         """Ask for the batch of this iteration with these weights of the host. Raises WorkerLostError."""
 
     def use_buffers(self, buffers: Sequence[TensorDictBase]) -> None:
-        """Have the batches that are asked for from now on written there, in turns, if the worker can.
+        """Have the batches that are requested from now on written to these buffers in turn, if the worker can.
 
         Raises WorkerLostError.
         """
 
     def receive(self) -> tuple[TensorDictBase | None, Mapping[int, Beginning]]:
-        """The batch, None if it is in its buffer, and what `Worker.collect` says of it. Raises WorkerLostError."""
+        """The batch, None if it is in its buffer, and the beginnings from `Worker.collect`. Raises WorkerLostError."""
 
     def overdue(self, patience: float, waiting_since: float) -> bool:
-        """Whether it has not answered for so many seconds, or more where it is starting.
+        """Whether it has not answered for `patience` seconds, or more if it is starting.
 
         waiting_since: as `time.monotonic` has it. The seconds count from then, or from a later request.
         """
@@ -113,7 +113,7 @@ W = TypeVar("W", bound=RemoteWorker)
 class WorkerHost(Protocol, Generic[W]):
     """Starts workers, and waits for them.
 
-    weights: those that batches are asked for with, as workers are told. buffers: how many batches are in use at a time.
+    weights: a reference to the weights for the next requests. buffers: how many batches are in use at a time.
     """
 
     @property
@@ -129,7 +129,7 @@ class WorkerHost(Protocol, Generic[W]):
         """A new worker, whose batches are written to `buffers` if it can. episodes: of its worlds, to continue."""
 
     def wait(self, workers: Sequence[W], seconds: float) -> list[W]:
-        """Those workers that have answered, ended or become silent, after at most so many seconds."""
+        """The workers that have answered, ended or become silent, after at most `seconds`."""
 
     def moved(self, workers: Sequence[W]) -> list[int]:
         """The indices of workers that are to be started again because there is a better place for them."""
@@ -138,7 +138,7 @@ class WorkerHost(Protocol, Generic[W]):
         """A buffer for batches, with the contents of the first one."""
 
     def status(self, workers: Sequence[W], restarts: int, age: int) -> dict[str, str]:
-        """How the workers do, for people: values by their labels. age: of the latest batch, in iterations."""
+        """The state of the workers, for display: values by their labels. age: of the latest batch, in iterations."""
 
     def close(self) -> None:
-        """Give back what the host holds. The workers have been killed."""
+        """Release the host's resources. The workers have been killed."""

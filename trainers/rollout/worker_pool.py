@@ -1,5 +1,7 @@
-"""Workers that collect together, in processes or on a cluster. One that is lost or stuck is replaced and its part of
-the batch collected again, with the same bits."""
+"""Workers that collect together, in processes or on a cluster.
+
+A worker that is lost or stuck is replaced, and its part of the batch is collected again, with the same bits.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,8 @@ class CollectionError(RunError):
 class Order:
     """A batch to collect.
 
-    iteration: seeds the noise. episodes: that all worlds are in before it, from which a lost worker's successor goes
-    on; None at first. stop: True gives up.
+    iteration: seeds the noise. episodes: of all worlds before the batch, which the successor of a lost worker
+    continues; None at first. stop: called while the pool waits; True gives up.
     """
 
     iteration: int
@@ -46,8 +48,8 @@ class Order:
 class WorkerPool:
     """Collects batches (worlds of all workers, steps) outside of this process.
 
-    Workers may collect batches ahead: while an update runs, they are busy with the next ones, with the weights of the
-    time when these were asked for. So each batch depends on the weights of a known iteration, however slow a worker is.
+    Workers may collect batches ahead: during an update they collect the next ones, with the weights at the time of the
+    request. So each batch depends on the weights of a known iteration, however slow a worker is.
 
     Args:
         host: where the workers run.
@@ -65,12 +67,12 @@ class WorkerPool:
         self.patience_factor = 1.0
         self.restarts = 0
         self.age = 0  # of the latest batch: how many iterations old its weights were
-        # Iteration -> the weights that its batch was asked for with, and their iteration.
+        # Iteration -> the weights with which its batch was requested, and their iteration.
         self.asked: dict[int, tuple[Any, int]] = {}
         self.workers = [self._start(spec, episodes) for spec in specs]
 
     def collect(self, order: Order) -> tuple[TensorDictBase, dict[int, Beginning]]:
-        """The batch, whose memory the next one reuses, and what began in it, by the number of the world.
+        """The batch, whose memory the next one reuses, and the beginnings of its new episodes, by world.
 
         Raises:
             Interrupted: `stop` returned True.
@@ -117,7 +119,7 @@ class WorkerPool:
                 self.ask(replace(order, iteration=iteration), order.iteration)
 
     def _ready(self, indices: set[int]) -> list[int]:
-        """Those workers that have answered or ended, after at most POLL_SECONDS."""
+        """The workers that have answered or ended, after at most POLL_SECONDS."""
         waited = [self.workers[index] for index in sorted(indices)]
         return [worker.spec.index for worker in self.host.wait(waited, POLL_SECONDS)]
 
@@ -170,7 +172,7 @@ class WorkerPool:
             self._replace(index, str(error), order)
 
     def _move(self, order: Order) -> None:
-        """Start workers again for which the host has a better place. The batches that they were asked for are lost."""
+        """Restart workers for which the host has a better place. The batches that they were collecting are lost."""
         for index in self.host.moved(self.workers):
             self.workers[index].kill()
             self.workers[index] = self._start(self.specs[index], order.episodes)

@@ -53,11 +53,11 @@ class WorkerProcess(ChildProcess, RequestClock):
         self.send((iteration, weights))
 
     def use_buffers(self, buffers: Sequence[TensorDictBase]) -> None:
-        """Have all batches that are asked for from now on written there, in turns."""
+        """Have all batches that are requested from now on written to these buffers, in turn."""
         self.send(tuple(buffers))
 
     def receive(self) -> tuple[TensorDictBase | None, Mapping[int, Beginning]]:
-        """The batch, None if it is in its buffer, and what `Worker.collect` says of it. Raises WorkerLostError.
+        """The batch, None if it is in its buffer, and the beginnings from `Worker.collect`. Raises WorkerLostError.
 
         To be called once the connection has something to read. A process that was stopped while it wrote its answer
         does not block for more than RECEIVE_SECONDS.
@@ -88,10 +88,10 @@ class ProcessHost:
     Args:
         make_env: builds a worker's environment; picklable.
         policy: on the CPU; `publish` copies its weights.
-        ahead: how many batches workers collect beyond the one that is waited for.
+        ahead: how many batches workers collect ahead of the one that the pool waits for.
 
     Attributes:
-        weights: the number of the copy that has the latest weights. A copy is written anew once all batches that were
+        weights: the number of the copy that has the latest weights. A copy is overwritten once all batches that were
             asked for with it have been received.
         buffers: how many batches are in use at a time: the one that is learned from, and those ahead.
     """
@@ -111,7 +111,7 @@ class ProcessHost:
         return WorkerProcess(self.make_env, self.policies, spec, episodes, buffers)
 
     def wait(self, workers: Sequence[WorkerProcess], seconds: float) -> list[WorkerProcess]:
-        """Those that have answered or ended, after at most so many seconds."""
+        """The workers that have answered or ended, after at most `seconds`."""
         waited: dict[Any, WorkerProcess] = {worker.connection: worker for worker in workers}
         return [waited[connection] for connection in wait(list(waited), seconds)]
 

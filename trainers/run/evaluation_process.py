@@ -19,7 +19,7 @@ from trainers.rollout.video import record_video
 from trainers.rollout.worker_host import Failure
 from trainers.utils.atomic_io import atomic_path
 
-ALIVE = "alive"  # what the process sends about every second of an evaluation
+ALIVE = "alive"  # message that the process sends about once a second during an evaluation
 ALIVE_SECONDS = 1.0
 POLL_SECONDS = 0.2  # between two looks at the signals
 
@@ -30,7 +30,7 @@ class ProcessLostError(Exception):
 
 @dataclass(frozen=True)
 class EpisodesTask:
-    """Evaluate so many episodes over all worlds, drawn from the seed."""
+    """Evaluate this number of episodes over all worlds, drawn from the seed."""
 
     episodes: int
     seed: int
@@ -43,7 +43,7 @@ class EpisodesTask:
 
 @dataclass(frozen=True)
 class VideoTask:
-    """Record so many episodes of an environment that renders, in an mp4 file."""
+    """Record this number of episodes of an environment that renders, in an mp4 file."""
 
     make_env: Callable[[], EnvBase]
     path: Path
@@ -77,7 +77,7 @@ class EvaluationProcess(ChildProcess):
         self.send(task)
 
     def answer(self, wait: bool, stop: Callable[[], bool]) -> Any:
-        """What the task came to: a result, True for a video, or what was raised. None: not yet.
+        """The outcome of the task: a result, True for a video, or the exception. None: not finished.
 
         Args:
             wait: for the answer.
@@ -100,7 +100,7 @@ class EvaluationProcess(ChildProcess):
                 raise ProcessLostError(f"gave no sign of life for {self.task.silence:.0f} s")
 
     def _receive(self, seconds: float) -> Any:
-        """A message that arrives within so many seconds, else None."""
+        """A message that arrives within `seconds`, else None."""
         try:
             if not self.connection.poll(seconds):
                 return None
@@ -112,7 +112,7 @@ class EvaluationProcess(ChildProcess):
 
 
 class _SignOfLife:
-    """Called at each control step: tells the main process about every second that the task goes on. Never stops it."""
+    """Called at each control step. Reports once a second that the task goes on. Never stops the task."""
 
     def __init__(self, connection: Connection) -> None:
         self.connection, self.sent_at = connection, time.monotonic()

@@ -30,10 +30,10 @@ class Evaluator:
 
     Args:
         make_env: `make_env(worlds, seed)` builds the environment; picklable.
-        policy: whose structure requested evaluations have.
+        policy: has the structure of the policies to evaluate.
         worlds: of an evaluation.
         seed: of the run.
-        beside: whether what is requested runs in a process of its own.
+        beside: whether requested tasks run in a process of their own.
     """
 
     def __init__(self, make_env: MakeEnv, policy: Policy, worlds: int, seed: int, beside: bool) -> None:
@@ -68,7 +68,7 @@ class Evaluator:
         self._request(weights, video)
 
     def result(self, wait: bool, stop: Callable[[], bool]) -> EvalResult | None:
-        """The result of the requested evaluation; None if the other process is still at it, and `wait` is False.
+        """The result of the requested evaluation; None if it is not finished and `wait` is False.
 
         Raises:
             CollectionError: as `evaluate`.
@@ -85,7 +85,7 @@ class Evaluator:
         return answer
 
     def finish_video(self) -> None:
-        """Wait until the requested video is written. Raises what its recording raises."""
+        """Wait until the requested video is written. Raises the exceptions of the recording."""
         assert isinstance(self.task, VideoTask)
         if self._answer(wait=True) is not True:  # none beside, it was lost, or it raised: this process raises it itself
             self.task.run(self.policy.act)
@@ -111,7 +111,7 @@ class Evaluator:
             self.process.begin(task)
 
     def _answer(self, wait: bool, stop: Callable[[], bool] = lambda: False) -> Any:
-        """What the other process answered; None if it has not answered, or there is none (any more)."""
+        """The answer of the other process; None if it has not answered, or does not exist (any more)."""
         if self.process is None:
             return None
         try:

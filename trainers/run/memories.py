@@ -1,6 +1,6 @@
 """Saves the ring buffers of an algorithm, such as its replay buffer, incrementally.
 
-A checkpoint of a long run would else write hundreds of thousands of frames each time. The rows that are new since the
+Otherwise each checkpoint of a long run would write hundreds of thousands of frames. The rows that are new since the
 last checkpoint go to files of their own, which are written once; a checkpoint lists the files that it needs, with
 their checksums.
 """
@@ -41,7 +41,7 @@ class MemoryFiles:
         self.earlier = dict.fromkeys(buffers, 0)  # rows that were written before, less those written by loading
 
     def save(self) -> References:
-        """Write the rows that no file holds yet. Returns what `load` needs."""
+        """Write the rows that no file holds yet. Returns the references for `load`."""
         references = {}
         for name, buffer in self.buffers.items():
             written = self.earlier[name] + buffer.write_count

@@ -71,7 +71,7 @@ class MetricsWriter:
         return f"{text},{_checksum_cell(self._checksum)}{LINE_END}"
 
     def _log(self, logger: Any, row: Mapping[str, float]) -> None:
-        """Send a row to a logger, and drop a logger that can no longer write: metrics.csv has it all."""
+        """Send a row to a logger, and drop a logger that can no longer write: metrics.csv has all values."""
         try:
             for name, value in row.items():
                 if math.isfinite(value) and name != "frames":

@@ -50,7 +50,7 @@ class Progress:
         self.bar.close()
 
     def say(self, text: str) -> None:
-        """Say what the run does before its first row."""
+        """Show a text about the run's work before its first row."""
         self.bar.set_postfix_str(text)
         if self.prints_lines:
             print(text, flush=True)

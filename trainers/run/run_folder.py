@@ -22,14 +22,14 @@ class FolderLock:
 
     Args:
         folder: created if it is missing.
-        name: of what uses the folder, for the error message.
+        name: of the user of the folder, such as "run", for the error message.
     """
 
     def __init__(self, folder: Path, name: str = "run") -> None:
         self.folder, self.name = folder, name
 
     def __enter__(self) -> FolderLock:
-        """Lock the folder, and remove what killed processes have left. Raises ConfigError."""
+        """Lock the folder, and remove the leftovers of killed processes. Raises ConfigError."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             flags = os.O_RDWR | os.O_CREAT | NO_FOLLOW | getattr(os, "O_NONBLOCK", 0)
@@ -67,7 +67,7 @@ def _refuse_links(folder: Path, place: Path) -> None:
 
 
 def name_semaphores() -> None:
-    """Give the semaphores of this process a name that tells whose they are, and remove those of dead processes."""
+    """Give the semaphores of this process a name that shows whose they are, and remove those of dead processes."""
     config = getattr(multiprocessing.current_process(), "_config", None)
     if isinstance(config, dict):
         config["semprefix"] = f"/mp-deixis-{os.getpid()}"

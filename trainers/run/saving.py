@@ -17,7 +17,7 @@ from trainers.run.memories import MemoryFiles
 class CheckpointWriter:
     """Writes checkpoints/last.pt, best.pt and, where checkpoint.keep asks for them, <frames>.pt.
 
-    Only best.pt lacks the running state: a run resumed from it begins new episodes and fills its memories anew.
+    Only best.pt lacks the running state: a run resumed from it begins new episodes with empty memories.
 
     Args:
         folder: of the checkpoints.
@@ -39,7 +39,7 @@ class CheckpointWriter:
         checkpoint.save(self.folder / "best.pt", payload)
 
     def save_last(self, payload: dict[str, Any], state: dict[str, Any]) -> None:
-        """Write last.pt, and remove what no checkpoint refers to any more.
+        """Write last.pt, and remove memory files to which no checkpoint refers any more.
 
         Args:
             payload: the keys of a checkpoint.

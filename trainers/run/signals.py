@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 
-# What asks a program to end: a terminal (SIGINT, SIGHUP), a scheduler (SIGTERM; SIGUSR1 as SLURM's warning).
+# Signals to end a program: from a terminal (SIGINT, SIGHUP), a scheduler (SIGTERM; SIGUSR1 as SLURM's warning).
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
 HANDLED = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
 
@@ -13,7 +13,7 @@ HANDLED = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
 class StopSignal:
     """Records signals that ask the program to stop, instead of letting them interrupt it. A context manager.
 
-    Calling it tells whether one of them was received, so that a loop can stop between two steps. `signal` is its
+    Calling it returns whether one of them was received, so that a loop can stop between two steps. `signal` is its
     number, 0 before. A second SIGINT ends the program at once.
     """
 

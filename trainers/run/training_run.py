@@ -29,7 +29,7 @@ from trainers.run.saving import CheckpointWriter
 from trainers.run.signals import StopSignal
 from trainers.utils.lean_imports import import_compiler
 
-# evaluate: that the iteration waited for evaluations. evaluated: of the run, when the row's evaluation was known.
+# evaluate: seconds spent waiting for evaluations. evaluated: seconds of the run until the row's evaluation was known.
 TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/evaluated", "time/total", "time/frames_per_s")
 SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn scenes
 
@@ -37,7 +37,7 @@ SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn sce
 class TrainingRun:
     """One training run: the state that the steps of `fit` share.
 
-    env: one world, for what is not simulated: specs, scenes and relabelling.
+    env: one world, for specs, unsimulated scenes and relabelling.
     counters: plain numbers that a resumed run continues from. rows: of metrics.csv, those of the latest iterations that
     are not written yet. pending: the checkpoint that is being evaluated, for the first of the rows; None if none is.
     consistent: whether no update is half done, so that the run can be saved.
@@ -113,7 +113,7 @@ class TrainingRun:
         self.kept_frames = int(self.rows[0]["frames"]) - 1 if self.rows else self.counters["frames"]
 
     def running_state(self) -> dict[str, Any]:
-        """What the next iteration depends on beside networks, optimizers, counters and memories."""
+        """The state on which the next iteration depends beside networks, optimizers, counters and memories."""
         rollouts = self.resumed.get("rollouts") if self.rollouts is None else self.rollouts.state_dict()
         return {
             "rows": [dict(row) for row in self.rows],
@@ -143,7 +143,7 @@ class TrainingRun:
         return self.earlier_seconds + time.perf_counter() - self.start_time
 
     def payload(self) -> dict[str, Any]:
-        """What every checkpoint holds."""
+        """The content of every checkpoint."""
         return {
             "config": self.config,
             "vocabulary": list(self.vocabulary),

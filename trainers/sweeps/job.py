@@ -162,7 +162,7 @@ def _known_overrides(place: Path) -> list[str] | None:
 
 
 def has_finished(place: Path) -> bool:
-    """Whether the job has a result, which is told. A damaged one is removed, so that the job is finished again."""
+    """Whether the job has a result. Prints that it has. A damaged result is removed, and the job is finished again."""
     if not (place / "eval.json").exists():
         return False
     try:

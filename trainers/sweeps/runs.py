@@ -40,7 +40,7 @@ MAX_BYTES = 256 * 1024  # of a record of a run
 
 @dataclass(frozen=True)
 class RunRecord:
-    """What a run has left in its folder.
+    """The files that a run has left in its folder.
 
     config: as composed; empty if the run was refused. overrides: of a sweep's job; empty otherwise. result: eval.json;
     None if the run has not finished. error: why it failed, if it did.

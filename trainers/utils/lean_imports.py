@@ -1,4 +1,4 @@
-"""Imports of torch and TorchRL without what they import for others: the compiler and Ray.
+"""Imports of torch and TorchRL without two of their own imports: the compiler and Ray.
 
 TensorDict and TorchRL import torch's compiler to mark functions for it, and Ray for buffers on a cluster. Together they
 take as long as torch itself. Nothing is compiled here, and Ray is imported in `trainers.cluster`.
@@ -43,7 +43,7 @@ def import_training() -> None:
 
 
 def import_compiler() -> None:
-    """Import the compiler, a second's work, which else the first step of an optimizer does."""
+    """Import the compiler, which takes a second. Otherwise the first step of an optimizer imports it."""
     import_module(COMPILER)
 
 

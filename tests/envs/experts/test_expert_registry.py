@@ -1,4 +1,4 @@
-"""Experts register by decorator, and a task without one is told so."""
+"""Experts register by decorator, and a task without one raises a clear error."""
 
 from types import SimpleNamespace
 

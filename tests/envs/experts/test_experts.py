@@ -13,7 +13,7 @@ ENOUGH = 0.9  # of so few episodes; `python -m benchmarks.experts` asks for 0.95
 
 
 def arm_touches_furniture(env):
-    """Whether a moving link of any world's arm is in contact with something fixed: private attributes tell.
+    """Whether a moving link of any world's arm is in contact with something fixed. Reads private attributes.
 
     Fingertips may brush the table on both sides of what they take up.
     """

@@ -246,7 +246,7 @@ def test_the_gripper_rises_at_once_after_pressing_on_the_table(control):
 @pytest.mark.slow
 @pytest.mark.parametrize("control", CONTROLS)
 def test_a_gripper_that_is_to_move_nothing_stays_above_the_objects(robot, control):
-    """It is told to go down through an object. With joints as actions, it may overshoot by some millimetres."""
+    """It is commanded to go down through an object. With joints as actions, it may overshoot by some millimetres."""
     env, td = start(robot, control, 2)
     begun, floor = env.state.objects.copy(), env.config.task.object_size - 0.01 * (control == "joints")
     for _ in range(50):

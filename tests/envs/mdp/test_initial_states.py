@@ -1,4 +1,4 @@
-"""Training episodes that begin nearer to their end, and judged ones that never do."""
+"""Training episodes that begin nearer to their end, and evaluation episodes, which never do."""
 
 import numpy as np
 import pytest

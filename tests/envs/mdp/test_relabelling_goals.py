@@ -213,7 +213,7 @@ def test_a_seed_gives_the_same_relabelled_episodes_in_any_batch(env):
     episodes = recorded(env, drawn(env, 0), drivers(env)[0](env))
     many = [*episodes] * 4
     first, second = env.hindsight(many, 1), env.hindsight(many, 1)
-    assert len(first) == len(second) > 16  # more than are judged at once
+    assert len(first) == len(second) > 16  # more than are relabelled at once
     for one, other in zip(first, second, strict=True):
         assert (one == other).all()
 

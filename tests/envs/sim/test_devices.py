@@ -29,17 +29,17 @@ def travel(td):
 
 
 def meant(td):
-    """(N,) how far what is meant has gone."""
+    """(N,) how far the referents have gone."""
     return travel(td)[range(len(td)), td["privileged", "referent"]]
 
 
 def others(td):
-    """(N,) the slot of the device that is not meant, of two."""
+    """(N,) of two devices, the slot of the one that is not the referent."""
     return 1 - td["privileged", "referent"].numpy()
 
 
 def operated(env, td, slots=None, steps=60):
-    """The expert operates what is meant, or these slots, and stays there: all "next"."""
+    """The expert operates the referents, or these slots, and stays there. Returns every "next"."""
     able, kept = expert(env), []
     for _ in range(steps):
         wanted = td["privileged", "referent"].numpy() if slots is None else slots
@@ -241,7 +241,7 @@ def test_a_seed_gives_the_same_bits_after_any_contact_and_for_any_number_of_worl
         return make(robot, control, name, "task.num_objects=3", "task.min_objects=2", *LONG, worlds=worlds, seed=5)
 
     seen = check_same_bits(made, Poker, between=lambda env: operated(env, env.reset(), steps=45))
-    assert len(np.unique(travel(seen))) > 20  # else the test would say little
+    assert len(np.unique(travel(seen))) > 20  # else the test would show little
 
 
 # ---- what is refused ------------------------------------------------------------------------------------------------

@@ -141,7 +141,7 @@ def test_a_seed_gives_the_same_bits_after_a_fitting_was_pushed(workspace, name, 
 
     env, other = made(2), made(3)
     fresh, fresh_values = recorded(env)
-    assert len(np.unique(fresh_values)) > 5  # else the test would say little
+    assert len(np.unique(fresh_values)) > 5  # else the test would show little
     env.set_seed(6)
     pushed(env, env.reset())
     env.set_seed(5)

@@ -1,4 +1,4 @@
-"""What the tasks that move objects judge: success, the wrong object, the wrong target, and what spoils them."""
+"""Outcomes of tasks that move objects: success, the wrong object, the wrong target, and other failures."""
 
 import pickle
 

@@ -2,8 +2,8 @@
 
 Reward terms are differences of potentials (potential-based shaping, Ng et al. 1999, "Policy invariance under reward
 transformations", ICML). Without discounting, an episode earns the weighted potentials at its end minus those at its
-beginning. So no episode can earn more than a successful one from the same beginning by more than what the potentials
-at success are below their maxima.
+beginning. The potentials at success may be below their maxima. So an episode can earn more than a successful one from
+the same beginning only by that difference.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""What nl_reach says in each split, in whose words and seen by whom; the parser-driven oracle."""
+"""Sentences of nl_reach: splits, wordings and viewpoints; and the oracle, which uses the parser."""
 
 import numpy as np
 import pytest

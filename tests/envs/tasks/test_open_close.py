@@ -35,13 +35,13 @@ def shares(env):
 
 
 def meant(env):
-    """(N,) the number of the fitting that is meant."""
+    """(N,) the number of the fitting that the instruction names."""
     nouns = env.state.nouns[np.arange(WORLDS), env.state.referent]
     return np.array([list(ROOM).index(list(NOUNS)[noun]) for noun in nouns])
 
 
 def moved(env, td, slots=None, steps=75):
-    """The expert moves what is meant, or these slots, and stays there: the last "next", and all that ended wrongly."""
+    """The expert moves the referents, or these slots. Returns the last "next", and which worlds ended wrongly."""
     guide, wrong = OpenCloseExpert(env), np.zeros(WORLDS, bool)
     for _ in range(steps):
         wanted = env.state.referent if slots is None else slots
@@ -133,7 +133,7 @@ def test_a_seed_gives_the_same_bits_after_a_fitting_was_moved_and_for_any_number
         return lambda td: guide(td)["action"]
 
     seen = check_same_bits(lambda worlds: make(robot, "step", "nl_open", PLAIN, worlds=worlds, seed=5), acting)
-    assert seen["objects"][..., SHARE].unique().numel() > 20  # else the test would say little
+    assert seen["objects"][..., SHARE].unique().numel() > 20  # else the test would show little
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def is_device(env):
 
 
 def fetched(env, td, slots, steps=45):
-    """Every gripper takes the loose object in its slot (N,) and lifts it: the last "next", and what ended wrongly."""
+    """Every gripper lifts the loose object in its slot (N,). Returns the last "next", and what ended wrongly."""
     wrong, rows = np.zeros(WORLDS, bool), np.arange(WORLDS)
     for _ in range(steps):
         thing, held = env.state.objects[rows, slots], env.state.held == slots
@@ -127,7 +127,7 @@ def test_a_loose_object_that_is_moved_is_the_wrong_object(env):
 @pytest.mark.parametrize(("robot", "name"), [("kuka", "nl_turn"), ("panda", "nl_switch")])
 def test_a_seed_gives_the_same_bits_after_any_contact_and_for_any_number_of_worlds(robot, name):
     seen = check_same_bits(lambda n: make(robot, "step", name, "task.hold_steps=1000", worlds=n, seed=5), Poker)
-    assert seen["objects"][..., -1].unique().numel() > 20  # else the test would say little
+    assert seen["objects"][..., -1].unique().numel() > 20  # else the test would show little
 
 
 @pytest.mark.parametrize(

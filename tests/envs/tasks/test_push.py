@@ -1,4 +1,4 @@
-"""What is seen where objects are pushed: how they slide, and where they lie."""
+"""Observations of objects that are pushed: how they slide, and whether they lie at a target."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the tasks judge: success, the wrong object, rewards."""
+"""Outcomes of reaching tasks: success, the wrong object, rewards."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""A finger that shows what is meant: what episodes begin with, what is observed, and a finger that moves on."""
+"""Tasks with a finger that shows the referent: drawn episodes, observations, and a finger that moves on."""
 
 from collections import Counter
 from dataclasses import replace
@@ -75,7 +75,7 @@ def test_in_nl_reach_gesture_the_words_fit_two_objects_that_stand_apart_and_one_
 
 @pytest.mark.slow
 def test_only_the_finger_distinguishes_the_two_candidates():
-    """Nearer to the robot, nearer to the person, more to a side, or with more neighbours: each about as often meant."""
+    """Nearer to the robot, nearer to the person, more to a side, or with more neighbours: each is meant as often."""
     task, rng, guesses, count = task_of("nl_reach_gesture"), np.random.default_rng(1), Counter(), 600
     for _ in range(count):
         episode = task.draw(rng)
@@ -236,7 +236,7 @@ def test_the_same_seed_gives_the_same_bits_whatever_the_number_of_worlds(task):
 @pytest.mark.slow
 @pytest.mark.parametrize("task", GESTURE_TASKS)
 def test_rendering_does_not_change_the_bits(task):
-    """The person has a body where somebody looks, and is an arm of numbers where nobody does."""
+    """With rendering the person has a body in Bullet; without it, only an arm in NumPy."""
     seen = []
     for render in (True, False):
         env = make("kuka", "step", task, "gesture.switch=1", worlds=2, seed=5, render=render)
@@ -255,7 +255,7 @@ def test_a_seed_gives_the_same_bits_after_the_robot_met_the_person():
     tip = td["gesture"][:, :3]
     for _ in range(60):
         td = act(env, td, forward)
-    assert env.gripper[:, 0].max() > tip[:, 0].min()  # else the test would say little
+    assert env.gripper[:, 0].max() > tip[:, 0].min()  # else the test would show little
     env.set_seed(5)
     assert differences(rollout(env, 40, Poker(env)), fresh) == []
     env.close()

@@ -1,4 +1,4 @@
-"""Rearrange: what is drawn on the board, what is observed, and where it is refused."""
+"""Rearrange: drawn boards, observations, and refused configs."""
 
 import numpy as np
 import pytest

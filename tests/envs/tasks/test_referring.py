@@ -1,4 +1,4 @@
-"""What is said of each task that moves objects means what is to be done."""
+"""The sentences of tasks that move objects name the task, the referent and its target."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Stacking in the simulation: what is drawn, how the curriculum begins, and what a release on top comes to."""
+"""Stacking in the simulation: drawn scenes, beginnings by the curriculum, and the outcome of a release on top."""
 
 import numpy as np
 import pytest

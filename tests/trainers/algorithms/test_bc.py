@@ -78,7 +78,7 @@ def test_all_frames_are_kept_with_the_experts_move_whoever_acted(batch):
 
 @pytest.mark.slow
 def test_a_move_that_was_the_largest_for_long_can_still_be_reversed_in_some_states(batch):
-    """As the command of a gripper that opens only at the goal: its mean saturated, and never came back."""
+    """Like the command of a gripper that opens only at the goal: its mean saturated, and never recovered."""
     _, policy, bc = build("algo.grounding_weight=0")
     frames = batch.reshape(-1)
     first = frames["robot"][:, 0]

@@ -1,4 +1,4 @@
-"""Who acts while an expert is imitated."""
+"""Whether the policy or the expert acts while the expert is imitated."""
 
 import pytest
 import torch

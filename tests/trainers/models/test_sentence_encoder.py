@@ -68,7 +68,7 @@ def encoded(monkeypatch):
 
 
 def states(said):
-    """What the frozen encoder makes of one sentence's words (W, 384)."""
+    """The frozen encoder's states (W, 384) of one sentence's words."""
     return sentence.cached_states(tuple(VOCABULARY), torch.device("cpu"))(tokens(said))
 
 

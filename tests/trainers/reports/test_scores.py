@@ -31,7 +31,7 @@ def test_the_bootstrap_interval_has_the_width_of_resampled_seeds():
 
 
 def test_the_bootstrap_resamples_seeds_within_each_configuration():
-    """Between 0 and 1 lies nothing but what the configurations' shares make."""
+    """Values between 0 and 1 come only from the shares of the configurations."""
     assert bootstrap([[0.0] * 4, [1.0] * 4]) == pytest.approx((0.5, 0.5))
 
 

@@ -1,4 +1,4 @@
-"""The server that workers are forked from: what ends with what."""
+"""The server that workers are forked from: which processes end together."""
 
 from __future__ import annotations
 

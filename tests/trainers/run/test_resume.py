@@ -1,4 +1,4 @@
-"""A run that was stopped and resumed is the run that was never stopped, bit for bit."""
+"""A run that was stopped and resumed equals a run that was never stopped, bit for bit."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def test_an_evaluation_beside_training_that_a_signal_stopped_is_repeated(tmp_pat
 
 
 class Killed(BaseException):
-    """Nothing is saved on its way out."""
+    """Stands for a kill: the run saves nothing when it is raised."""
 
 
 @pytest.mark.slow
@@ -191,7 +191,7 @@ def test_a_row_that_another_collector_measured_is_resumed_without_its_own_column
 
 
 def test_a_run_of_an_earlier_version_is_refused_in_one_line(tmp_path):
-    """Its running state has another form; best.pt has none, and goes on."""
+    """Its running state has another form; best.pt has none, and can be resumed."""
     folder = tmp_path / "earlier"
     train(folder, overrides=["total_frames=256"])
     path = checkpoint.find(folder)

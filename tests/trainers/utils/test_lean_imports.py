@@ -1,4 +1,4 @@
-"""Imports without torch's compiler and Ray: what a run imports does without them, and both can be had later."""
+"""Imports without torch's compiler and Ray: the imports of a run load neither, and both can be imported later."""
 
 import subprocess
 import sys
