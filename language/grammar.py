@@ -23,8 +23,15 @@ if TYPE_CHECKING:  # lark is slow to import and needed for parsing only
 
 _MARKS = {",": "_COMMA", ".": "_STOP", "!": "_STOP", "?": "_STOP"}
 _AFTER_COMMA = {"then", "closing", "but"}  # categories whose phrases may include a comma before them
-_SLOTS = {OBJECT: "object", GOAL: "goal", BASE: "object"}
-_POSITIONED = ("the", "pointing", "it", "spot", "excluding")  # categories whose position in the sentence is kept
+_SLOTS = {OBJECT: "object", GOAL: "goal", BASE: "base"}
+_POSITIONED = (
+    "the",
+    "every",
+    "pointing",
+    "it",
+    "spot",
+    "excluding",
+)  # categories whose position in the sentence is kept
 _END = "$END"  # lark's name for the end of the sentence
 _RETRIES = 8  # shorter phrases that are tried in place of longer ones, after which the rest is not understood
 _LISTED = 12  # expected phrases that a message lists
@@ -39,8 +46,10 @@ _link: then | _COMMA
 correction: phrase -> corrected_phrase | goal -> corrected_goal
 rejection: _contrary? not phrase _instead phrase
 _instead: _COMMA | but
-object: phrase | spot
+object: phrase | each | spot
+base: phrase | spot
 goal: place phrase | spot
+each: every [superlative] [size] [role] [color] noun [side] [exclusion] [where] -> named
 phrase: (the | pointing) [superlative] [size] [role] [color] noun [side] [exclusion] [where] -> named
     | the superlative [where] -> superlative_alone
     | (pointing | it) -> alone
@@ -229,7 +238,11 @@ class _Builder:
 
     @staticmethod
     def _step(task: str, children: list) -> Instruction:
-        return Instruction(task, *(child for child in children if isinstance(child, ObjectPhrase)))
+        phrases = [child for child in children if isinstance(child, ObjectPhrase)]
+        try:
+            return Instruction(task, *phrases)
+        except LanguageError as error:  # "every" where one object is meant
+            raise NotUnderstood(str(error), phrases[0].position) from None
 
     def named(self, children: list) -> ObjectPhrase:
         determiner, superlative, size, role, color, noun, side, excluded, where = children
@@ -276,7 +289,7 @@ class _Builder:
             return last
         return ObjectPhrase(determiner=self._spots[last], position=last.start_pos)
 
-    goal = object
+    goal = base = object
 
     def corrected_phrase(self, children: list) -> Correction:
         return Correction(children[0])
