@@ -111,11 +111,8 @@ class Planner:
         assert step.entity is not None
         name = step.entity.noun or ""
         if name not in plan.world.fixtures or step.action not in ("open", "close"):
-            what = (
-                f"there is no {name} here"
-                if name not in plan.world.fixtures
-                else f"the {name} can be opened and closed"
-            )
+            unknown = name not in plan.world.fixtures
+            what = f"there is no {name} here" if unknown else f"the {name} can be opened and closed"
             return replace(plan, failure=what, reason="nothing", entity=step.entity)
         return replace(plan, actions=(*plan.actions, Action(step.action, fixture=name)))
 
