@@ -131,7 +131,9 @@ class Anything(RoomScenes):
     def load_draw_state(self, state: Mapping[str, float]) -> None:
         self._sampler.failures[:] = [state.get(verb, 1.0) for verb in self.verbs]
 
-    def next_instruction(self, scene: Scene, held: int, rng: Generator, moved: Array | None = None) -> Said | None:
+    def next_instruction(
+        self, scene: Scene, held: int, rng: Generator, moved: Array | None = None, last: Said | None = None
+    ) -> Said | None:
         """An instruction that is feasible in the scene as it is: first a verb is drawn, and then what it is done to.
 
         held: the object that the gripper holds, or NOTHING. moved: as for `room`. None where nothing is feasible that
