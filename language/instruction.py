@@ -172,8 +172,8 @@ class Instruction:
 
     task: a key of VERBS. phrase: the object. goal: the object at the place where it shall go, if the task has one.
 
-    Raises LanguageError for an unknown task, for a missing goal, for a goal that the task does not take, and for "every"
-    where the task has one object.
+    Raises LanguageError for an unknown task, for a missing goal, for a goal that the task does not take, and for
+    "every" where the task is about one object.
     """
 
     task: str

@@ -10,12 +10,12 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError
-from envs.tasks.free_places import BESIDE, FINE_COLUMNS, LEVEL
+from envs.tasks.free_places import BESIDE, FINE_COLUMNS
 from envs.tasks.geometry import length
 from envs.tasks.movable_objects import SCENES
 from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.registry import register_task
-from envs.tasks.spots import SORTED, Spots
+from envs.tasks.spots import Spots, is_sorted
 from envs.tasks.types import Array, EpisodeSpec, Said, State, TaskConfig
 from human import Person
 from language import COLORS, NOUNS, Instruction, ObjectPhrase, Placed, Scene
@@ -36,7 +36,7 @@ class Sort(PickAndPlace):
     object is named, in the world as it is, until all of the colour have been brought.
 
     Success of a step: the referent has been picked up and lies on the table, within `SORTED` of the marked place and
-    beside all other objects, released and at rest, for `hold_steps` steps. That of the episode: all steps.
+    beside all others, released and at rest, for `hold_steps` steps. That of the episode: all steps.
     Potentials: those of pick and place. The target is the nearest of `Spots` that was free as the step began, which is
     observed.
     """
@@ -86,12 +86,8 @@ class Sort(PickAndPlace):
         others[self._rows, state.referent] = False
         apart = length((state.objects - place[:, None])[..., :2]).min(1, where=others, initial=np.inf)
         mark = state.objects[self._rows, state.target]
-        return self._brought(place, mark) & (apart >= BESIDE * self.config.object_size)
-
-    def _brought(self, places: Array, marks: Array) -> NDArray[np.bool_]:
-        """(...) whether objects lie on the table at a marked place. places, marks: (..., 3) metres."""
-        level = places[..., 2] < self.config.object_size / 2 + LEVEL
-        return level & (length((places - marks)[..., :2]) <= SORTED)
+        size = self.config.object_size
+        return is_sorted(place, mark, size) & (apart >= BESIDE * size)
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """None: where an object was brought, there may be no room for the others."""
@@ -156,7 +152,7 @@ class Sort(PickAndPlace):
         assert last is not None
         assert last.target is not None
         alike = ~scene.targets & (scene.colors == scene.colors[last.referent])
-        left = alike & ~self._brought(scene.positions, scene.positions[last.target])
+        left = alike & ~is_sorted(scene.positions, scene.positions[last.target], self.config.object_size)
         if not left.any():
             return None
         named = left & self._describer.nameable(scene)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.tasks.free_places import LEVEL
 from envs.tasks.geometry import length
 from envs.tasks.types import Array
 
@@ -50,3 +51,9 @@ class Spots:
         worth[..., 0] -= ASIDE  # by which another spot is nearer, at most
         best = spots[np.arange(len(spots))[:, None], worth.argmin(2)]
         return np.concatenate((best, np.full((*best.shape[:2], 1), self._height)), axis=2)
+
+
+def is_sorted(places: Array, marks: Array, size: float) -> NDArray[np.bool_]:
+    """(...) whether objects of this size lie on the table at a marked place. places, marks: (..., 3); metres."""
+    level = places[..., 2] < size / 2 + LEVEL
+    return level & (length((places - marks)[..., :2]) <= SORTED)

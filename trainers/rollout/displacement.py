@@ -18,8 +18,8 @@ MOVED, MOVED_FAR = 0.01, 0.03  # metres above which an object counts as moved, a
 class Displacement:
     """How far objects were moved in an episode: the greatest distance from where they began, metres.
 
-    referent: None where the task is to move it. others: of all other objects, the one that was moved furthest; where the
-    task is to move its referents, one instruction after another, none of them counts.
+    referent: None where the task is to move it. others: of all other objects, the one that was moved furthest. Where
+    an episode has several referents that the task is to move, none of them counts.
     out_of_reach: the referent lay out of the gripper's reach at the end; None where the task is to move it.
     """
 
