@@ -24,6 +24,8 @@ from language.verbs import EVERY
 
 ALIKE = (2, 3)  # least and greatest number of objects that have the colour that is said
 AROUND = 0.2  # metres between the marked place and all objects as an episode begins
+BEGUN = 0.5  # share of the episodes with a curriculum that begin with some of the objects sorted
+SPREAD = 0.01  # metres about its spot, standard deviation, at which such an object lies
 DRAWN = 60  # places that are drawn for the objects of a scene
 FARTHEST = "farthest from"  # names what is left to be sorted, where the task's kinds of phrases do not
 
@@ -127,15 +129,29 @@ class Sort(PickAndPlace):
         """A scene in which a first step can be said; others need not be nameable yet."""
         for _ in range(SCENES):
             placed = self._placed(rng)
+            if self.config.curriculum.share > 0 and rng.random() < BEGUN:
+                placed = placed._replace(scene=self._begun_scene(placed, rng))
             nameable = self._describer.nameable(placed.scene)
             if nameable[placed.scene.targets].all() and (self._movable(placed) & nameable).any():
                 return placed, nameable
         raise ConfigError(f"task.kinds={list(self.config.kinds)} cannot name what task.name={self.config.name} sorts")
 
+    def _begun_scene(self, placed: Placed, rng: Generator) -> Scene:
+        """The scene with some of the objects of a colour at spots of the marked place, but not all."""
+        scene = placed.scene
+        group = np.flatnonzero(_alike(scene, self._one_of(self._movable(placed), rng)))
+        mark, places = scene.positions[scene.targets], scene.positions.copy()
+        for index in rng.permutation(group)[: rng.integers(1, len(group))]:
+            aside = np.append(rng.normal(0.0, SPREAD, 2), 0.0)
+            places[index] = self._spots.free(places[None], ~scene.targets[None], mark)[0, index] + aside
+        return scene.moved(places)
+
     def _movable(self, placed: Placed) -> NDArray[np.bool_]:
-        """(K,) what shares its colour with another object."""
-        loose, colors = super()._movable(placed), placed.scene.colors
-        return loose & ((loose & (colors[:, None] == colors)).sum(1) >= ALIKE[0])
+        """(K,) what shares its colour with another object, and has not been sorted yet."""
+        scene = placed.scene
+        loose, colors, mark = super()._movable(placed), scene.colors, scene.positions[scene.targets.argmax()]
+        left = loose & ~is_sorted(scene.positions, mark, self.config.object_size)
+        return left & ((loose & (colors[:, None] == colors)).sum(1) >= ALIKE[0])
 
     def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> EpisodeSpec:
         assert target is not None
@@ -151,8 +167,9 @@ class Sort(PickAndPlace):
         """The step for another object of the colour of the last one, which is not at the marked place yet."""
         assert last is not None
         assert last.target is not None
-        alike = ~scene.targets & (scene.colors == scene.colors[last.referent])
-        left = alike & ~is_sorted(scene.positions, scene.positions[last.target], self.config.object_size)
+        left = _alike(scene, last.referent) & ~is_sorted(
+            scene.positions, scene.positions[last.target], self.config.object_size
+        )
         if not left.any():
             return None
         named = left & self._describer.nameable(scene)
@@ -174,9 +191,14 @@ class Sort(PickAndPlace):
         return Instruction(self.verb, ObjectPhrase(color=colour, relation=FARTHEST, anchors=(goal,)), goal)
 
 
+def _alike(scene: Scene, referent: int) -> NDArray[np.bool_]:
+    """(K,) which real objects have the colour of the referent."""
+    return ~scene.targets & (scene.colors == scene.colors[referent])
+
+
 def _every(scene: Scene, referent: int) -> ObjectPhrase:
     """ "every red cube", or "every red object" where other things of this colour are no cubes."""
-    alike = ~scene.targets & (scene.colors == scene.colors[referent])
+    alike = _alike(scene, referent)
     same = (scene.nouns[alike] == scene.nouns[referent]).all()
     noun = list(NOUNS)[scene.nouns[referent]] if same else None
     return ObjectPhrase(noun, list(COLORS)[scene.colors[referent]], determiner=EVERY)
