@@ -97,7 +97,7 @@ def same_colour(session):
         session.shuffle()
         found, scene = room_of(session.env), session.scene()
         ready = found.ready & found.level & (scene.nouns == 0)
-        for color in {scene[int(i)].color for i in np.flatnonzero(ready)}:
+        for color in dict.fromkeys(scene[int(i)].color for i in np.flatnonzero(ready)):
             alike = [i for i, thing in enumerate(scene) if thing.color == color and found.loose[i]]
             if len(alike) > 1 and ready[alike].all() and found.free_targets().any():
                 return color, alike
@@ -110,4 +110,3 @@ def test_what_cannot_be_sorted_says_why(room):
     missing = next(color for color in COLORS if color not in {thing.color for thing in room.scene()})
     assert f"fit 'every {missing} cube'" in room.say(f"sort every {missing} cube to the transparent cube").message
     assert not room.busy
-    assert "only the object of 'sort'" in room.say("lift every red cube").message
