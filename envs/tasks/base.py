@@ -177,7 +177,7 @@ class Task(ABC):
         return None
 
     def described(self, episode: EpisodeSpec) -> NDArray[np.float64]:
-        """(K, C) the values of `columns` as the episode begins, where the task has fixtures."""
+        """(K, C) the values of `columns` as the episode begins, where the task has fixtures or is `stepwise`."""
         return np.zeros((len(episode.scene), 0))
 
     @property

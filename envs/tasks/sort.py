@@ -78,6 +78,11 @@ class Sort(PickAndPlace):
         offset = self._free - state.objects
         return np.concatenate((offset, offset), axis=-1)
 
+    def described(self, episode: EpisodeSpec) -> Array:
+        scene = episode.scene
+        free = self._spots.free(scene.positions[None], ~scene.targets[None], scene.positions[scene.targets])[0]
+        return np.concatenate((free - scene.positions,) * 2, axis=-1)
+
     def _goal(self, state: State) -> Array:
         return self._free[self._rows, state.referent]
 

@@ -166,6 +166,17 @@ def test_what_is_held_at_the_mark_or_lies_in_the_way_of_another_is_not_sorted():
     env.close()
 
 
+def test_scenes_that_are_drawn_have_the_columns_of_those_that_are_simulated():
+    env = make("kuka", "step", NAME, PLAIN, worlds=2, seed=1)
+    env.reset()
+    for i in range(2):
+        episode = env.task.draw(np.random.default_rng(i))
+        env.start([episode], seed=0)
+        slots = env._arrays.slots[0]
+        np.testing.assert_allclose(env.task.seen(env.state)[0, slots], env.task.described(episode), atol=2e-3)
+    env.close()
+
+
 def test_where_a_person_gives_the_instructions_none_follows_by_itself():
     env = InteractiveEnv(config_of(f"task={NAME}", PLAIN), seed=1)
     env.reset()
