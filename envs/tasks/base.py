@@ -74,7 +74,7 @@ class Task(ABC):
                 f"gesture.switch={person.config.switch} needs words that fit another object as well, and those of "
                 f"task.name={config.name} do not; take reach_gesture or nl_reach_gesture"
             )
-        if config.instructions > 1 and not self.continues:
+        if config.instructions > 1 and (self.stepwise or not self.continues):
             raise ConfigError(
                 f"task.instructions={config.instructions} must be 1 in task.name={config.name}: take task=anything for "
                 "one instruction after another"

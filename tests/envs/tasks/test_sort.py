@@ -200,6 +200,7 @@ def test_about_half_of_the_training_episodes_begin_with_some_objects_sorted_and_
     ("override", "message"),
     [
         ("task.min_objects=2", "task.min_objects=2 must be at least 3"),
+        ("task.instructions=2", "task.instructions=2 must be 1 in task.name=nl_sort"),
         ("task.num_targets=2", "task.num_targets=2 must be 1"),
         ("workspace.object_area=[0.4, 0.45, -0.05, 0.05]", "has room for them"),
         ("task.kinds=[shape]", "cannot name what task.name=nl_sort sorts"),
