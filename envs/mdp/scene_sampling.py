@@ -26,8 +26,7 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
 
     Returns:
         (count,) objects, objects_mask, instruction, privileged/referent; where there are targets, privileged/target;
-        where there are several verbs, privileged/verb;
-        where a person points, gesture.
+        where there are several verbs, privileged/verb; where a person points, gesture.
     """
     task, rng = setup.task, np.random.default_rng(seed)
     slots, width = observer.shape("objects")
