@@ -18,6 +18,7 @@ from envs.experts.moves import CARRIED, Move, moves_of, without_takes
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name, object_names
 from envs.tasks.feasible import HANDING
+from envs.tasks.spots import is_sorted
 from language import HAND, NOUNS, LanguageError
 from language.commands import Action
 
@@ -38,6 +39,7 @@ DOES = {
     "switch": ("switch",),
     "turn": ("turn",),
     "hand_over": ("place",),
+    "sort": ("place",),
 }
 FIXTURES = {"drawer": "drawer", "door": "fridge"}  # a fitting in commands -> its noun
 STOPS = ("stop", "wait", "home")
@@ -112,6 +114,8 @@ def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_p
     by_task = [action for action, move in zip(steps, moves, strict=True) if move is None]
     targets = _targets(by_task, env)
     for action, target in zip(by_task, targets, strict=True):
+        if planner.names_later:  # the task finds a spot at its target itself
+            break
         if target is not None and action.position is not None and action.on != target:
             env.put_object(target, (*_within_reach(action.position, env), env.config.task.object_size / 2))
     left = iter(targets)
@@ -150,6 +154,8 @@ def _subtask(action: Action, move: Move | None, targets: Iterator[int | None], p
     if move is not None:
         return Subtask("", action.object, None, move)
     target = next(targets)
+    if planner.names_later:
+        return Subtask("", action.object, target)
     return Subtask(planner.policy_sentence(None, action.object, target), action.object, target)
 
 
@@ -174,6 +180,10 @@ def _does_itself(action: Action, planner: Planner, env: InteractiveEnv) -> bool:
     """Whether the task itself does a step: bring something onto the table, onto another object, or neither."""
     if action.kind not in DOES.get(planner.verb, ()):
         return False
+    if env.task.stepwise:
+        scene, at = env.scene(), (*(action.position or (np.inf, np.inf)), action.bottom or 0.0)
+        height = (0.0, 0.0, env.config.task.object_size / 2)
+        return bool(is_sorted(np.add(at, height), scene.positions[scene.targets.argmax()], env.config.task.object_size))
     if HAND in env.task.fixtures:
         return action.on is not None and env.scene()[action.on].noun == HAND
     return not env.task.places or ((action.bottom or 0.0) > ON_TABLE) == env.task.real_goals
@@ -211,6 +221,8 @@ def _targets(steps: Sequence[Action], env: InteractiveEnv) -> list[int | None]:
     if not env.task.places:
         return [None] * len(steps)
     scene = env.scene()
+    if env.task.stepwise:
+        return [int(scene.targets.argmax())] * len(steps)
     free = [index for index in range(len(scene)) if scene.targets[index]]
     targets: list[int | None] = []
     for action in steps:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 
@@ -12,11 +14,13 @@ from envs.experts.moves import Move
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name, object_names
 from envs.tasks.feasible import Option
+from envs.tasks.spots import Spots, is_sorted
 from language import (
     HAND,
     KINDS,
     VERBS,
     Describer,
+    GroundedStep,
     Instruction,
     LanguageError,
     ObjectPhrase,
@@ -25,7 +29,9 @@ from language import (
     matches,
     say,
 )
-from language.verbs import BASE, GOAL, OBJECT, has_goal
+from language.verbs import BASE, EVERY, GOAL, OBJECT, has_goal
+
+SORTING, PLACING = "sort", "pick_and_place"  # a task that places things also brings several to a marked place
 
 
 @dataclass(frozen=True)
@@ -34,7 +40,9 @@ class Subtask:
 
     sentence: what the policy is given. referent, target: indices in the scene. move: on a board, where the referent
     goes; the target then marks that place. verb: where the task has several. instruction: in the person's words.
-    place: (3,) metres where the target is put as the step begins; None: it stays.
+    place: (3,) metres where the target is put as the step begins; None: it stays. mark: (3,) metres; where it
+    is put at a free spot of the place that is marked there instead. any_order: whether the steps after it that are so,
+    too, can be done before it.
     """
 
     sentence: str
@@ -44,6 +52,8 @@ class Subtask:
     verb: str | None = None
     instruction: Instruction | None = None
     place: tuple[float, float, float] | None = None
+    mark: tuple[float, float, float] | None = None
+    any_order: bool = False
 
     @property
     def objects(self) -> tuple[int, ...]:
@@ -59,41 +69,100 @@ class Planner:
         self._describer = Describer(tuple(self._config.kinds) or KINDS)
         self.verb: str = env.task.verb
 
+    @property
+    def names_later(self) -> bool:
+        """Whether the policy's words for a step are chosen as it begins."""
+        return self._env.task.stepwise
+
     def plan(self, understood: Understood) -> list[Subtask]:
         """A subtask for each step. Raises LanguageError for what this task cannot do."""
         subtasks = []
-        for step, instruction in zip(understood.steps, understood.meaning.steps, strict=True):
-            if step.task not in (self._env.task.verbs or (self.verb,)):
+        for step, instruction in self._to_do(understood):
+            if step.task not in (self._env.task.verbs or (self.verb,)) and not self._sorts(step):
                 task = f"task={self._config.name}, which does '{verb_words(self.verb)}'"
                 raise LanguageError(f"'{verb_words(step.task)}' is not what {task}; choose another task")
             referent = step.goal if step.init is None else step.init
             target = None if step.init is None else step.goal
             assert referent is not None
-            if self._env.task.verbs:
-                subtasks.append(Subtask("", referent, target, verb=step.task, instruction=instruction))
-                continue
-            subtasks.append(Subtask(self.policy_sentence(instruction, referent, target), referent, target))
-            self._check_target(subtasks[-1])
+            every = instruction.phrase.determiner == EVERY
+            words = None if every else instruction
+            if self._sorts(step):
+                mark = self._env.scene()[target or 0].position
+                subtasks.append(
+                    Subtask("", referent, target, verb=PLACING, instruction=words, mark=mark, any_order=every)
+                )
+            elif self._env.task.verbs:
+                subtasks.append(Subtask("", referent, target, verb=step.task, instruction=words))
+            elif self.names_later:
+                subtasks.append(Subtask("", referent, target, instruction=words, any_order=every))
+                self._check_target(subtasks[-1])
+            else:
+                subtasks.append(Subtask(self.policy_sentence(words, referent, target), referent, target))
+                self._check_target(subtasks[-1])
         return subtasks
+
+    def _sorts(self, step: GroundedStep) -> bool:
+        """Whether a step brings something to a marked place where the task puts it there as one of its verbs."""
+        return step.task == SORTING and PLACING in self._env.task.verbs and SORTING not in self._env.task.verbs
+
+    def _to_do(self, understood: Understood) -> list[tuple[GroundedStep, Instruction]]:
+        """The steps with their instructions, but for those of "every" that are done. Raises LanguageError for none."""
+        pairs, scene = list(zip(understood.steps, understood.instructions, strict=True)), self._env.scene()
+        left = [
+            (step, instruction)
+            for step, instruction in pairs
+            if instruction.phrase.determiner != EVERY or not _is_sorted(scene, step)
+        ]
+        if not left:
+            raise LanguageError(f"'{pairs[-1][1].phrase}' is there already")
+        return left
+
+    def begin_next(self, subtasks: deque[Subtask]) -> Subtask:
+        """Takes the next of some subtasks, and begins it; of those in any order, the first that can be done now.
+
+        Raises LanguageError if there is none, and then nothing moves.
+        """
+        errors = []
+        for index in range(len(list(takewhile(lambda each: each.any_order, subtasks))) or 1):
+            try:
+                begun = self.begin(subtasks[index])
+            except LanguageError as error:
+                errors.append(error)
+            else:
+                del subtasks[index]
+                return begun
+        raise errors[0]
 
     def begin(self, subtask: Subtask) -> Subtask:
         """The subtask with the policy's sentence, in the scene as it is now. Puts its target at its place.
 
         Raises LanguageError, and then nothing moves, if it cannot be done now.
         """
-        if subtask.verb is None:
-            return subtask
-        scene, (referent, target) = self._env.scene(), (subtask.referent, subtask.target)
+        scene, referent, target, verb = self._env.scene(), subtask.referent, subtask.target, subtask.verb
+        if verb is None:
+            if subtask.move is not None or not self.names_later:
+                return subtask
+            words = _still_fitting(subtask.instruction, referent, target, scene)
+            return replace(subtask, sentence=self.policy_sentence(words, referent, target))
+        if subtask.mark is not None:
+            subtask = replace(subtask, place=self._free_spot(referent, subtask.mark, scene))
         if subtask.place is not None and target is not None:
             places = scene.positions.copy()
             places[target] = subtask.place
             scene = scene.moved(places)
-        room.check(self._env, Option(subtask.verb, referent, target), scene)
+        room.check(self._env, Option(verb, referent, target), scene)
         words = _still_fitting(subtask.instruction, referent, target, scene)
-        sentence = self.policy_sentence(words, referent, target, subtask.verb, scene)
+        sentence = self.policy_sentence(words, referent, target, verb, scene)
         if subtask.place is not None and target is not None:
             self._env.put_object(target, subtask.place)
         return replace(subtask, sentence=sentence)
+
+    def _free_spot(self, referent: int, mark: tuple[float, float, float], scene: Scene) -> tuple[float, float, float]:
+        """Where there is room for the object at a marked place."""
+        spots = Spots(self._env.config.workspace.object_area, self._config.object_size)
+        free = spots.free(scene.positions[None], ~scene.targets[None], np.array(mark)[None])
+        x, y, z = free[0, referent].tolist()
+        return x, y, z
 
     def _check_target(self, subtask: Subtask) -> None:
         scene, task = self._env.scene(), self._env.task
@@ -132,8 +201,10 @@ class Planner:
             return ObjectPhrase(determiner="that")
         if phrase is not None and (phrase.kind in self._config.kinds or self._env.task.points):
             return phrase
-        if self._env.task.verbs and (plain := room.plain_phrase(scene, index)) and plain.kind in self._config.kinds:
-            return plain
+        if self._env.task.verbs or self.names_later:
+            plain = room.plain_phrase(scene, index)
+            if plain is not None and plain.kind in self._config.kinds:
+                return plain
         if self._config.kinds and self._describer.nameable(scene)[index]:
             return self._describer.phrase(scene, index, self._rng)
         if phrase is not None and phrase.determiner == "the":
@@ -159,8 +230,20 @@ class Planner:
         verb = VERBS[self.verb]
         takes_goal = self._env.task.places and verb.takes_goal
         template = next(template for template in verb.templates if has_goal(template) == takes_goal)
-        sentence = template.replace(OBJECT, names[movable[0]]).replace(BASE, names[movable[-1]])
+        base = names[targets[0] if targets and not verb.goal_is_real else movable[-1]]
+        sentence = template.replace(OBJECT, names[movable[0]]).replace(BASE, base)
+        if verb.takes_every:
+            colors = scene.colors[movable].tolist()
+            thing = scene[max(movable, key=lambda index: colors.count(scene.colors[index]))]
+            return template.replace(OBJECT, f"{EVERY} {thing.color} {thing.noun}").replace(BASE, base)
         return sentence.replace(GOAL, f"to the same position as {names[targets[0]]}") if targets else sentence
+
+
+def _is_sorted(scene: Scene, step: GroundedStep) -> bool:
+    """Whether what a step is to sort lies at its place."""
+    if step.task != SORTING or step.init is None or step.goal is None:
+        return False
+    return bool(is_sorted(scene.positions[step.init], scene.positions[step.goal], scene[step.init].size))
 
 
 def _still_fitting(

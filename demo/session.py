@@ -113,11 +113,11 @@ class Session:
         if interpretation.understood is None and not commands.moves(interpretation.actions):
             return interpretation
         try:
-            first, *others = self._plan(interpretation)
-            first = self._planner.begin(first)
+            subtasks = deque(self._plan(interpretation))
+            first = self._planner.begin_next(subtasks)
         except LanguageError as error:
             return Interpretation(sentence, None, str(error))
-        self.view.sentence, self._subtasks = sentence, deque(others)
+        self.view.sentence, self._subtasks = sentence, subtasks
         self._start_subtask(first)
         return interpretation
 
@@ -222,7 +222,7 @@ class Session:
     def _start_next(self) -> None:
         """Starts the next step of a chain, or says why it cannot be done."""
         try:
-            self._start_subtask(self._planner.begin(self._subtasks.popleft()))
+            self._start_subtask(self._planner.begin_next(self._subtasks))
         except LanguageError as error:
             self._end(f"Not done: {error}.")
 

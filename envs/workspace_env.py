@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -141,12 +141,17 @@ class WorkspaceEnv(EpisodeReplayEnv):
     def _outcome(self) -> dict[str, Tensor]:
         """The rewards of a control step, and the ends of episodes."""
         outcome = compute_outcome(self.task, self._state, self._weights)
-        for i, goal in next_goals(self._arrays, self.task, outcome["success"][:, 0], self._generators):
+        for i, goal in self._next_goals(outcome["success"][:, 0]):
             self._set_goal(i, goal)
             outcome["terminated"][i] = False
+            outcome["success"][i] &= not self.task.stepwise
         truncated = (self._arrays.steps[:, None] >= self.config.task.max_steps) & ~outcome["terminated"]
         outcome |= {"truncated": truncated, "done": truncated | outcome["terminated"]}
         return {name: torch.from_numpy(values) for name, values in outcome.items()}
+
+    def _next_goals(self, success: NDArray[np.bool_]) -> Iterator[tuple[int, Goal]]:
+        """The worlds whose episodes go on after a success, each with its next goal. success: (N,)."""
+        return next_goals(self._arrays, self.task, success, self._generators)
 
     def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
         for i in worlds.tolist():
@@ -277,8 +282,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
     ) -> Tensor:
         """The action (N, A) that brings each gripper nearer to position (N, 3), metres: for scripted experts.
 
-        close: (N,) whether it is to grip; None: as commanded now. yaw: (N,) radians to which it is to be turned about
-        the vertical, in tasks that turn objects; None: as it is.
+        close: (N,) whether it is to grip. yaw: (N,) radians about the vertical, where the task turns. None: as now.
         """
         arm = self.control.towards(position, self._arrays.commanded, yaw)
         grip = np.where(self._grips.closed if close is None else close, 1.0, -1.0)

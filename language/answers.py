@@ -8,7 +8,7 @@ from typing import Any
 
 from language import commands
 from language.errors import NothingFits, NotUnderstood, SeveralFit
-from language.instruction import Command, Correction, Meaning, say
+from language.instruction import Correction, Meaning, say
 from language.scene_file import NamedScene
 from language.understanding import Understood, parse
 
@@ -140,15 +140,15 @@ def _error(error: NotUnderstood | NothingFits | SeveralFit, named: NamedScene | 
     return answer | ({"expected": list(error.expected)} if isinstance(error, NotUnderstood) else {})
 
 
-def as_text(answer: Answer, command: Command | None) -> str:
-    """Returns the steps of an answer without error as lines; each begins with its sentence if the command is known."""
+def as_text(answer: Answer, understood: Understood | None) -> str:
+    """Returns the steps of an answer without error as lines, in the scene with the sentence of each step."""
     if "outcome" in answer:
         return _understood_as_text(answer)
     if not answer["steps"]:
         return f"correction: {_pairs(answer)}"
-    if command is None:
+    if understood is None:
         return "\n".join(_pairs(step) for step in answer["steps"])
-    both = zip(command.steps, answer["steps"], strict=True)
+    both = zip(understood.instructions, answer["steps"], strict=True)
     return "\n".join(f"{say(instruction)}\n    {_pairs(step)}" for instruction, step in both)
 
 

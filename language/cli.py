@@ -144,7 +144,7 @@ def parse_command(options: argparse.Namespace) -> int:
     elif "error" in answer:
         print(error_as_text(answer, options.sentence), file=sys.stderr)
     else:
-        print(as_text(answer, dialogue.previous.meaning if dialogue.previous else None))
+        print(as_text(answer, dialogue.previous))
     if named is not None and not options.json:
         print(whose_left(named.scene.viewpoint), file=sys.stderr if "error" in answer else sys.stdout)
     return INVALID_INPUT if "error" in answer else 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import prod
 
 from language.lexicon import Lexicon, lexicon
-from language.verbs import BASE, GOAL, OBJECT
+from language.verbs import BASE, EVERY, GOAL, OBJECT, VERBS
 
 
 def count(depth: int, words: Lexicon | None = None) -> int:
@@ -14,22 +14,27 @@ def count(depth: int, words: Lexicon | None = None) -> int:
     Polite words, "that is", punctuation, chains and corrections are not counted; they would multiply the number.
     """
     words = words or lexicon()
-    phrases = _phrases(depth, words)
+    phrases, each = _phrases(depth, words)
     here_or_there = _forms(words, "spot")
     objects, goals = phrases + here_or_there, _forms(words, "place") * phrases + here_or_there
-    cuts = [pieces for templates in words.templates.values() for pieces in templates]
-    return sum(objects ** (pieces.count(OBJECT) + pieces.count(BASE)) * goals ** pieces.count(GOAL) for pieces in cuts)
+    total = 0
+    for task, templates in words.templates.items():
+        moved = objects + (each * _forms(words, EVERY) if task in VERBS and VERBS[task].takes_every else 0)
+        for pieces in templates:
+            total += moved ** pieces.count(OBJECT) * objects ** pieces.count(BASE) * goals ** pieces.count(GOAL)
+    return total
 
 
-def _phrases(depth: int, words: Lexicon) -> int:
-    """The number of different phrases that nest at most `depth` relations."""
+def _phrases(depth: int, words: Lexicon) -> tuple[int, int]:
+    """The numbers of different phrases for one object, and of those after "every", with `depth` relations at most."""
     heads = _heads(words)
-    named = 0
+    named = each = 0
     for _ in range(depth + 1):
         where = 1 + _forms(words, "relation") * named + _forms(words, "between") * named**2 if named else 1
-        full = ((1 + _forms(words, "pointing")) * heads + _forms(words, "superlative")) * where
+        each = heads * where
+        full = (1 + _forms(words, "pointing")) * each + _forms(words, "superlative") * where
         named = full + _forms(words, "pointing") + _forms(words, "it")
-    return named
+    return named, each
 
 
 def _heads(words: Lexicon) -> int:

@@ -7,14 +7,13 @@ if the grammar does not accept it at this point, or the rest of the sentence, th
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache, partial
-from operator import itemgetter
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from language.errors import LanguageError, NotUnderstood, closest, quote
-from language.instruction import Chain, Correction, Instruction, Meaning, ObjectPhrase
+from language.instruction import Meaning
 from language.lexicon import Lexicon, Word, lexicon, split
-from language.relations import RELATIONS
+from language.meaning_builder import MeaningBuilder
 from language.verbs import BASE, GOAL, OBJECT
 
 if TYPE_CHECKING:  # lark is slow to import and needed for parsing only
@@ -23,8 +22,15 @@ if TYPE_CHECKING:  # lark is slow to import and needed for parsing only
 
 _MARKS = {",": "_COMMA", ".": "_STOP", "!": "_STOP", "?": "_STOP"}
 _AFTER_COMMA = {"then", "closing", "but"}  # categories whose phrases may include a comma before them
-_SLOTS = {OBJECT: "object", GOAL: "goal", BASE: "object"}
-_POSITIONED = ("the", "pointing", "it", "spot", "excluding")  # categories whose position in the sentence is kept
+_SLOTS = {OBJECT: "object", GOAL: "goal", BASE: "base"}
+_POSITIONED = (
+    "the",
+    "every",
+    "pointing",
+    "it",
+    "spot",
+    "excluding",
+)  # categories whose position in the sentence is kept
 _END = "$END"  # lark's name for the end of the sentence
 _RETRIES = 8  # shorter phrases that are tried in place of longer ones, after which the rest is not understood
 _LISTED = 12  # expected phrases that a message lists
@@ -39,8 +45,10 @@ _link: then | _COMMA
 correction: phrase -> corrected_phrase | goal -> corrected_goal
 rejection: _contrary? not phrase _instead phrase
 _instead: _COMMA | but
-object: phrase | spot
+object: phrase | each | spot
+base: phrase | spot
 goal: place phrase | spot
+each: every [superlative] [size] [role] [color] noun [side] [exclusion] [where] -> named
 phrase: (the | pointing) [superlative] [size] [role] [color] noun [side] [exclusion] [where] -> named
     | the superlative [where] -> superlative_alone
     | (pointing | it) -> alone
@@ -156,7 +164,13 @@ def _compile(words: Lexicon) -> _Grammar:
         "_COMMA: /,/\n_STOP: /[.]/",
         *(f"{terminal}: /{number}/" for number, terminal in enumerate(dict.fromkeys(terminals.values()))),
     ]
-    parser = Lark("\n".join(lines), parser="lalr", lexer="basic", maybe_placeholders=True, transformer=_Builder(words))
+    parser = Lark(
+        "\n".join(lines),
+        parser="lalr",
+        lexer="basic",
+        maybe_placeholders=True,
+        transformer=MeaningBuilder(words, _POSITIONED),
+    )
     return _Grammar(parser, _by_first_word(categories, terminals), terminals)
 
 
@@ -209,88 +223,3 @@ def _step_rules(words: Lexicon, terminals: dict[str, str]) -> Iterator[str]:
     for task, cuts in words.templates.items():
         for pieces in cuts:
             yield " ".join(_SLOTS.get(piece) or terminals[piece] for piece in pieces) + f" -> task_{task}"
-
-
-class _Builder:
-    """Transformer that builds meanings from the children of each rule during parsing."""
-
-    def __init__(self, words: Lexicon) -> None:
-        for category, meanings in words.categories.items():
-            means = {form: meaning for meaning, forms in meanings.items() for form in forms}
-            plain = category in _POSITIONED
-            setattr(self, category, itemgetter(0) if plain else partial(self._meaning, means))
-        self._spots = {form: word for word, forms in words.categories["spot"].items() for form in forms}
-        for task in words.templates:
-            setattr(self, f"task_{task}", partial(self._step, task))
-
-    @staticmethod
-    def _meaning(means: dict[str, Any], children: list) -> Any:
-        return means[children[0]]
-
-    @staticmethod
-    def _step(task: str, children: list) -> Instruction:
-        return Instruction(task, *(child for child in children if isinstance(child, ObjectPhrase)))
-
-    def named(self, children: list) -> ObjectPhrase:
-        determiner, superlative, size, role, color, noun, side, excluded, where = children
-        relation, anchors = where or (None, ())
-        if superlative is not None and side is not None:
-            message = f"{superlative!r} and {side!r} are said of one object: say one of them"
-            raise NotUnderstood(message, determiner.start_pos)
-        side, position = superlative or side, determiner.start_pos
-        return ObjectPhrase(noun, color, relation, anchors, size, role, side, excluded, str(determiner), position)
-
-    def superlative_alone(self, children: list) -> ObjectPhrase:
-        the, superlative, where = children
-        relation, anchors = where or (None, ())
-        return ObjectPhrase(None, None, relation, anchors, superlative=superlative, position=the.start_pos)
-
-    def alone(self, children: list) -> ObjectPhrase:
-        return ObjectPhrase(determiner=str(children[0]), position=children[0].start_pos)
-
-    def not_color(self, children: list) -> ObjectPhrase:
-        return ObjectPhrase(color=children[1])
-
-    def not_size(self, children: list) -> ObjectPhrase:
-        return ObjectPhrase(size=children[1])
-
-    def not_role(self, children: list) -> ObjectPhrase:
-        return ObjectPhrase(role=children[1])
-
-    def not_noun(self, children: list) -> ObjectPhrase:
-        excluding, _, size, role, color, noun = children
-        if (size, role, color, noun) == (None,) * 4:
-            raise NotUnderstood(
-                "everything is an object: say a color or a shape that is not meant", excluding.start_pos
-            )
-        return ObjectPhrase(noun, color, size=size, role=role)
-
-    def where(self, children: list) -> tuple[str, tuple[ObjectPhrase, ...]]:
-        words = [child for child in children if not isinstance(child, ObjectPhrase)]
-        relation = next(word for word in words if word in RELATIONS)
-        return relation, tuple(child for child in children if isinstance(child, ObjectPhrase))
-
-    def object(self, children: list) -> ObjectPhrase:
-        last = children[-1]
-        if isinstance(last, ObjectPhrase):
-            return last
-        return ObjectPhrase(determiner=self._spots[last], position=last.start_pos)
-
-    goal = object
-
-    def corrected_phrase(self, children: list) -> Correction:
-        return Correction(children[0])
-
-    def corrected_goal(self, children: list) -> Correction:
-        return Correction(goal=children[0])
-
-    def rejection(self, children: list) -> Correction:
-        rejected, meant = (child for child in children if isinstance(child, ObjectPhrase))
-        return Correction(meant, rejected=rejected)
-
-    def chain(self, children: list) -> Instruction | Chain:
-        steps = [step for child in children if isinstance(child, Instruction | Chain) for step in child.steps]
-        return steps[0] if len(steps) == 1 else Chain(tuple(steps))
-
-    def start(self, children: list) -> Meaning:
-        return next(child for child in children if isinstance(child, Instruction | Chain | Correction))

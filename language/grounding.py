@@ -11,6 +11,7 @@ from language.errors import LanguageError, NothingFits, SeveralFit, listed, shor
 from language.instruction import Instruction, ObjectPhrase
 from language.objects import NOUNS, SIZES, Object, Scene
 from language.relations import ABSENT, HOLDS, RELATIONS, SUPERLATIVES
+from language.verbs import EVERY
 
 
 def matches(phrase: ObjectPhrase, scene: Scene, pointed: Sequence[int] = ()) -> np.ndarray:
@@ -66,12 +67,22 @@ class PhraseResolver:
             raise self._several(phrase, candidates)
         raise self._nothing(phrase, among)
 
+    def resolve_all(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> list[int]:
+        """Returns the indices of all objects that the phrase fits, at least one. Raises NothingFits.
+
+        among: (K,) bool, the objects that are considered; None: all.
+        """
+        candidates = self.fits(phrase, among).nonzero()[0].tolist()
+        if candidates:
+            return candidates
+        raise self._nothing(phrase, among)
+
     def fits(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> np.ndarray:
         """Returns (K,) bool: which objects the phrase fits, of those in `among`."""
         fits = self._head(phrase)
         if among is not None:
             fits &= among
-        if phrase.determiner != "the":
+        if phrase.determiner not in ("the", EVERY):
             shown = self._shown(phrase)
             self._contradicted = None if fits[shown] else shown
             fits &= np.arange(len(self.scene)) == shown

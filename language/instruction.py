@@ -11,9 +11,9 @@ from language.errors import LanguageError, check_known
 from language.lexicon import lexicon
 from language.objects import NOUNS, ROLE_WORDS, SIZES
 from language.relations import RELATIONS, SUPERLATIVES
-from language.verbs import BASE, GOAL, HERE, IT, OBJECT, POINTING, VERBS
+from language.verbs import BASE, EVERY, GOAL, HERE, IT, OBJECT, POINTING, VERBS
 
-DETERMINERS = ("the", *POINTING, *HERE, IT)
+DETERMINERS = ("the", EVERY, *POINTING, *HERE, IT)
 
 # Maps a category of the lexicon and a meaning to one of its phrases.
 Form = Callable[[str, Any], str]
@@ -28,7 +28,7 @@ class ObjectPhrase:
     superlative: such as "leftmost", among all objects that the rest of the phrase fits.
     excluded: noun, colour, size or role, or several, of objects that are not meant: "that is not red".
     relation, anchors: the spatial relation to one or two anchors, which have phrases of their own.
-    determiner: one of DETERMINERS; "here", "there" and "it" stand alone.
+    determiner: one of DETERMINERS; "here", "there" and "it" stand alone; "every" means each object that the rest fits.
     position: offset of the phrase in its sentence, in characters; not part of the meaning.
 
     Raises LanguageError for words that are not in the registries.
@@ -74,6 +74,7 @@ class ObjectPhrase:
             raise LanguageError(f"{self.relation!r} needs {wanted} anchors: {len(self.anchors)} are given")
         for anchor in self.anchors:
             _check_not_here(anchor, "an anchor")
+            _check_not_every(anchor, "an anchor")
 
     def _check_excluded(self, excluded: ObjectPhrase) -> None:
         plain = ObjectPhrase(excluded.noun, excluded.color, size=excluded.size, role=excluded.role)
@@ -88,7 +89,7 @@ class ObjectPhrase:
     @property
     def kind(self) -> str:
         """The kind of information that identifies the object: one of `KINDS`, "gesture", "role" or "object" (none)."""
-        if self.determiner != "the":
+        if self.determiner not in ("the", EVERY):
             return "gesture"
         if self.relation is not None:
             return "relation" if self.depth == 1 else "nested"
@@ -129,7 +130,7 @@ class ObjectPhrase:
         """Returns the phrase in words that `form` chooses."""
         if self.determiner in HERE:
             return form("spot", self.determiner)
-        if self.determiner != "the" and self == ObjectPhrase(determiner=self.determiner):
+        if self.determiner in (*POINTING, IT) and self == ObjectPhrase(determiner=self.determiner):
             return self.determiner
         said = f"{self.determiner} {self._label(form)}"
         if self.excluded is not None:
@@ -149,6 +150,13 @@ def _check_not_here(phrase: ObjectPhrase | None, what: str) -> None:
         raise LanguageError(f"{phrase.determiner!r} cannot be {what}: say 'this' or 'that', or give it as a goal")
 
 
+def _check_not_every(phrase: ObjectPhrase | None, what: str) -> None:
+    """Raises LanguageError: "every" is allowed only as the object of some tasks."""
+    if phrase is not None and phrase.determiner == EVERY:
+        tasks = " or ".join(repr(name) for name, verb in VERBS.items() if verb.takes_every)
+        raise LanguageError(f"{str(phrase)!r} cannot be {what}, only the object of {tasks}: say 'the'")
+
+
 def _excluded_words(excluded: ObjectPhrase, form: Form) -> str:
     adjectives = [("color", excluded.color), ("size", excluded.size), ("role", excluded.role)]
     said = [form(category, word) for category, word in adjectives if word is not None]
@@ -164,7 +172,8 @@ class Instruction:
 
     task: a key of VERBS. phrase: the object. goal: the object at the place where it shall go, if the task has one.
 
-    Raises LanguageError for an unknown task, for a missing goal, and for a goal that the task does not take.
+    Raises LanguageError for an unknown task, for a missing goal, for a goal that the task does not take, and for
+    "every" where the task is about one object.
     """
 
     task: str
@@ -178,6 +187,9 @@ class Instruction:
             raise LanguageError(f"{self.task!r} needs a goal: say where")
         if self.goal is not None and not VERBS[self.task].takes_goal:
             raise LanguageError(f"{self.task!r} takes no goal: {str(self.goal)!r} is given")
+        if not VERBS[self.task].takes_every:
+            _check_not_every(self.phrase, f"the object of {self.task!r}")
+        _check_not_every(self.goal, "a goal")
 
     @property
     def kind(self) -> str:
@@ -240,6 +252,8 @@ class Correction:
             raise LanguageError("a correction has either a phrase, with or without a rejected phrase, or a goal")
         _check_not_here(self.phrase, "the phrase of a correction")
         _check_not_here(self.rejected, "rejected")
+        for phrase in (self.phrase, self.goal, self.rejected):
+            _check_not_every(phrase, "a correction")
 
     def words(self, form: Form) -> str:
         """Returns the correction in words that `form` chooses."""

@@ -6,13 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import overload
 
+import numpy as np
+
 from language.errors import LanguageError, NothingFits, SeveralFit
 from language.grammar import parse_words
 from language.grounding import PhraseResolver
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase
-from language.objects import FITTINGS, NOUNS, Scene
+from language.objects import DEVICES, FITTINGS, HAND, NOUNS, Scene
 from language.task_generation import hand_of, scene_after
-from language.verbs import HERE, OPERATED, POINTING, VERBS
+from language.verbs import EVERY, HERE, OPERATED, POINTING, VERBS
+
+FIXED = [list(NOUNS).index(noun) for noun in (*DEVICES, *FITTINGS, HAND)]  # which "every object" leaves out
 
 
 @dataclass(frozen=True)
@@ -42,12 +46,14 @@ class Understood:
     """The interpretation of a sentence in a scene.
 
     meaning: its parse. steps: at least one. result: the scene after all steps. pointed: the object of each gesture.
+    instructions: which part of the meaning each step belongs to; "every red cube" gives several steps.
     """
 
     meaning: Command
     steps: tuple[GroundedStep, ...]
     result: Scene
     pointed: tuple[int, ...] = ()
+    instructions: tuple[Instruction, ...] = ()
 
 
 @overload
@@ -99,19 +105,22 @@ def understand(command: Command, scene: Scene, pointed: Sequence[int] = (), spok
     """Grounds each step of a command in the scene after the steps before it. Raises NothingFits or SeveralFit.
 
     "It" is the object of the step before; where something is opened or closed, the fitting that was spoken of last.
+    "Every red cube" gives a step for each, the one nearest to the goal first.
 
     pointed: the object of each gesture, in the order of the words that need one. spoken: the objects that were spoken
     of before, the likeliest of "it" first.
     """
     resolver = PhraseResolver(scene, pointed)
     steps: list[GroundedStep] = []
+    instructions: list[Instruction] = []
     for instruction in command.steps:
         resolver.it = _it(instruction.task, scene, spoken)
-        step = _step(instruction, resolver)
-        spoken = [*step.objects, *spoken]
-        resolver.scene = scene_after(step.task, step.init, step.goal, resolver.scene)
-        steps.append(step)
-    return Understood(command, tuple(steps), resolver.scene, tuple(pointed))
+        for step in _steps(instruction, resolver):
+            spoken = [*step.objects, *spoken]
+            resolver.scene = scene_after(step.task, step.init, step.goal, resolver.scene)
+            steps.append(step)
+            instructions.append(instruction)
+    return Understood(command, tuple(steps), resolver.scene, tuple(pointed), tuple(instructions))
 
 
 def _it(task: str, scene: Scene, spoken: Sequence[int]) -> int | None:
@@ -122,20 +131,30 @@ def _it(task: str, scene: Scene, spoken: Sequence[int]) -> int | None:
     return next(iter(spoken), None) if it is None else it
 
 
-def _step(instruction: Instruction, resolver: PhraseResolver) -> GroundedStep:
+def _steps(instruction: Instruction, resolver: PhraseResolver) -> list[GroundedStep]:
+    """Returns a step for each object that is meant; several only for "every"."""
     task = VERBS[instruction.task]
     among = ~resolver.scene.targets if task.moves else None  # targets only mark a place and cannot be moved
-    named = resolver.resolve(instruction.phrase, among)
+    several = instruction.phrase.determiner == EVERY
+    if several:
+        named = resolver.resolve_all(
+            instruction.phrase, ~resolver.scene.targets & ~np.isin(resolver.scene.nouns, FIXED)
+        )
+    else:
+        named = [resolver.resolve(instruction.phrase, among)]
     real = ~resolver.scene.targets if task.goal_is_real else None  # nothing can stand on a target
     goal = None if instruction.goal is None else resolver.resolve(instruction.goal, real)
-    if goal == named:
+    if goal in named:
         message = f"'{instruction.goal}' is the object that is to be moved; say another place"
         raise NothingFits(message, str(instruction.goal), instruction.goal.position if instruction.goal else 0)
     if task.effect == "hand":
         goal = hand_of(resolver.scene)
-    if task.moves:
-        return GroundedStep(instruction.task, named, goal, task.reward, task.networks)
-    return GroundedStep(instruction.task, None, named, task.reward, task.networks)
+    if not task.moves:
+        return [GroundedStep(instruction.task, None, each, task.reward, task.networks) for each in named]
+    if several and goal is not None:
+        away = np.linalg.norm(resolver.scene.positions - resolver.scene.positions[goal], axis=1)
+        named = sorted(named, key=lambda each: float(away[each]))
+    return [GroundedStep(instruction.task, each, goal, task.reward, task.networks) for each in named]
 
 
 def revise(

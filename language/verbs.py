@@ -17,6 +17,7 @@ BASE = "{base}"  # slot of a template: the phrase of the object that it is put o
 POINTING = ("this", "that")  # with or without a noun; a gesture identifies the object
 HERE = ("here", "there")  # the object at the place that a gesture shows
 IT = "it"  # the object of the previous step
+EVERY = "every"  # each object that the phrase fits, one after another
 
 # Words before the object that marks a place; `say` uses the first. `here` and `there` stand without them.
 PLACES = ("to the same position as", "to the position of", "at the position of", "to the place of", "to", "at")
@@ -29,6 +30,7 @@ class Verb:
     templates: all are understood; `say` uses the first whose slots are all filled.
     reward, networks: of the original system's training: the reward's name, and the number of networks, one per phase.
     moves: whether the object is moved ("init"); otherwise the gripper goes to it ("goal").
+    takes_every: whether its object may be "every red cube".
     effect: the position of the moved object afterwards: "goal" (where the goal was), "on" (on top of the goal, a real
         object), "in" (in the goal, a fitting), "out" (no longer in it), "hand" (on the person's hand, which no template
         names), "up" (LIFTED higher) or "" (unchanged).
@@ -41,6 +43,7 @@ class Verb:
     networks: int = 1
     moves: bool = False
     effect: str = ""
+    takes_every: bool = False
 
     def __post_init__(self) -> None:
         for template in self.templates:
@@ -197,6 +200,19 @@ VERBS: dict[str, Verb] = {
     ),
     "unstack": Verb(
         ("unstack {object}", "take {object} down", "take {object} off the stack"), "unstack", 3, moves=True
+    ),
+    "sort": Verb(
+        (
+            "sort {object} to {base}",
+            "gather {object} at {base}",
+            "collect {object} at {base}",
+            "bring {object} to {base}",
+        ),
+        reward="pnp",
+        networks=3,
+        moves=True,
+        effect="goal",
+        takes_every=True,
     ),
 }
 

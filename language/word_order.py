@@ -18,6 +18,7 @@ _WORDS = """
     once please first could can would now robot hey i want thanks thank no meant mean sorry actually but
     stack drawer fridge door open pull shut unstack off into out remove
     hand palm me give pass bring my
+    sort gather collect every
     """
 
 WORD_ORDER: tuple[str, ...] = tuple(_WORDS.split())

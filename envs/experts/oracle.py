@@ -30,7 +30,8 @@ class Oracle:
         objects, shown = tensordict["objects"].numpy(), tensordict["objects_mask"].numpy()
         rays = tensordict["gesture"].numpy() if "gesture" in tensordict.keys() else np.zeros((len(objects), 0))
         for world in np.flatnonzero(self._news(rays)).tolist():
-            self._slots[world] = self._understood(world, objects[world], shown[world], rays[world])
+            sentence = self._sentence(world, tensordict)
+            self._slots[world] = self._understood(world, sentence, objects[world], shown[world], rays[world])
         return tensordict.set("action", self._expert.act(*self._slots.T))
 
     def _news(self, rays: NDArray) -> NDArray[np.bool_]:
@@ -39,12 +40,19 @@ class Oracle:
         self._seen = rays
         return (self._env.elapsed == 0) | moved
 
-    def _understood(self, world: int, objects: NDArray, shown: NDArray[np.bool_], ray: NDArray) -> tuple[int, int]:
+    def _sentence(self, world: int, tensordict: TensorDictBase) -> str:
+        """The instruction: of a sentence of several steps, the one that is carried out now."""
+        if not self._env.task.stepwise:
+            return self._env.sentence(world)
+        return self._env.tokenizer.decode(tensordict["instruction"][world].tolist())
+
+    def _understood(
+        self, world: int, sentence: str, objects: NDArray, shown: NDArray[np.bool_], ray: NDArray
+    ) -> tuple[int, int]:
         """The slots of the referent and of its target: the referent's own if there is none."""
         viewpoint, slots = self._env.config.task.viewpoint, np.flatnonzero(shown)
         rows, task = objects[shown], self._env.task
         scene = scene_of_rows(rows, viewpoint, nouns_of_rows(rows, task.operates, task.fixtures))
-        sentence = self._env.sentence(world)
         if len(ray):
             object_ = self._shown(world, sentence, scene, ray)
             slot = int(self._slots[world, 0] if object_ is None else slots[object_])

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import torch
@@ -32,7 +31,6 @@ class InteractiveEnv(WorkspaceEnv):
     """
 
     def __init__(self, config: EnvConfig, seed: int = 0, window: Window | None = None) -> None:
-        config = replace(config, task=replace(config.task, instructions=1))
         super().__init__(config, 1, seed, render=True, window=window)
         self._single_world = self._worlds[0]
         self.client = self._single_world.client
@@ -95,6 +93,10 @@ class InteractiveEnv(WorkspaceEnv):
         self._set_goal(0, Goal(int(slots[referent]), where, sentence, sentence, kind))
         arrays.steps[0] = 0
         return self._first_observation()
+
+    def _next_goals(self, success: NDArray[np.bool_]) -> Iterator[tuple[int, Goal]]:
+        """None: the person says what is next."""
+        return iter(())
 
     def hold_action(self) -> Tensor:
         """(1, A) the action that keeps the arm where it is, and the gripper as it is commanded now."""

@@ -39,6 +39,12 @@ class Goal:
         heard = said.sentence if said.heard is None else said.heard
         return cls(int(slots[said.referent]), int(slots[target]), said.sentence, heard, said.kind)
 
+    def said(self, slots: NDArray[np.int64]) -> Said:
+        """The instruction, in a scene whose objects stand in these slots (K,) in ascending order."""
+        referent, target = np.searchsorted(slots, (self.referent, self.target)).tolist()
+        at = None if target == referent else target
+        return Said(self.kind, referent, at, self.sentence, self.policy_sentence)
+
 
 def policy_sentence(episode: EpisodeSpec) -> str:
     """The sentence that the policy reads: the episode's own, unless it is rephrased."""

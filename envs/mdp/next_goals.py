@@ -21,11 +21,12 @@ def next_goals(
 
     success: (N,). generators: of each world.
     """
-    for i in np.flatnonzero(success & (arrays.said < task.config.instructions)).tolist():
+    for i in np.flatnonzero(success & (arrays.said < task.most_instructions)).tolist():
         slots, held = np.sort(arrays.slots[i]), arrays.state.held[i]
         scene = scene_of_rows(arrays.rows[i, slots], task.config.viewpoint, arrays.state.nouns[i, slots])
         number = NOTHING if held == NOTHING else int(np.searchsorted(slots, held))
-        said = task.next_instruction(scene, number, generators[i], task.moved(arrays.state)[i, slots])
+        last = arrays.goals[i].said(slots)
+        said = task.next_instruction(scene, number, generators[i], task.moved(arrays.state)[i, slots], last)
         if said is not None:
             arrays.said[i] += 1
             arrays.steps[i] = 0

@@ -26,8 +26,7 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
 
     Returns:
         (count,) objects, objects_mask, instruction, privileged/referent; where there are targets, privileged/target;
-        where there are several verbs, privileged/verb;
-        where a person points, gesture.
+        where there are several verbs, privileged/verb; where a person points, gesture.
     """
     task, rng = setup.task, np.random.default_rng(seed)
     slots, width = observer.shape("objects")
@@ -37,6 +36,7 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
     grippers = rng.uniform(low, high, (count, 3)) if task.moves else None
     rays = np.zeros((count, RAY_WIDTH))
     columns = np.zeros((count, slots, len(task.columns)))
+    described = task.fixtures or task.stepwise  # whose columns tell objects apart
     for i in range(count):
         episode = task.draw(rng)
         order = rng.permutation(slots)[: len(episode.scene)]
@@ -45,13 +45,13 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
         goal = Goal.of(episode, order)
         goals[i] = goal.referent, goal.target, goal.kind
         rays[i] = ray_of(episode.gesture)
-        if task.fixtures:
+        if described:
             columns[i, order] = task.described(episode)
     if grippers is not None:
         rows[..., OFFSET] = offsets(rows[..., :3], grippers[:, None])
     if task.marks and not task.speaks:
         rows[np.arange(count), goals[:, 0], COLUMNS.start] = 1.0
-    if task.fixtures:
+    if described:
         rows[..., COLUMNS] = columns
     if task.operates:
         rows[..., FACING] = np.where(shown[..., None], facing(rows[..., 3:7]), 0.0)

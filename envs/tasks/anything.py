@@ -131,7 +131,9 @@ class Anything(RoomScenes):
     def load_draw_state(self, state: Mapping[str, float]) -> None:
         self._sampler.failures[:] = [state.get(verb, 1.0) for verb in self.verbs]
 
-    def next_instruction(self, scene: Scene, held: int, rng: Generator, moved: Array | None = None) -> Said | None:
+    def next_instruction(
+        self, scene: Scene, held: int, rng: Generator, moved: Array | None = None, last: Said | None = None
+    ) -> Said | None:
         """An instruction that is feasible in the scene as it is: first a verb is drawn, then its referent and target.
 
         Args:
@@ -139,6 +141,7 @@ class Anything(RoomScenes):
             held: the object that the gripper holds, or NOTHING.
             rng: of the draws.
             moved: as for `room`.
+            last: the instruction that succeeded, which has no influence.
 
         Returns:
             The instruction; None if words can name no feasible one.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from conf.schema import ConfigError, did_you_mean
 from envs.sim.workspace import Fitting, WorkspaceConfig
 from envs.tasks.object_layout import scatter
-from envs.tasks.outcome import Outcome
+from envs.tasks.outcome import Outcome, check_terms
 from envs.tasks.training_episodes import draw_randomized
 from envs.tasks.types import Column, EpisodeSpec, GestureSwitch, Said, State, TaskConfig
 from human import Gesture, Person, Unreachable
@@ -56,13 +56,14 @@ class Task(ABC):
     stacks = False  # objects stand in the cells of a board, on top of each other
     verbs: tuple[str, ...] = ()  # among which the words choose; (): all sentences have the same verb
     continues = False  # after a success there can be another instruction
+    stepwise = False  # an episode is one sentence of several steps, each an instruction, and succeeds with the last one
     marks = False  # the first of its columns marks the referent where no words name it
     stages = 1  # number of stages that `stage` returns
 
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
     ) -> None:
-        _check_terms(config, self.terms)
+        check_terms(config, self.terms)
         if not config.kinds and config.num_objects > 1 and person is None and not self.marks:
             raise ConfigError(
                 f"task.num_objects={config.num_objects} must be 1 in a task without words, "
@@ -73,7 +74,7 @@ class Task(ABC):
                 f"gesture.switch={person.config.switch} needs words that fit another object as well, and those of "
                 f"task.name={config.name} do not; take reach_gesture or nl_reach_gesture"
             )
-        if config.instructions > 1 and not self.continues:
+        if config.instructions > 1 and (self.stepwise or not self.continues):
             raise ConfigError(
                 f"task.instructions={config.instructions} must be 1 in task.name={config.name}: take task=anything for "
                 "one instruction after another"
@@ -139,12 +140,22 @@ class Task(ABC):
         """(N, K) how far devices are from their start, in shares of their way, where a task `continues`; else 0."""
         return np.zeros(state.shown.shape)
 
+    @property
+    def most_instructions(self) -> int:
+        """How many instructions an episode can have."""
+        return self.config.instructions
+
     def next_instruction(
-        self, scene: Scene, held: int, rng: Generator, moved: NDArray[np.float64] | None = None
+        self,
+        scene: Scene,
+        held: int,
+        rng: Generator,
+        moved: NDArray[np.float64] | None = None,
+        last: Said | None = None,
     ) -> Said | None:
         """Returns the next instruction after a success, in the scene as it is; None if there is none.
 
-        held: the object that the gripper holds, or NOTHING. moved: (K,) of `moved`; None: 0.
+        held: the object that the gripper holds, or NOTHING. moved: (K,) of `moved`; None: 0. last: what succeeded.
         """
         return None
 
@@ -166,7 +177,7 @@ class Task(ABC):
         return None
 
     def described(self, episode: EpisodeSpec) -> NDArray[np.float64]:
-        """(K, C) the values of `columns` as the episode begins, where the task has fixtures."""
+        """(K, C) the values of `columns` as the episode begins, where the task has fixtures or is `stepwise`."""
         return np.zeros((len(episode.scene), 0))
 
     @property
@@ -280,18 +291,3 @@ class Task(ABC):
         nouns, colors = self._nouns[rng.integers(len(self._nouns), size=count)], rng.integers(len(COLORS), size=count)
         targets = np.arange(count) >= count - config.num_targets
         return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
-
-
-def _check_terms(config: TaskConfig, terms: Sequence[str]) -> None:
-    """Raises ConfigError unless the config weights each reward term of the task, and no other."""
-    for name in config.reward:
-        if name not in terms:
-            raise ConfigError(
-                f"task.reward.{name} is not a known term of task.name={config.name}" + did_you_mean(name, terms)
-            )
-    for name in terms:
-        if name not in config.reward:
-            raise ConfigError(
-                f"task.reward.{name} has no value: task.name={config.name} needs a weight for each of "
-                f"{', '.join(terms)}; 0 switches a term off"
-            )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks.types import Array
+from conf.schema import ConfigError, did_you_mean
+from envs.tasks.types import Array, TaskConfig
 
 
 @dataclass(frozen=True)
@@ -30,3 +32,18 @@ class Outcome:
         """(N,) whether the instruction has ended in success or failure; time limits do not count."""
         ends = (self.success, self.wrong_object, self.wrong_target, self.failed)
         return np.any([flags for flags in ends if flags is not None], axis=0)
+
+
+def check_terms(config: TaskConfig, terms: Sequence[str]) -> None:
+    """Raises ConfigError unless the config weights each reward term of the task, and no other."""
+    for name in config.reward:
+        if name not in terms:
+            raise ConfigError(
+                f"task.reward.{name} is not a known term of task.name={config.name}" + did_you_mean(name, terms)
+            )
+    for name in terms:
+        if name not in config.reward:
+            raise ConfigError(
+                f"task.reward.{name} has no value: task.name={config.name} needs a weight for each of "
+                f"{', '.join(terms)}; 0 switches a term off"
+            )

@@ -118,7 +118,8 @@ class Dialogue:
             return Understood(sentence, 1.0, (), (0, len(sentence)), steps, self.before, self.last)
         if action == "again" and self.last is not None and isinstance(self._done(), Understood):
             planner = Planner(world, self.it, self.it)
-            return settled(sentence, choices_of(self.last, planner, found), planner)
+            repeated = replace(self.last, unused=())  # its tokens are those of the earlier sentence
+            return settled(sentence, choices_of(repeated, planner, found), planner)
         if action == "yes" and isinstance(self.outcome, Question) and self.outcome.choices:
             if len(self.outcome.choices) == 1:
                 return replace(self.outcome.choices[0], sentence=sentence)

@@ -13,7 +13,7 @@ from language.commands.resolving import Resolver
 from language.commands.world import FLAT, World
 
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
-_ONTO = ("on", "over", "in", "to", "at", "of", "with", "here")
+ONTO = ("on", "over", "in", "to", "at", "of", "with", "here")
 _ASIDE = ("left", "right", "front", "back")  # for these, a free place may also be a little aside
 FARTHEST = 4  # steps to a free place beside an anchor
 
@@ -138,7 +138,7 @@ def _anchors(resolver: Resolver, relation: Relation, mover: int | None) -> list[
         refs = [
             ref._replace(cost=ref.cost + costs.ANOTHER_KIND * (things[ref.things[-1]].kind != kind)) for ref in refs
         ]
-    if relation.name not in _ONTO or entity.kind not in ("thing", "stack"):
+    if relation.name not in ONTO or entity.kind not in ("thing", "stack"):
         return refs
     known = {ref.things for ref in refs}
     free = [ref for ref in resolver.resolve(entity, resolver.bears) if ref.things not in known]
@@ -160,11 +160,11 @@ def _by(world: World, mover: int, relation: Relation, anchor: Ref) -> list[Point
         if name == "farthest":
             return []
         onto = None if world.things[anchor.things[-1]].target else anchor.things[-1]  # a see-through thing is a place
-        return [Point(anchor.x, anchor.y, 0.0, onto)] if name in _ONTO else []
+        return [Point(anchor.x, anchor.y, 0.0, onto)] if name in ONTO else []
     if name == "opposite":
         x, y = world.center
         return [Point(2 * x - anchor.x, 2 * y - anchor.y, 0.0)]
-    return _in_region(world, mover, anchor) if name in (*_ONTO, "under") else []
+    return _in_region(world, mover, anchor) if name in (*ONTO, "under") else []
 
 
 def _in_region(world: World, mover: int, area: Ref) -> list[Point]:
@@ -283,7 +283,7 @@ def _also(resolver: Resolver, mover: int, points: list[Point], relation: Relatio
     found = []
     resolver.weighed += len(points)
     for point in points:
-        if relation.name in _ONTO and any(point.on in ref.things for ref in refs[0].refs if point.on is not None):
+        if relation.name in ONTO and any(point.on in ref.things for ref in refs[0].refs if point.on is not None):
             found.append(point)
             continue
         at = spot(point.x, point.y)

@@ -9,7 +9,7 @@ from language.commands import costs
 from language.commands.meanings import Entity, Gesture, Reading, Relation, Step
 from language.commands.outcomes import CONTROLS, Action
 from language.commands.places import Point, Spot, settle, spots
-from language.commands.plans import Plan, obstacle
+from language.commands.plans import Plan, at_a_mark, beside, obstacle
 from language.commands.referents import Ref, color_fits
 from language.commands.resolving import Resolver
 from language.commands.world import DEVICES, World
@@ -111,11 +111,8 @@ class Planner:
         assert step.entity is not None
         name = step.entity.noun or ""
         if name not in plan.world.fixtures or step.action not in ("open", "close"):
-            what = (
-                f"there is no {name} here"
-                if name not in plan.world.fixtures
-                else f"the {name} can be opened and closed"
-            )
+            unknown = name not in plan.world.fixtures
+            what = f"there is no {name} here" if unknown else f"the {name} can be opened and closed"
             return replace(plan, failure=what, reason="nothing", entity=step.entity)
         return replace(plan, actions=(*plan.actions, Action(step.action, fixture=name)))
 
@@ -124,6 +121,7 @@ class Planner:
         assert step.entity is not None
         refs = self.resolver(plan.world, plan.it, None, plan.mentioned).resolve(step.entity)
         things = list(dict.fromkeys(i for ref in refs for i in ref.things if ref.cost <= refs[0].cost + 0.5))
+        things = [i for i in things if not plan.world.things[i].target] or things  # "all cubes" moves the real ones
         wanted = step.entity.number
         if not things or (wanted and len(things) < wanted):
             return replace(plan, failure=f"{len(things)} things fit", reason="nothing", entity=step.entity)
@@ -141,9 +139,10 @@ class Planner:
             )
         things.sort(key=lambda i: -plan.world.things[i].bottom)
         for index in things:
-            found = [done for done in self._act(replace(plan, mover=index), step) if not done.failure]
+            part = beside(step) if at_a_mark(plan) else step
+            found = [done for done in self._act(replace(plan, mover=index), part) if not done.failure]
             if not found:
-                failed = next(iter(self._act(replace(plan, mover=index), step)), plan)
+                failed = next(iter(self._act(replace(plan, mover=index), part)), plan)
                 return replace(
                     failed, failure=failed.failure or "there is no place for all of them", reason="impossible"
                 )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from language.commands.meanings import Entity
+from language.commands.meanings import Entity, Step
 from language.commands.outcomes import Action
+from language.commands.places import ONTO
 from language.commands.world import DEVICES, World
 
 
@@ -42,3 +43,19 @@ def obstacle(world: World, things: tuple[int, ...]) -> str:
     if thing.kind in DEVICES:
         return f"a {thing.kind} is fixed to the table"
     return "a see-through object only marks a place" if thing.target else ""
+
+
+def at_a_mark(plan: Plan) -> bool:
+    """Returns whether the last thing was put where a see-through thing marks a place, or beside it."""
+    last = plan.actions[-1] if plan.actions else None
+    if last is None or last.kind != "place" or last.position is None or last.on is not None:
+        return False
+    (x, y), world = last.position, plan.world
+    return any(each.target and max(abs(each.x - x), abs(each.y - y)) < 2 * each.width for each in world.things)
+
+
+def beside(step: Step) -> Step:
+    """Returns the step for a further thing: beside the place, where the first one lies."""
+    onto = [place.name in ONTO for place in step.places]
+    places = [replace(place, name="near") if at else place for place, at in zip(step.places, onto, strict=True)]
+    return replace(step, places=tuple(places))

@@ -15,7 +15,9 @@ from language.objects import Scene
 from language.understanding import GroundedStep, parse
 
 TAKES = ("grasp", "lift")
-CARRIES = ("pick_and_place", "stack", "hand_over")
+CARRIES = ("pick_and_place", "stack", "hand_over", "sort")
+ASIDE = 0.1  # metres from a marked place to the places for what is sorted there besides
+SORTED = tuple((x * ASIDE, y * ASIDE) for x, y in ((0, 0), (0, 1), (0, -1), (1, 0), (-1, 0)))
 _KINDS = {"pick_and_rotate": "rotate"}
 
 
@@ -63,6 +65,11 @@ def _put(plan: Plan, step: GroundedStep, index: int) -> Plan:
     on = None if goal.target else step.goal
     if step.goal == plan.world.hand:
         spot = Spot(*plan.world.in_hand, 0.0)
+    elif step.task == "sort":
+        points = [Point(goal.x + dx, goal.y + dy, 0.0, free=True) for dx, dy in SORTED]
+        found = [settle(plan.world, index, point) for point in points]
+        spot = min(found, key=lambda each: bool(each.why_not))
+        on = None
     else:
         spot = settle(plan.world, index, Point(goal.x, goal.y, 0.0, on))
     if spot.why_not or (on is not None and spot.on != on):

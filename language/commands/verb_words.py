@@ -17,7 +17,7 @@ VERBS: dict[str, str] = {
     "move": (
         "move, put, place, set, shift, transfer, stack, carry, lay, leave, position, relocate, transport, keep, "
         "insert, stick, bring, placed, putted, putting, placing, moving, slide, drag, reposition, pile, add, "
-        "load, hang, get, rest, stand, balance, moved, put back, place back, return, "
+        "load, sort, gather, collect, hang, get, rest, stand, balance, moved, put back, place back, return, "
         "displace, situate, locate, mount, fix, attach, deposit, rearrange"
     ),
     "drop": (

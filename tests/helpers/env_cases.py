@@ -45,7 +45,13 @@ IN_A_ROOM = [task for task in TASKS if workspace_of(task) in ("room", "studio")]
 assert IN_A_ROOM
 FEW_ROBOTS = ("kuka", "panda")  # reach the handles in a room
 DEVICES_AMONG = ["nl_press", "nl_switch", "nl_turn"]
-WITH_FEW = [*IN_A_ROOM, *DEVICES_AMONG, "nl_unstack", "nl_hand_over"]  # tasks that are tested with one of these in turn
+WITH_FEW = [
+    *IN_A_ROOM,
+    *DEVICES_AMONG,
+    "nl_unstack",
+    "nl_hand_over",
+    "nl_sort",
+]  # tasks that are tested with one of these in turn
 # so_arm's area has no room for the way that pushed objects must leave free, and its gripper tilts, so that it reaches
 # nothing between stacks; xarm7 moves too slowly to throw.
 DOES_NOT_FIT = [("so_arm", "nl_push"), ("so_arm", "rearrange"), ("so_arm", "nl_rearrange"), ("xarm7", "throw")]

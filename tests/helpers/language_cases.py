@@ -86,7 +86,7 @@ _excluded = st.builds(ObjectPhrase, _maybe(NOUNS), _maybe(COLORS), size=_maybe(S
 
 
 @st.composite
-def _described(draw, depth):
+def _described(draw, depth, determiners=("the", "the", "this", "that")):
     """Any phrase with at most `depth` nested relations."""
     where = {}
     if depth and draw(st.booleans()):
@@ -100,7 +100,7 @@ def _described(draw, depth):
         role=draw(_maybe(ROLE_WORDS)),
         superlative=draw(_maybe(SUPERLATIVES)),
         excluded=draw(st.none() | _excluded),
-        determiner=draw(st.sampled_from(["the", "the", "this", "that"])),
+        determiner=draw(st.sampled_from(determiners)),
         **where,
     )
 
@@ -121,7 +121,10 @@ def _instructions(draw):
         goals = st.none()
     elif not VERBS[task].needs_goal:
         goals = st.none() | goals
-    return Instruction(task, draw(phrases | spots), draw(goals))
+    objects = phrases | spots
+    if VERBS[task].takes_every:
+        objects |= _described(3, ("every",))
+    return Instruction(task, draw(objects), draw(goals))
 
 
 instructions = _instructions()

@@ -1,5 +1,6 @@
 """The number of sentences, compared with enumeration where it is small."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -90,6 +91,19 @@ def test_the_count_equals_the_number_of_enumerated_sentences(words, depth):
     assert len(every) == len(set(every)) == count(depth, words)
     for index in np.random.default_rng(0).choice(len(every), size=100):
         parse(every[index])
+
+
+@pytest.mark.parametrize("depth", [0, 1])
+def test_every_is_counted_as_what_is_sorted(depth):
+    plain, sorting = (
+        tiny("reach {object} to {base}", **BESIDE, **MOST),
+        tiny(**BESIDE, **MOST, every={"every": ("every",)}),
+    )
+    sorting = replace(sorting, templates={"sort": plain.templates["0"]})
+    named = set(phrases(plain, depth))
+    leftmost = {each for each in named if each == "the leftmost" or each.startswith("the leftmost left")}
+    assert count(depth, plain) == len(named) ** 2
+    assert count(depth, sorting) == (2 * len(named) - len(leftmost)) * len(named)
 
 
 def test_the_count_grows_with_depth():

@@ -21,7 +21,7 @@ from tests.helpers.language_cases import PLACES, TABLE, answer, random_scenes, s
         ("reach red cube", 6, "the", "Expected here: the"),
         ("reach the cube cube", 15, "left of", "the end of the sentence"),
         ("reach   the\tmauve cube", 12, "red", "'mauve' is not understood at character 13"),
-        ("push the cube", 13, "to", "Expected here: here, .* to the same position as"),
+        ("push the cube", 13, "to", "Expected here: to, at, here, .* to the same position as"),
         ("reach the cube, then the ball", 21, "reach", "Expected here: reach"),
         ("reach the object that is not an object", 17, None, "everything is an object"),
         ("", 0, "reach", "ends too early"),

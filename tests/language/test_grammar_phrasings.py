@@ -2,7 +2,7 @@
 
 import pytest
 
-from language import Object, Scene, parse, say
+from language import NotUnderstood, Object, Scene, parse, say
 
 TABLE = Scene(
     [
@@ -60,3 +60,18 @@ def test_a_correction_keeps_the_other_gestures(correction, pointed, init, goal):
     assert (step.init, step.goal) == (init, goal)
     again = parse("no, the sphere", TABLE, previous=parse(correction, TABLE, pointed, previous=before)).steps[0]
     assert (again.init, again.goal) == (2, goal)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "position", "message"),
+    [
+        ("reach every red cube", 6, "only the object of 'sort'"),
+        ("sort the red cube to every cube", 21, "Expected here: the"),
+        ("sort every red cube left of every cube to this", 28, "Expected here: the"),
+        ("no, every red cube", 4, "is not understood"),
+    ],
+)
+def test_every_is_understood_only_as_what_is_sorted(sentence, position, message):
+    with pytest.raises(NotUnderstood, match=message) as caught:
+        parse(sentence)
+    assert caught.value.position == position

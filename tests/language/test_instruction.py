@@ -9,6 +9,7 @@ from tests.helpers.language_cases import phrases
 BLUE_SPHERE = ObjectPhrase("sphere", "blue")
 CUBE = ObjectPhrase("cube")
 HERE = ObjectPhrase(determiner="here")
+EVERY = ObjectPhrase("cube", determiner="every")
 
 
 @pytest.mark.slow
@@ -52,12 +53,14 @@ def test_depth_counts_nested_relations(phrase):
         (ObjectPhrase(determiner="that"), "that", "gesture"),
         (HERE, "here", "gesture"),
         (ObjectPhrase(determiner="it"), "it", "gesture"),
+        (ObjectPhrase("cube", "red", determiner="every"), "every red cube", "color_shape"),
+        (ObjectPhrase(determiner="every"), "every object", "object"),
     ],
 )
 def test_each_kind_of_phrase_is_said_as_expected(phrase, words, kind):
-    instruction = Instruction("reach", phrase)
+    instruction = Instruction("sort", phrase, BLUE_SPHERE)
     assert say(phrase) == words
-    assert say(instruction) == f"reach {words}"
+    assert say(instruction) == f"sort {words} to the blue sphere"
     assert instruction.kind == phrase.kind == kind
     assert parse(say(instruction)) == instruction
 
@@ -98,6 +101,13 @@ def test_chains_and_corrections_are_said_as_expected():
         (lambda: Correction(goal=CUBE, rejected=CUBE), "either a phrase"),
         (lambda: Correction(HERE), "give it as a goal"),
         (lambda: Correction(CUBE, rejected=HERE), "'here' cannot be rejected"),
+        (
+            lambda: Instruction("reach", EVERY),
+            "'every cube' cannot be the object of 'reach', only the object of 'sort'",
+        ),
+        (lambda: Instruction("sort", CUBE, EVERY), "'every cube' cannot be a goal"),
+        (lambda: ObjectPhrase(relation="left of", anchors=(EVERY,)), "'every cube' cannot be an anchor"),
+        (lambda: Correction(EVERY), "'every cube' cannot be a correction"),
     ],
 )
 def test_a_meaning_without_a_sentence_is_refused(make, message):

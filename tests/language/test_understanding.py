@@ -157,3 +157,40 @@ def test_a_hand_that_is_held_out_is_the_goal_without_being_named(sentence):
     assert understood.result[0].position == (0.5, -0.1, pytest.approx(0.145))
     nobody = parse(sentence, Scene(list(held_out)[:1]))
     assert (nobody.steps[0].goal, nobody.result[0].position) == (None, (0.4, 0.1, 0.025))
+
+
+GATHERED = [
+    Object("cube", "red", (0.5, 0.2, 0.025)),
+    Object("cube", "red", (0.4, -0.1, 0.025)),
+    Object("sphere", "red", (0.4, 0.1, 0.025)),
+    Object("cube", "green", (0.45, -0.25, 0.025), role="target"),
+    Object("cube", "red", (0.55, 0.25, 0.025), role="target"),
+    Object("drawer", "red", (0.4, 0.4, 0.1)),
+]
+
+
+@pytest.mark.parametrize(
+    ("phrase", "sorted_"),
+    [("every red cube", [1, 0]), ("every red object", [1, 2, 0]), ("every object that is not a cube", [2])],
+)
+def test_every_gives_a_step_for_each_real_loose_object_the_nearest_to_the_place_first(phrase, sorted_):
+    scene = Scene(GATHERED)
+    understood = parse(f"sort {phrase} to the transparent green cube", scene)
+    assert [(step.task, step.init, step.goal) for step in understood.steps] == [("sort", each, 3) for each in sorted_]
+    assert set(understood.instructions) == {understood.meaning}
+    assert understood.result[sorted_[-1]].position == scene[3].position
+
+
+def test_sorting_with_the_names_one_object():
+    scene = Scene(GATHERED)
+    assert steps("bring the red sphere to the transparent green cube", scene) == [("sort", 2, 3)]
+    assert isinstance(answer("gather the red cube at the transparent green cube", scene), SeveralFit)
+    assert isinstance(answer("gather every blue cube at the transparent green cube", scene), NothingFits)
+
+
+def test_every_object_is_one_part_of_a_chain():
+    understood = parse(
+        "reach the red sphere, then collect every red cube at the transparent green cube", Scene(GATHERED)
+    )
+    assert [step.task for step in understood.steps] == ["reach", "sort", "sort"]
+    assert [each.task for each in understood.instructions] == ["reach", "sort", "sort"]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
+import torch.nn.functional as F
 from tensordict import TensorDictBase
 
 from trainers.environment import TrainingEnv
@@ -18,6 +19,7 @@ class Displacement:
     """How far objects were moved in an episode: the greatest distance from where they began, metres.
 
     referent: None if the task is to move it. others: of all other objects, the one that was moved furthest.
+    In an episode with several referents that the task is to move, none of them counts.
     out_of_reach: the referent lay out of the gripper's reach at the end; None if the task is to move it.
     """
 
@@ -43,27 +45,35 @@ class Displacements:
         self._env = env
         self._begun = _places(state)
         self._furthest = torch.zeros(self._begun.shape[:2])
+        self._meant = _referents(state)  # (N, K) which have been referents in the episode
 
     def begin(self, state: TensorDictBase, started: torch.Tensor) -> None:
         """Forget the former episodes. started: (N,) bool, the worlds that `state` has just reset."""
         self._begun = torch.where(started[:, None, None], _places(state), self._begun)
         self._furthest = torch.where(started[:, None], 0.0, self._furthest)
+        self._meant = torch.where(started[:, None], _referents(state), self._meant)
 
     def follow(self, state: TensorDictBase) -> None:
         """Measure all worlds. state: after a step. Slots that show no object are 0 all along."""
         apart = (_places(state) - self._begun).square().sum(-1).sqrt()
         self._furthest = torch.maximum(self._furthest, apart)
+        self._meant |= _referents(state)
 
     def of(self, world: int, state: TensorDictBase) -> Displacement:
         """The displacement in a world whose episode ends with `state`."""
+        if self._env.moves_referent:
+            return Displacement(None, max(self._furthest[world][~self._meant[world]].tolist(), default=0.0), None)
         referent = int(state["privileged", "referent"][world])
         distances = self._furthest[world].tolist()
         moved = distances.pop(referent)
         others = max(distances, default=0.0)
-        if self._env.moves_referent:
-            return Displacement(None, others, None)
         place = _places(state)[world, referent]
         return Displacement(moved, others, not self._env.is_reachable(place))
+
+
+def _referents(state: TensorDictBase) -> torch.Tensor:
+    """(N, K) which object is the referent."""
+    return F.one_hot(state["privileged", "referent"].long(), state["objects_mask"].shape[-1]).bool()
 
 
 def _places(state: TensorDictBase) -> torch.Tensor:

@@ -35,7 +35,8 @@ def test_each_sentence_names_the_task_what_is_moved_and_where_to(name, more):
     task, rng = task_of(name, *more), np.random.default_rng(0)
     for _ in range(40):
         episode = task.draw(rng)
-        step = parse(episode.sentence, episode.scene).steps[-1]
+        said = episode.heard if task.stepwise else episode.sentence
+        step = parse(said, episode.scene).steps[-1]
         assert step.task == (task.verbs[episode.kind] if task.verbs else task.verb)
         assert [index for index in (step.init, step.goal) if index is not None] == [
             index for index in (episode.referent, episode.target) if index is not None

@@ -1,5 +1,6 @@
 """See-through things in people's sentences: they mark places."""
 
+import numpy as np
 import pytest
 
 from language import Object, Scene
@@ -70,3 +71,18 @@ def test_a_see_through_thing_cannot_be_taken():
     outcome = interpret("pls take the orange see-through block", TABLE)
     assert isinstance(outcome, Refusal)
     assert outcome.text == "a see-through object only marks a place"
+
+
+@pytest.mark.parametrize(
+    "command", ["put all cubes at", "sort every cube to", "gather both cubes at", "collect all cubes at"]
+)
+def test_of_several_things_brought_to_a_marked_place_the_others_go_beside_it(command):
+    outcome = interpret(
+        f"{command} the yellow target".replace("the yellow target", "the transparent yellow cube"), TABLE
+    )
+    assert isinstance(outcome, Understood)
+    placed = {step.object: np.array(step.position) for step in outcome.steps if step.kind == "place"}
+    assert set(placed) == {0, 1}
+    assert all(step.on is None for step in outcome.steps)
+    assert min(np.linalg.norm(place - (0.6, -0.25)) for place in placed.values()) == 0.0
+    assert 0.06 < np.linalg.norm(placed[0] - placed[1]) < 0.13

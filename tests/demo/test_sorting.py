@@ -1,0 +1,112 @@
+"""Sessions in which every object of a colour is sorted to a marked place, by the expert."""
+
+import numpy as np
+import pytest
+
+from demo.room import room_of
+from demo.session import Session
+from demo.session_config import make_config
+from envs.tasks.spots import is_sorted
+from language import COLORS
+from tests.helpers.sessions import run_to_end
+
+SHUFFLES = 60  # until a scene has what is asked for
+
+
+def one_of(task):
+    session = Session(make_config(task=task, driver="expert"), seed=3)
+    yield session
+    session.close()
+
+
+@pytest.fixture(scope="module")
+def sorting():
+    yield from one_of("nl_sort")
+
+
+@pytest.fixture(scope="module")
+def room():
+    yield from one_of("anything")
+
+
+def steps_of(session):
+    """The policy's words for each step, until the last one has ended."""
+    heard = []
+    while session.busy:
+        heard.append(session.view.policy_sentence)
+        session.step()
+    assert session.view.status.startswith("Done")
+    return list(dict.fromkeys(heard))
+
+
+def all_sorted(session, members, mark):
+    return is_sorted(session.scene().positions[members], mark, 0.05).all()
+
+
+def mark_of(session):
+    scene = session.scene()
+    return scene.positions[scene.targets.argmax()].copy()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [None, "gather every {} cube at {}", "put all {} cubes at the target"])
+def test_every_object_of_a_colour_is_sorted_in_the_task_of_its_own(sorting, command):
+    sorting.shuffle()
+    mark, example, counted = mark_of(sorting), sorting.example(), sorting.view.outcome_counts["success"]
+    assert example.startswith("sort every ")
+    color, place = example.split()[2], example.split(" to ")[1]
+    said = sorting.say(example if command is None else command.format(color, place))
+    assert sorting.busy, said.message
+    members = [i for i, thing in enumerate(sorting.scene()) if thing.color == color and thing.role == "real"]
+    heard = steps_of(sorting)
+    assert all_sorted(sorting, members, mark)
+    assert sorting.view.outcome_counts["success"] == counted + len(members)
+    assert all(each.startswith("sort the ") for each in heard)
+    assert "is there already" in sorting.say(example).message
+    assert not sorting.busy
+
+
+def test_sorting_with_the_brings_one_object(sorting):
+    sorting.shuffle()
+    names, mark = sorting.object_names(), mark_of(sorting)
+    scene = sorting.scene()
+    thing = next(i for i in range(len(scene)) if not scene.targets[i] and names[i].startswith("the "))
+    sorting.say(f"bring {names[thing]} to {names[scene.targets.argmax()]}")
+    assert run_to_end(sorting).startswith("Done")
+    assert all_sorted(sorting, [thing], mark)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["sort every {} cube to the transparent cube", "gather all {} cubes at the target"])
+def test_policies_that_place_things_sort_them_step_by_step(room, command):
+    color, members = same_colour(room)
+    mark = mark_of(room)
+    said = room.say(command.format(color))
+    assert room.busy, said.message
+    heard = steps_of(room)
+    assert all(each.startswith("pick the ") for each in heard)
+    assert all_sorted(room, members, mark)
+    places = room.scene().positions[members]
+    apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.eye(len(places))
+    assert apart.min() > 0.06
+
+
+def same_colour(session):
+    """Draws a scene in which two cubes or more of a colour can be put at a free mark. Returns colour and indices."""
+    for _ in range(SHUFFLES):
+        session.shuffle()
+        found, scene = room_of(session.env), session.scene()
+        ready = found.ready & found.level & (scene.nouns == 0)
+        for color in dict.fromkeys(scene[int(i)].color for i in np.flatnonzero(ready)):
+            alike = [i for i, thing in enumerate(scene) if thing.color == color and found.loose[i]]
+            if len(alike) > 1 and ready[alike].all() and found.free_targets().any():
+                return color, alike
+    raise AssertionError("no scene has two cubes of a colour")
+
+
+def test_what_cannot_be_sorted_says_why(room):
+    room.shuffle()
+    assert "only marks a place" in room.say("sort every transparent cube to the transparent cube").message
+    missing = next(color for color in COLORS if color not in {thing.color for thing in room.scene()})
+    assert f"fit 'every {missing} cube'" in room.say(f"sort every {missing} cube to the transparent cube").message
+    assert not room.busy
