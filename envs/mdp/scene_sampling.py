@@ -36,7 +36,6 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
     grippers = rng.uniform(low, high, (count, 3)) if task.moves else None
     rays = np.zeros((count, RAY_WIDTH))
     columns = np.zeros((count, slots, len(task.columns)))
-    described = task.fixtures or task.stepwise  # whose columns tell objects apart
     for i in range(count):
         episode = task.draw(rng)
         order = rng.permutation(slots)[: len(episode.scene)]
@@ -45,14 +44,13 @@ def sample_scenes(setup: Setup, observer: Observer, count: int, seed: int) -> Te
         goal = Goal.of(episode, order)
         goals[i] = goal.referent, goal.target, goal.kind
         rays[i] = ray_of(episode.gesture)
-        if described:
-            columns[i, order] = task.described(episode)
+        described = task.described(episode)
+        columns[i, order, : described.shape[1]] = described  # what only a simulation tells stays 0
     if grippers is not None:
         rows[..., OFFSET] = offsets(rows[..., :3], grippers[:, None])
+        rows[..., COLUMNS] = columns
     if task.marks and not task.speaks:
         rows[np.arange(count), goals[:, 0], COLUMNS.start] = 1.0
-    if described:
-        rows[..., COLUMNS] = columns
     if task.operates:
         rows[..., FACING] = np.where(shown[..., None], facing(rows[..., 3:7]), 0.0)
     values = {"objects": rows, "objects_mask": shown, "instruction": instructions}

@@ -1,16 +1,12 @@
 """Replaces COLLADA collision meshes by their convex hulls, as OBJ files.
 
 Bullet uses only the convex hull of a COLLADA mesh, but reads the whole mesh for every world in a third of a second, and
-keeps it (30 MiB for a jaco). Here each hull is read once in a process and written as a small OBJ file.
+keeps it (30 MiB for a jaco). Here each hull is read once and written as a small OBJ file, which later processes use.
 """
 
 from __future__ import annotations
 
-import atexit
-import shutil
-import tempfile
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -18,16 +14,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pybullet as bullet
 
+from envs.sim.mesh_cache import kept_folder
+
 Load = Callable[[int], int]  # client -> body, its links not merged
-
-
-@cache
-def scratch() -> Path:
-    """A temporary folder of this process, deleted when it ends."""
-    folder = Path(tempfile.mkdtemp(prefix="deixis-hulls-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
-
 
 _made: dict[Path, Path] = {}
 
@@ -41,21 +30,30 @@ def lean(urdf: Path, load: Load) -> Path:
         except ElementTree.ParseError:
             return urdf  # Bullet reports what is wrong with it
         meshes = {link.get("name"): link.findall("collision/geometry/mesh") for link in tree.iter("link")}
-        if any(str(mesh.get("filename")).endswith(".dae") for found in meshes.values() for mesh in found):
-            _made[urdf] = _write(tree, meshes, urdf, load)
+        files = [str(mesh.get("filename")) for found in meshes.values() for mesh in found]
+        if any(file.endswith(".dae") for file in files):
+            sources = [urdf, *(path for file in sorted(set(files)) if (path := Path(resolved(file, urdf))).is_file())]
+            folder = kept_folder(sources, lambda folder: _write(tree, meshes, urdf, load, folder))
+            _made[urdf] = folder / urdf.name
         else:
             _made[urdf] = urdf
     return _made[urdf]
 
 
-def _write(tree: Any, meshes: dict, urdf: Path, load: Load) -> Path:
+def resolved(mesh: str, urdf: Path) -> str:
+    """The mesh's absolute path, searched beside the URDF and above it, as Bullet does; unchanged if there is none."""
+    name = mesh.removeprefix("package://")
+    return next((str(folder / name) for folder in urdf.resolve().parents if (folder / name).is_file()), mesh)
+
+
+def _write(tree: Any, meshes: dict, urdf: Path, load: Load, folder: Path) -> None:
     client = bullet.connect(bullet.DIRECT)
     try:
         body = load(client)
         for link in range(bullet.getNumJoints(body, client)):
             name = bullet.getJointInfo(body, link, client)[12].decode()
             for i, mesh in enumerate(meshes.get(name, ())):
-                hull = scratch() / f"{urdf.stem}_{name}_{i}.obj"
+                hull = folder / f"{urdf.stem}_{name}_{i}.obj"
                 hull.write_text(obj(_vertices(body, link, i, client)))
                 mesh.set("filename", hull.name)
     finally:
@@ -63,9 +61,7 @@ def _write(tree: Any, meshes: dict, urdf: Path, load: Load) -> Path:
     for element in tree.iter("link"):
         for visual in element.findall("visual"):
             element.remove(visual)
-    target = scratch() / urdf.name
-    tree.write(target)
-    return target
+    tree.write(folder / urdf.name)
 
 
 def _vertices(body: int, link: int, shape: int, client: int) -> list[list[float]]:

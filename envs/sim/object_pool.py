@@ -13,7 +13,7 @@ import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
-from envs.sim.collision_hulls import scratch
+from envs.sim.mesh_cache import scratch
 
 PARKED = (0.0, 0.0, -5.0)  # metres: where objects sleep that the episode does not show
 MASS = 0.1  # kg

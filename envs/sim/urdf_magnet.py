@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from envs.sim.collision_hulls import scratch
-from envs.sim.urdf_simplify import resolved
+from envs.sim.collision_hulls import resolved
+from envs.sim.mesh_cache import scratch
 
 MASS = 0.1  # kg
 Numbers = tuple[float, ...]

@@ -13,7 +13,8 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.sim.collision_hulls import obj, scratch
+from envs.sim.collision_hulls import obj, resolved
+from envs.sim.mesh_cache import kept_folder, scratch
 
 LARGE = 160_000  # bytes of an STL file from which on its hull is made small
 DIRECTIONS = 200  # a hull keeps the outermost point in each: within 1 % of its size
@@ -48,12 +49,6 @@ def simplified(urdf: Path, joints: tuple[str, ...]) -> Path:
     return target
 
 
-def resolved(mesh: str, urdf: Path) -> str:
-    """The mesh's absolute path, searched beside the URDF and above it, as Bullet does; unchanged if there is none."""
-    name = mesh.removeprefix("package://")
-    return next((str(folder / name) for folder in urdf.resolve().parents if (folder / name).is_file()), mesh)
-
-
 def _is_large(mesh: Path) -> bool:
     """Whether it is a large binary STL file: 80 bytes, the number of triangles, and the triangles."""
     if mesh.suffix.lower() != ".stl" or not mesh.is_file() or mesh.stat().st_size < LARGE:
@@ -67,11 +62,14 @@ def _is_large(mesh: Path) -> bool:
 @cache
 def _small_hull(mesh: Path) -> Path:
     """An OBJ file with the outermost points of an STL file."""
-    points = np.unique(np.fromfile(mesh, STL, offset=84)["points"].reshape(-1, 3), axis=0)
-    outermost = np.unique((_directions() @ points.T).argmax(1))
-    target = scratch() / f"{mesh.stem}.obj"
-    target.write_text(obj(points[outermost].astype(float).tolist()))
-    return target
+    name = f"{mesh.stem}.obj"
+
+    def make(folder: Path) -> None:
+        points = np.unique(np.fromfile(mesh, STL, offset=84)["points"].reshape(-1, 3), axis=0)
+        outermost = np.unique((_directions() @ points.T).argmax(1))
+        (folder / name).write_text(obj(points[outermost].astype(float).tolist()))
+
+    return kept_folder([mesh], make) / name
 
 
 def _directions() -> NDArray[np.float32]:

@@ -177,7 +177,7 @@ class Task(ABC):
         return None
 
     def described(self, episode: EpisodeSpec) -> NDArray[np.float64]:
-        """(K, C) the values of `columns` as the episode begins, where the task has fixtures or is `stepwise`."""
+        """(K, C) the values of `columns` that a scene tells as the episode begins; none of them if C is 0."""
         return np.zeros((len(episode.scene), 0))
 
     @property
