@@ -18,6 +18,8 @@ from conf.schema import Checked, one_of, within
 from envs.sim.kinematics import Array, Kinematics, Pose
 
 WAYPOINT_DISTANCE = 0.08  # metres
+# Share of the joints' speeds that a policy's move of 1 is. At full speed a gripper moves by 8 cm in a control step.
+PACE = 0.5
 MAX_LEAD = 0.15  # radians that a command may be ahead of its joint
 MAX_YAW = np.pi / 2  # radians that the gripper may be turned about the vertical, each way
 MAX_YAW_STEP = 0.1  # ... in one control step
@@ -52,7 +54,7 @@ class Control(ABC):
     @property
     @abstractmethod
     def unit(self) -> Array:
-        """(size,) the greatest difference from `hold` that the arm carries out within one control step."""
+        """(size,) the difference from `hold` that a policy's move of 1 is; the arm reaches it in one control step."""
 
     @abstractmethod
     def hold(self, angles: Array, gripper: Array) -> Array:
@@ -186,7 +188,7 @@ class JointControl(Control):
 
     @property
     def unit(self) -> Array:
-        return 2 * self._speed / (self._chain.high - self._chain.low)
+        return PACE * 2 * self._speed / (self._chain.high - self._chain.low)
 
     def hold(self, angles: Array, gripper: Array) -> Array:
         return np.clip(self._scaled(angles), -1.0, 1.0)
