@@ -14,7 +14,6 @@ LIFT = 0.02  # metres above the table at which a held object counts as picked up
 MOUTH = 0.02  # metres: a funnel's radius at its lower end
 ABOVE, OVER_ALL = 0.06, 0.09  # metres: heights of the funnels to the object, and with it over others to its target
 CLEAR = 0.08  # metres over the table up to which lifting is rewarded: objects held there pass over others
-AT_BORDER = 0.25  # share of its reward that a success is worth at the border of the radius
 
 
 @register_task("pick_and_place", "nl_pick_and_place", verb="pick_and_place")
@@ -30,7 +29,7 @@ class PickAndPlace(Manipulation):
     """
 
     grips = True
-    border = 0.2  # share of the radius, inside its border, in which a success is worth less; 0: nowhere
+    border = 0.4  # share of the radius, inside its border, in which a success is worth less; 0: nowhere
     potentials = ("approach", "grasp", "lift", "transport", "release")
 
     def _allocate(self, worlds: int) -> None:
@@ -61,11 +60,11 @@ class PickAndPlace(Manipulation):
         return length(self._goal(state) - self._referent(state)) <= self.config.radius
 
     def _success_worth(self, state: State) -> Array:
-        """Less near the border of the radius: a policy that releases there misses it with an error of millimetres."""
+        """From 0 at the border of the radius to 1 inside `border`: policies that release near it often miss it."""
         if not self.border:
             return super()._success_worth(state)
         inside = 1.0 - length(self._goal(state) - self._referent(state)) / self.config.radius
-        return AT_BORDER + (1.0 - AT_BORDER) * np.clip(inside / self.border, 0.0, 1.0)
+        return np.clip(inside / self.border, 0.0, 1.0)
 
     def goal_places(self, state: State) -> Array:
         """(N, 3) the places to which reward and expert bring the referents, metres."""
