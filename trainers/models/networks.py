@@ -121,7 +121,7 @@ class SeveralActors(nn.Module):
     @property
     def log_std(self) -> Tensor:
         """(actors, A) of the exploration noise."""
-        return torch.stack(self.log_stds)
+        return torch.stack(tuple(self.log_stds))
 
     def outputs(self, robot: Tensor, *context: Tensor) -> tuple[Tensor, Tensor]:
         """loc and scale of each actor, (actors, N, A)."""
