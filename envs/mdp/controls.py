@@ -18,8 +18,9 @@ from conf.schema import Checked, one_of, within
 from envs.sim.kinematics import Array, Kinematics, Pose
 
 WAYPOINT_DISTANCE = 0.08  # metres
-# Share of the joints' speeds that a policy's move of 1 is. At full speed a gripper moves by 8 cm in a control step.
+# Share of a joint's speed that a policy's move of 1 is. At full speed kuka's gripper moves by 8 cm in a control step.
 PACE = 0.5
+SLOW = 0.04  # radians in a control step up to which a joint moves at its full speed, like those of jaco
 MAX_LEAD = 0.15  # radians that a command may be ahead of its joint
 MAX_YAW = np.pi / 2  # radians that the gripper may be turned about the vertical, each way
 MAX_YAW_STEP = 0.1  # ... in one control step
@@ -188,7 +189,8 @@ class JointControl(Control):
 
     @property
     def unit(self) -> Array:
-        return PACE * 2 * self._speed / (self._chain.high - self._chain.low)
+        move = np.maximum(PACE * self._speed, np.minimum(self._speed, SLOW))
+        return 2 * move / (self._chain.high - self._chain.low)
 
     def hold(self, angles: Array, gripper: Array) -> Array:
         return np.clip(self._scaled(angles), -1.0, 1.0)

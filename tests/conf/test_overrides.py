@@ -103,6 +103,7 @@ NEWER = {
     "verbs",
     "devices",
     "hand",
+    "by_verb",
     "critic_warmup",
     "device_area",
     "clearance",
