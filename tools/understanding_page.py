@@ -172,7 +172,7 @@ def page() -> str:
 
 
 def _costs() -> Iterator[tuple[str, ...]]:
-    pattern = re.compile(r"^([A-Z_]+) = ([^#\n]+?)(?:\s+# (.*))?$", re.MULTILINE)
+    pattern = re.compile(r"^([A-Z_]+) = ([^#\n]+?)(?:[ \t]+# (.*))?$", re.MULTILINE)
     for name, value, about in pattern.findall(Path(costs.__file__).read_text("utf-8")):
         yield f"`{name}`", value.replace("|", ","), (about or name.lower().replace("_", " ")).replace("|", "\\|")
 

@@ -54,12 +54,7 @@ class FreeTable:
         Returns:
             (N, K, 3) metres.
         """
-        slots = np.arange(objects.shape[1])
-        apart = length(self._places[:, None] - objects[:, None, :, :2])  # world, place, object
-        others = shown[:, None] & (slots != slots[:, None])  # world, object, other
-        clear = np.where(others[:, :, None], apart[:, None], np.inf).min(3)  # world, object, place
-        worth = apart.transpose(0, 2, 1) + WORST * np.maximum(APART - clear, 0.0)
-        best = self._places[worth.argmin(2)]
+        best = self._places[ways_to(self._places, objects, shown, APART).argmin(2)]
         return np.concatenate((best, np.full((*best.shape[:2], 1), self._height)), axis=2)
 
 
@@ -102,15 +97,40 @@ class ToTable(PickAndPlace):
 
     def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
         """(N,) whether the referent stands on the table, beside all others."""
-        place = self._referent(state)
-        others = state.shown.copy()
-        others[self._rows, state.referent] = False
-        apart = length((state.objects - place[:, None])[..., :2]).min(1, where=others, initial=np.inf)
-        level = place[:, 2] < self.config.object_size / 2 + LEVEL
-        return level & (apart >= BESIDE * self.config.object_size)
+        level = self._referent(state)[:, 2] < self.config.object_size / 2 + LEVEL
+        return level & stands_apart(state, state.shown, self.config.object_size)
 
     def _misplaced(self, state: State) -> NDArray[np.bool_]:
         return np.zeros(len(self._rows), bool)
+
+
+def ways_to(places: Array, objects: Array, real: NDArray[np.bool_], clearance: float) -> Array:
+    """The ways of objects to places; one that other objects leave no room at counts as further away.
+
+    Args:
+        places: (P, 2), or (N, P, 2) for each world, metres.
+        objects: (N, K, 3) positions, metres.
+        real: (N, K) which slots hold an object that needs room.
+        clearance: metres between a place and all other objects, with which there is room.
+
+    Returns:
+        (N, K, P) metres, `WORST` more for each metre that is lacking.
+    """
+    slots = np.arange(objects.shape[1])
+    apart = length(places[..., :, None, :] - objects[:, None, :, :2])  # world, place, object
+    others = real[:, None] & (slots != slots[:, None])  # world, object, other
+    clear = np.where(others[:, :, None], apart[:, None], np.inf).min(3)  # world, object, place
+    return apart.transpose(0, 2, 1) + WORST * np.maximum(clearance - clear, 0.0)
+
+
+def stands_apart(state: State, real: NDArray[np.bool_], size: float) -> NDArray[np.bool_]:
+    """(N,) whether the referents stand apart from all other objects. real: (N, K) which count. size: metres."""
+    rows = np.arange(len(real))
+    others = real.copy()
+    others[rows, state.referent] = False
+    place = state.objects[rows, state.referent]
+    apart = length((state.objects - place[:, None])[..., :2]).min(1, where=others, initial=np.inf)
+    return apart >= BESIDE * size
 
 
 def described_free(table: FreeTable, episode: EpisodeSpec) -> Array:

@@ -56,7 +56,7 @@ class HandOver(PickAndPlace):
         free, fixed, targets = super().bodies
         return free - 1, fixed, targets
 
-    # ---- judging
+    # ---- evaluating
 
     def seen(self, state: State) -> Array:
         return (state.nouns == NUMBER).astype(np.float64)[..., None]

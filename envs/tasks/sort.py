@@ -10,7 +10,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from conf.schema import ConfigError
-from envs.tasks.free_places import BESIDE, FINE_COLUMNS
+from envs.tasks.free_places import FINE_COLUMNS, stands_apart
 from envs.tasks.geometry import length
 from envs.tasks.movable_objects import SCENES
 from envs.tasks.pick_and_place import PickAndPlace
@@ -64,7 +64,7 @@ class Sort(PickAndPlace):
     def most_instructions(self) -> int:
         return 2 * self.config.num_objects  # an object that was moved away again is sorted once more
 
-    # ---- judging
+    # ---- evaluating
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
@@ -89,13 +89,8 @@ class Sort(PickAndPlace):
 
     def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
         """(N,) whether the referent lies at the marked place, beside all others."""
-        place = self._referent(state)
-        others = state.movable.copy()
-        others[self._rows, state.referent] = False
-        apart = length((state.objects - place[:, None])[..., :2]).min(1, where=others, initial=np.inf)
-        mark = state.objects[self._rows, state.target]
-        size = self.config.object_size
-        return is_sorted(place, mark, size) & (apart >= BESIDE * size)
+        mark, size = state.objects[self._rows, state.target], self.config.object_size
+        return is_sorted(self._referent(state), mark, size) & stands_apart(state, state.movable, size)
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """None: where an object was brought, there may be no room for the others."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks.free_places import LEVEL
+from envs.tasks.free_places import LEVEL, ways_to
 from envs.tasks.geometry import length
 from envs.tasks.types import Array
 
@@ -16,7 +16,6 @@ ASIDE = 0.1  # metres from a marked place to the spots around it
 ANGLES = np.radians([90, 270, 30, 150, 210, 330])  # of them, from x
 SPOTS = np.concatenate((np.zeros((1, 2)), ASIDE * np.stack((np.cos(ANGLES), np.sin(ANGLES)), axis=1)))
 APART = 0.09  # metres between the middle of a free spot and all other objects
-WORST = 10.0  # metres of way for which a spot is worth a metre of clearance less
 OUTSIDE = 100.0  # ... for which it is worth to lie where objects may stand
 
 
@@ -42,14 +41,10 @@ class Spots:
 
         objects: (N, K, 3) metres. real: (N, K), what stands there. marks: (N, 3) metres.
         """
-        spots, slots = marks[:, None, :2] + SPOTS, np.arange(objects.shape[1])
-        apart = length(spots[:, :, None] - objects[:, None, :, :2])  # world, spot, object
-        others = real[:, None] & (slots != slots[:, None])  # world, object, other
-        clear = np.where(others[:, :, None], apart[:, None], np.inf).min(3)  # world, object, spot
-        worth = apart.transpose(0, 2, 1) + WORST * np.maximum(APART - clear, 0.0)
-        worth += OUTSIDE * ~self.inside(marks)[:, None]
-        worth[..., 0] -= ASIDE  # by which another spot is nearer, at most
-        best = spots[np.arange(len(spots))[:, None], worth.argmin(2)]
+        spots = marks[:, None, :2] + SPOTS
+        ways = ways_to(spots, objects, real, APART) + OUTSIDE * ~self.inside(marks)[:, None]
+        ways[..., 0] -= ASIDE  # by which another spot is nearer, at most
+        best = spots[np.arange(len(spots))[:, None], ways.argmin(2)]
         return np.concatenate((best, np.full((*best.shape[:2], 1), self._height)), axis=2)
 
 
