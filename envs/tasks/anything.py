@@ -70,7 +70,7 @@ class Anything(RoomScenes):
                 num_objects=config.slots - targets,
                 min_objects=config.slots - targets,
                 num_targets=targets,
-                radius=STACK_RADIUS if verb == "stack" else config.radius,
+                radius=STACK_RADIUS if verb == "stack" else config.success_radius,
                 reward={term: config.reward[term] for term in kind.terms},
             ),
             self._area,

@@ -147,14 +147,14 @@ class Manipulation(MovableObjects):
         if self.real_goals and self.config.devices:  # a base that stands at a see-through target is not misplaced
             others &= state.movable
         place = self._referent(state)
-        there = others & (length(self._goals(state) - place[:, None]) <= self.config.radius)
+        there = others & (length(self._goals(state) - place[:, None]) <= self.config.success_radius)
         moved = length(place - self._begun[self._rows, state.referent]) > self.disturbed
         left = (state.held != state.referent) & (self._still >= self.config.hold_steps)
         return there.any(1) & moved & left
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """Names an object that was moved, and a target where it came to rest, moved there if none stood there."""
-        achieved = find_achieved_goal(moments, self.disturbed, STILL, self.config.radius, rng)
+        achieved = find_achieved_goal(moments, self.disturbed, STILL, self.config.success_radius, rng)
         if achieved is None:
             return None
         return self.episode(

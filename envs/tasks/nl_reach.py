@@ -47,6 +47,6 @@ class NLReach(ReferringTask, Reach):
         """Names the object at which the gripper ended."""
         apart = np.linalg.norm(moments.objects[-1] - moments.gripper[-1], axis=1)
         nearest = int(apart.argmin())
-        if apart[nearest] > self.config.radius or nearest == moments.referent[-1]:
+        if apart[nearest] > self.config.success_radius or nearest == moments.referent[-1]:
             return None
         return self.episode(placed, nearest, rng)

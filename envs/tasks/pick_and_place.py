@@ -57,13 +57,13 @@ class PickAndPlace(Manipulation):
         return (self._raised >= LIFT / CLEAR) & self._is_near_goal(state) & (state.held == NOTHING)
 
     def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
-        return length(self._goal(state) - self._referent(state)) <= self.config.radius
+        return length(self._goal(state) - self._referent(state)) <= self.config.success_radius
 
     def _success_worth(self, state: State) -> Array:
         """From 0 at the border of the radius to 1 inside `border`: policies that release near it often miss it."""
         if not self.border:
             return super()._success_worth(state)
-        inside = 1.0 - length(self._goal(state) - self._referent(state)) / self.config.radius
+        inside = 1.0 - length(self._goal(state) - self._referent(state)) / self.config.success_radius
         return np.clip(inside / self.border, 0.0, 1.0)
 
     def goal_places(self, state: State) -> Array:

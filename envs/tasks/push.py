@@ -69,7 +69,7 @@ class Push(Manipulation):
         return ~inside & ~self._there(state)
 
     def _there(self, state: State) -> NDArray[np.bool_]:
-        return length(self._goal(state) - self._referent(state)) <= self.config.radius
+        return length(self._goal(state) - self._referent(state)) <= self.config.success_radius
 
     def _potentials(self, state: State) -> dict[str, Array]:
         place, goal = self._referent(state), self._goal(state)

@@ -45,7 +45,7 @@ class Reach(Task):
         """Evaluates one control step of all worlds."""
         distances = self._distances(state)
         nearest = distances.argmin(1)
-        near = distances[self._rows, nearest] <= self.config.radius
+        near = distances[self._rows, nearest] <= self.config.success_radius
         at_goal = near & (nearest == state.referent)
         self._held = np.where(at_goal, self._held + 1, 0)
         self._held_other = np.where(near & ~at_goal, self._held_other + 1, 0)

@@ -21,7 +21,7 @@ class ReachNext(NLReach):
         super().reset(worlds, state)
         distances = self._distances(state)[worlds]
         nearest = distances.argmin(1)
-        self._first[worlds] = np.where(distances.min(1) <= self.config.radius, nearest, NOTHING)
+        self._first[worlds] = np.where(distances.min(1) <= self.config.success_radius, nearest, NOTHING)
 
     def _distances(self, state: State) -> Array:
         """With devices, see-through targets do not count: none is a referent, and objects may stand at their places."""
@@ -30,7 +30,7 @@ class ReachNext(NLReach):
 
     def step(self, state: State) -> Outcome:
         distances = self._distances(state)
-        stays = (distances.argmin(1) == self._first) & (distances.min(1) <= self.config.radius)
+        stays = (distances.argmin(1) == self._first) & (distances.min(1) <= self.config.success_radius)
         self._first = np.where(stays, self._first, NOTHING)
         self._held_other = np.where(stays, -1, self._held_other)
         return super().step(state)

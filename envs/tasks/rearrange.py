@@ -94,7 +94,7 @@ class Rearrange(PickAndPlace):
     def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
         offset = np.abs(self._goal(state) - self._referent(state))
         level = offset[:, 2] < self.config.object_size / 2
-        return (offset[:, :2].max(1) <= self.config.radius) & level
+        return (offset[:, :2].max(1) <= self.config.success_radius) & level
 
     def _placed_there(self, state: State) -> NDArray[np.bool_]:
         there = (self._raised >= LIFT / CLEAR) & self._is_near_goal(state)

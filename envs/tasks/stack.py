@@ -47,7 +47,7 @@ class Stack(PickAndPlace):
 
         Where nothing was stacked, an object that was moved is named in place of the referent, with any base.
         """
-        pair = stacked_pair(moments, self._goals(moments), self.config.radius)
+        pair = stacked_pair(moments, self._goals(moments), self.config.success_radius)
         if pair is None:
             moved = first_moved(moments, DISTURBED)
             if moved is None or moved == moments.referent[0]:

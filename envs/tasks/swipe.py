@@ -58,7 +58,7 @@ class Swipe(Manipulation):
         return self._there(state) & (self._still >= 1)
 
     def _there(self, state: State) -> NDArray[np.bool_]:
-        near = length(self._goal(state) - self._referent(state)) <= self.config.radius
+        near = length(self._goal(state) - self._referent(state)) <= self.config.success_radius
         return self._gripped & near & (state.held == NOTHING)
 
     def _failed(self, state: State) -> NDArray[np.bool_]:

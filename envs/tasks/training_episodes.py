@@ -21,11 +21,16 @@ def _range(low: float, high: float, off: Sequence[float]) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class CurriculumConfig(Checked):
-    """Shares of training episodes that begin nearer to success, and the draw of verbs. Evaluations never use them."""
+    """Shares of training episodes that begin nearer to success, the radius in training, and the draw of verbs.
+
+    Evaluations never use them.
+    """
 
     near: float = within(0, 1)  # the gripper is just over the object
     held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
+    arrived: float = within(0, 1, default=0.0)  # the gripper holds the object just over its target
     placed: float = within(0, 1)  # the gripper has just let go of the object at its target
+    radius: float = within(0, 1, default=0.0)  # metres, in place of task.radius if smaller; 0: task.radius
     # Whether verbs that failed recently are drawn more often, in tasks with several. The draws of a world then depend
     # on the outcomes in the other worlds of its process.
     automatic: bool = False
@@ -33,12 +38,13 @@ class CurriculumConfig(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.share > 1:
-            raise ConfigError(f"near={self.near}, held={self.held} and placed={self.placed} must come to 1 at most")
+            shares = f"near={self.near}, held={self.held}, arrived={self.arrived} and placed={self.placed}"
+            raise ConfigError(f"{shares} must come to 1 at most")
 
     @property
     def share(self) -> float:
-        """The sum of the three shares."""
-        return self.near + self.held + self.placed
+        """The sum of the four shares."""
+        return self.near + self.held + self.arrived + self.placed
 
 
 NO_CURRICULUM = CurriculumConfig(near=0.0, held=0.0, placed=0.0)

@@ -191,6 +191,11 @@ class TaskConfig(Checked):
             )
 
     @property
+    def success_radius(self) -> float:
+        """Metres from its goal within which an episode of this config can succeed: less in training, if so set."""
+        return min(self.curriculum.radius or self.radius, self.radius)
+
+    @property
     def slots(self) -> int:
         """The largest number of objects and targets in an episode."""
         return self.num_objects + self.num_targets

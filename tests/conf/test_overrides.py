@@ -110,6 +110,8 @@ NEWER = {
     "gap",
     "randomize",
     "automatic",
+    "radius",
+    "arrived",
 }  # keys that the configs of earlier policies lack
 
 

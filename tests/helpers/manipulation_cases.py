@@ -54,11 +54,11 @@ BOARD = ("rearrange", "nl_rearrange")
 WITH_TARGETS = ("pick_and_place", "nl_pick_and_place", "push", "nl_push", "swipe", "throw", *BOARD)
 
 
-def four(name):
+def four(name, *overrides):
     """The task with two objects and two goals, where it has any; success takes three steps."""
     real = 4 if TASKS[name].real_goals or name == "nl_unstack" else 2
     more = ["task.hold_steps=3", f"task.num_objects={real}", "task.kinds=[color]"]
-    return task_of(name, *more, *["task.num_targets=2"] * (name in WITH_TARGETS))
+    return task_of(name, *more, *["task.num_targets=2"] * (name in WITH_TARGETS), *overrides)
 
 
 def state_for(task, state):
@@ -70,9 +70,9 @@ def state_for(task, state):
     return replace(state, **{name: getattr(state, name)[:, :slots] for name in per_object})
 
 
-def judged(name, moments):
+def judged(name, moments, *overrides):
     """The outcomes of these moments, one a step."""
-    task = four(name)
+    task = four(name, *overrides)
     task.reset(np.array([0]), state_for(task, moment()))
     return [task.step(state_for(task, each)) for each in moments]
 

@@ -2,14 +2,17 @@
 
 import pytest
 
+from tests.helpers.env_cases import config_of
 from tests.helpers.manipulation_cases import CARRIED, GOAL, MOVING, four, judged, moment
+
+FULL = "task.curriculum.radius=0"  # the radius in training is that of evaluations
 
 
 @pytest.mark.parametrize(
     ("beside", "worth"), [(0.0, 1.0), (0.03, 1.0), (0.04, 0.5), (0.0499, 0.005)], ids=lambda value: f"{value:g}"
 )
 def test_a_success_near_the_border_of_the_radius_is_worth_less(beside, worth):
-    outcome = judged("nl_pick_and_place", CARRIED + [moment(GOAL + [0, beside, 0])] * 4)[-1]
+    outcome = judged("nl_pick_and_place", CARRIED + [moment(GOAL + [0, beside, 0])] * 4, FULL)[-1]
     assert outcome.success[0]
     assert outcome.terms["success"][0] == pytest.approx(worth, abs=1e-6)
 
@@ -23,3 +26,20 @@ def test_a_release_at_the_border_earns_more_than_an_object_that_is_never_release
 @pytest.mark.parametrize("name", [name for name in MOVING if "pick_and_place" not in name])
 def test_other_tasks_reward_each_success_alike(name):
     assert getattr(four(name), "border", 0.0) == 0.0
+
+
+@pytest.mark.parametrize(("beside", "succeeds"), [(0.029, True), (0.031, False)])
+def test_training_episodes_succeed_within_the_radius_of_the_curriculum(beside, succeeds):
+    released = CARRIED + [moment(GOAL + [0, beside, 0])] * 4
+    outcome = judged("nl_pick_and_place", released, "task.curriculum.radius=0.03")[-1]
+    assert outcome.success[0] == succeeds
+
+
+def test_a_radius_of_the_curriculum_makes_no_episode_easier():
+    assert config_of("task=nl_pick_and_place", "task.curriculum.radius=0.08").task.success_radius == 0.05
+
+
+def test_evaluations_succeed_within_the_radius_of_the_task():
+    config = config_of("task=nl_pick_and_place", "task.curriculum.radius=0.03")
+    assert config.task.success_radius == 0.03
+    assert config.without_curriculum().task.success_radius == config.task.radius == 0.05
