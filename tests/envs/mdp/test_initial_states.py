@@ -45,7 +45,7 @@ def test_held_begins_with_the_object_in_the_gripper(robot):
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_arrived_begins_with_the_object_held_over_its_target(robot):
-    env, td = begun(robot, arrived=1)
+    env, _ = begun(robot, arrived=1)
     offset = spot(env, "referent") - spot(env, "target")
     assert (np.abs(offset[:, :2]) < 0.045).all()
     assert ((offset[:, 2] > 0) & (offset[:, 2] < 0.065)).all()
