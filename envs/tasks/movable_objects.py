@@ -20,8 +20,6 @@ NEAR = 0.1  # metres at which a gripper is near an object
 SCENES = 1000  # scenes drawn at most until one is feasible
 # Bounds in metres of the offset of a gripper that begins near its object, from where it would hold the object.
 NEAR_OFFSETS = np.array([[-0.04, -0.04, 0.06], [0.04, 0.04, 0.12]])
-# ... and of the offset of an object that begins held over its target, from where it would lie there.
-ARRIVED_OFFSETS = np.array([[-0.04, -0.04, 0.003], [0.04, 0.04, 0.06]])
 
 
 class MovableObjects(ReferringTask):
@@ -133,18 +131,16 @@ class MovableObjects(ReferringTask):
         curriculum, chance = self.config.curriculum, rng.random()
         if chance < curriculum.near:
             return GripperStart(self._near_offset(placed.scene, referent, target, rng), held=False), placed.scene
-        carried = chance < curriculum.near + curriculum.held
-        arrived = not carried and chance < curriculum.near + curriculum.held + curriculum.arrived
+        held = chance < curriculum.near + curriculum.held
         scene = None
-        if self.grips and carried:
+        if self.grips and held:
             scene = self._held_scene(placed.scene, referent, target, rng)
         elif self.grips and target is not None and chance < curriculum.share:
-            beside = rng.uniform(*ARRIVED_OFFSETS) if arrived else np.zeros(3)
-            scene = with_object_at(placed.scene, referent, self._goal_place(placed.scene, target) + beside)
+            scene = with_object_at(placed.scene, referent, self._goal_place(placed.scene, target))
         meant = [referent] if target is None else [referent, target]
         if scene is None or (self.speaks and not self._describer.nameable(scene)[meant].all()):
             return None, placed.scene
-        return GripperStart(np.zeros(3), carried or arrived), scene
+        return GripperStart(np.zeros(3), held), scene
 
     def _goal_place(self, scene: Scene, target: int) -> Array:
         """(3,) where the referent lies once it has been brought to the target, metres."""

@@ -28,7 +28,6 @@ class CurriculumConfig(Checked):
 
     near: float = within(0, 1)  # the gripper is just over the object
     held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
-    arrived: float = within(0, 1, default=0.0)  # the gripper holds the object just over its target
     placed: float = within(0, 1)  # the gripper has just let go of the object at its target
     radius: float = within(0, 1, default=0.0)  # metres, in place of task.radius if smaller; 0: task.radius
     # Whether verbs that failed recently are drawn more often, in tasks with several. The draws of a world then depend
@@ -38,13 +37,12 @@ class CurriculumConfig(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.share > 1:
-            shares = f"near={self.near}, held={self.held}, arrived={self.arrived} and placed={self.placed}"
-            raise ConfigError(f"{shares} must come to 1 at most")
+            raise ConfigError(f"near={self.near}, held={self.held} and placed={self.placed} must come to 1 at most")
 
     @property
     def share(self) -> float:
-        """The sum of the four shares."""
-        return self.near + self.held + self.arrived + self.placed
+        """The sum of the three shares."""
+        return self.near + self.held + self.placed
 
 
 NO_CURRICULUM = CurriculumConfig(near=0.0, held=0.0, placed=0.0)

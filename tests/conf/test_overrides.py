@@ -111,7 +111,6 @@ NEWER = {
     "randomize",
     "automatic",
     "radius",
-    "arrived",
 }  # keys that the configs of earlier policies lack
 
 

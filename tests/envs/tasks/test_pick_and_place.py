@@ -5,14 +5,12 @@ import pytest
 from tests.helpers.env_cases import config_of
 from tests.helpers.manipulation_cases import CARRIED, GOAL, MOVING, four, judged, moment
 
-FULL = "task.curriculum.radius=0"  # the radius in training is that of evaluations
-
 
 @pytest.mark.parametrize(
     ("beside", "worth"), [(0.0, 1.0), (0.03, 1.0), (0.04, 0.5), (0.0499, 0.005)], ids=lambda value: f"{value:g}"
 )
 def test_a_success_near_the_border_of_the_radius_is_worth_less(beside, worth):
-    outcome = judged("nl_pick_and_place", CARRIED + [moment(GOAL + [0, beside, 0])] * 4, FULL)[-1]
+    outcome = judged("nl_pick_and_place", CARRIED + [moment(GOAL + [0, beside, 0])] * 4)[-1]
     assert outcome.success[0]
     assert outcome.terms["success"][0] == pytest.approx(worth, abs=1e-6)
 
