@@ -32,6 +32,11 @@ class EnvConfig:
         task = replace(self.task, curriculum=NO_CURRICULUM, instructions=1)
         return replace(self, task=task).randomized(RandomizeConfig())
 
+    def drawn(self) -> EnvConfig:
+        """The config of scenes that words are learned from, but that are not simulated: they may have more objects."""
+        most = max(self.task.num_objects, self.task.drawn_objects)
+        return replace(self, task=replace(self.task, num_objects=most))
+
     def with_instructions(self, count: int) -> EnvConfig:
         """The config whose episodes have `count` instructions, one after another."""
         return replace(self, task=replace(self.task, instructions=count))

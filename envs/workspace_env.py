@@ -84,6 +84,10 @@ class WorkspaceEnv(EpisodeReplayEnv):
         config, width = self.config, len(self.action_unit)
         self._setup = Setup(config.workspace, config.robot, self.chain, self.task, self.tokenizer, width)
         self._observer = Observer(OBSERVATIONS, self._setup)
+        self._drawn = self._setup, self._observer
+        if config.drawn() != config:
+            drawn = replace(self._setup, task=make_task(config.drawn(), 1, self._person))
+            self._drawn = drawn, Observer(OBSERVATIONS, drawn)
         self._noise = Perturbations(config.task, self.batch_size[0], self.control.unit)
         parts = self._arrays, self._grips, self._gestures, self.control, self._noise
         self._source = Source(self.task, self._state, *parts)
@@ -201,8 +205,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return self._first_observation()
 
     def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
-        """(count,) observed scenes that are never simulated; see `sample_scenes`."""
-        return sample_scenes(self._setup, self._observer, count, seed)
+        """(count,) observed scenes that are never simulated, of up to task.drawn_objects; see `sample_scenes`."""
+        return sample_scenes(*self._drawn, count, seed)
 
     def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:
         """Relabels episodes with the goal they achieved (HER).

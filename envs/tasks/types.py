@@ -137,6 +137,7 @@ class TaskConfig(Checked):
     objects: ObjectsConfig
     num_objects: int = within(1, STACKED_SLOTS)
     min_objects: int = within(1, STACKED_SLOTS)  # an episode shows this many to num_objects
+    drawn_objects: int = within(0, STACKED_SLOTS, default=0)  # up to so many in scenes that are not simulated, if more
     num_targets: int = within(0, SLOTS)  # see-through places, beside the objects
     levels: int = within(1, STACKED_SLOTS)  # objects in a stack, at most
     devices: int = within(0, 3, default=0)  # number of devices among the objects, in tasks with fittings
@@ -165,9 +166,9 @@ class TaskConfig(Checked):
         for name, value in (("num_objects", listed), ("min_objects", listed), ("num_targets", 0)) if listed else ():
             object.__setattr__(self, name, value)
         super().__post_init__()
-        for name in ("num_objects", "min_objects"):
+        for name, least in (("num_objects", 1), ("min_objects", 1), ("drawn_objects", 0)):
             if (value := getattr(self, name)) > self.most_slots:
-                raise ConfigError(f"{name}={value} is out of range: it must be in [1, {self.most_slots}]")
+                raise ConfigError(f"{name}={value} is out of range: it must be in [{least}, {self.most_slots}]")
         try:
             self.says()
         except LanguageError as error:

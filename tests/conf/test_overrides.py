@@ -111,6 +111,7 @@ NEWER = {
     "randomize",
     "automatic",
     "radius",
+    "drawn_objects",
 }  # keys that the configs of earlier policies lack
 
 

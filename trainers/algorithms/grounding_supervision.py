@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 import torch
+import torch.nn.functional as F
 from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
@@ -54,8 +55,9 @@ class GroundingSupervision:
         return math.ceil(self.share * self.config.grounding_scenes) if self.active else 0
 
     def add(self, scenes: TensorDictBase) -> None:
-        """Keep scenes (count,)."""
-        self.scenes.extend(scenes)
+        """Keep scenes (count,). Those that are simulated may have fewer slots than those that were drawn first."""
+        slots = self.scenes[:1]["objects"].shape[1] if len(self.scenes) else 0
+        self.scenes.extend(with_slots(scenes, slots))
 
     def sample(self, count: int = 1) -> Sequence[TensorDictBase]:
         """`count` batches of scenes (grounding_batch,), drawn evenly with replacement in one draw."""
@@ -84,6 +86,15 @@ class GroundingSupervision:
     def measure(self, scenes: TensorDictBase) -> dict[str, Tensor]:
         """The loss, before its weight, and the accuracy on scenes (count,), under the names of METRICS."""
         return dict(zip(METRICS, grounding_loss(self.policy.encode(scenes)), strict=True))
+
+
+def with_slots(scenes: TensorDictBase, slots: int) -> TensorDictBase:
+    """The scenes (count,) with at least so many slots: those that are added show nothing."""
+    missing = slots - scenes["objects"].shape[1]
+    if missing <= 0:
+        return scenes
+    rows = {"objects": (0, 0, 0, missing), "objects_mask": (0, missing)}
+    return scenes.copy().update({key: F.pad(scenes[key], padding) for key, padding in rows.items()})
 
 
 def first_steps(batch: TensorDictBase, starts: Tensor) -> Tensor:

@@ -5,6 +5,7 @@ import itertools
 import pytest
 import torch
 
+from tests.helpers.env_cases import make
 from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
@@ -59,3 +60,19 @@ def test_the_error_follows_the_scenes_that_were_not_learned_from():
     other = learner()
     other.load_running_state(algorithm.running_state())
     assert other.grounding.error == algorithm.grounding.error
+
+
+def test_simulated_scenes_are_kept_beside_drawn_ones_with_more_slots_and_read_alike():
+    env = make("kuka", "step", "nl_reach", worlds=4)
+    torch.manual_seed(0)
+    policy, learner = build_algorithm(plan(), env.observation_spec, env.action_unit)
+    grounding = learner.grounding
+    grounding.add(env.draw_scenes(8, 0).select(*grounding.keys))
+    simulated = env.reset().select(*grounding.keys)
+    grounding.add(simulated)
+    env.close()
+    kept = grounding.scenes[8:]
+    assert kept["objects"].shape[1] == 5 > simulated["objects"].shape[1]
+    logits = [policy.encode(scenes.clone())["attention_logits"] for scenes in (simulated, kept)]
+    torch.testing.assert_close(logits[1][:, : logits[0].shape[1]], logits[0])
+    assert (logits[1].argmax(-1) < logits[0].shape[1]).all()
