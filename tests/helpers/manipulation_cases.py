@@ -55,7 +55,7 @@ WITH_TARGETS = ("pick_and_place", "nl_pick_and_place", "push", "nl_push", "swipe
 
 
 def four(name, *overrides):
-    """The task with two objects and two goals, where it has any; success takes three steps, as near as in evaluations."""
+    """The task with two objects and two goals, where it has any; success takes three steps, within `radius`."""
     real = 4 if TASKS[name].real_goals or name == "nl_unstack" else 2
     more = ["task.hold_steps=3", f"task.num_objects={real}", "task.kinds=[color]", "task.curriculum.radius=0"]
     return task_of(name, *more, *["task.num_targets=2"] * (name in WITH_TARGETS), *overrides)
