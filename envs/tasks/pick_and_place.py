@@ -12,6 +12,7 @@ from envs.tasks.types import NOTHING, Array, State
 
 LIFT = 0.02  # metres above the table at which a held object counts as picked up
 MOUTH = 0.02  # metres: a funnel's radius at its lower end
+STEEP = 2.0  # slope of the funnel to the object: beside it, fingers are to be over its top, or they push it away
 ABOVE, OVER_ALL = 0.06, 0.09  # metres: heights of the funnels to the object, and with it over others to its target
 CLEAR = 0.08  # metres over the table up to which lifting is rewarded: objects held there pass over others
 
@@ -83,7 +84,7 @@ class PickAndPlace(Manipulation):
 
     def _way_to_object(self, state: State) -> Array:
         """(N,) metres from the gripper to its object."""
-        return funnel(state.gripper - self._referent(state), ABOVE, MOUTH)
+        return funnel(state.gripper - self._referent(state), ABOVE, MOUTH, STEEP)
 
     def _way_to_goal(self, state: State) -> Array:
         """(N,) metres from the object to its target."""

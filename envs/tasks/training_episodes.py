@@ -52,7 +52,7 @@ NO_CURRICULUM = CurriculumConfig(near=0.0, held=0.0, placed=0.0)
 class RandomizeConfig(Checked):
     """Domain randomisation: each training episode draws these values, uniformly from [low, high].
 
-    If low equals high, every episode has that value. Evaluations are not randomised. By default nothing is.
+    If low equals high, every episode has that value. Evaluations are not randomised.
     """
 
     start: float = within(0, 1, default=0.0)  # greatest distance of joints from rest, radians; 0: task.reset_noise
