@@ -26,7 +26,7 @@ from envs.mdp.observations import OBSERVATIONS, OUTCOMES, observation_spec
 from envs.mdp.perturbations import Perturbations
 from envs.mdp.relabelling import Relabeller
 from envs.mdp.rewards import compute_outcome, reward_weights
-from envs.mdp.scene_sampling import sample_scenes
+from envs.mdp.scene_sampling import SceneSampler
 from envs.mdp.world_state import WorldState
 from envs.sim.window import Window
 from envs.tasks import NOTHING, EpisodeSpec, State
@@ -76,18 +76,14 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self._state, self._weights = self._arrays.state, reward_weights(self.task)
         self._grips = make_grips(config, self.task, self._worlds, self._state)
         self._gestures = Gestures(config.gesture, self._worlds, make_ray_reader(config.workspace, config.gesture))
-        self._make_observer()
+        self._make_observer(config)
         self._make_specs()
         self._set_seed(seed)
 
-    def _make_observer(self) -> None:
-        config, width = self.config, len(self.action_unit)
-        self._setup = Setup(config.workspace, config.robot, self.chain, self.task, self.tokenizer, width)
-        self._observer = Observer(OBSERVATIONS, self._setup)
-        self._drawn = self._setup, self._observer
-        if config.drawn() != config:
-            drawn = replace(self._setup, task=make_task(config.drawn(), 1, self._person))
-            self._drawn = drawn, Observer(OBSERVATIONS, drawn)
+    def _make_observer(self, config: EnvConfig) -> None:
+        setup = Setup(config.workspace, config.robot, self.chain, self.task, self.tokenizer, len(self.action_unit))
+        drawn = self.task if config.drawn() == config else make_task(config.drawn(), 1, self._person)
+        self._observer, self._sample = Observer(OBSERVATIONS, setup), SceneSampler(replace(setup, task=drawn))
         self._noise = Perturbations(config.task, self.batch_size[0], self.control.unit)
         parts = self._arrays, self._grips, self._gestures, self.control, self._noise
         self._source = Source(self.task, self._state, *parts)
@@ -205,8 +201,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return self._first_observation()
 
     def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
-        """(count,) observed scenes that are never simulated, of up to task.drawn_objects; see `sample_scenes`."""
-        return sample_scenes(*self._drawn, count, seed)
+        """(count,) observed scenes that are never simulated, of up to task.drawn_objects; see `SceneSampler`."""
+        return self._sample(count, seed)
 
     def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:
         """Relabels episodes with the goal they achieved (HER).
