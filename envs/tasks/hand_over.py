@@ -43,7 +43,6 @@ class HandOver(PickAndPlace):
     columns = (Column("is the hand", 0.0, 1.0),)
     potentials = PickAndPlace.potentials
     real_goals = True
-    border = 0.0
     fails = True
 
     def prepare(self, workspace: WorkspaceConfig) -> None:

@@ -30,7 +30,6 @@ class InOut(Furnished, PickAndPlace):
 
     potentials = PickAndPlace.potentials
     real_goals = True
-    border = 0.0
     fails = True
     wide = (0.94, 1.0)  # open far enough for objects to go in and out
 

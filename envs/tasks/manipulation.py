@@ -103,12 +103,7 @@ class Manipulation(MovableObjects):
             "time": np.ones(len(self._rows)),
         }
         terms |= {name: ends[name].astype(np.float64) for name in self.ends}
-        terms["success"] *= self._success_worth(state)
         return Outcome(terms, success, wrong_object, self._reached > 0, wrong_target, failed)
-
-    def _success_worth(self, state: State) -> Array:
-        """(N,) in [0, 1]: which share of its reward a success is worth."""
-        return np.ones(len(self._rows))
 
     def _failed(self, state: State) -> NDArray[np.bool_]:
         """(N,) whether success has become impossible in another way."""

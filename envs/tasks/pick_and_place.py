@@ -12,7 +12,6 @@ from envs.tasks.types import NOTHING, Array, State
 
 LIFT = 0.02  # metres above the table at which a held object counts as picked up
 MOUTH = 0.02  # metres: a funnel's radius at its lower end
-STEEP = 2.0  # slope of the funnel to the object: beside it, fingers are to be over its top, or they push it away
 ABOVE, OVER_ALL = 0.06, 0.09  # metres: heights of the funnels to the object, and with it over others to its target
 CLEAR = 0.08  # metres over the table up to which lifting is rewarded: objects held there pass over others
 
@@ -30,7 +29,6 @@ class PickAndPlace(Manipulation):
     """
 
     grips = True
-    border = 0.4  # share of the radius, inside its border, in which a success is worth less; 0: nowhere
     potentials = ("approach", "grasp", "lift", "transport", "release")
 
     def _allocate(self, worlds: int) -> None:
@@ -60,13 +58,6 @@ class PickAndPlace(Manipulation):
     def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
         return length(self._goal(state) - self._referent(state)) <= self.config.success_radius
 
-    def _success_worth(self, state: State) -> Array:
-        """From 0 at the border of the radius to 1 inside `border`: policies that release near it often miss it."""
-        if not self.border:
-            return super()._success_worth(state)
-        inside = 1.0 - length(self._goal(state) - self._referent(state)) / self.config.success_radius
-        return np.clip(inside / self.border, 0.0, 1.0)
-
     def goal_places(self, state: State) -> Array:
         """(N, 3) the places to which reward and expert bring the referents, metres."""
         return self._goal(state)
@@ -84,7 +75,7 @@ class PickAndPlace(Manipulation):
 
     def _way_to_object(self, state: State) -> Array:
         """(N,) metres from the gripper to its object."""
-        return funnel(state.gripper - self._referent(state), ABOVE, MOUTH, STEEP)
+        return funnel(state.gripper - self._referent(state), ABOVE, MOUTH)
 
     def _way_to_goal(self, state: State) -> Array:
         """(N,) metres from the object to its target."""

@@ -44,7 +44,6 @@ class Rearrange(PickAndPlace):
     Potentials: those of pick and place, along funnels over the highest stack of the board.
     """
 
-    border = 0.0
     nouns = ("cube",)
     shapes = SHAPES
     stacks = True

@@ -45,7 +45,6 @@ class Sort(PickAndPlace):
 
     columns = FINE_COLUMNS
     potentials = PickAndPlace.potentials
-    border = 0.0
     continues = True
     stepwise = True
 

@@ -31,7 +31,6 @@ class Stack(PickAndPlace):
 
     fails = True
     real_goals = True
-    border = 0.0
 
     def _goals(self, state: State) -> Array:
         return state.objects + [0.0, 0.0, self.config.object_size]
