@@ -32,11 +32,12 @@ def test_a_scenario_sets_robot_control_algorithm_and_task(number):
 
 @pytest.mark.slow
 def test_scenarios_of_one_algorithm_share_their_hyperparameters():
-    """One set of hyperparameters for each algorithm, whatever the robot and the control."""
+    """One set of hyperparameters for each algorithm, whatever the robot and the control; fingers train with 5 cm."""
     same = ("algo", "policy", "task", "collector")
-    first = compose(["scenario=1"])
+    assert [compose([f"scenario={number}"]).task.curriculum.radius for number in (1, 2, 3, 4)] == [0.04, 0.04, 0.04, 0]
+    first = compose(["scenario=1", "task.curriculum.radius=0.04"])
     for number in (2, 3, 4):
-        other = compose([f"scenario={number}"])
+        other = compose([f"scenario={number}", "task.curriculum.radius=0.04"])
         assert [other[key] for key in same] == [first[key] for key in same]
 
 
