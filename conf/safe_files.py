@@ -107,6 +107,8 @@ def parse_yaml(content: bytes, max_nodes: int = MAX_NODES) -> Any:
         raise FileError(f"is not YAML: {' '.join(str(error).split())}") from None
     except FileError:
         raise
+    except RecursionError:
+        raise FileError(f"is not YAML that can be read: nested more than {MAX_DEPTH} deep") from None
     except _UNREADABLE as error:
         raise FileError(f"is not YAML that can be read: {' '.join(str(error).split())[:200]}") from None
 
