@@ -20,7 +20,7 @@ MAX_BYTES = 256 * 1024  # of a YAML or JSON file
 MAX_NODES = 50_000  # of a YAML document, with aliases expanded
 MAX_DEPTH = 60  # of nested lists and groups
 # Raised by PyYAML for values that cannot be built (a 13th month, a number of thousands of digits).
-_UNREADABLE = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError, RecursionError)
+_UNREADABLE = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError)
 
 
 class FileError(ConfigError):
