@@ -94,10 +94,9 @@ def parse_yaml(content: bytes, max_nodes: int = MAX_NODES) -> Any:
     fast = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
         try:
-            _check_events(yaml.parse(content, Loader=fast), max_nodes)
-            return yaml.load(content, Loader=fast)
+            return _load(content, fast, max_nodes)
         except yaml.YAMLError:
-            yaml.safe_load(content)  # libyaml reports the position of a mistake less well
+            _load(content, yaml.SafeLoader, max_nodes)  # libyaml reports the position of a mistake less well
             raise
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
@@ -111,6 +110,13 @@ def parse_yaml(content: bytes, max_nodes: int = MAX_NODES) -> Any:
         raise FileError(f"is not YAML that can be read: nested more than {MAX_DEPTH} deep") from None
     except _UNREADABLE as error:
         raise FileError(f"is not YAML that can be read: {' '.join(str(error).split())[:200]}") from None
+
+
+def _load(content: bytes, loader: Any, max_nodes: int) -> Any:
+    import yaml
+
+    _check_events(yaml.parse(content, Loader=loader), max_nodes)
+    return yaml.load(content, Loader=loader)
 
 
 def _check_events(events: Iterator[Any], max_nodes: int) -> None:
