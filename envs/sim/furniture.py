@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pybullet as bullet
 
-from envs.sim.object_pool import DYNAMIC_FILTER
 from envs.sim.robot import Robot
 from envs.sim.workspace import HANDLE, Box, Fitting, WorkspaceConfig
 
@@ -75,16 +74,6 @@ class Furniture:
             bullet.resetBasePositionAndOrientation(body, *pose, self._client)
         for body, fitting in self._fittings.items():
             bullet.resetJointState(body, LINK, fitting.start, 0.0, self._client)
-        if self._fittings:
-            self._forget_neighbours()
-
-    def _forget_neighbours(self) -> None:
-        """Drop the pairs of near bodies of hand and fittings, in the order of their creation, as the object pool does.
-
-        A magnet that let go of something has changed the hand's place in Bullet's order of bodies.
-        """
-        for body, link in ((self._robot.body, self._robot.hand), *((body, LINK) for body in self._fittings)):
-            bullet.setCollisionFilterGroupMask(body, link, *DYNAMIC_FILTER, self._client)
 
     def show(self, name: str, share: float, color: Sequence[float]) -> None:
         """Put a fitting to rest, open by this share, with its parts but the handle in this colour (RGBA)."""

@@ -26,7 +26,6 @@ DYNAMICS = {
 }
 USUAL = (1.0, 1.0)  # factors of an object's mass and lateral friction
 RESTING_GAP = 1e-3  # metres above the table that an object may be placed and still be at rest
-DYNAMIC_FILTER, STATIC_FILTER = (1, -1), (2, -3)  # Bullet's own collision group and mask of a body that moves, or not
 
 
 class Mobility(IntEnum):
@@ -62,7 +61,8 @@ class ObjectPool:
     same seed would give other bits than in a fresh world.
 
     dynamics: factors of the mass and lateral friction of the free bodies that are shown next. bodies: all bodies.
-    shown: the bodies of the current episode, in the order of its objects. nouns: their shapes.
+    movable: those that can move. shown: the bodies of the current episode, in the order of its objects. nouns: their
+    shapes.
 
     Args:
         spec: which bodies to make.
@@ -79,6 +79,7 @@ class ObjectPool:
             [[self._make(noun, spec.size, mobility) for _ in range(count)] for noun in spec.nouns]
             for mobility, count in zip(Mobility, spec.counts, strict=True)
         ]
+        self.movable = {body for bodies in self._pool[Mobility.FREE] for body in bodies}
         self.dynamics = USUAL
         self._dynamics: dict[int, tuple[float, float]] = {}  # present factors, unless always `USUAL`
         self.bodies = self.shown = [body for pool in self._pool for bodies in pool for body in bodies]
@@ -109,7 +110,6 @@ class ObjectPool:
         rests = [False] * len(self.shown) if resting is None else resting
         for body in self._free:
             self._set_dynamics(body)
-        self._forget_neighbours(mobilities)
         for body, mobility, position, angle, still in zip(self.shown, mobilities, positions, yaw, rests, strict=True):
             self._place(body, position, angle)
             if mobility == Mobility.FREE and position[2] > self._resting_height and not still:
@@ -155,18 +155,6 @@ class ObjectPool:
             mass, friction = MASS * self.dynamics[0], DYNAMICS["lateralFriction"] * self.dynamics[1]
             bullet.changeDynamics(body, -1, mass=mass, lateralFriction=friction, physicsClientId=self._client)
             self._dynamics[body] = self.dynamics
-
-    def _forget_neighbours(self, mobilities: Sequence[int]) -> None:
-        """Drop the pairs of near bodies that Bullet has recorded for the shown bodies; it finds the present ones again.
-
-        Bullet drops a pair some steps after its bodies have parted. Until then the pair keeps its place in the order in
-        which contacts are solved, and the same seed would give other bits than in a fresh world. Setting the collision
-        filter of a body, even to its present value, drops all its pairs. The bodies go in the order of their creation.
-        """
-        for body, mobility in sorted(zip(self.shown, mobilities, strict=True)):
-            if mobility != Mobility.GHOST:
-                group = DYNAMIC_FILTER if mobility == Mobility.FREE else STATIC_FILTER
-                bullet.setCollisionFilterGroupMask(body, -1, *group, self._client)
 
     def _place(self, body: int, position: Sequence[float], yaw: float = 0.0) -> None:
         quaternion = (0, 0, math.sin(yaw / 2), math.cos(yaw / 2))

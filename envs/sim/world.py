@@ -30,6 +30,8 @@ SLEEP_STEPS = 3  # physics steps until a body that is put to sleep is asleep
 CONE = (1.0, 1.0, 1.0, SEE_THROUGH)  # RGBA of the cone along a pointing finger
 INVISIBLE = (0.0, 0.0, 0.0, 0.0)
 CONTACT_BREAKING = 0.02  # metres, Bullet's own
+# Bullet's own collision group and mask of what moves, and of what does not.
+MOVING_FILTER, FIXED_FILTER = (1, -1), (2, -3)
 NO_DEVICES = DeviceSpec()
 
 
@@ -122,6 +124,7 @@ class World:
         self._renderer = Renderer(self.client)
         drawn = self._renderer if self._visuals else None
         self._shown = ShownObjects(self.pool, self.devices, self.furniture, drawn, self.client, self.palm)
+        self._collision_filters = self._read_collision_filters()
 
     def _set_up_physics(self) -> None:
         bullet.setAdditionalSearchPath(pybullet_data.getDataPath(), self.client)
@@ -181,9 +184,30 @@ class World:
             self._renderer.clear()
             self.show_finger(False)
         self._shown.show(nouns, mobilities, positions, yaw, colors.tolist(), resting, shares)
+        self._forget_neighbours()
         if self.palm and isinstance(self.person, Body):
             self.person.offer(self.palm.place)
         self._draw(True)
+
+    def _read_collision_filters(self) -> list[tuple[int, int, int, int]]:
+        """Body, link, and Bullet's own collision group and mask of all that can collide, in the order of creation."""
+        filters = []
+        for body in range(bullet.getNumBodies(self.client)):
+            for link in range(-1, bullet.getNumJoints(body, self.client)):
+                if bullet.getCollisionShapeData(body, link, self.client):
+                    moves = link != BASE or body in self.pool.movable
+                    filters.append((body, link, *(MOVING_FILTER if moves else FIXED_FILTER)))
+        return filters
+
+    def _forget_neighbours(self) -> None:
+        """Drop the pairs of near bodies that Bullet has recorded, and the margins of their bounding boxes.
+
+        A bounding box that a body has left only slightly stays as it was, and a pair stays for some steps after its
+        bodies have parted. Both would carry the last episode into this one, and the same seed would give other bits
+        than in a fresh world. Setting a collision filter, even to its present value, has Bullet find both again.
+        """
+        for each in self._collision_filters:
+            bullet.setCollisionFilterGroupMask(*each, self.client)
 
     def _settle(self) -> None:
         """Park the shown objects, and step until they sleep in Bullet.
