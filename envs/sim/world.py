@@ -11,6 +11,7 @@ import pybullet_data
 from numpy.typing import NDArray
 
 from conf.schema import Checked, within
+from envs.sim.collision_pairs import CollisionPairs
 from envs.sim.device_bodies import DeviceBodies, DeviceSpec
 from envs.sim.furniture import Furniture
 from envs.sim.gripper import BASE, GRIPPERS, Gripper, GripperConfig
@@ -30,8 +31,6 @@ SLEEP_STEPS = 3  # physics steps until a body that is put to sleep is asleep
 CONE = (1.0, 1.0, 1.0, SEE_THROUGH)  # RGBA of the cone along a pointing finger
 INVISIBLE = (0.0, 0.0, 0.0, 0.0)
 CONTACT_BREAKING = 0.02  # metres, Bullet's own
-# Bullet's own collision group and mask of what moves, and of what does not.
-MOVING_FILTER, FIXED_FILTER = (1, -1), (2, -3)
 NO_DEVICES = DeviceSpec()
 
 
@@ -124,7 +123,7 @@ class World:
         self._renderer = Renderer(self.client)
         drawn = self._renderer if self._visuals else None
         self._shown = ShownObjects(self.pool, self.devices, self.furniture, drawn, self.client, self.palm)
-        self._collision_filters = self._read_collision_filters()
+        self._pairs = CollisionPairs(self.client, self.pool.movable)
 
     def _set_up_physics(self) -> None:
         bullet.setAdditionalSearchPath(pybullet_data.getDataPath(), self.client)
@@ -184,36 +183,15 @@ class World:
             self._renderer.clear()
             self.show_finger(False)
         self._shown.show(nouns, mobilities, positions, yaw, colors.tolist(), resting, shares)
-        self._forget_neighbours()
+        self._pairs.forget()
         if self.palm and isinstance(self.person, Body):
             self.person.offer(self.palm.place)
         self._draw(True)
 
-    def _read_collision_filters(self) -> list[tuple[int, int, int, int]]:
-        """Body, link, and Bullet's own collision group and mask of all that can collide, in the order of creation."""
-        filters = []
-        for body in range(bullet.getNumBodies(self.client)):
-            for link in range(-1, bullet.getNumJoints(body, self.client)):
-                if bullet.getCollisionShapeData(body, link, self.client):
-                    moves = link != BASE or body in self.pool.movable
-                    filters.append((body, link, *(MOVING_FILTER if moves else FIXED_FILTER)))
-        return filters
-
-    def _forget_neighbours(self) -> None:
-        """Drop the pairs of near bodies that Bullet has recorded, and the margins of their bounding boxes.
-
-        A bounding box that a body has left only slightly stays as it was, and a pair stays for some steps after its
-        bodies have parted. Both would carry the last episode into this one, and the same seed would give other bits
-        than in a fresh world. Setting a collision filter, even to its present value, has Bullet find both again.
-        """
-        for each in self._collision_filters:
-            bullet.setCollisionFilterGroupMask(*each, self.client)
-
     def _settle(self) -> None:
         """Park the shown objects, and step until they sleep in Bullet.
 
-        A body that the last episode touched would otherwise be simulated for some steps more, and the same
-        seed would give other bits than on a fresh world.
+        A body that the last episode touched would otherwise be simulated for some steps more.
         """
         self.pool.park()
         if self.person is not None:
@@ -289,17 +267,14 @@ class World:
     def step_physics(self, steps: int = 1) -> None:
         """Take this number of physics steps, and update the person's posture after each."""
         if World._contact_breaking_in_force != self._contact_breaking:
-            self._enforce_contact_breaking()
+            value = World._contact_breaking_in_force = self._contact_breaking
+            bullet.setPhysicsEngineParameter(contactBreakingThreshold=value, physicsClientId=self.client)
         while steps and self.person is not None and self.person.moving:
             self._stepper.step()
             self.person.advance()
             steps -= 1
         if steps:
             self._stepper.run(steps)
-
-    def _enforce_contact_breaking(self) -> None:
-        value = World._contact_breaking_in_force = self._contact_breaking
-        bullet.setPhysicsEngineParameter(contactBreakingThreshold=value, physicsClientId=self.client)
 
     # ---- state
 
