@@ -14,7 +14,6 @@ LIFT = 0.02  # metres above the table at which a held object counts as picked up
 MOUTH = 0.02  # metres: a funnel's radius at its lower end
 ABOVE, OVER_ALL = 0.06, 0.09  # metres: heights of the funnels to the object, and with it over others to its target
 CLEAR = 0.08  # metres over the table up to which lifting is rewarded: objects held there pass over others
-MARGIN, DETOUR = 0.03, 0.2  # metres: a held object with a smaller gap to another one has up to this much further to go
 
 
 @register_task("pick_and_place", "nl_pick_and_place", verb="pick_and_place")
@@ -25,9 +24,8 @@ class PickAndPlace(Manipulation):
     `hold_steps` steps. Pushing it there does not count.
     Potentials: approach (metres from gripper to object along a funnel above it, negative; 0 while it is held or
     placed), grasp (1 while it is held or placed), lift (the greatest height at which it has been held, in units of
-    `CLEAR`, at most 1), transport (metres from object to target along a higher funnel, and up to `DETOUR` more while it
-    is held close to another object, negative) and release (1 while it is placed: picked up, near its target, and
-    released).
+    `CLEAR`, at most 1), transport (metres from object to target along a higher funnel, negative) and release (1 while
+    it is placed: picked up, near its target, and released).
     """
 
     grips = True
@@ -71,7 +69,7 @@ class PickAndPlace(Manipulation):
             "approach": np.where(has, 0.0, -self._way_to_object(state)),
             "grasp": has.astype(np.float64),
             "lift": self._raised.copy(),
-            "transport": -self._way_to_goal(state) - DETOUR * self._closeness(state),
+            "transport": -self._way_to_goal(state),
             "release": placed.astype(np.float64),
         }
 
@@ -82,12 +80,3 @@ class PickAndPlace(Manipulation):
     def _way_to_goal(self, state: State) -> Array:
         """(N,) metres from the object to its target."""
         return funnel(self._referent(state) - self._goal(state), OVER_ALL, MOUTH)
-
-    def _closeness(self, state: State) -> Array:
-        """(N,) of the held referent to any other object but its target: 1 where they touch, 0 from `MARGIN` on."""
-        offset = np.abs(state.objects - self._referent(state)[:, None])
-        gap = np.maximum(length(offset[..., :2]), offset[..., 2]) - self.config.object_size
-        slots = np.arange(gap.shape[1])
-        others = state.movable & (slots != state.referent[:, None]) & (slots != state.target[:, None])
-        close = np.clip(1.0 - gap / MARGIN, 0.0, 1.0) * others
-        return close.max(1) * (state.held == state.referent)
