@@ -13,7 +13,7 @@ MOVING_FILTER, FIXED_FILTER = (1, -1), (2, -3)
 
 
 class CollisionPairs:
-    """The pairs of all bodies of one PyBullet client. Made once they are all there.
+    """The pairs of the bodies that one PyBullet client has when this is made.
 
     client: PyBullet's client. movable: the bodies whose base moves; links always do.
     """

@@ -119,11 +119,11 @@ class World:
         for body in self.devices.bodies + ([self.palm.body] if self.palm else []):
             self.furniture.join(body)
         self.pool = ObjectPool(objects, self.client, self._visuals, self._physics.sleeping)
+        self._pairs = CollisionPairs(self.client, self.pool.movable)  # nothing touches the person, who comes after
         self.person = self._make_person()
         self._renderer = Renderer(self.client)
         drawn = self._renderer if self._visuals else None
         self._shown = ShownObjects(self.pool, self.devices, self.furniture, drawn, self.client, self.palm)
-        self._pairs = CollisionPairs(self.client, self.pool.movable)
 
     def _set_up_physics(self) -> None:
         bullet.setAdditionalSearchPath(pybullet_data.getDataPath(), self.client)

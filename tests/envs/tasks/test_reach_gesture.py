@@ -246,7 +246,7 @@ def test_rendering_does_not_change_the_bits(task):
 
 
 @pytest.mark.slow
-def test_a_seed_gives_the_same_episode_after_the_robot_met_the_person():
+def test_a_seed_gives_the_same_bits_after_the_robot_met_the_person():
     near = "workspace.human.position=[1.2,-0.15,-0.74]"
     env = make("kuka", "joints", "reach_gesture", near, "gesture.switch=1", worlds=2, seed=5, render=True)
     fresh = rollout(env, 40, Poker(env))
@@ -257,10 +257,7 @@ def test_a_seed_gives_the_same_episode_after_the_robot_met_the_person():
         td = act(env, td, forward)
     assert env.gripper[:, 0].max() > tip[:, 0].min()  # else the test would show little
     env.set_seed(5)
-    again = rollout(env, 40, Poker(env))
-    # Bullet rounds the last bit of an object at rest by the order in which it dropped pairs of bodies long before.
-    torch.testing.assert_close(again["objects"], fresh["objects"], rtol=0, atol=1e-12)
-    assert differences(again.exclude("objects"), fresh.exclude("objects")) == []
+    assert differences(rollout(env, 40, Poker(env)), fresh) == []
     env.close()
 
 
