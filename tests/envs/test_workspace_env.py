@@ -247,7 +247,7 @@ def test_every_element_of_the_observation_varies(env):
     env.set_seed(11)
     seen = [env.reset() for _ in range(20)]
     td, poker = seen[-1], Poker(env)
-    for t, action in enumerate(random_actions(env, 150)):
+    for t, action in enumerate(random_actions(env, 300)):
         td = act(env, td, action if t % 30 < 4 else poker(td))
         seen.append(td.clone())
         if t % 30 == 29:
