@@ -241,13 +241,15 @@ def constant_so_far(env, seen):
 def test_every_element_of_the_observation_varies(env):
     allowed = constant_elements(env)
     # They cannot turn every object over, or take one up, in this time.
-    if env.config.robot.name in ("jaco", *BARE_FLANGES):
+    # kuka's magnet stays over what it is only to reach, and nothing else wakes an object.
+    above = env.config.robot.name == "kuka" and not env.task.grips
+    if above or env.config.robot.name in ("jaco", *BARE_FLANGES):
         allowed |= {f"objects[{k},{d}]" for k in range(env.config.task.slots) for d in range(2, 7)}
         allowed.add(f"robot[{2 * len(env.config.robot.joints) + 11}]")
     env.set_seed(11)
     seen = [env.reset() for _ in range(20)]
     td, poker = seen[-1], Poker(env)
-    for t, action in enumerate(random_actions(env, 300)):
+    for t, action in enumerate(random_actions(env, 150)):
         td = act(env, td, action if t % 30 < 4 else poker(td))
         seen.append(td.clone())
         if t % 30 == 29:
