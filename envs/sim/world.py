@@ -191,7 +191,8 @@ class World:
     def _settle(self) -> None:
         """Park the shown objects, and step until they sleep in Bullet.
 
-        A body that the last episode touched would otherwise be simulated for some steps more.
+        A body that the last episode touched would otherwise be simulated for some steps more, and the same
+        seed would give other bits than on a fresh world.
         """
         self.pool.park()
         if self.person is not None:

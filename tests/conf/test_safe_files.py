@@ -20,9 +20,6 @@ def merge_bomb(levels: int = 9, width: int = 9) -> bytes:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (merge_bomb(), "describes more than"),
-        (merge_bomb().replace(b"<<:", b"x:"), "describes more than"),
-        (b"- 1\n" * 60_000, "describes more than"),
         (b"[" * 100_000, "nested more than 60 deep"),
         (b"!!python/object/apply:os.system [id]", "the tag .* is not accepted"),
         (b"- " + b"1:" * 20_000 + b"1.5", "too large"),
