@@ -24,6 +24,7 @@ SLOW = 0.04  # radians in a control step up to which a joint moves at its full s
 MAX_LEAD = 0.15  # radians that a command may be ahead of its joint
 MAX_YAW = np.pi / 2  # radians that the gripper may be turned about the vertical, each way
 MAX_YAW_STEP = 0.1  # ... in one control step
+SLIDES = 2  # steps of Newton's method that keep the gripper above the floor of its box: it sinks by less than 1 mm
 
 
 class Control(ABC):
@@ -202,15 +203,22 @@ class JointControl(Control):
     def _delta(self, action: Array, start: Array) -> Array:
         low, high = self._chain.low, self._chain.high
         delta = np.clip(low + (action + 1) / 2 * (high - low) - start, -self._speed, self._speed)
-        return delta * self._fraction_above_floor(start, delta) if self._guarded else delta
+        return self._above_floor(start, delta) if self._guarded else delta
 
-    def _fraction_above_floor(self, start: Array, delta: Array) -> Array:
-        """(N, 1) the share of the motion, in [0, 1], after which the gripper would be below the box."""
-        floor = self.box[0, 2]
-        here, there = (self._chain.forward(joints).position[:, 2] for joints in (start, start + delta))
-        down = np.maximum(here - there, 1e-9)
-        sinks = (there < floor) & (there < here)  # a gripper that begins below may rise
-        return np.where(sinks, np.clip((here - floor) / down, 0.0, 1.0), 1.0)[:, None]
+    def _above_floor(self, start: Array, delta: Array) -> Array:
+        """(N, J) the motion without the part that leads the gripper below the box, so that it slides along the floor.
+
+        Newton's method for the smallest change of the joints. A gripper that begins below does not sink further.
+        """
+        least = np.minimum(self._chain.forward(start).position[:, 2], self.box[0, 2])
+        for _ in range(SLIDES):
+            pose, jacobian = self._chain.jacobian(start + delta)
+            missing = np.maximum(least - pose.position[:, 2], 0.0)
+            if not missing.any():
+                break
+            rise = jacobian[:, 2]  # metres that a radian of each joint lifts the gripper
+            delta = delta + rise * (missing / np.maximum((rise * rise).sum(1), 1e-9))[:, None]
+        return delta
 
     def towards(self, position: Array, commanded: Array, yaw: Array | None = None) -> Array:
         pose = self._chain.forward(commanded)

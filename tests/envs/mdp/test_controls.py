@@ -257,6 +257,21 @@ def test_a_gripper_that_is_to_move_nothing_stays_above_the_objects(robot, contro
     env.close()
 
 
+def test_joints_whose_angles_lead_below_the_box_slide_along_its_floor():
+    """Without that, a policy whose action leads a little below the box stands still for the rest of the episode."""
+    env, _ = start("kuka", "joints")
+    chain, floor = env.chain, env.control.box[0, 2]
+    down = chain.forward(chain.rest[None]).rotation
+    beside, below = np.array([[0.45, 0.1, floor]]), np.array([[0.5, -0.15, floor - 0.05]])
+    joints = chain.solve(chain.rest[None], beside, down)
+    wanted = env.control._scaled(chain.solve(joints, below, down))
+    for _ in range(60):
+        joints = env.control.targets(wanted, joints, joints)
+        assert chain.forward(joints).position[0, 2] > floor - 1e-3
+    np.testing.assert_allclose(chain.forward(joints).position[0, :2], below[0, :2], atol=0.05)
+    env.close()
+
+
 def test_a_gripper_that_begins_below_the_objects_tops_rises():
     env, _ = start("kuka", "joints")
     chain, low = env.chain, np.array([[0.45, 0.3, 0.035]])
