@@ -78,6 +78,12 @@ class Entity:
     relations: tuple[Relation, ...] = ()
     span: Span = (0, 0)
 
+    @property
+    def is_bare_plural(self) -> bool:
+        """Whether it is a plural that may mean all things that fit: "the red cubes", "red cubes"."""
+        counted = self.number or self.ordinal or self.superlative or self.any or self.single or self.every
+        return self.kind == "thing" and self.plural and self.pointed is None and not counted
+
 
 @dataclass(eq=False, slots=True)
 class Step:

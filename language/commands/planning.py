@@ -106,6 +106,15 @@ class Planner:
             for mover in self._movers(plan, step):
                 done = [mover] if mover.failure or mover.mover is None else self._act(mover, step)
                 yield from (replace(each, it=(mover.mover,)) if mover.mover is not None else each for each in done)
+            if step.entity is not None and step.entity.is_bare_plural:
+                yield from self._all(plan, step, step.entity)
+
+    def _all(self, plan: Plan, step: Step, entity: Entity) -> Iterator[Plan]:
+        """Yields the plan that does the step for all things of a plural, if several fit it."""
+        done = self._each(plan, replace(step, entity=replace(entity, every=True)))
+        if not done.failure and len(done.it) > 1:
+            one = min((ref.cost for ref in self._refs(plan, step, entity) if ref.kind == "thing"), default=0.0)
+            yield replace(done, cost=plan.cost + one + costs.ALL_OF_PLURAL)
 
     def _fixture(self, plan: Plan, step: Step) -> Plan:
         assert step.entity is not None

@@ -93,6 +93,38 @@ def test_a_loose_colour_is_settled_by_the_scene_and_noted():
     assert outcome.notes == ("purple is taken for magenta",)
 
 
+PAIRS = Scene([*TABLE, Object("cube", "red", (0.3, -0.15, 0.025)), Object("cube", "red", (0.3, 0.1, 0.025))])
+
+
+@pytest.mark.parametrize(
+    ("command", "things"),
+    [
+        ("sort the red cubes to the left", {0, 3, 4}),
+        ("put red cubes next to the sphere", {0, 3, 4}),
+        ("push the cubes to the right", {0, 1, 3, 4}),
+        ("put the red ones behind the blue cube", {0, 3, 4}),
+        ("move the blue cubes to the left", {1}),
+    ],
+)
+def test_a_plural_means_all_things_that_fit(command, things):
+    outcome = interpret(command, PAIRS)
+    assert isinstance(outcome, Understood)
+    assert {step.object for step in outcome.steps} == things
+
+
+def test_of_a_plural_that_cannot_be_taken_at_once_one_is_asked_for():
+    outcome = interpret("pick up the red cubes", PAIRS)
+    assert isinstance(outcome, Question)
+    assert set(outcome.candidates) == {0, 3, 4}
+
+
+def test_on_a_board_a_plural_is_rather_the_stack():
+    red = [("cube", "red", 2, 2, 0), ("cube", "red", 2, 2, 1), ("cube", "red", 5, 5, 0)]
+    outcome = interpret("put the red cubes on the green cube", board([*red, ("cube", "green", 0, 0, 0)]))
+    assert isinstance(outcome, Understood)
+    assert {step.object for step in outcome.steps} == {1}
+
+
 def test_the_viewpoint_decides_whose_left_is_meant():
     first, second = (
         interpret("put the red cube left of the blue cube", Scene(list(TABLE), viewpoint))
