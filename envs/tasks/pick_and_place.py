@@ -25,8 +25,8 @@ class PickAndPlace(Manipulation):
     Potentials: approach (metres from gripper to object along a funnel above it, negative; 0 while it is held or
     placed), grasp (1 while it is held or placed), lift (the greatest height at which it has been held, in units of
     `CLEAR`, at most 1), transport (metres from object to target along a higher funnel, negative) and release (while it
-    is placed: picked up, near its target, and released; 1 if it was let go within `radius` of its target horizontally,
-    less further away, and 0 from twice the radius on).
+    is placed: picked up, near its target, and released; 1 if it was let go within `radius` of its target, less further
+    away, and 0 from twice the radius on).
     """
 
     grips = True
@@ -35,13 +35,13 @@ class PickAndPlace(Manipulation):
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
-        self._let_go = np.zeros(worlds)  # horizontal metres from its target at which the referent was last held
+        self._let_go = np.zeros(worlds)  # metres from its target at which the referent was last held
         self._raised = np.zeros(worlds)  # the greatest height at which the referent has been held, in units of CLEAR
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         # An episode that begins with the object held or placed requires no lifting.
         self._raised[worlds] = ((state.held == state.referent) | self._is_near_goal(state))[worlds]
-        self._let_go[worlds] = self._beside(state)[worlds]
+        self._let_go[worlds] = self._to_go(state)[worlds]
 
     @property
     def memory(self) -> NDArray[np.float64]:
@@ -55,17 +55,17 @@ class PickAndPlace(Manipulation):
         height = self._referent(state)[:, 2] - self.config.object_size / 2
         raised = np.clip(height / CLEAR, 0.0, 1.0) * (state.held == state.referent)
         self._raised = np.maximum(self._raised, raised)
-        self._let_go = np.where(state.held == state.referent, self._beside(state), self._let_go)
+        self._let_go = np.where(state.held == state.referent, self._to_go(state), self._let_go)
 
     def _placed_there(self, state: State) -> NDArray[np.bool_]:
         return (self._raised >= LIFT / CLEAR) & self._is_near_goal(state) & (state.held == NOTHING)
 
     def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
-        return length(self._goal(state) - self._referent(state)) <= self.config.success_radius
+        return self._to_go(state) <= self.config.success_radius
 
-    def _beside(self, state: State) -> Array:
-        """(N,) horizontal metres from the referents to where they go."""
-        return length((self._goal(state) - self._referent(state))[:, :2])
+    def _to_go(self, state: State) -> Array:
+        """(N,) metres from the referents to where they go."""
+        return length(self._goal(state) - self._referent(state))
 
     def goal_places(self, state: State) -> Array:
         """(N, 3) the places to which reward and expert bring the referents, metres."""
@@ -83,10 +83,7 @@ class PickAndPlace(Manipulation):
         }
 
     def _care(self) -> Array:
-        """(N,) how near its target the referent was let go. Without it, policies drop objects on the way there.
-
-        Heights don't count: if they do, policies carry objects low, and push others aside.
-        """
+        """(N,) how near its target the referent was let go. Without it, policies drop objects on the way there."""
         return np.clip(2.0 - self._let_go / self.config.success_radius, 0.0, 1.0)
 
     def _way_to_object(self, state: State) -> Array:

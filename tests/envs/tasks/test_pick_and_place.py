@@ -20,10 +20,10 @@ def test_training_episodes_succeed_within_the_radius_of_the_curriculum(beside, s
     assert outcome.success[0] == succeeds
 
 
-@pytest.mark.parametrize(("beside", "share"), [(0.0, 1.0), (0.05, 1.0), (0.075, 0.5), (0.11, 0.0)])
-def test_a_release_counts_by_how_near_its_target_the_object_was_let_go(beside, share):
+@pytest.mark.parametrize(("height", "share"), [(0.0, 1.0), (0.05, 1.0), (0.075, 0.5), (0.11, 0.0)])
+def test_a_release_counts_by_how_near_its_target_the_object_was_let_go(height, share):
     """A policy that drops objects on the way to their targets earns less, although they may come to rest there."""
-    carried = [*CARRIED[:-1], moment(GOAL + 0.1 * UP + [0, beside, 0], held=0)]
+    carried = [*CARRIED[:-1], moment(GOAL + height * UP, held=0)]
     outcomes = judged("nl_pick_and_place", [*carried, *LEFT])
     assert sum(each.terms["release"][0] for each in outcomes) == pytest.approx(share)
     assert outcomes[-1].success[0]
