@@ -65,8 +65,6 @@ class ToTable(PickAndPlace):
     is observed, as the target.
     """
 
-    puts_down = False
-
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
     ) -> None:

@@ -44,7 +44,6 @@ class HandOver(PickAndPlace):
     potentials = PickAndPlace.potentials
     real_goals = True
     fails = True
-    puts_down = False
 
     def prepare(self, workspace: WorkspaceConfig) -> None:
         if len(self.config.objects):

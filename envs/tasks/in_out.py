@@ -31,7 +31,6 @@ class InOut(Furnished, PickAndPlace):
     potentials = PickAndPlace.potentials
     real_goals = True
     fails = True
-    puts_down = False
     wide = (0.94, 1.0)  # open far enough for objects to go in and out
 
     def _allocate(self, worlds: int) -> None:

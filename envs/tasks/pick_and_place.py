@@ -24,24 +24,20 @@ class PickAndPlace(Manipulation):
     `hold_steps` steps. Pushing it there does not count.
     Potentials: approach (metres from gripper to object along a funnel above it, negative; 0 while it is held or
     placed), grasp (1 while it is held or placed), lift (the greatest height at which it has been held, in units of
-    `CLEAR`, at most 1), transport (metres from object to target along a higher funnel, negative) and release (while it
-    is placed: picked up, near its target, and released; 1 if it was let go within `radius` of its target, less further
-    away, and 0 from twice the radius on).
+    `CLEAR`, at most 1), transport (metres from object to target along a higher funnel, negative) and release (1 while
+    it is placed: picked up, near its target, and released).
     """
 
     grips = True
-    puts_down = True  # whether a release counts by how near its target the object was let go
     potentials = ("approach", "grasp", "lift", "transport", "release")
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
-        self._let_go = np.zeros(worlds)  # metres from its target at which the referent was last held
         self._raised = np.zeros(worlds)  # the greatest height at which the referent has been held, in units of CLEAR
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
         # An episode that begins with the object held or placed requires no lifting.
         self._raised[worlds] = ((state.held == state.referent) | self._is_near_goal(state))[worlds]
-        self._let_go[worlds] = self._to_go(state)[worlds]
 
     @property
     def memory(self) -> NDArray[np.float64]:
@@ -55,17 +51,12 @@ class PickAndPlace(Manipulation):
         height = self._referent(state)[:, 2] - self.config.object_size / 2
         raised = np.clip(height / CLEAR, 0.0, 1.0) * (state.held == state.referent)
         self._raised = np.maximum(self._raised, raised)
-        self._let_go = np.where(state.held == state.referent, self._to_go(state), self._let_go)
 
     def _placed_there(self, state: State) -> NDArray[np.bool_]:
         return (self._raised >= LIFT / CLEAR) & self._is_near_goal(state) & (state.held == NOTHING)
 
     def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
-        return self._to_go(state) <= self.config.success_radius
-
-    def _to_go(self, state: State) -> Array:
-        """(N,) metres from the referents to where they go."""
-        return length(self._goal(state) - self._referent(state))
+        return length(self._goal(state) - self._referent(state)) <= self.config.success_radius
 
     def goal_places(self, state: State) -> Array:
         """(N, 3) the places to which reward and expert bring the referents, metres."""
@@ -79,12 +70,8 @@ class PickAndPlace(Manipulation):
             "grasp": has.astype(np.float64),
             "lift": self._raised.copy(),
             "transport": -self._way_to_goal(state),
-            "release": placed * (self._care() if self.puts_down else 1.0),
+            "release": placed.astype(np.float64),
         }
-
-    def _care(self) -> Array:
-        """(N,) how near its target the referent was let go. Without it, policies drop objects on the way there."""
-        return np.clip(2.0 - self._let_go / self.config.success_radius, 0.0, 1.0)
 
     def _way_to_object(self, state: State) -> Array:
         """(N,) metres from the gripper to its object."""

@@ -48,7 +48,6 @@ class Rearrange(PickAndPlace):
     shapes = SHAPES
     stacks = True
     marks = True
-    puts_down = False
     columns = (
         Column("is the one to be moved; 0 where words say it", 0.0, 1.0),
         Column("is in the air", 0.0, 1.0),

@@ -47,7 +47,6 @@ class Sort(PickAndPlace):
     potentials = PickAndPlace.potentials
     continues = True
     stepwise = True
-    puts_down = False
 
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
