@@ -9,7 +9,7 @@ from language.commands import costs
 from language.commands.meanings import Entity, Gesture, Reading, Relation, Step
 from language.commands.outcomes import CONTROLS, Action
 from language.commands.places import Point, Spot, settle, spots
-from language.commands.plans import Plan, at_a_mark, beside, obstacle
+from language.commands.plans import Plan, at_a_mark, beside, implied_places, obstacle
 from language.commands.referents import Ref, color_fits
 from language.commands.resolving import Resolver
 from language.commands.world import DEVICES, World
@@ -237,7 +237,7 @@ class Planner:
             if kind == "take":
                 plan = replace(plan, actions=(*plan.actions, Action("take", index)))
             plan = replace(plan, world=self._worlds.taken(plan.world, index))
-        places = step.places or self._implied(step)
+        places = step.places or implied_places(step)
         if step.action in ("take", "remove") and not step.places:
             if held:
                 yield replace(plan, failure="the gripper holds it already", reason="impossible")
@@ -252,14 +252,6 @@ class Planner:
             yield replace(plan, failure="it is not said where to", reason="where", entity=step.entity)
         else:
             yield from self._placed(plan, step, index, places)
-
-    def _implied(self, step: Step) -> tuple[Relation, ...]:
-        """Returns the place that a verb implies."""
-        if step.action == "give":
-            return (Relation("near", (Entity("person"),)),) and (Relation("at", (Entity("person"),)),)
-        if step.action == "unstack":
-            return (Relation("on", (Entity("board"),)),)
-        return ()
 
     def _placed(self, plan: Plan, step: Step, index: int, places: tuple[Relation, ...]) -> Iterator[Plan]:
         resolver = self.resolver(plan.world, plan.it, index, plan.mentioned)

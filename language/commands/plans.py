@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from language.commands.meanings import Entity, Step
+from language.commands.meanings import Entity, Relation, Step
 from language.commands.outcomes import Action
 from language.commands.places import ONTO
 from language.commands.world import DEVICES, World
@@ -59,3 +59,12 @@ def beside(step: Step) -> Step:
     onto = [place.name in ONTO for place in step.places]
     places = [replace(place, name="near") if at else place for place, at in zip(step.places, onto, strict=True)]
     return replace(step, places=tuple(places))
+
+
+def implied_places(step: Step) -> tuple[Relation, ...]:
+    """Returns the place that a verb implies."""
+    if step.action == "give":
+        return (Relation("at", (Entity("person"),)),)
+    if step.action == "unstack":
+        return (Relation("on", (Entity("board"),)),)
+    return ()
