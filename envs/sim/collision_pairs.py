@@ -10,6 +10,7 @@ from envs.sim.gripper import BASE
 
 # Bullet's own collision group and mask of what moves, and of what does not.
 MOVING_FILTER, FIXED_FILTER = (1, -1), (2, -3)
+CLEANED = 3  # steps within which Bullet takes a body at rest to be fixed; only then it looks for parted pairs
 
 
 class CollisionPairs:
@@ -33,6 +34,15 @@ class CollisionPairs:
         Bullet keeps a bounding box that a body has left only slightly, and a pair for some steps after its bodies have
         parted. Both would carry one episode into the next, and the same seed would give other bits than in a fresh
         world. Setting a collision filter, even to its present value, makes the box anew and drops all its pairs.
+
+        How many steps a parted pair is kept follows from Bullet's place in its list of pairs, which it remembers. A
+        list of one pair leads it back to the first place: the robot's base and its first link, which always touch.
         """
+        for body, link, *_ in self._filters:
+            bullet.setCollisionFilterGroupMask(body, link, 0, 0, self._client)
+        for each in self._filters[:2]:
+            bullet.setCollisionFilterGroupMask(*each, self._client)
+        for _ in range(CLEANED):
+            bullet.performCollisionDetection(self._client)
         for each in self._filters:
             bullet.setCollisionFilterGroupMask(*each, self._client)
