@@ -112,6 +112,7 @@ NEWER = {
     "automatic",
     "radius",
     "drawn_objects",
+    "final_gamma",
 }  # keys that the configs of earlier policies lack
 
 

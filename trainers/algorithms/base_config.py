@@ -56,12 +56,19 @@ class OnPolicyConfig(AlgorithmConfig):
     gamma: float = within(0.0, 1.0)
     minibatch: int = within(2)
     lmbda: float = within(0.0, 1.0)
+    # Discount factor at the end of the run, after a linear change; None: gamma.
+    final_gamma: float | None = within(0.0, 1.0, default=None)
     final_std: float = within(0.01, 2.0)  # upper bound of the exploration noise at the end, after a linear decline
     # Share of the run, at its beginning, in which the actor does not learn.
     critic_warmup: float = within(0.0, 1.0, default=0.0)
     # Share of gradient steps and of added scenes for the grounding loss: this times the attention's error on fresh
     # scenes, at most 1 and at least 1/8. None = all.
     grounding_gain: float | None = within(0.0)
+
+    def discount(self, progress: float) -> float:
+        """The discount factor after this share of the run."""
+        last = self.gamma if self.final_gamma is None else self.final_gamma
+        return self.gamma + (last - self.gamma) * progress
 
     def check_batch(self, frames: int) -> None:
         if self.minibatch > frames:

@@ -51,6 +51,7 @@ class OnPolicyAlgorithm(Algorithm):
         self.clipped = parameters(policy.encoder), parameters(policy.actor), parameters(critic)
         self.optimizer = self.make_optimizer(self.parameters)
         self.exploration = ExplorationSchedule(policy, config.final_std)
+        self.gamma = config.gamma
         self.actor_learns = True
         encoded = (policy.context_key,) if self.grounding.active else policy.encoder_keys
         kept = [*encoded, *policy.actor_keys, "move", "move_log_prob", *critic.in_keys]
@@ -61,6 +62,7 @@ class OnPolicyAlgorithm(Algorithm):
         check_batch(batch)
         rate = self.anneal_learning_rates(progress)
         self.actor_learns = progress >= self.config.critic_warmup
+        self.gamma = self.config.discount(progress)
         self.exploration.step(progress)
         batch = batch.to(self.device)
         fresh = self.add_batch_scenes(batch) if self.grounding.active else {}
@@ -100,7 +102,7 @@ class OnPolicyAlgorithm(Algorithm):
     def compute_advantages(self, batch: TensorDictBase) -> tuple[TensorDictBase, float]:
         """Frames (worlds x steps) with normalised advantage and value_target, and the critic's explained variance."""
         value, next_value = self.value(batch), self.value(batch["next"])
-        advantage, target = advantages(batch["next"], value, next_value, self.config.gamma, self.config.lmbda)
+        advantage, target = advantages(batch["next"], value, next_value, self.gamma, self.config.lmbda)
         explained = 1 - (target - value).var() / target.var().clamp_min(1e-8)
         advantage = (advantage - advantage.mean()) / advantage.std().clamp_min(1e-6)
         frames = batch.select(*self.frame_keys).set("advantage", advantage).set("value_target", target)

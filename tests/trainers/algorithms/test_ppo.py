@@ -87,6 +87,17 @@ def test_the_learning_rate_is_annealed():
     assert ppo.update(batch_of(policy), 0.75)["lr"] == pytest.approx(0.25 * ppo.config.lr)
 
 
+@pytest.mark.parametrize(("final", "expected"), [("0.98", 0.96), ("null", 0.9)])
+def test_the_discount_factor_goes_to_its_final_value(final, expected):
+    policy, ppo = learner("algo.gamma=0.9", f"algo.final_gamma={final}")
+    batch = batch_of(policy)
+    ppo.update(batch, 0.75)
+    value, next_value = ppo.value(batch), ppo.value(batch["next"])
+    _, target = advantages(batch["next"], value, next_value, expected, ppo.config.lmbda)
+    measured = ppo.compute_advantages(batch)[0]["value_target"].reshape(target.shape)
+    torch.testing.assert_close(measured, target)
+
+
 @pytest.mark.parametrize("key", [("next", "reward"), "robot", ("next", "objects")])
 def test_a_value_that_is_not_finite_stops_an_update_before_it_changes_parameters(key):
     policy, ppo = learner()
