@@ -41,6 +41,12 @@ def test_scenarios_of_one_algorithm_share_their_hyperparameters():
         assert [other[key] for key in same] == [first[key] for key in same]
 
 
+@pytest.mark.parametrize("algo", ["ppo", "sac", "bc"])
+def test_another_algorithm_replaces_all_of_a_scenarios_own(algo):
+    assert compose(["scenario=3", f"algo={algo}"]).algo == compose([f"algo={algo}"]).algo
+    assert read_plan(compose(["scenario=3", f"algo={algo}"])).algo.name == algo
+
+
 def test_scenario_none_changes_nothing():
     assert compose(["scenario=none"]) == compose()
     assert "scenario" not in compose()
