@@ -89,7 +89,7 @@ def test_every_option_reads_into_its_dataclass(group, option):
     holder = environment if hasattr(environment, group) else plan
     values = getattr(holder, group)
     if hasattr(values, "name"):
-        # A larger nl_reach is the same task with other values, and PPO with a rising discount factor the same algorithm.
+        # A larger nl_reach is the same task with other values; PPO with a rising discount factor is PPO.
         assert values.name == option.removesuffix("_large").removesuffix("_rising_gamma")
 
 
