@@ -19,7 +19,7 @@ from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name, object_names
 from envs.tasks.feasible import HANDING
 from envs.tasks.spots import is_sorted
-from language import HAND, NOUNS, LanguageError
+from language import HAND, NOUNS, LanguageError, Scene
 from language.commands import Action
 
 BIT = 1.5  # "a bit", in radii within which an object counts as being at its place
@@ -105,14 +105,14 @@ def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_p
         return board.plan(actions, env, planner if for_policy else None)
     steps = without_takes(actions)
     if env.task.verbs:
-        return [_of_room(action, env) for action in steps]
+        return [_of_room(action, planner.scene(), env) for action in steps]
     moves = _moves(steps, planner, env)
     for action, move in zip(steps, moves, strict=True):
         if move is None and (action.kind not in DOES.get(planner.verb, ()) or action.object is None):
             task = f"task={env.config.task.name}, which does '{verb_words(planner.verb)}'"
             raise LanguageError(f"'{action.kind}' is not what {task}; choose another task")
     by_task = [action for action, move in zip(steps, moves, strict=True) if move is None]
-    targets = _targets(by_task, env)
+    targets = _targets(by_task, env.scene(), env)
     for action, target in zip(by_task, targets, strict=True):
         if planner.names_later:  # the task finds a spot at its target itself
             break
@@ -122,9 +122,9 @@ def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_p
     return [_subtask(action, move, left, planner) for action, move in zip(steps, moves, strict=True)]
 
 
-def _of_room(action: Action, env: InteractiveEnv) -> Subtask:
+def _of_room(action: Action, scene: Scene, env: InteractiveEnv) -> Subtask:
     """The subtask of a step where the task has several verbs. A see-through object marks a place on the table."""
-    scene, thing = env.scene(), action.object
+    thing = action.object
     if action.fixture is not None:
         noun = list(NOUNS).index(FIXTURES[action.fixture])
         return Subtask("", int(np.flatnonzero(scene.nouns == noun)[0]), verb=action.kind)
@@ -141,7 +141,7 @@ def _of_room(action: Action, env: InteractiveEnv) -> Subtask:
     if on is not None:
         found = room.room_of(env)
         return Subtask("", thing, on, verb="put_in" if found.fits[on] else HANDING if found.hands[on] else "stack")
-    target, place = _targets([action], env)[0], _within_reach(action.position, env)
+    target, place = _targets([action], scene, env)[0], _within_reach(action.position, env)
     assert target is not None
     marked = np.linalg.norm(scene.positions[target, :2] - place) < SAME_PLACE
     height = env.config.task.object_size / 2
@@ -207,20 +207,20 @@ def _within_reach(position: tuple[float, float], env: InteractiveEnv) -> tuple[f
     return float(np.clip(position[0], x0, x1)), float(np.clip(position[1], y0, y1))
 
 
-def put_object(env: InteractiveEnv, index: int, place: NDArray[np.float64]) -> None:
-    """Puts an object at (2,) metres on the table, or at the nearest place where objects may stand."""
+def put_object(env: InteractiveEnv, planner: Planner, index: int, place: NDArray[np.float64]) -> None:
+    """Puts an object at (2,) metres on the table, or at the nearest place where objects may stand, for good."""
     if env.bodies()[index] is None:
         raise LanguageError(f"{object_name(index, env.scene())} stays where it is; press Shuffle for another scene")
     x, y = _within_reach((float(place[0]), float(place[1])), env)
     on_table = x, y, env.config.task.object_size / 2
+    planner.own_places.pop(index, None)
     env.put_object(index, board.free_place(env, index, x, y) if env.task.stacks else on_table)
 
 
-def _targets(steps: Sequence[Action], env: InteractiveEnv) -> list[int | None]:
+def _targets(steps: Sequence[Action], scene: Scene, env: InteractiveEnv) -> list[int | None]:
     """The object that marks the place of each step; None if the task has no places."""
     if not env.task.places:
         return [None] * len(steps)
-    scene = env.scene()
     if env.task.stepwise:
         return [int(scene.targets.argmax())] * len(steps)
     free = [index for index in range(len(scene)) if scene.targets[index]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
@@ -40,7 +40,7 @@ class Subtask:
 
     sentence: what the policy is given. referent, target: indices in the scene. move: on a board, where the referent
     goes; the target then marks that place. verb: where the task has several. instruction: in the person's words.
-    place: (3,) metres where the target is put as the step begins; None: it stays. mark: (3,) metres; where it
+    place: (3,) metres where the target is put during the step; None: it stays. mark: (3,) metres; where it
     is put at a free spot of the place that is marked there instead. any_order: whether the steps after it that are so,
     too, can be done before it.
     """
@@ -62,12 +62,21 @@ class Subtask:
 
 
 class Planner:
-    """Plans for the task of this environment. verb: the task's verb, a key of language.VERBS."""
+    """Plans for the task of this environment.
+
+    verb: the task's verb, a key of language.VERBS. own_places: by index, of targets that were put elsewhere for a step;
+    (3,) metres.
+    """
 
     def __init__(self, env: InteractiveEnv, rng: np.random.Generator) -> None:
         self._env, self._rng, self._config = env, rng, env.config.task
         self._describer = Describer(tuple(self._config.kinds) or KINDS)
         self.verb: str = env.task.verb
+        self.own_places: dict[int, tuple[float, float, float]] = {}
+
+    def scene(self) -> Scene:
+        """The objects as the language sees them: targets that were put elsewhere for a step are at their own places."""
+        return _moved(self._env.scene(), self.own_places)
 
     @property
     def names_later(self) -> bool:
@@ -87,7 +96,7 @@ class Planner:
             every = instruction.phrase.determiner == EVERY
             words = None if every else instruction
             if self._sorts(step):
-                mark = self._env.scene()[target or 0].position
+                mark = self.scene()[target or 0].position
                 subtasks.append(
                     Subtask("", referent, target, verb=PLACING, instruction=words, mark=mark, any_order=every)
                 )
@@ -107,7 +116,7 @@ class Planner:
 
     def _to_do(self, understood: Understood) -> list[tuple[GroundedStep, Instruction]]:
         """The steps with their instructions, but for those of "every" that are done. Raises LanguageError for none."""
-        pairs, scene = list(zip(understood.steps, understood.instructions, strict=True)), self._env.scene()
+        pairs, scene = list(zip(understood.steps, understood.instructions, strict=True)), self.scene()
         left = [
             (step, instruction)
             for step, instruction in pairs
@@ -138,7 +147,7 @@ class Planner:
 
         Raises LanguageError, and then nothing moves, if it cannot be done now.
         """
-        scene, referent, target, verb = self._env.scene(), subtask.referent, subtask.target, subtask.verb
+        scene, referent, target, verb = self.scene(), subtask.referent, subtask.target, subtask.verb
         if verb is None:
             if subtask.move is not None or not self.names_later:
                 return subtask
@@ -146,16 +155,24 @@ class Planner:
             return replace(subtask, sentence=self.policy_sentence(words, referent, target))
         if subtask.mark is not None:
             subtask = replace(subtask, place=self._free_spot(referent, subtask.mark, scene))
+        own_places = {}
         if subtask.place is not None and target is not None:
-            places = scene.positions.copy()
-            places[target] = subtask.place
-            scene = scene.moved(places)
+            own_places[target] = scene[target].position
+            scene = _moved(scene, {target: subtask.place})
         room.check(self._env, Option(verb, referent, target), scene)
         words = _still_fitting(subtask.instruction, referent, target, scene)
         sentence = self.policy_sentence(words, referent, target, verb, scene)
+        self.return_targets()
         if subtask.place is not None and target is not None:
             self._env.put_object(target, subtask.place)
+        self.own_places = own_places
         return replace(subtask, sentence=sentence)
+
+    def return_targets(self) -> None:
+        """Puts targets that were put elsewhere for a step back at their own places."""
+        for index, place in self.own_places.items():
+            self._env.put_object(index, place)
+        self.own_places = {}
 
     def _free_spot(self, referent: int, mark: tuple[float, float, float], scene: Scene) -> tuple[float, float, float]:
         """Where there is room for the object at a marked place."""
@@ -237,6 +254,14 @@ class Planner:
             thing = scene[max(movable, key=lambda index: colors.count(scene.colors[index]))]
             return template.replace(OBJECT, f"{EVERY} {thing.color} {thing.noun}").replace(BASE, base)
         return sentence.replace(GOAL, f"to the same position as {names[targets[0]]}") if targets else sentence
+
+
+def _moved(scene: Scene, places: Mapping[int, tuple[float, float, float]]) -> Scene:
+    """The scene with some objects at other places, metres."""
+    positions = scene.positions.copy()
+    for index, place in places.items():
+        positions[index] = place
+    return scene.moved(positions)
 
 
 def _is_sorted(scene: Scene, step: GroundedStep) -> bool:

@@ -47,7 +47,6 @@ class Session:
         self.view = ViewState()
         self.finger = Finger(self.env)
         self._return = Return(self.env)
-        self._planner = Planner(self.env, self._rng)
         self.gripper_closed = False
         self.shuffle()
         self._warm_up()
@@ -71,6 +70,7 @@ class Session:
         """Draws another scene, with the arm at rest."""
         self._state = self.env.reset()
         board.mark(self.env, None)
+        self._planner = Planner(self.env, self._rng)
         self._dialogue, self._subtasks = commands.dialogue(self.env), deque[Subtask]()
         self._subtask: Subtask | None = None
         self._actor: Actor | None = None  # None while the gripper returns to its rest position
@@ -82,7 +82,7 @@ class Session:
 
     def scene(self) -> Scene:
         """The objects as the language sees them."""
-        return self.env.scene()
+        return self._planner.scene()
 
     def object_names(self) -> list[str]:
         """The name of each object."""
@@ -164,7 +164,7 @@ class Session:
 
     def put_object(self, index: int, place: Array) -> None:
         """Puts an object at (2,) metres on the table, or at the nearest place where objects may stand."""
-        commands.put_object(self.env, index, place)
+        commands.put_object(self.env, self._planner, index, place)
 
     # ---- Who drives
 
@@ -200,6 +200,7 @@ class Session:
 
     def _end(self, status: str) -> None:
         board.mark(self.env, None)
+        self._planner.return_targets()
         self._subtasks.clear()
         self._subtask = self._actor = None
         self.view.status = status

@@ -44,7 +44,7 @@ def all_sorted(session, members, mark):
 
 
 def mark_of(session):
-    scene = session.scene()
+    scene = session.env.scene()
     return scene.positions[scene.targets.argmax()].copy()
 
 
@@ -89,6 +89,39 @@ def test_policies_that_place_things_sort_them_step_by_step(room, command):
     places = room.scene().positions[members]
     apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.eye(len(places))
     assert apart.min() > 0.06
+    assert np.allclose(mark_of(room), mark), "the mark stands at its own place again"
+
+
+@pytest.mark.parametrize("ending", ["stop", "gather all {} cubes at the target"])
+def test_the_mark_returns_where_sorting_is_stopped_or_asked_for_again(room, ending):
+    color, members, mark = sorting_beside_the_mark(room)
+    room.say(ending.format(color))
+    while room.busy:
+        room.step()
+    assert np.allclose(mark_of(room), mark)
+    assert ending == "stop" or all_sorted(room, members, mark)
+
+
+def test_a_mark_that_the_person_moves_meanwhile_stays_there(room):
+    sorting_beside_the_mark(room)
+    index, place = int(room.scene().targets.argmax()), np.array([0.4, 0.1])
+    room.put_object(index, place)
+    assert np.allclose(room.scene().positions[index, :2], place)
+    room.say("stop")
+    assert np.allclose(mark_of(room)[:2], place)
+
+
+def sorting_beside_the_mark(session):
+    """Sorts until the mark stands at a free spot. Returns the colour, the members, and the mark's own place."""
+    for _ in range(SHUFFLES):
+        color, members = same_colour(session)
+        mark = mark_of(session)
+        session.say(f"gather all {color} cubes at the target")
+        while session.busy:
+            if not np.allclose(mark_of(session), mark):
+                return color, members, mark
+            session.step()
+    raise AssertionError("the mark never moved")
 
 
 def same_colour(session):
