@@ -7,6 +7,7 @@ given the sentence that brings the referent to it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,7 +106,7 @@ def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_p
         return board.plan(actions, env, planner if for_policy else None)
     steps = without_takes(actions)
     if env.task.verbs:
-        return [_of_room(action, planner.scene(), env) for action in steps]
+        return _around_marks([(action, _of_room(action, planner.scene(), env)) for action in steps], planner.scene())
     moves = _moves(steps, planner, env)
     for action, move in zip(steps, moves, strict=True):
         if move is None and (action.kind not in DOES.get(planner.verb, ()) or action.object is None):
@@ -146,6 +147,28 @@ def _of_room(action: Action, scene: Scene, env: InteractiveEnv) -> Subtask:
     marked = np.linalg.norm(scene.positions[target, :2] - place) < SAME_PLACE
     height = env.config.task.object_size / 2
     return Subtask("", thing, target, verb="pick_and_place", place=None if marked else (*place, height))
+
+
+def _around_marks(steps: Sequence[tuple[Action, Subtask]], scene: Scene) -> list[Subtask]:
+    """The subtasks. Several things that go to a marked place get the spots around it that are free at their turn.
+
+    What lies there already stays. Raises LanguageError if all of them do.
+    """
+    gathered: dict[int, Subtask] = {}  # by index of the step
+    for index, (action, subtask) in enumerate(steps):
+        at_mark = subtask.target is not None and scene.targets[subtask.target] and subtask.place is None
+        follows = index - 1 in gathered and gathered[index - 1].target == subtask.target
+        if action.several and subtask.target is not None and (at_mark or follows):
+            gathered[index] = replace(subtask, place=None, mark=scene[subtask.target].position)
+    left = [gathered.get(index, subtask) for index, (_, subtask) in enumerate(steps)]
+    left = [each for each in left if each.mark is None or not _lies_at(each.referent, each.mark, scene)]
+    if not left:
+        raise LanguageError("they are there already")
+    return left
+
+
+def _lies_at(index: int, mark: tuple[float, float, float], scene: Scene) -> bool:
+    return bool(is_sorted(scene.positions[index], np.array(mark), scene[index].size))
 
 
 def _subtask(action: Action, move: Move | None, targets: Iterator[int | None], planner: Planner) -> Subtask:

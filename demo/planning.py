@@ -14,7 +14,7 @@ from envs.experts.moves import Move
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name, object_names
 from envs.tasks.feasible import Option
-from envs.tasks.spots import Spots, is_sorted
+from envs.tasks.spots import is_sorted
 from language import (
     HAND,
     KINDS,
@@ -154,7 +154,7 @@ class Planner:
             words = _still_fitting(subtask.instruction, referent, target, scene)
             return replace(subtask, sentence=self.policy_sentence(words, referent, target))
         if subtask.mark is not None:
-            subtask = replace(subtask, place=self._free_spot(referent, subtask.mark, scene))
+            subtask = replace(subtask, place=room.free_spot(self._env, referent, subtask.mark, scene))
         own_places = {}
         if subtask.place is not None and target is not None:
             own_places[target] = scene[target].position
@@ -173,13 +173,6 @@ class Planner:
         for index, place in self.own_places.items():
             self._env.put_object(index, place)
         self.own_places = {}
-
-    def _free_spot(self, referent: int, mark: tuple[float, float, float], scene: Scene) -> tuple[float, float, float]:
-        """Where there is room for the object at a marked place."""
-        spots = Spots(self._env.config.workspace.object_area, self._config.object_size)
-        free = spots.free(scene.positions[None], ~scene.targets[None], np.array(mark)[None])
-        x, y, z = free[0, referent].tolist()
-        return x, y, z
 
     def _check_target(self, subtask: Subtask) -> None:
         scene, task = self._env.scene(), self._env.task

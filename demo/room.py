@@ -15,6 +15,7 @@ from envs.tasks.feasible import CARRY, DEVICE_VERBS, HANDING, THROUGH, Option, R
 from envs.tasks.free_places import BESIDE
 from envs.tasks.furnished import OPEN, SHUT
 from envs.tasks.geometry import length
+from envs.tasks.spots import Spots
 from envs.tasks.types import NOTHING
 from language import HAND, SUPERLATIVES, VERBS, LanguageError, ObjectPhrase, Scene, Split, matches
 from language.describing import plain_name
@@ -95,6 +96,25 @@ def check(env: InteractiveEnv, option: Option, scene: Scene) -> None:
         reason = f"'{in_words(verb, names[referent], None if target is None else names[target])}' cannot be done now"
     if reason:
         raise LanguageError(reason)
+
+
+def free_spot(
+    env: InteractiveEnv, referent: int, mark: tuple[float, float, float], scene: Scene
+) -> tuple[float, float, float]:
+    """Where there is room for the object at a marked place, but not where it stands; metres.
+
+    Raises LanguageError if there is none.
+    """
+    size = env.config.task.object_size
+    real = ~scene.targets
+    real[referent] = env.held != referent
+    objects = np.concatenate((scene.positions, scene.positions[[referent]]))  # `free` lets an object stay where it is
+    spots = Spots(env.config.workspace.object_area, size)
+    spot = spots.free(objects[None], np.append(real, real[referent])[None], np.array(mark)[None])[0, referent]
+    if (length((scene.positions[real] - spot)[:, :2]) < BESIDE * size).any():
+        raise LanguageError(f"there is no more room for {names_of(scene)[referent]} at the marked place")
+    x, y, z = spot.tolist()
+    return x, y, z
 
 
 def _reasons(room: Room, option: Option, held: int, names: Sequence[str]) -> Iterator[str]:

@@ -18,7 +18,7 @@ class Action:
     object: index of the thing that it concerns, or None.
     position: of "place" and "push": where the thing's centre goes, x and y in the world's unit (metres or cells).
     bottom: the height of the thing's underside there. on: index of what it then stands on; None: table or board.
-    fixture: of "open" and "close".
+    fixture: of "open" and "close". several: whether the words for the object name several things.
     """
 
     kind: str
@@ -27,6 +27,7 @@ class Action:
     bottom: float | None = None
     on: int | None = None
     fixture: str | None = None
+    several: bool = False
 
 
 @dataclass(frozen=True)

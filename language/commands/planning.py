@@ -147,6 +147,7 @@ class Planner:
                 plan, failure="the gripper holds one thing at a time", reason="impossible", entity=step.entity
             )
         things.sort(key=lambda i: -plan.world.things[i].bottom)
+        before = len(plan.actions)
         for index in things:
             part = beside(step) if at_a_mark(plan) else step
             found = [done for done in self._act(replace(plan, mover=index), part) if not done.failure]
@@ -156,7 +157,8 @@ class Planner:
                     failed, failure=failed.failure or "there is no place for all of them", reason="impossible"
                 )
             plan = min(found, key=lambda done: done.cost)
-        return replace(plan, it=tuple(things), mentioned=tuple(things))
+        actions = *plan.actions[:before], *(replace(each, several=True) for each in plan.actions[before:])
+        return replace(plan, actions=actions, it=tuple(things), mentioned=tuple(things))
 
     def _movers(self, plan: Plan, step: Step) -> Iterator[Plan]:
         """Yields the plan with each thing that the step may concern as its mover."""
