@@ -9,7 +9,7 @@ from language.commands import costs
 from language.commands.meanings import Entity, Gesture, Reading, Relation, Step
 from language.commands.outcomes import CONTROLS, Action
 from language.commands.places import Point, Spot, settle, spots
-from language.commands.plans import Plan, at_a_mark, beside, implied_places, obstacle
+from language.commands.plans import Plan, at_a_mark, beside, for_several, implied_places, obstacle
 from language.commands.referents import Ref, color_fits
 from language.commands.resolving import Resolver
 from language.commands.world import DEVICES, World
@@ -157,8 +157,7 @@ class Planner:
                     failed, failure=failed.failure or "there is no place for all of them", reason="impossible"
                 )
             plan = min(found, key=lambda done: done.cost)
-        actions = *plan.actions[:before], *(replace(each, several=True) for each in plan.actions[before:])
-        return replace(plan, actions=actions, it=tuple(things), mentioned=tuple(things))
+        return for_several(replace(plan, it=tuple(things), mentioned=tuple(things)), before)
 
     def _movers(self, plan: Plan, step: Step) -> Iterator[Plan]:
         """Yields the plan with each thing that the step may concern as its mover."""

@@ -61,6 +61,12 @@ def beside(step: Step) -> Step:
     return replace(step, places=tuple(places))
 
 
+def for_several(plan: Plan, first: int) -> Plan:
+    """Returns the plan with its actions from the first on marked as those for several things."""
+    actions = *plan.actions[:first], *(replace(each, several=True) for each in plan.actions[first:])
+    return replace(plan, actions=actions)
+
+
 def implied_places(step: Step) -> tuple[Relation, ...]:
     """Returns the place that a verb implies."""
     if step.action == "give":
