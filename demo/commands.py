@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from demo import board, room
 from demo.dialogue import Dialogue
-from demo.planning import Planner, Subtask, verb_words
+from demo.planning import Planner, Subtask, lies_at, verb_words
 from envs.experts.moves import CARRIED, Move, moves_of, without_takes
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.interactive.object_names import object_name, object_names
@@ -106,7 +106,8 @@ def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_p
         return board.plan(actions, env, planner if for_policy else None)
     steps = without_takes(actions)
     if env.task.verbs:
-        return _around_marks([(action, _of_room(action, planner.scene(), env)) for action in steps], planner.scene())
+        scene = planner.scene()
+        return _around_marks([(action, _of_room(action, scene, env)) for action in steps], scene)
     moves = _moves(steps, planner, env)
     for action, move in zip(steps, moves, strict=True):
         if move is None and (action.kind not in DOES.get(planner.verb, ()) or action.object is None):
@@ -161,14 +162,10 @@ def _around_marks(steps: Sequence[tuple[Action, Subtask]], scene: Scene) -> list
         if action.several and subtask.target is not None and (at_mark or follows):
             gathered[index] = replace(subtask, place=None, mark=scene[subtask.target].position)
     left = [gathered.get(index, subtask) for index, (_, subtask) in enumerate(steps)]
-    left = [each for each in left if each.mark is None or not _lies_at(each.referent, each.mark, scene)]
+    left = [each for each in left if each.mark is None or not lies_at(each.referent, each.mark, scene)]
     if not left:
         raise LanguageError("they are there already")
     return left
-
-
-def _lies_at(index: int, mark: tuple[float, float, float], scene: Scene) -> bool:
-    return bool(is_sorted(scene.positions[index], np.array(mark), scene[index].size))
 
 
 def _subtask(action: Action, move: Move | None, targets: Iterator[int | None], planner: Planner) -> Subtask:

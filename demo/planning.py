@@ -261,7 +261,12 @@ def _is_sorted(scene: Scene, step: GroundedStep) -> bool:
     """Whether what a step is to sort lies at its place."""
     if step.task != SORTING or step.init is None or step.goal is None:
         return False
-    return bool(is_sorted(scene.positions[step.init], scene.positions[step.goal], scene[step.init].size))
+    return lies_at(step.init, scene[step.goal].position, scene)
+
+
+def lies_at(index: int, mark: tuple[float, float, float], scene: Scene) -> bool:
+    """Whether the object lies at a marked place, metres."""
+    return bool(is_sorted(scene.positions[index], np.array(mark), scene[index].size))
 
 
 def _still_fitting(
