@@ -145,7 +145,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
             self._set_goal(i, goal)
             outcome["terminated"][i] = False
             outcome["success"][i] &= not self.task.stepwise
-        truncated = (self._arrays.steps[:, None] >= self.config.task.max_steps) & ~outcome["terminated"]
+        truncated = (self._arrays.steps[:, None] >= self.config.task.most_steps) & ~outcome["terminated"]
         outcome |= {"truncated": truncated, "done": truncated | outcome["terminated"]}
         return {name: torch.from_numpy(values) for name, values in outcome.items()}
 

@@ -107,7 +107,7 @@ class Anything(RoomScenes):
         terms = {name: said(each.terms.get(name) for each in outcomes) for name in self.terms}
         outcome = Outcome(terms, **flags)
         self._steps += 1
-        ended = outcome.terminated | (self._steps >= self.config.max_steps)
+        ended = outcome.terminated | (self._steps >= self.config.most_steps)
         self._sampler.note(state.kind[ended], outcome.success[ended])
         return outcome
 

@@ -197,6 +197,11 @@ class TaskConfig(Checked):
         return min(self.curriculum.radius or self.radius, self.radius)
 
     @property
+    def most_steps(self) -> int:
+        """Control steps for each instruction of an episode of this config: fewer in training, if so set."""
+        return min(self.curriculum.max_steps or self.max_steps, self.max_steps)
+
+    @property
     def slots(self) -> int:
         """The largest number of objects and targets in an episode."""
         return self.num_objects + self.num_targets

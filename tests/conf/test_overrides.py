@@ -112,6 +112,7 @@ NEWER = {
     "randomize",
     "automatic",
     "radius",
+    "max_steps",
     "drawn_objects",
     "final_gamma",
 }  # keys that the configs of earlier policies lack

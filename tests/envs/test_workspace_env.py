@@ -168,6 +168,16 @@ def test_each_world_is_truncated_at_exactly_max_steps(env):
             td, ages[[0, 2]] = partial_reset(env, td, [0, 2]), 0
 
 
+def test_training_episodes_end_after_the_steps_of_the_curriculum():
+    env = make("kuka", "step", "nl_pick_and_place", "task.curriculum={placed:0,max_steps:4}", worlds=WORLDS, seed=3)
+    td = env.reset()
+    for step in range(4):
+        assert not td["truncated"].any(), step
+        td = act(env, td, hold(env, td))
+    assert td["truncated"].all()
+    env.close()
+
+
 def global_states():
     return random.getstate(), np.random.get_state()[1].tolist(), torch.get_rng_state().tolist()  # noqa: NPY002
 

@@ -23,6 +23,13 @@ def test_a_radius_of_the_curriculum_makes_no_episode_easier():
     assert config_of("task=nl_pick_and_place", "task.curriculum.radius=0.08").task.success_radius == 0.05
 
 
+@pytest.mark.parametrize(("given", "steps"), [(0, 80), (40, 40), (100, 80)])
+def test_training_episodes_are_as_long_as_the_curriculum_says_and_at_most_as_evaluations(given, steps):
+    config = config_of("task=nl_pick_and_place", f"task.curriculum.max_steps={given}")
+    assert config.task.most_steps == steps
+    assert config.without_curriculum().task.most_steps == config.task.max_steps == 80
+
+
 def test_evaluations_succeed_within_the_radius_of_the_task():
     config = config_of("task=nl_pick_and_place", "task.curriculum.radius=0.03")
     assert config.task.success_radius == 0.03
