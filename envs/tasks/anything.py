@@ -71,6 +71,7 @@ class Anything(RoomScenes):
                 min_objects=config.slots - targets,
                 num_targets=targets,
                 radius=STACK_RADIUS if verb == "stack" else config.success_radius,
+                hold_steps=config.success_steps,
                 reward={term: config.reward[term] for term in kind.terms},
             ),
             self._area,

@@ -40,7 +40,7 @@ class Grasp(Manipulation):
         return state.held == state.referent
 
     def _disturbed(self, state: State) -> NDArray[np.bool_]:
-        return super()._disturbed(state) | (self._other >= self.config.hold_steps)
+        return super()._disturbed(state) | (self._other >= self.config.success_steps)
 
     def _potentials(self, state: State) -> dict[str, Array]:
         held = state.held == state.referent

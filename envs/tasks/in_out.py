@@ -76,7 +76,7 @@ class PutIn(InOut):
     def _misplaced(self, state: State) -> NDArray[np.bool_]:
         there = self._referent_in(state)
         there[self._rows, state.target] = False
-        left = (state.held != state.referent) & (self._still >= self.config.hold_steps)
+        left = (state.held != state.referent) & (self._still >= self.config.success_steps)
         return (there & state.goals).any(1) & left
 
     def _movable(self, placed: Placed) -> NDArray[np.bool_]:

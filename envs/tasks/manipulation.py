@@ -90,7 +90,7 @@ class Manipulation(MovableObjects):
 
     def _outcome(self, state: State) -> Outcome:
         """The reward terms and ends that follow from the state and the memory."""
-        success = self._reached >= self.config.hold_steps
+        success = self._reached >= self.config.success_steps
         wrong_object = self._disturbed(state) & ~success
         wrong_target = self._misplaced(state) & ~success & ~wrong_object
         failed = self._failed(state) & ~success & ~wrong_object & ~wrong_target
@@ -144,7 +144,7 @@ class Manipulation(MovableObjects):
         place = self._referent(state)
         there = others & (length(self._goals(state) - place[:, None]) <= self.config.success_radius)
         moved = length(place - self._begun[self._rows, state.referent]) > self.disturbed
-        left = (state.held != state.referent) & (self._still >= self.config.hold_steps)
+        left = (state.held != state.referent) & (self._still >= self.config.success_steps)
         return there.any(1) & moved & left
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:

@@ -82,7 +82,7 @@ class Push(Manipulation):
 
     def _lain(self) -> Array:
         """(N,) the share of `hold_steps` that the referent has lain at its target."""
-        return np.minimum(self._reached / self.config.hold_steps, 1.0)
+        return np.minimum(self._reached / self.config.success_steps, 1.0)
 
     def _to_go(self, offset: Array, way: Array) -> Array:
         """(N,) metres from a gripper at `offset` (N, 3) to a place behind an object that is to move along `way` (N, 3).

@@ -49,8 +49,8 @@ class Reach(Task):
         at_goal = near & (nearest == state.referent)
         self._held = np.where(at_goal, self._held + 1, 0)
         self._held_other = np.where(near & ~at_goal, self._held_other + 1, 0)
-        success = self._held >= self.config.hold_steps
-        wrong_object = self._held_other >= self.config.hold_steps
+        success = self._held >= self.config.success_steps
+        wrong_object = self._held_other >= self.config.success_steps
         distance = distances[self._rows, state.referent]
         progress, self._distance = self._distance - distance, distance
         terms = {

@@ -21,7 +21,7 @@ def _range(low: float, high: float, off: Sequence[float]) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class CurriculumConfig(Checked):
-    """Shares of training episodes that begin nearer to success, their radius and length, and the draw of verbs.
+    """Shares of training episodes that begin nearer to success, how they succeed and end, and the draw of verbs.
 
     Evaluations never use them.
     """
@@ -30,6 +30,7 @@ class CurriculumConfig(Checked):
     held: float = within(0, 1)  # the gripper holds the object, somewhere over the table
     placed: float = within(0, 1)  # the gripper has just let go of the object at its target
     radius: float = within(0, 1, default=0.0)  # metres, in place of task.radius if smaller; 0: task.radius
+    hold_steps: int = within(0, 1000, default=0)  # control steps, in place of task.hold_steps if fewer; 0: as there
     max_steps: int = within(0, 100_000, default=0)  # control steps, in place of task.max_steps if fewer; 0: as there
     # Whether verbs that failed recently are drawn more often, in tasks with several. The draws of a world then depend
     # on the outcomes in the other worlds of its process.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from conf.schema import Checked, ConfigError, one_of, within
+from envs.tasks.held_out import HeldOutConfig
 from envs.tasks.training_episodes import CurriculumConfig, RandomizeConfig, Randomized
 from human import Gesture
 from language import (
@@ -19,7 +20,6 @@ from language import (
     SHAPES,
     SPLITS,
     VIEWPOINTS,
-    HeldOut,
     LanguageError,
     Layout,
     ObjectSpec,
@@ -102,31 +102,6 @@ class ObjectsConfig(Checked):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeldOutConfig(Checked):
-    """Words and phrases that the split train never uses, as in `language.HeldOut`."""
-
-    color_noun: list[list[str]]
-    relation_noun: list[list[str]]
-    phrases: list[str]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.held_out()
-
-    def held_out(self) -> HeldOut:
-        """As a `language.HeldOut`. Raises ConfigError."""
-        for name in ("color_noun", "relation_noun"):
-            for pair in getattr(self, name):
-                if len(pair) != 2:
-                    raise ConfigError(f"{name}={pair} must be pairs, like [red, cube] or [left of, cube]")
-        pairs = {name: tuple((a, b) for a, b in getattr(self, name)) for name in ("color_noun", "relation_noun")}
-        try:
-            return HeldOut(**pairs, phrases=tuple(self.phrases))
-        except LanguageError as error:
-            raise ConfigError(str(error)) from None
-
-
-@dataclass(frozen=True, kw_only=True)
 class TaskConfig(Checked):
     """Lengths in metres, angles in radians, steps in control steps.
 
@@ -195,6 +170,11 @@ class TaskConfig(Checked):
     def success_radius(self) -> float:
         """Metres from its goal within which an episode of this config can succeed: less in training, if so set."""
         return min(self.curriculum.radius or self.radius, self.radius)
+
+    @property
+    def success_steps(self) -> int:
+        """Control steps for which an end must last in an episode of this config: fewer in training, if so set."""
+        return min(self.curriculum.hold_steps or self.hold_steps, self.hold_steps)
 
     @property
     def most_steps(self) -> int:

@@ -112,6 +112,7 @@ NEWER = {
     "randomize",
     "automatic",
     "radius",
+    "hold_steps",
     "max_steps",
     "drawn_objects",
     "final_gamma",

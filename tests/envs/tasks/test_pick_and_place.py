@@ -23,6 +23,20 @@ def test_a_radius_of_the_curriculum_makes_no_episode_easier():
     assert config_of("task=nl_pick_and_place", "task.curriculum.radius=0.08").task.success_radius == 0.05
 
 
+@pytest.mark.parametrize(("given", "steps"), [(0, 3), (2, 2), (9, 3)])
+def test_training_episodes_succeed_after_the_steps_of_the_curriculum_and_at_most_those_of_evaluations(given, steps):
+    released = CARRIED + [moment(GOAL)] * 7
+    outcomes = judged("nl_pick_and_place", released, "task.hold_steps=3", f"task.curriculum.hold_steps={given}")
+    succeeded = [bool(outcome.success[0]) for outcome in outcomes]
+    assert succeeded.index(True) == len(CARRIED) + steps - 1
+
+
+def test_evaluations_succeed_after_the_steps_of_the_task():
+    config = config_of("task=nl_pick_and_place", "task.curriculum.hold_steps=2")
+    assert config.task.success_steps == 2
+    assert config.without_curriculum().task.success_steps == config.task.hold_steps == 5
+
+
 @pytest.mark.parametrize(("given", "steps"), [(0, 80), (40, 40), (100, 80)])
 def test_training_episodes_are_as_long_as_the_curriculum_says_and_at_most_as_evaluations(given, steps):
     config = config_of("task=nl_pick_and_place", f"task.curriculum.max_steps={given}")
