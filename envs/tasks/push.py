@@ -30,7 +30,7 @@ class Push(Manipulation):
     once the referent is `LOST`: no gripper can push it back.
     Potentials: approach (metres that the gripper has to go, up, over and down, to the place behind the object, as seen
     from its target, negative; 0 once the object is there), transport (metres from object to target, negative) and rest
-    (the share of `hold_steps` that it has lain there).
+    (the share of `success_steps` that it has lain there).
     """
 
     fails = True
@@ -46,7 +46,7 @@ class Push(Manipulation):
 
     @property
     def memory(self) -> Array:
-        """(N, 3) the share of `hold_steps` that the referent has lain at its target, and how it slides."""
+        """(N, 3) the share of `success_steps` that the referent has lain at its target, and how it slides."""
         sliding = np.clip(0.5 + self._motion[:, :2] / (2 * FASTEST), 0.0, 1.0)
         return np.concatenate((self._lain()[:, None], sliding), axis=1)
 
@@ -81,7 +81,7 @@ class Push(Manipulation):
         }
 
     def _lain(self) -> Array:
-        """(N,) the share of `hold_steps` that the referent has lain at its target."""
+        """(N,) the share of `success_steps` that the referent has lain at its target."""
         return np.minimum(self._reached / self.config.success_steps, 1.0)
 
     def _to_go(self, offset: Array, way: Array) -> Array:

@@ -26,7 +26,7 @@ def test_a_radius_of_the_curriculum_makes_no_episode_easier():
 @pytest.mark.parametrize(("given", "steps"), [(0, 3), (2, 2), (9, 3)])
 def test_training_episodes_succeed_after_the_steps_of_the_curriculum_and_at_most_those_of_evaluations(given, steps):
     released = CARRIED + [moment(GOAL)] * 7
-    outcomes = judged("nl_pick_and_place", released, "task.hold_steps=3", f"task.curriculum.hold_steps={given}")
+    outcomes = judged("nl_pick_and_place", released, f"task.curriculum.hold_steps={given}")
     succeeded = [bool(outcome.success[0]) for outcome in outcomes]
     assert succeeded.index(True) == len(CARRIED) + steps - 1
 
