@@ -36,8 +36,11 @@ class PickAndPlace(Manipulation):
         self._raised = np.zeros(worlds)  # the greatest height at which the referent has been held, in units of CLEAR
 
     def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
-        # An episode that begins with the object held or placed requires no lifting.
-        self._raised[worlds] = ((state.held == state.referent) | self._is_near_goal(state))[worlds]
+        # An episode that begins with the object held high, or near its goal, requires no lifting. One that begins with
+        # it held low does: otherwise policies learn to carry objects along the table.
+        height = self._held_height(state)
+        lifted = self._is_near_goal(state) | (height >= LIFT / CLEAR)
+        self._raised[worlds] = np.where(lifted, 1.0, height)[worlds]
 
     @property
     def memory(self) -> NDArray[np.float64]:
@@ -48,9 +51,12 @@ class PickAndPlace(Manipulation):
         return self._placed_there(state) & (self._still >= 1)
 
     def _update_memory(self, state: State) -> None:
+        self._raised = np.maximum(self._raised, self._held_height(state))
+
+    def _held_height(self, state: State) -> Array:
+        """(N,) height over the table at which the referent is held, in units of `CLEAR`, at most 1; 0 if it is not."""
         height = self._referent(state)[:, 2] - self.config.object_size / 2
-        raised = np.clip(height / CLEAR, 0.0, 1.0) * (state.held == state.referent)
-        self._raised = np.maximum(self._raised, raised)
+        return np.clip(height / CLEAR, 0.0, 1.0) * (state.held == state.referent)
 
     def _placed_there(self, state: State) -> NDArray[np.bool_]:
         return (self._raised >= LIFT / CLEAR) & self._is_near_goal(state) & (state.held == NOTHING)

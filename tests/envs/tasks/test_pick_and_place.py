@@ -1,9 +1,10 @@
-"""Picking and placing: how near its target an object must be released, in training and in evaluations."""
+"""Picking and placing: how high an object must be lifted, and how near its target it must be released."""
 
+import numpy as np
 import pytest
 
 from tests.helpers.env_cases import config_of
-from tests.helpers.manipulation_cases import CARRIED, GOAL, four, judged, moment
+from tests.helpers.manipulation_cases import CARRIED, GOAL, THING, UP, four, judged, moment
 
 
 def test_a_release_at_the_border_earns_more_than_an_object_that_is_never_released():
@@ -48,3 +49,15 @@ def test_evaluations_succeed_within_the_radius_of_the_task():
     config = config_of("task=nl_pick_and_place", "task.curriculum.radius=0.03")
     assert config.task.success_radius == 0.03
     assert config.without_curriculum().task.success_radius == config.task.radius == 0.05
+
+
+@pytest.mark.parametrize(
+    ("place", "succeeds"), [(THING, False), (THING + 0.019 * UP, False), (THING + 0.021 * UP, True), (GOAL, True)]
+)
+def test_an_episode_that_begins_with_the_object_held_requires_lifting_unless_it_is_high_or_near_its_target(
+    place, succeeds
+):
+    task = four("nl_pick_and_place")
+    task.reset(np.array([0]), moment(place, held=0))
+    outcomes = [task.step(each) for each in [moment(GOAL, held=0)] + [moment(GOAL)] * 4]
+    assert outcomes[-1].success[0] == succeeds
