@@ -18,7 +18,6 @@ SCENARIOS = {
 }
 # What a scenario of PPO sets by itself: the first value is its own, the second that of the others.
 OWN = {
-    3: {"curriculum.max_steps": (40, 0), "randomize.start": (0.3, 0.0), "reward.lift": (5.0, 2.0)},
     4: {"curriculum.radius": (0.0, 0.04)},
 }
 
