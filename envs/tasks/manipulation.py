@@ -27,7 +27,7 @@ class Manipulation(MovableObjects):
     another way.
 
     All reward terms except those for the ends of episodes and for time are differences of potentials (potential-based
-    shaping, Ng et al. 1999), so a cycle of states earns nothing.
+    shaping, Ng et al. 1999), from which subclasses may take costs, so no cycle of states earns anything.
     """
 
     potentials: tuple[str, ...]  # the names of the values of `_potentials`

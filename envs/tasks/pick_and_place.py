@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from envs.tasks.geometry import funnel, length
 from envs.tasks.manipulation import Manipulation
+from envs.tasks.outcome import Outcome
 from envs.tasks.registry import register_task
 from envs.tasks.types import NOTHING, Array, State
 
@@ -26,6 +27,8 @@ class PickAndPlace(Manipulation):
     placed), grasp (1 while it is held or placed), lift (the greatest height at which it has been held, in units of
     `CLEAR`, at most 1), transport (metres from object to target along a higher funnel, negative) and release (1 while
     it is placed: picked up, near its target, and released).
+    From the term of transport is taken what the object was carried sideways, in metres, times the share of `CLEAR` by
+    which it was lower. It is no potential: a way near the table costs more than one above the other objects.
     """
 
     grips = True
@@ -52,6 +55,12 @@ class PickAndPlace(Manipulation):
 
     def _update_memory(self, state: State) -> None:
         self._raised = np.maximum(self._raised, self._held_height(state))
+
+    def _outcome(self, state: State) -> Outcome:
+        outcome = super()._outcome(state)
+        low = (1.0 - self._held_height(state)) * (state.held == state.referent)
+        outcome.terms["transport"] -= low * length(self._motion[:, :2])
+        return outcome
 
     def _held_height(self, state: State) -> Array:
         """(N,) height over the table at which the referent is held, in units of `CLEAR`, at most 1; 0 if it is not."""

@@ -48,7 +48,7 @@ def test_placed_begins_at_the_target_and_succeeds_if_the_gripper_stays_open(robo
     env, td = begun(robot, placed=1)
     np.testing.assert_allclose(spot(env, "referent"), spot(env, "target"), atol=1e-6)
     assert (env.state.held == NOTHING).all()
-    for step in range(env.config.task.hold_steps):
+    for step in range(env.config.task.success_steps):
         assert not td["success"].any(), step
         td = act(env, td, torch.cat([td["hold"][:, :-1], -torch.ones(WORLDS, 1)], 1))
     assert td["success"].all()

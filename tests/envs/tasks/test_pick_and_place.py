@@ -20,6 +20,19 @@ def test_training_episodes_succeed_within_the_radius_of_the_curriculum(beside, s
     assert outcome.success[0] == succeeds
 
 
+@pytest.mark.parametrize(("height", "share"), [(0.0, 0.0), (0.04, 0.5), (0.08, 1.0), (0.12, 1.0)])
+def test_carrying_an_object_towards_its_target_earns_less_the_lower_it_is_carried(height, share):
+    begin = THING + height * UP
+    end = begin + (GOAL - THING) / 2
+    outcome = judged("nl_pick_and_place", [moment(begin, held=0), moment(end, held=0)])[-1]
+    assert outcome.terms["transport"][0] == pytest.approx(share * np.linalg.norm(end - begin), abs=1e-9)
+
+
+def test_an_object_that_is_not_held_costs_nothing_on_its_way():
+    outcome = judged("nl_pick_and_place", [moment(THING), moment((THING + GOAL) / 2)])[-1]
+    assert outcome.terms["transport"][0] == pytest.approx(np.linalg.norm(GOAL - THING) / 2)
+
+
 def test_a_radius_of_the_curriculum_makes_no_episode_easier():
     assert config_of("task=nl_pick_and_place", "task.curriculum.radius=0.08").task.success_radius == 0.05
 
