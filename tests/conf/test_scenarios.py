@@ -1,6 +1,7 @@
 """Scenarios: their composition, and the precedence of overrides."""
 
 import pytest
+from omegaconf import OmegaConf
 
 from conf.composition import quoted
 from conf.overrides import apply, check, compose
@@ -14,6 +15,10 @@ SCENARIOS = {
     3: ("kuka", "joints", "ppo"),
     4: ("panda", "step", "ppo"),
     5: ("jaco", "step", "sac"),
+}
+# What a scenario of PPO sets by itself: the first value is its own, the second that of the others.
+OWN = {
+    4: {"curriculum.radius": (0.0, 0.04)},
 }
 
 
@@ -32,11 +37,14 @@ def test_a_scenario_sets_robot_control_algorithm_and_task(number):
 
 @pytest.mark.slow
 def test_scenarios_of_one_algorithm_share_their_hyperparameters():
-    """One set of hyperparameters for each algorithm, whatever the robot and the control."""
+    """One set of hyperparameters for each algorithm, whatever the robot and the control, but for what OWN lists."""
     same = ("algo", "policy", "task", "collector")
     first = compose(["scenario=1"])
     for number in (2, 3, 4):
-        other = compose([f"scenario={number}"])
+        own = OWN.get(number, {})
+        task = compose([f"scenario={number}"]).task
+        assert {key: OmegaConf.select(task, key) for key in own} == {key: value for key, (value, _) in own.items()}
+        other = compose([f"scenario={number}", *[f"task.{key}={usual}" for key, (_, usual) in own.items()]])
         assert [other[key] for key in same] == [first[key] for key in same]
 
 
