@@ -12,6 +12,7 @@ from human import Camera
 
 NEAR_PLANE, FAR_PLANE = 0.05, 10  # metres
 LIGHT_DIRECTION = (0.5, -0.6, 1.5)
+Window = tuple[int, int, int, int]  # rows and columns of an image: first and one past the last of each
 
 
 def paint(body: int, color: Sequence[float], client: int, link: int = -1) -> None:
@@ -41,28 +42,52 @@ class Renderer:
 
     def render(self, camera: Camera) -> NDArray[np.uint8]:
         """(height, width, 3) the image of the camera."""
-        image = self._image(camera)
-        if not self._see_through:
+        image, links = self._image(camera, (0, camera.height, 0, camera.width))
+        covered = np.isin(links, [_in_mask(body, link) for body, link in self._see_through])
+        if not covered.any():
             return image
+        # What lies behind is drawn in this window alone, since a whole second image costs as much as the first.
+        rows, columns = np.flatnonzero(covered.any(1)), np.flatnonzero(covered.any(0))
+        window = (int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1)
         for (body, link), color in self._see_through.items():
             paint(body, [*color[:3], 0], self._client, link)
-        background = self._image(camera)
+        background, _ = self._image(camera, window)
         for (body, link), color in self._see_through.items():
             paint(body, color, self._client, link)
         opacity = max(color[3] for color in self._see_through.values())
-        return np.rint(opacity * image + (1 - opacity) * background).astype(np.uint8)
+        part = image[window[0] : window[1], window[2] : window[3]]
+        part[:] = np.rint(opacity * part + (1 - opacity) * background)
+        return image
 
-    def _image(self, camera: Camera) -> NDArray[np.uint8]:
+    def _image(self, camera: Camera, window: Window) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+        """Colors (h, w, 3), and links (h, w) as `_in_mask` numbers them, in a window of the camera's image."""
+        top, bottom, left, right = window
+        height, width = bottom - top, right - left
         view = bullet.computeViewMatrixFromYawPitchRoll(camera.target, camera.distance, camera.yaw, camera.pitch, 0, 2)
-        aspect = camera.width / camera.height
-        projection = bullet.computeProjectionMatrixFOV(camera.fov, aspect, NEAR_PLANE, FAR_PLANE)
-        pixels = bullet.getCameraImage(
-            camera.width,
-            camera.height,
+        pixels, links = bullet.getCameraImage(
+            width,
+            height,
             view,
-            projection,
+            _projection(camera, window),
             lightDirection=LIGHT_DIRECTION,
             renderer=bullet.ER_TINY_RENDERER,
+            flags=bullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
             physicsClientId=self._client,
-        )[2]
-        return np.reshape(np.asarray(pixels, np.uint8), (camera.height, camera.width, 4))[..., :3].copy()
+        )[2::2]
+        colors = np.reshape(np.asarray(pixels, np.uint8), (height, width, 4))[..., :3].copy()
+        return colors, np.reshape(np.asarray(links, np.int32), (height, width))
+
+
+def _projection(camera: Camera, window: Window) -> list[float]:
+    """OpenGL's projection matrix for a window of the camera's image."""
+    top, bottom, left, right = window
+    pixel = 2 * NEAR_PLANE * np.tan(np.deg2rad(camera.fov) / 2) / camera.height  # metres, in the near plane
+    x, y = camera.width / 2, camera.height / 2
+    sides = ((left - x) * pixel, (right - x) * pixel, (y - bottom) * pixel, (y - top) * pixel)
+    matrix: list[float] = bullet.computeProjectionMatrix(*sides, NEAR_PLANE, FAR_PLANE)
+    return matrix
+
+
+def _in_mask(body: int, link: int) -> int:
+    """The number of a link in PyBullet's segmentation masks."""
+    return body + ((link + 1) << 24)
