@@ -18,7 +18,7 @@ SCENARIOS = {
 }
 # What a scenario of PPO sets by itself: the first value is its own, the second that of the others.
 OWN = {
-    4: {"curriculum.radius": (0.0, 0.04), "reward.grasp": (2.0, 0.5)},
+    4: {"curriculum.radius": (0.0, 0.04)},
 }
 
 
