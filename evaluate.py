@@ -8,6 +8,8 @@
     words=said        instruction ablations: blank (no words) or swapped (those of another episode)
     reader=policy     oracle: the parser finds the object and a scripted arm goes there, on the same episodes;
                       expert: the scripted arm knows the referent and the target
+    specialists=null  a sweep's directory with a run for each verb (task.verbs=[stack],[open],...): the run of the verb
+                      that is said acts in place of the checkpoint; needs task=anything
     robustness=false  true: also with other start poses, sizes, masses, friction, numbers of objects, time steps and
                       workspaces, and with noise and delay; one row for each, and its success over the plain one
     in_turn=0         number of scenes in which each object is named in turn, with all else equal; replaces episodes
@@ -61,6 +63,7 @@ class EvaluateConfig(Checked):
     splits: bool
     words: str = one_of("said", "blank", "swapped")
     reader: str = one_of("policy", "oracle", "expert")
+    specialists: str | None
     robustness: bool
     in_turn: int = within(0, 100_000)
     chains: int = within(0, 1_000_000)
@@ -80,6 +83,7 @@ DEFAULTS = {
     "splits": False,
     "words": "said",
     "reader": "policy",
+    "specialists": None,
     "robustness": False,
     "in_turn": 0,
     "chains": 0,
@@ -105,6 +109,8 @@ def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
     if "checkpoint" not in own:
         raise ConfigError("checkpoint=<run dir or file> is missing")
     config = read(EvaluateConfig, DEFAULTS | own, "")
+    if config.specialists and config.reader != "policy":
+        raise ConfigError(f"specialists={config.specialists} needs reader=policy; reader={config.reader}")
     for mode, others in ALONE.items():
         if getattr(config, mode) and any(getattr(config, other) != DEFAULTS[other] for other in others):
             needed = ", ".join(f"{other}={DEFAULTS[other]}".lower() for other in others)
@@ -129,7 +135,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
 
     path = checkpoint.find(Path(config.checkpoint))
     saved = checkpoint.load(path)
-    out = check_file("out", config.out or _numbered(path))
+    out = check_file("out", config.out or checkpoint.result_file(path))
     if config.robustness:
         return _robustness(config, saved, overrides, path, out)
     by_split = {
@@ -137,7 +143,8 @@ def main(arguments: list[str]) -> dict[str, Any]:
     }
     result = by_split["train"] if by_split else _evaluate(config, saved, overrides, out)
     report: dict[str, Any] = {"checkpoint": str(path), "seed": config.seed, "words": config.words}
-    report |= {"reader": config.reader, "overrides": overrides, **result} | ({"by_split": by_split} if by_split else {})
+    report |= {"reader": config.reader, "specialists": config.specialists, "overrides": overrides, **result}
+    report |= {"by_split": by_split} if by_split else {}
     _show_and_save(describe(report), report, out)
     if "by_pointing" in report:
         title = f"success of {report['episodes']} episodes by difficulty of the gesture"
@@ -255,9 +262,10 @@ def _in_this_process(config: EvaluateConfig, saved: dict[str, Any], cfg: Any) ->
 
 
 def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
-    """The actor: the policy, the policy with ablated instructions, the oracle or the expert. Raises ConfigError."""
+    """The actor: policy or specialists, also with ablated instructions, oracle or expert. Raises ConfigError."""
     from envs.experts import Oracle, expert
     from trainers.rollout.instruction_ablations import AblatedInstructions
+    from trainers.sweeps.specialists import load_specialists
 
     if config.reader == "oracle":
         if not env.task.speaks:
@@ -265,6 +273,8 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
         return Oracle(env)
     if config.reader == "expert":
         return expert(env)
+    if config.specialists:
+        policy = load_specialists(Path(config.specialists), env, lambda: env.state.kind)
     if config.words == "swapped" and env.batch_size[0] < 2:
         raise ConfigError(f"words=swapped needs worlds of at least 2; worlds={env.batch_size[0]}")
     return policy if config.words == "said" else AblatedInstructions(policy, config.words)
@@ -278,17 +288,6 @@ def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
 
     with suppress_stdout():  # PyBullet prints when its window is closed
         return summarize_by_hand(run_by_hand(env, actor, episodes, *env.user_interface()))
-
-
-def _numbered(path: Path) -> Path:
-    """A numbered file that does not exist yet, in the run directory; for a published policy, in outputs/."""
-    folder, name = path.parent, "evaluation"
-    if path.suffix == ".safetensors":
-        folder, name = Path("outputs"), f"evaluation_{path.resolve().parent.name}"
-    elif folder.name == "checkpoints":
-        folder = folder.parent
-    names = (folder / f"{name}_{i}.json" for i in range(1, 10_000))
-    return next(name for name in names if not name.exists())
 
 
 def cli(words: Sequence[str] | None = None) -> None:

@@ -113,6 +113,20 @@ def find(path: Path, name: str = "last", key: str = "checkpoint") -> Path:
     raise CheckpointError(f"{key}={path} has no checkpoints/last.pt or best.pt, and no {policy_file.NAME}")
 
 
+def result_file(path: Path) -> Path:
+    """A file for a result of this checkpoint, with a number that is not taken yet.
+
+    It is in the run directory; that of a published policy is in outputs/.
+    """
+    folder, name = path.parent, "evaluation"
+    if path.suffix == ".safetensors":
+        folder, name = Path("outputs"), f"evaluation_{path.resolve().parent.name}"
+    elif folder.name == "checkpoints":
+        folder = folder.parent
+    names = (folder / f"{name}_{i}.json" for i in range(1, 10_000))
+    return next(name for name in names if not name.exists())
+
+
 def widths(observation_spec: Any, action_spec: Any) -> dict[str, list[int]]:
     """The shapes of one world's observations and actions, for which the networks are built."""
     shapes = {key: list(observation_spec[key].shape[1:]) for key in public_keys(observation_spec)}
