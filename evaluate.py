@@ -265,7 +265,6 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
     """The actor: policy or specialists, also with ablated instructions, oracle or expert. Raises ConfigError."""
     from envs.experts import Oracle, expert
     from trainers.rollout.instruction_ablations import AblatedInstructions
-    from trainers.sweeps.specialists import load_specialists
 
     if config.reader == "oracle":
         if not env.task.speaks:
@@ -274,6 +273,8 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
     if config.reader == "expert":
         return expert(env)
     if config.specialists:
+        from trainers.sweeps.specialists import load_specialists
+
         policy = load_specialists(Path(config.specialists), env, lambda: env.state.kind)
     if config.words == "swapped" and env.batch_size[0] < 2:
         raise ConfigError(f"words=swapped needs worlds of at least 2; worlds={env.batch_size[0]}")
