@@ -6,9 +6,11 @@ that one ends. The workers end with the server.
 
 import signal
 
+from trainers.utils.lean_imports import paused_collector
 from trainers.utils.parent_death import signal_at_parent_death
 
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal_at_parent_death(signal.SIGKILL)
 
-import trainers.rollout.worker_process  # noqa: E402, F401  # the slow part, with torch's compiler: collecting imports it
+with paused_collector():
+    import trainers.rollout.worker_process  # noqa: F401  # the slow part, with torch's compiler: collecting imports it

@@ -69,7 +69,7 @@ def fit(
         with closing(metrics), StopSignal() as stop:
             try:
                 run.train(metrics, stop, shown)
-                return write_report(run, stop, make_video_env, on_result)
+                return write_report(run, metrics, stop, shown, make_video_env, on_result)
             except Exception as error:
                 _write_waiting_rows(run, metrics)
                 _save_after_error(run, error, stop)

@@ -17,7 +17,7 @@ from trainers.config import Plan, frames_per_batch
 from trainers.rollout.collection import Rollouts
 from trainers.rollout.collection import columns as collector_columns
 from trainers.rollout.episode_statistics import EpisodeStatistics
-from trainers.rollout.evaluation import Interrupted
+from trainers.rollout.evaluation import EvalResult, Interrupted
 from trainers.rollout.seeds import derive_seed
 from trainers.rollout.worker import MakeEnv
 from trainers.run import checkpoint
@@ -160,10 +160,7 @@ class TrainingRun:
     def train(self, metrics: MetricsWriter, stop: StopSignal, progress: Progress) -> None:
         """Collect and update until total_frames are used.
 
-        Raises:
-            Interrupted: a signal asked to stop.
-            DivergedError: a value is not finite.
-            CollectionError: workers are lost.
+        Raises Interrupted: a signal asked to stop. Other exceptions are those of `fit`.
         """
         if self.pending is not None:  # of a resumed run
             self.request_evaluation()
@@ -187,8 +184,7 @@ class TrainingRun:
                     raise Interrupted
         if self.pending is not None:
             self.complete_row(metrics, stop, progress, wait=True)
-        if self.plan.schedule_frames > self.plan.run.total_frames:
-            self.save_last()  # the schedule can go on from here
+        self.save_last()
 
     def iterate(self, rollouts: Rollouts, stop: StopSignal) -> None:
         """One batch and one update; adds a row, which is not complete if an evaluation is due."""
@@ -215,11 +211,9 @@ class TrainingRun:
     def complete_row(self, metrics: MetricsWriter, stop: StopSignal, progress: Progress, wait: bool = False) -> None:
         """Request an evaluation if one is due, take the result of one that is done, and write the complete rows.
 
-        Args:
-            wait: for the result. Otherwise it is waited for when the next one is due.
+        wait: for the result. Otherwise it is waited for when the next one is due.
 
-        Raises:
-            Interrupted: a signal asked to stop.
+        Raises Interrupted: a signal asked to stop.
         """
         start, due = time.perf_counter(), self.evaluation_due()
         taken = self.take_evaluation(due or wait, stop, progress)
@@ -235,7 +229,7 @@ class TrainingRun:
         if taken or self.writer.due():
             self.save_last()
         if self.pending is None:
-            self.write_rows(metrics, len(self.rows))
+            self.write_rows(metrics, len(self.rows) - self.schedule_ended())
 
     def write_rows(self, metrics: MetricsWriter, count: int) -> None:
         """Write the first `count` rows, which are complete."""
@@ -259,14 +253,17 @@ class TrainingRun:
         worlds = self.plan.collector.worlds
         return max(0, most - self.counters["frames"]) // worlds * worlds
 
+    def schedule_ended(self) -> bool:
+        """Whether all frames of the schedule are used. The last row then waits for the final evaluation."""
+        return not self._frames_left(self.plan.schedule_frames)
+
     def evaluation_due(self) -> bool:
-        """Whether to evaluate now: once every eval.interval frames and after the last batch of the schedule."""
+        """Whether to evaluate now: once every eval.interval frames, but for the end of the schedule."""
         frames, interval = self.counters["frames"], self.plan.eval.interval
         requested = self.pending is not None and self.pending["counters"]["frames"] == frames
-        if requested or "time/evaluated" in self.rows[-1]:  # in a resumed run
+        if self.schedule_ended() or requested or "time/evaluated" in self.rows[-1]:  # the latter two if resumed
             return False
-        same_interval = frames // interval == (frames - frames_per_batch(self.plan)) // interval
-        return not same_interval or not self._frames_left(self.plan.schedule_frames)
+        return frames // interval > (frames - frames_per_batch(self.plan)) // interval
 
     def request_evaluation(self) -> None:
         """Ask for the evaluation of the pending checkpoint's policy."""
@@ -275,18 +272,29 @@ class TrainingRun:
         self.evaluator.request(weights, self.plan.eval.interval_episodes, index)
 
     def take_evaluation(self, wait: bool, stop: StopSignal, progress: Progress) -> bool:
-        """Put the pending evaluation into its row if it is done. Returns whether it was.
-
-        Raises Interrupted: `stop` returned True.
-        """
+        """Put the pending evaluation into its row if it is done. Returns whether it was. Raises Interrupted."""
         if self.pending is None or (result := self.evaluator.result(wait, stop)) is None:
             return False
-        row, pending, self.pending = self.rows[0], self.pending, None
-        values = {name: getattr(result, name) for name in EVALUATION_NAMES}
+        pending, self.pending = self.pending, None
+        self.enter_evaluation(result, progress)
+        self.save_if_best(result, pending)
+        return True
+
+    def enter_evaluation(self, result: EvalResult, progress: Progress) -> None:
+        """Put an evaluation into the first of the rows, and show it."""
+        row, values = self.rows[0], {name: getattr(result, name) for name in EVALUATION_NAMES}
         row |= {f"eval/{name}": math.nan if value is None else value for name, value in values.items()}
         row["time/evaluated"] = self.seconds()
         progress.show_evaluation(row)
-        if result.success_at_end >= self.counters["best"]:  # of equal results the later one
-            self.counters["best"] = pending["counters"]["best"] = result.success_at_end
-            self.writer.save_best(pending)
-        return True
+
+    def save_if_best(self, result: EvalResult, payload: dict[str, Any]) -> None:
+        """Write best.pt unless an earlier evaluation was better. payload: of the policy that was evaluated."""
+        if result.success_at_end >= self.counters["best"]:
+            self.counters["best"] = payload["counters"]["best"] = result.success_at_end
+            self.writer.save_best(payload)
+
+    def finish(self, result: EvalResult, metrics: MetricsWriter) -> None:
+        """Save what the final evaluation, which was entered, completes: the last row of the schedule."""
+        self.save_if_best(result, self.payload())
+        self.write_rows(metrics, len(self.rows))
+        self.save_last()
