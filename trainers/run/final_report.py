@@ -48,7 +48,7 @@ def write_report(
     result = evaluation.as_dict() | {"frames": frames, "wall_s": seconds, "frames_per_s": frames / max(seconds, 1e-9)}
     result["seed"] = run.plan.run.seed
     if run.rows:
-        run.enter_evaluation(evaluation, progress)
+        run.enter_evaluation(evaluation, frames, progress)
     if on_result is not None:
         on_result(result)
     if run.rows:

@@ -13,7 +13,7 @@ import torch
 
 from trainers.algorithms.build import build_algorithm
 from trainers.collector_config import cores, uses_processes
-from trainers.config import Plan, frames_per_batch
+from trainers.config import Plan
 from trainers.rollout.collection import Rollouts
 from trainers.rollout.collection import columns as collector_columns
 from trainers.rollout.episode_statistics import EpisodeStatistics
@@ -22,6 +22,7 @@ from trainers.rollout.seeds import derive_seed
 from trainers.rollout.worker import MakeEnv
 from trainers.run import checkpoint
 from trainers.run.evaluator import Evaluator
+from trainers.run.frame_budget import FrameBudget
 from trainers.run.memories import MemoryFiles
 from trainers.run.metrics import EVALUATION_NAMES, MetricsWriter
 from trainers.run.progress import Progress
@@ -31,6 +32,7 @@ from trainers.utils.lean_imports import import_compiler
 
 # evaluate: seconds spent waiting for evaluations. evaluated: seconds of the run until the row's evaluation was known.
 TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/evaluated", "time/total", "time/frames_per_s")
+MOST_PENDING = 2  # evaluations: with fewer, training waits for those of early policies, whose episodes are long
 SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn scenes
 
 
@@ -39,7 +41,7 @@ class TrainingRun:
 
     env: one world, for specs, unsimulated scenes and relabelling.
     counters: plain numbers that a resumed run continues from. rows: of metrics.csv, those of the latest iterations that
-    are not written yet. pending: the checkpoint that is being evaluated, for the first of the rows; None if none is.
+    are not written yet. pending: the checkpoints to evaluate for these rows, the oldest of which is being evaluated.
     consistent: whether no update is half done, so that the run can be saved.
     """
 
@@ -52,7 +54,7 @@ class TrainingRun:
         vocabulary: list[str],
         make_eval_env: MakeEnv | None = None,
     ) -> None:
-        self.plan, self.make_env, self.folder = plan, make_env, folder
+        self.plan, self.make_env, self.folder, self.budget = plan, make_env, folder, FrameBudget(plan)
         self.config, self.vocabulary = config, vocabulary
         self.counters: dict[str, Any] = {"frames": 0, "iteration": 0, "evaluations": 0, "best": -1.0, "seconds": 0.0}
         self.start_time, self.earlier_seconds = time.perf_counter(), 0.0
@@ -66,7 +68,7 @@ class TrainingRun:
         self.widths = checkpoint.widths(spec, self.env.action_spec)
         self.statistics = EpisodeStatistics(self.env.reward_names)
         self.rows: list[dict[str, float]] = []
-        self.pending: dict[str, Any] | None = None
+        self.pending: list[dict[str, Any]] = []
         self.consistent = True
         self.rollouts: Rollouts | None = None
         self.kept_frames: int | None = None  # of the last row of metrics.csv that a resumed run keeps
@@ -128,7 +130,8 @@ class TrainingRun:
         """Continue from `running_state` and the memory files. With other numbers of worlds, new episodes begin."""
         known = self.columns  # the checkpoint's collector may have had others
         self.rows = [{name: value for name, value in row.items() if name in known} for row in state["rows"]]
-        self.pending = state["pending"]
+        pending = state["pending"]  # earlier versions had at most one
+        self.pending = pending if isinstance(pending, list) else [pending] if pending else []
         self.writer.memories.load(state["memories"])
         rollouts = state["rollouts"]
         if rollouts is not None and len(rollouts["episodes"]["beginnings"]) == self.plan.collector.worlds:
@@ -162,28 +165,28 @@ class TrainingRun:
 
         Raises Interrupted: a signal asked to stop. Other exceptions are those of `fit`.
         """
-        if self.pending is not None:  # of a resumed run
+        if self.pending:  # of a resumed run
             self.request_evaluation()
         if self.rows:
-            self.complete_row(metrics, stop, progress)
+            self.complete_rows(metrics, stop, progress)
         progress.say(f"building {self.plan.collector.worlds} worlds")
         first, state = self.counters["iteration"], self.resumed.get("rollouts")
         seed = derive_seed(self.plan.run.seed, first)
         behaviour, horizon = self.algorithm.behaviour, self.plan.algo.horizon
-        steps = self._frames_left(self.plan.schedule_frames) // self.plan.collector.worlds
+        steps = self.budget.left_of_schedule(self.counters["frames"]) // self.plan.collector.worlds
         self.rollouts = Rollouts(self.make_env, behaviour, self.plan.collector, horizon, seed, first, state, steps)
         with closing(self.rollouts):
             import_compiler()  # while the workers build their worlds
             if self.resumed:
                 torch.set_rng_state(self.resumed.pop("rng"))  # after the worlds were built, as it was saved
-            while not self.frames_exhausted():
+            while not self.budget.exhausted(self.counters["frames"]):
                 self.iterate(self.rollouts, stop)
                 progress.show(self.rows[-1], self.rollouts.status())
-                self.complete_row(metrics, stop, progress)
+                self.complete_rows(metrics, stop, progress)
                 if stop():
                     raise Interrupted
-        if self.pending is not None:
-            self.complete_row(metrics, stop, progress, wait=True)
+        if self.pending:
+            self.complete_rows(metrics, stop, progress, wait=True)
         self.save_last()
 
     def iterate(self, rollouts: Rollouts, stop: StopSignal) -> None:
@@ -208,28 +211,28 @@ class TrainingRun:
         self.rows.append(row | rollouts.measures())
         self.consistent = True
 
-    def complete_row(self, metrics: MetricsWriter, stop: StopSignal, progress: Progress, wait: bool = False) -> None:
-        """Request an evaluation if one is due, take the result of one that is done, and write the complete rows.
+    def complete_rows(self, metrics: MetricsWriter, stop: StopSignal, progress: Progress, wait: bool = False) -> None:
+        """Request an evaluation if one is due, take the results of those that are done, and write the complete rows.
 
-        wait: for the result. Otherwise it is waited for when the next one is due.
+        wait: for all results. Otherwise the oldest is waited for when more than `MOST_PENDING` are pending.
 
         Raises Interrupted: a signal asked to stop.
         """
-        start, due = time.perf_counter(), self.evaluation_due()
-        taken = self.take_evaluation(due or wait, stop, progress)
-        if due:
-            self.write_rows(metrics, len(self.rows) - 1)
+        start = time.perf_counter()
+        if self.evaluation_due():
             self.counters["evaluations"] += 1
-            self.pending = copy.deepcopy(self.payload())
-            self.request_evaluation()
-            taken |= self.take_evaluation(wait, stop, progress)
+            self.pending.append(copy.deepcopy(self.payload()))
+            if len(self.pending) == 1:
+                self.request_evaluation()
+        taken = self.take_evaluations(0 if wait else MOST_PENDING, stop, progress)
         self.counters["seconds"] = self.seconds()
         self.rows[-1]["time/evaluate"] += time.perf_counter() - start
         self.rows[-1]["time/total"] = self.counters["seconds"]
         if taken or self.writer.due():
             self.save_last()
-        if self.pending is None:
-            self.write_rows(metrics, len(self.rows) - self.schedule_ended())
+        last = self.counters["frames"] if self.schedule_ended() else math.inf  # which waits for the final evaluation
+        waiting = min([last, *(payload["counters"]["frames"] for payload in self.pending)])
+        self.write_rows(metrics, sum(row["frames"] < waiting for row in self.rows))
 
     def write_rows(self, metrics: MetricsWriter, count: int) -> None:
         """Write the first `count` rows, which are complete."""
@@ -243,46 +246,40 @@ class TrainingRun:
             seed = derive_seed(self.plan.run.seed, SCENE_SEEDS + self.counters["iteration"])
             self.algorithm.add_scenes(self.env.draw_scenes(self.algorithm.scenes_per_update, seed))
 
-    def frames_exhausted(self) -> bool:
-        """Whether another batch would exceed total_frames. The last one of the schedule is shortened to fit."""
-        batch = min(frames_per_batch(self.plan), self._frames_left(self.plan.schedule_frames))
-        return not 0 < batch <= self._frames_left(self.plan.run.total_frames)
-
-    def _frames_left(self, most: int) -> int:
-        """Frames of whole steps of all worlds, until there are as many as `most`."""
-        worlds = self.plan.collector.worlds
-        return max(0, most - self.counters["frames"]) // worlds * worlds
-
     def schedule_ended(self) -> bool:
         """Whether all frames of the schedule are used. The last row then waits for the final evaluation."""
-        return not self._frames_left(self.plan.schedule_frames)
+        return not self.budget.left_of_schedule(self.counters["frames"])
 
     def evaluation_due(self) -> bool:
-        """Whether to evaluate now: once every eval.interval frames, but for the end of the schedule."""
-        frames, interval = self.counters["frames"], self.plan.eval.interval
-        requested = self.pending is not None and self.pending["counters"]["frames"] == frames
-        if self.schedule_ended() or requested or "time/evaluated" in self.rows[-1]:  # the latter two if resumed
-            return False
-        return frames // interval > (frames - frames_per_batch(self.plan)) // interval
+        """Whether to request the evaluation of the last row."""
+        frames = self.counters["frames"]
+        requested = any(payload["counters"]["frames"] == frames for payload in self.pending)  # in a resumed run
+        known = "time/evaluated" in self.rows[-1]
+        return self.budget.evaluation_due(frames) and not requested and not known
 
     def request_evaluation(self) -> None:
-        """Ask for the evaluation of the pending checkpoint's policy."""
-        assert self.pending is not None
-        weights, index = self.pending["algorithm"]["policy"], self.pending["counters"]["evaluations"]
+        """Ask for the evaluation of the oldest pending checkpoint's policy."""
+        weights, index = self.pending[0]["algorithm"]["policy"], self.pending[0]["counters"]["evaluations"]
         self.evaluator.request(weights, self.plan.eval.interval_episodes, index)
 
-    def take_evaluation(self, wait: bool, stop: StopSignal, progress: Progress) -> bool:
-        """Put the pending evaluation into its row if it is done. Returns whether it was. Raises Interrupted."""
-        if self.pending is None or (result := self.evaluator.result(wait, stop)) is None:
-            return False
-        pending, self.pending = self.pending, None
-        self.enter_evaluation(result, progress)
-        self.save_if_best(result, pending)
-        return True
+    def take_evaluations(self, most: int, stop: StopSignal, progress: Progress) -> bool:
+        """Put the evaluations that are done into their rows, and wait until at most `most` are pending.
 
-    def enter_evaluation(self, result: EvalResult, progress: Progress) -> None:
-        """Put an evaluation into the first of the rows, and show it."""
-        row, values = self.rows[0], {name: getattr(result, name) for name in EVALUATION_NAMES}
+        Returns whether any was done. Raises Interrupted.
+        """
+        before = len(self.pending)
+        while self.pending and (result := self.evaluator.result(len(self.pending) > most, stop)) is not None:
+            payload = self.pending.pop(0)
+            self.enter_evaluation(result, payload["counters"]["frames"], progress)
+            self.save_if_best(result, payload)
+            if self.pending:
+                self.request_evaluation()
+        return len(self.pending) < before
+
+    def enter_evaluation(self, result: EvalResult, frames: int, progress: Progress) -> None:
+        """Put an evaluation into the row of these frames, and show it."""
+        row = next(row for row in self.rows if row["frames"] == frames)
+        values = {name: getattr(result, name) for name in EVALUATION_NAMES}
         row |= {f"eval/{name}": math.nan if value is None else value for name, value in values.items()}
         row["time/evaluated"] = self.seconds()
         progress.show_evaluation(row)

@@ -96,12 +96,13 @@ def test_a_run_that_ended_before_its_schedule_goes_on_exactly(tmp_path, algo, co
 
 
 @pytest.mark.slow
-def test_an_evaluation_that_was_interrupted_is_repeated(tmp_path, monkeypatch):
+@pytest.mark.parametrize("evaluation", [2, 3])  # the third is the final one
+def test_an_evaluation_that_was_interrupted_is_repeated(tmp_path, monkeypatch, evaluation):
     calls = []
 
     def stopped(*arguments, **options):
         calls.append(1)
-        if len(calls) == 2:
+        if len(calls) == evaluation:
             signal.raise_signal(signal.SIGHUP)
         return evaluate(*arguments, **options)
 
@@ -123,7 +124,7 @@ def test_an_evaluation_beside_training_that_a_signal_stopped_is_repeated(tmp_pat
 
     def stopped(progress, row, status=None):
         show(progress, row, status)
-        if row["frames"] == 256:  # the evaluation after 128 frames is still running
+        if row["frames"] == 384:  # the evaluation after 128 frames is still running, and others wait
             signal.raise_signal(signal.SIGTERM)
 
     with monkeypatch.context() as patch:
@@ -131,8 +132,8 @@ def test_an_evaluation_beside_training_that_a_signal_stopped_is_repeated(tmp_pat
         with pytest.raises(SystemExit):
             train(folder, overrides=overrides, make_eval_env=partial(FakeEnv, nap=0.02))
     state = checkpoint.load(folder / "checkpoints" / "last.pt", to_train=True)["state"]
-    assert state["pending"]["counters"]["frames"] == 128
-    assert [row["frames"] for row in state["rows"]] == [128, 256]
+    assert [payload["counters"]["frames"] for payload in state["pending"]] == [128, 256, 384]
+    assert [row["frames"] for row in state["rows"]] == [128, 256, 384]
     train(folder, overrides=overrides, resume=checkpoint.find(folder))
     assert_same_run(tmp_path / "whole", folder)
 

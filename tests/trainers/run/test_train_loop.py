@@ -22,6 +22,7 @@ from trainers.rollout.evaluation import evaluate
 from trainers.rollout.worker_pool import CollectionError
 from trainers.run import checkpoint
 from trainers.run.metrics import read_metrics
+from trainers.run.progress import Progress
 from trainers.utils.checked_files import read_checked_json
 
 ROOT = Path(__file__).parents[3]
@@ -46,6 +47,28 @@ def test_evaluations_beside_training_change_nothing(tmp_path):
     best = [checkpoint.load(tmp_path / name / "checkpoints" / "best.pt")["counters"] for name in ("true", "false")]
     assert best[0]["frames"] == best[1]["frames"]
     assert best[0]["best"] == best[1]["best"]
+
+
+@pytest.mark.slow
+def test_the_final_evaluation_is_that_of_the_last_row(tmp_path):
+    result = train(tmp_path, overrides=["eval.interval=128"])
+    *rows, last = read_metrics(tmp_path / "metrics.csv")
+    assert [row["frames"] for row in rows] == [128, 256, 384]
+    assert all(row["eval/success_at_end"] * 8 % 1 == 0 for row in rows)  # of eval.interval_episodes
+    for name in ("success_at_end", "wrong_object", "mean_return"):
+        assert last[f"eval/{name}"] == pytest.approx(result[name])
+    best = checkpoint.load(tmp_path / "checkpoints" / "best.pt")["counters"]["best"]
+    assert best == pytest.approx(max(row["eval/success_at_end"] for row in (*rows, last)))
+
+
+@pytest.mark.slow
+def test_training_goes_on_while_two_evaluations_wait_and_not_three(tmp_path, monkeypatch):
+    shown = []
+    monkeypatch.setattr(Progress, "show", lambda _, row, status=None: shown.append(row["frames"]))
+    monkeypatch.setattr(Progress, "show_evaluation", lambda _, row: shown.append((row["frames"], len(shown))))
+    overrides = ["collector.workers=2", "eval.interval=128", "eval.overlap=true", "total_frames=640"]
+    train(tmp_path, overrides=overrides, make_eval_env=partial(FakeEnv, nap=0.05))
+    assert shown[:4] == [128, 256, 384, (128, 3)]
 
 
 @pytest.mark.slow
