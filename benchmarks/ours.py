@@ -25,8 +25,10 @@ from trainers.algorithms.sac import SAC
 from trainers.config import read_plan
 from trainers.rollout.collection import Rollouts
 from trainers.run.train_loop import fit
+from trainers.utils.matrix_products import fast_products
 
-WORLDS = 16
+WORLDS = 64  # of a process that collects, as in training
+STEPS_OF_UPDATE = 50  # gradient steps of an off-policy algorithm for one batch of frames
 WARM_UP = 20  # control steps of each world before the clock starts
 PEER_PHYSICS = ("physics.substeps=20", "physics.time_step=0.002")  # panda-gym's and lanro-gym's
 SB3_PPO = ("policy=mlp", "policy.hidden=[64,64]", "policy.critic_hidden=[64,64]", "policy.activation=tanh")
@@ -157,14 +159,13 @@ def sac_gradient_steps(steps: int) -> dict[str, Any]:
     sac.replay.extend(rollouts.next())
     rollouts.close()
     torch.set_num_threads(len(os.sched_getaffinity(0)))
-    batch = sac.config.batch
 
-    def work(count: int = steps) -> None:
-        for frames in sac.replay.sample(count * batch).split(batch):
-            sac.step(frames)
+    def work() -> None:
+        for _ in range(steps // STEPS_OF_UPDATE):
+            sac.learn(STEPS_OF_UPDATE)
 
-    work(100)
-    return rate(steps, "gradient steps/s", work)
+    sac.learn(STEPS_OF_UPDATE)
+    return rate(steps // STEPS_OF_UPDATE * STEPS_OF_UPDATE, "gradient steps/s", work)
 
 
 def sac_products(steps: int) -> dict[str, Any]:
@@ -195,8 +196,9 @@ def sac_products(steps: int) -> dict[str, Any]:
             outputs[id(weight)] @ weight
 
     def work(count: int = steps) -> None:
-        for _ in range(count):
-            step()
+        with fast_products(256**3):
+            for _ in range(count):
+                step()
 
     work(50)
     return rate(steps, "gradient steps/s", work)

@@ -28,6 +28,7 @@ from trainers.algorithms.relabelling import Relabel, Relabelling
 from trainers.algorithms.replay import Replay
 from trainers.models.expert_mixture import ExpertMixture
 from trainers.models.policy import Policy, parameters
+from trainers.utils.matrix_products import fast_products
 
 
 class OffPolicyAlgorithm(Algorithm):
@@ -127,6 +128,10 @@ class OffPolicyAlgorithm(Algorithm):
 
     def learn(self, steps: int) -> list[dict[str, Tensor]]:
         """Take gradient steps. Scenes, and frames without priorities, are drawn once for all of them."""
+        with fast_products(self.config.batch * max(each.numel() for each in self.learned)):
+            return self._learn(steps)
+
+    def _learn(self, steps: int) -> list[dict[str, Tensor]]:
         frames: Iterable[TensorDictBase]
         if self.replay.prioritised:  # drawn one by one: priorities change with every step
             frames = (self.replay.sample(self.config.batch) for _ in range(steps))
