@@ -67,6 +67,11 @@ def read_env(config: Any) -> EnvConfig:
         raise ConfigError(f"task.devices={task.devices} must be 0 in task.name={task.name}: take task=anything")
     if task.hand and not task.devices:
         raise ConfigError(f"task.hand=true needs devices, and task.devices={task.devices}: take task=anything")
+    if task.curriculum.off_centre and gripper.of(robot) == "fingers":
+        raise ConfigError(
+            f"task.curriculum.off_centre={task.curriculum.off_centre} must be 0 with fingers: only a magnet holds "
+            "objects off its middle"
+        )
     if kind.stacks:
         _check_board(task, workspace)
     return EnvConfig(

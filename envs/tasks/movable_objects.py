@@ -140,7 +140,7 @@ class MovableObjects(ReferringTask):
         meant = [referent] if target is None else [referent, target]
         if scene is None or (self.speaks and not self._describer.nameable(scene)[meant].all()):
             return None, placed.scene
-        return GripperStart(np.zeros(3), held), scene
+        return GripperStart(self._held_offset(rng) if held else np.zeros(3), held), scene
 
     def _goal_place(self, scene: Scene, target: int) -> Array:
         """(3,) where the referent lies once it has been brought to the target, metres."""
@@ -149,6 +149,11 @@ class MovableObjects(ReferringTask):
     def _near_offset(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Array:
         """(3,) offset of a gripper that begins near its object, from where it would hold the object, metres."""
         return rng.random() * rng.uniform(*NEAR_OFFSETS)
+
+    def _held_offset(self, rng: Generator) -> Array:
+        """(3,) offset of a gripper that begins with an object held, metres."""
+        most = self.config.curriculum.off_centre
+        return np.array([*rng.uniform(-most, most, 2), 0.0]) if most else np.zeros(3)
 
     def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
         """The scene with the referent where the gripper holds it; None if no free place was found."""

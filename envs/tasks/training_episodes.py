@@ -32,6 +32,9 @@ class CurriculumConfig(Checked):
     radius: float = within(0, 1, default=0.0)  # metres, in place of task.radius if smaller; 0: task.radius
     hold_steps: int = within(0, 1000, default=0)  # control steps, in place of task.hold_steps if fewer; 0: as there
     max_steps: int = within(0, 100_000, default=0)  # control steps, in place of task.max_steps if fewer; 0: as there
+    # Metres along x and y that an object that is held from the start may be off the middle of a magnet, which takes
+    # hold wherever it touches. Without, a policy may bring its middle to the target instead of the object.
+    off_centre: float = within(0, 0.05, default=0.0)
     # Whether verbs that failed recently are drawn more often, in tasks with several. The draws of a world then depend
     # on the outcomes in the other worlds of its process.
     automatic: bool = False

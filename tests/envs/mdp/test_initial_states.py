@@ -13,8 +13,8 @@ from tests.helpers.env_cases import ROBOTS, act, make
 WORLDS = 4
 
 
-def begun(robot, near=0.0, held=0.0, placed=0.0):
-    shares = f"task.curriculum={{near: {near}, held: {held}, placed: {placed}}}"
+def begun(robot, near=0.0, held=0.0, placed=0.0, off_centre=0.0):
+    shares = f"task.curriculum={{near: {near}, held: {held}, placed: {placed}, off_centre: {off_centre}}}"
     env = make(robot, "step", "nl_pick_and_place", shares, worlds=WORLDS, seed=8)
     return env, env.reset()
 
@@ -39,6 +39,22 @@ def test_near_begins_above_the_object_with_an_empty_gripper(robot):
 def test_held_begins_with_the_object_in_the_gripper(robot):
     env, _ = begun(robot, held=1)
     assert (env.state.held == env.state.referent).sum() >= WORLDS - 1  # where there is no room, it begins at rest
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["kuka", "jaco"])
+def test_a_magnet_keeps_hold_of_objects_that_begin_off_its_middle(robot):
+    env, td = begun(robot, held=1, off_centre=0.04)
+    held = env.state.held == env.state.referent
+    before = (spot(env, "referent") - env.gripper)[held]
+    assert held.sum() >= WORLDS - 1
+    assert (np.abs(before[:, :2]) < 0.042).all()
+    assert np.abs(before[:, :2]).max() > 0.02
+    for _ in range(5):
+        td = act(env, td, torch.cat([td["hold"][:, :-1], torch.ones(WORLDS, 1)], 1))
+    assert (env.state.held == env.state.referent)[held].all()
+    np.testing.assert_allclose((spot(env, "referent") - env.gripper)[held], before, atol=0.005)
     env.close()
 
 
