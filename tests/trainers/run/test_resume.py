@@ -191,6 +191,14 @@ def test_a_row_that_another_collector_measured_is_resumed_without_its_own_column
     assert run.rows == [{"frames": 128.0}]
 
 
+@pytest.mark.parametrize("one", [None, {"counters": {"frames": 128}}])
+def test_the_one_pending_evaluation_of_an_earlier_version_is_resumed(tmp_path, one):
+    run = TrainingRun(plan(), make_env, tmp_path, config(), WORDS)
+    run.load_running_state({**run.running_state(), "pending": one, "memories": {}})
+    run.close()
+    assert run.pending == ([] if one is None else [one])
+
+
 def test_a_run_of_an_earlier_version_is_refused_in_one_line(tmp_path):
     """Its running state has another form; best.pt has none, and can be resumed."""
     folder = tmp_path / "earlier"
