@@ -29,7 +29,7 @@ Prints the success rate with its 95 % Wilson interval, overall and by kind of in
 it stands `disturbed`: the share of successful episodes in which an object was moved by more than 1 cm that the task
 does not move; the line "moved" says what was moved, and how far. With gestures it also prints success by angle to the
 nearest rival, number of objects, distance, and angular error of the ray, in the bins of
-`trainers.rollout.evaluation.BINS`, and saves a figure beside the JSON. For more objects: task.min_objects=2
+`trainers.evaluation.evaluation.BINS`, and saves a figure beside the JSON. For more objects: task.min_objects=2
 task.num_objects=8.
 """
 
@@ -42,13 +42,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from conf.arguments import check_file, run, split
-from conf.overrides import apply
-from conf.schema import Checked, ConfigError, one_of, read, within
+from core.command_line import check_file, run_program, split
+from core.overrides import apply
+from core.schema import Checked, ConfigError, one_of, read, within
 
 if TYPE_CHECKING:
     from envs.tasks import RandomizeConfig
-    from trainers.rollout.evaluation import EpisodeOutcome
+    from trainers.evaluation.evaluation import EpisodeOutcome
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +154,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
 
 def _show_and_save(text: str, report: dict[str, Any], out: Path) -> None:
     """Print the text, and save the report as JSON: in this order, so that a full disk loses no result."""
-    from trainers.utils.atomic_io import write_json
+    from trainers.utils.files import write_json
 
     print(text, flush=True)
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -166,9 +166,9 @@ def _robustness(
     config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], path: Path, out: Path
 ) -> dict[str, Any]:
     """Evaluate under each of the conditions, print the table and save the rows."""
-    from envs.tools.perturbed_conditions import Condition, each_condition
-    from trainers.cluster.shards import evaluate_shards
-    from trainers.reports.robustness import table, with_ratios
+    from envs.perturbed_conditions import Condition, each_condition
+    from trainers.cluster.ray_map import evaluate_shards
+    from trainers.reports.evaluation_text import table, with_ratios
 
     def success(condition: Condition) -> dict[str, Any]:
         function = partial(
@@ -194,10 +194,10 @@ def _evaluate(
     from envs.config import read_env
     from train import build_env
     from trainers.algorithms.build import fitted_policy
-    from trainers.cluster.shards import evaluate_shards
-    from trainers.rollout.seeds import derive_seed
-    from trainers.rollout.video import record_video
-    from trainers.utils.atomic_io import atomic_path
+    from trainers.cluster.ray_map import evaluate_shards
+    from trainers.collect.worker import derive_seed
+    from trainers.evaluation.video import record_video
+    from trainers.utils.files import atomic_path
 
     if config.by_hand or config.in_turn or config.chains:
         return _in_this_process(config, saved, cfg)
@@ -223,8 +223,8 @@ def _evaluate_shard(
     from envs.config import read_env
     from train import build_env
     from trainers.algorithms.build import fitted_policy
-    from trainers.rollout.evaluation import run_episodes
-    from trainers.rollout.seeds import derive_seed
+    from trainers.collect.worker import derive_seed
+    from trainers.evaluation.evaluation import run_episodes
 
     cfg = apply(saved["config"], overrides)
     number, episodes = shard
@@ -243,9 +243,9 @@ def _in_this_process(config: EvaluateConfig, saved: dict[str, Any], cfg: Any) ->
     from envs.interactive.by_hand import ByHandEnv
     from train import build_env
     from trainers.algorithms.build import fitted_policy
-    from trainers.rollout.chains import run_chains, summarize_chains
-    from trainers.rollout.instruction_ablations import success_in_turn
-    from trainers.rollout.seeds import derive_seed
+    from trainers.collect.worker import derive_seed
+    from trainers.evaluation.chains import run_chains, summarize_chains
+    from trainers.evaluation.instruction_ablations import success_in_turn
 
     env_config, seed = read_env(cfg).without_curriculum(), derive_seed(config.seed, SEED_INDEX, evaluation=True)
     worlds = cfg["task"]["num_objects"] * max(1, cfg["task"].get("num_targets", 0))
@@ -264,7 +264,7 @@ def _in_this_process(config: EvaluateConfig, saved: dict[str, Any], cfg: Any) ->
 def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
     """The actor: policy or specialists, also with ablated instructions, oracle or expert. Raises ConfigError."""
     from envs.experts import Oracle, expert
-    from trainers.rollout.instruction_ablations import AblatedInstructions
+    from trainers.evaluation.instruction_ablations import AblatedInstructions
 
     if config.reader == "oracle":
         if not env.task.speaks:
@@ -273,7 +273,7 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
     if config.reader == "expert":
         return expert(env)
     if config.specialists:
-        from trainers.sweeps.specialists import load_specialists
+        from trainers.evaluation.specialists import load_specialists
 
         policy = load_specialists(Path(config.specialists), env, lambda: env.state.kind)
     if config.words == "swapped" and env.batch_size[0] < 2:
@@ -283,9 +283,9 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
 
 def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
     """The result of episodes in which a person at the window chooses the referent."""
+    from core.system import suppress_stdout
     from envs.interactive.by_hand import run_by_hand
-    from human.suppress_stdout import suppress_stdout
-    from trainers.rollout.by_hand import summarize_by_hand
+    from trainers.evaluation.evaluation import summarize_by_hand
 
     with suppress_stdout():  # PyBullet prints when its window is closed
         return summarize_by_hand(run_by_hand(env, actor, episodes, *env.user_interface()))
@@ -293,7 +293,7 @@ def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
 
 def cli(words: Sequence[str] | None = None) -> None:
     """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
-    run(main, __doc__, words)
+    run_program(main, __doc__, words)
 
 
 if __name__ == "__main__":

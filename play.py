@@ -23,8 +23,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from conf.arguments import check_file
-from conf.schema import ConfigError
+from core.command_line import check_file
+from core.schema import ConfigError
 
 if TYPE_CHECKING:
     from demo.session import Session
@@ -79,7 +79,7 @@ def main(words: Sequence[str]) -> None:
 
 def make_session(args: argparse.Namespace) -> Session:
     """The session that the arguments choose. Raises ConfigError."""
-    from conf.arguments import split
+    from core.command_line import split
     from demo.session import Session
     from demo.session_config import DEFAULTS, check_choices, default_task, make_config
 
@@ -96,9 +96,9 @@ def make_session(args: argparse.Namespace) -> Session:
 def open_window(args: argparse.Namespace) -> None:
     """Runs a session in PyBullet's window until a person leaves it. Raises ConfigError."""
     session = make_session(args)
+    from core.system import suppress_stdout
     from demo.window_ui import WindowUI
     from human.body.window import TYPING_KEYS, WindowDisplay, WindowKeys
-    from human.suppress_stdout import suppress_stdout
 
     try:
         with suppress_stdout(), suppress(KeyboardInterrupt):  # PyBullet prints when its window closes

@@ -27,15 +27,15 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from conf.arguments import check_folder, run, split
-from conf.overrides import apply, check, compose
-from conf.schema import Checked, ConfigError, one_of, read, within
+from core.command_line import check_folder, run_program, split
+from core.overrides import apply, check, compose
+from core.schema import Checked, ConfigError, one_of, read, within
 
 if TYPE_CHECKING:
+    from core.system import StopSignal
     from envs.config import EnvConfig
     from envs.workspace_env import WorkspaceEnv
     from trainers.datasets.demonstrations import Demonstration
-    from trainers.run.signals import StopSignal
 
 BLOCK = 25  # episodes of a task on a cluster
 
@@ -94,12 +94,11 @@ def main(arguments: list[str]) -> None:
 
 def _record(config: RecordConfig, overrides: list[str]) -> None:
     """Record episodes. Raises ConfigError; SystemExit with 128 + signal after SIGINT and SIGTERM."""
+    from core.system import StopSignal, import_optional
     from envs.workspace_env import WorkspaceEnv
     from trainers.datasets.dataset import write
-    from trainers.rollout.evaluation import Interrupted
-    from trainers.run.signals import StopSignal
-    from trainers.utils.atomic_io import refuse_existing
-    from trainers.utils.optional_imports import import_optional
+    from trainers.evaluation.evaluation import Interrupted
+    from trainers.utils.files import refuse_existing
 
     import_optional(*{"lerobot": ["pyarrow"], "minari": ["minari", "h5py"]}[config.format])
     saved, whole = _load_config(config, overrides)
@@ -206,7 +205,7 @@ def _gym_spec(config: EnvConfig, choices: Mapping[str, str]) -> Any:
     from gymnasium.envs.registration import EnvSpec
 
     from envs.config import read_env
-    from trainers.sweeps.overrides_of import overrides_of
+    from trainers.sweeps.runs import overrides_of
 
     if not choices:
         return None
@@ -234,7 +233,7 @@ def _replay(folder: Path, tolerance: float) -> None:
     """Replay a recording. Raises ConfigError if an episode differs from it by more than the tolerance."""
     from envs.workspace_env import WorkspaceEnv
     from trainers.datasets.dataset import read
-    from trainers.datasets.verify_replay import verify_replay
+    from trainers.datasets.demonstrations import verify_replay
 
     try:
         metadata, episodes = read(folder)
@@ -253,7 +252,7 @@ def _replay(folder: Path, tolerance: float) -> None:
 
 def cli(words: Sequence[str] | None = None) -> None:
     """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
-    run(main, __doc__, words)
+    run_program(main, __doc__, words)
 
 
 if __name__ == "__main__":

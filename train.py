@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 import hydra
 
-from conf.command_line import check_run
-from conf.composition import quoted, with_choices
-from conf.overrides import apply
-from conf.schema import ConfigError, RunError
+from core.command_line import check_run
+from core.composition import quoted, with_choices
+from core.overrides import apply
+from core.platform_tuning import import_training
+from core.schema import ConfigError, RunError
 from trainers.sweeps.arguments import expand_resume, register_resolvers
-from trainers.utils.lean_imports import import_training
 
 if TYPE_CHECKING:
     from envs.config import EnvConfig
@@ -51,7 +51,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     """Train with a composed config, print the result, write the report, and return the values of eval.json.
 
     Args:
-        config: as `conf.overrides.compose` returns it.
+        config: as `core.overrides.compose` returns it.
         folder: of the run; created if missing.
 
     Raises:
@@ -62,9 +62,8 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
 
     from envs.config import read_env
     from language import Tokenizer
-    from trainers.collector_config import uses_processes
-    from trainers.config import read_plan
-    from trainers.rollout import fork_server
+    from trainers.collect import fork_server
+    from trainers.config import read_plan, uses_processes
     from trainers.run.progress import Progress
 
     env_config, plan = read_env(config), read_plan(config)
@@ -76,7 +75,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
         from trainers.run.checkpoint import find
         from trainers.run.run_folder import FolderLock, name_semaphores
         from trainers.run.train_loop import fit
-        from trainers.utils.checked_files import write_checked_yaml
+        from trainers.utils.files import write_checked_yaml
 
         find_device(plan.run.device)
         name_semaphores()

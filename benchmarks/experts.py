@@ -15,11 +15,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from conf.overrides import compose
+from core.overrides import compose
 from envs import read_env
 from envs.experts import EXPERTS, Oracle, expert
 from envs.workspace_env import WorkspaceEnv
-from trainers.rollout.evaluation import evaluate
+from trainers.evaluation.evaluation import evaluate
 
 ROOT = Path(__file__).resolve().parents[1]
 ROBOTS, CONTROLS = ("kuka", "panda", "jaco"), ("step", "absolute", "joints")

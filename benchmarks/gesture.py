@@ -25,13 +25,13 @@ from tensordict import TensorDictBase
 
 from benchmarks.ours import WORLDS, actions
 from benchmarks.results import rows, write_section
-from conf.overrides import compose
+from core.overrides import compose
 from envs import make_env, read_env
 from envs.config import EnvConfig
 from envs.experts.reach import ReachExpert
 from envs.mdp.gestures import make_person
 from envs.tasks import TASKS
-from envs.tasks.object_layout import scatter
+from envs.tasks.shared.geometry import scatter
 from envs.workspace_env import WorkspaceEnv
 from human import STYLES, Body, Person, Unreachable, pointed_object, posterior, ray_offsets
 from tools.referent_beliefs import PointedScene, accuracy, accuracy_by_cue, calibration, insider_belief

@@ -17,13 +17,13 @@ from typing import Any
 
 import torch
 
-from conf.overrides import compose
+from core.overrides import compose
 from envs import make_env, read_env
 from train import build_env
 from trainers.algorithms.build import build_algorithm
 from trainers.algorithms.sac import SAC
+from trainers.collect.collection import Rollouts
 from trainers.config import read_plan
-from trainers.rollout.collection import Rollouts
 from trainers.run.train_loop import fit
 from trainers.utils.matrix_products import fast_products
 

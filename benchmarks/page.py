@@ -32,7 +32,7 @@ from demo.session import Session
 from demo.session_config import make_config
 from tools.browser import CHROMIUM, TIMEOUT, WIDE, PageTab, PlayServer, headless_browser
 from tools.random_scenes import random_scene
-from trainers.rollout.evaluation import wilson
+from trainers.evaluation.evaluation import wilson
 from trainers.utils.system_info import system_info
 
 MIN_MOTION = 0.001  # metres of the gripper

@@ -50,7 +50,7 @@ from tools.peer_comparison import (
     table,
 )
 from trainers.run.metrics import MetricsWriter
-from trainers.utils.atomic_io import write_json
+from trainers.utils.files import write_json
 from trainers.utils.system_info import system_info
 
 ROOT = Path(__file__).resolve().parents[1]

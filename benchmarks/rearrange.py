@@ -35,14 +35,13 @@ from tensordict import TensorDict
 from benchmarks import rearrange_policy
 from benchmarks.treebank import world_of
 from benchmarks.treebank_data import PARTS, Block, Item, World, read
-from conf.overrides import compose
+from core.overrides import compose
 from deixis.policy import LoadedPolicy, load_policy
 from envs import read_env
-from envs.experts.moves import Move, carry_out, moves_of
+from envs.experts.board import Move, carry_out, moves_of
 from envs.tasks import EpisodeSpec
-from envs.tasks.grid import Grid
-from envs.tasks.rearrange import SHAPES
-from envs.tasks.types import GripperStart
+from envs.tasks.board import SHAPES, Grid
+from envs.tasks.shared.types import GripperStart
 from envs.workspace_env import WorkspaceEnv
 from language import COLORS, NOUNS, LanguageError, Scene
 from language.commands import Action, Understood

@@ -21,16 +21,16 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from tensordict import TensorDict
 
-from benchmarks.gif import Frame, write_gif
 from benchmarks.rearrange import Job, begin, difference, moves, understood
-from conf.overrides import compose
+from core.overrides import compose
 from envs import read_env
-from envs.experts.moves import MoveRunner
+from envs.experts.board import MoveRunner
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.rendering import paint
 from human import Camera
 from language.colors import COLORS
-from trainers.rollout.video import wrap_text
+from tools.films import Frame, write_gif
+from trainers.evaluation.video import wrap_text
 
 # Commands of the part that the grammar was developed on, by number, of different kinds and with at most 16 blocks.
 NUMBERS = ("2832", "3404", "3507", "2392", "3524", "2467", "3741", "2051", "3861", "3731", "3898", "3692")

@@ -13,7 +13,7 @@ import json
 import sys
 from typing import Any
 
-from trainers.rollout.evaluation import wilson
+from trainers.evaluation.evaluation import wilson
 
 ENOUGH = 0.97
 EPISODES, FINAL_EPISODES = 200, 500

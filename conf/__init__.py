@@ -1,1 +1,1 @@
-"""All configuration values of the project, as YAML, and the modules that read and check them."""
+"""All configuration values of the project, as YAML. Their Python is in `core`."""

@@ -33,7 +33,7 @@ MODULES = {
     "parse": "language",
 }
 
-check_origins("conf", "language", "human", "envs", "trainers")
+check_origins("conf", "core", "language", "human", "envs", "trainers")
 
 
 def __getattr__(name: str) -> Any:

@@ -11,7 +11,7 @@ from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from conf.overrides import apply
+from core.overrides import apply
 from envs.config import read_env
 from envs.workspace_env import WorkspaceEnv
 from trainers.algorithms.build import fitted_policy

@@ -10,9 +10,9 @@ from tensordict import TensorDictBase
 
 from demo.planning import Subtask
 from envs.experts import expert
-from envs.experts.moves import Move, MoveRunner
+from envs.experts.board import Move, MoveRunner
 from envs.interactive.interactive_env import InteractiveEnv
-from trainers.rollout.video import outcome_of
+from trainers.evaluation.video import outcome_of
 
 Actor = Callable[[TensorDictBase], TensorDictBase]
 

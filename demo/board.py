@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from demo.dialogue import MAX_CHARACTERS, Dialogue, Interpretation, PointedObjects, of_outcome
 from demo.planning import Planner, Subtask
-from envs.experts.moves import moves_of
+from envs.experts.board import moves_of
 from envs.interactive.interactive_env import InteractiveEnv
-from envs.tasks.grid import Grid
+from envs.tasks.board import Grid
 from language import Scene, commands
 from language.commands.naming import name
 from language.commands.world import BOARD_HEIGHT, FLAT, World, board

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from demo import board, room
 from demo.dialogue import Dialogue
 from demo.planning import Planner, Subtask, lies_at, verb_words
-from envs.experts.moves import CARRIED, Move, moves_of, without_takes
-from envs.interactive.interactive_env import InteractiveEnv
-from envs.interactive.object_names import object_name, object_names
-from envs.tasks.feasible import HANDING
-from envs.tasks.spots import is_sorted
+from envs.experts.board import CARRIED, Move, moves_of, without_takes
+from envs.interactive.interactive_env import InteractiveEnv, object_name, object_names
+from envs.tasks.shared.feasible import HANDING
+from envs.tasks.sort import is_sorted
 from language import HAND, NOUNS, LanguageError, Scene
 from language.commands import Action
 

@@ -12,7 +12,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from conf.overrides import groups
+from core.overrides import groups
 from demo import html
 from demo.dialogue import Interpretation
 from demo.real_time_loop import RealTimeLoop

@@ -10,11 +10,10 @@ from itertools import takewhile
 import numpy as np
 
 from demo import room
-from envs.experts.moves import Move
-from envs.interactive.interactive_env import InteractiveEnv
-from envs.interactive.object_names import object_name, object_names
-from envs.tasks.feasible import Option
-from envs.tasks.spots import is_sorted
+from envs.experts.board import Move
+from envs.interactive.interactive_env import InteractiveEnv, object_name, object_names
+from envs.tasks.shared.feasible import Option
+from envs.tasks.sort import is_sorted
 from language import (
     HAND,
     KINDS,

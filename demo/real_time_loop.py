@@ -9,7 +9,7 @@ import time
 import traceback
 from collections.abc import Callable
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from demo.session import Session
 from human import NothingPointedAt, Unreachable
 from language import LanguageError

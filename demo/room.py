@@ -8,15 +8,14 @@ from itertools import chain, zip_longest
 
 import numpy as np
 
-from envs.interactive.interactive_env import InteractiveEnv
-from envs.interactive.object_names import object_name
+from envs.interactive.interactive_env import InteractiveEnv, object_name
 from envs.tasks.anything import Anything
-from envs.tasks.feasible import CARRY, DEVICE_VERBS, HANDING, THROUGH, Option, Room, options
-from envs.tasks.free_places import BESIDE
-from envs.tasks.furnished import OPEN, SHUT
-from envs.tasks.geometry import length
-from envs.tasks.spots import Spots
-from envs.tasks.types import NOTHING
+from envs.tasks.furniture import OPEN, SHUT
+from envs.tasks.shared.feasible import CARRY, DEVICE_VERBS, HANDING, THROUGH, Option, Room, options
+from envs.tasks.shared.free_places import BESIDE
+from envs.tasks.shared.geometry import length
+from envs.tasks.shared.types import NOTHING
+from envs.tasks.sort import Spots
 from language import HAND, SUPERLATIVES, VERBS, LanguageError, ObjectPhrase, Scene, Split, matches
 from language.describing import plain_name
 from language.generator import ReferringExpressions

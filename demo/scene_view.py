@@ -13,7 +13,7 @@ import viser
 from numpy.typing import ArrayLike, NDArray
 
 from envs.interactive.interactive_env import InteractiveEnv
-from envs.sim.visual_shapes import VisualShape
+from envs.sim.rendering import VisualShape
 
 Array = NDArray[np.float64]
 HIDDEN_BELOW = -4.0  # metres: objects that are not in the scene are parked below this height

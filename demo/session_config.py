@@ -8,15 +8,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from conf.overrides import apply, compose, groups
-from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
+from core.overrides import apply, compose, groups
+from core.schema import Checked, ConfigError, did_you_mean, one_of, read, within
 from envs.config import read_env
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.window import Window
 from envs.tasks import TASKS
 from language import FITTINGS, HAND
 from trainers.algorithms.build import fitted_policy
-from trainers.export import pretrained
+from trainers.export import policy_file
 from trainers.run import checkpoint
 
 DRIVERS = ("policy", "expert", "hand")  # who drives the robot
@@ -72,7 +72,7 @@ def default_workspace(task: str) -> str | None:
 
 def default_task(robot: str) -> str:
     """The task of `play.py` with this robot where nothing else is chosen: everything, if there is a policy for it."""
-    return "anything" if f"anything_{robot}" in pretrained.names() else DEFAULTS["task"]
+    return "anything" if f"anything_{robot}" in policy_file.names() else DEFAULTS["task"]
 
 
 def make_config(**values: Any) -> SessionConfig:
@@ -98,7 +98,7 @@ class SavedPolicy:
 @cache
 def pretrained_policies() -> tuple[SavedPolicy, ...]:
     """The policies that come with the project."""
-    folders = [pretrained.FOLDER / name for name in pretrained.names()]
+    folders = [policy_file.FOLDER / name for name in policy_file.names()]
     return tuple(_saved_policy(folder, _load(folder)) for folder in folders)
 
 

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from demo.session import Session
-from trainers.rollout.video import add_caption, open_video
+from trainers.evaluation.video import add_caption, open_video
 
 FPS = 10
 STEPS_PER_FRAME = 2  # rendering a frame takes most of a control step

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from conf.schema import ConfigError, did_you_mean, read
+from core.schema import ConfigError, did_you_mean, read
 from envs.mdp.controls import ControlConfig
 from envs.sim.gripper import GripperConfig
 from envs.sim.robot import RobotConfig, urdf_path

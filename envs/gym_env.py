@@ -17,8 +17,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 
-from conf.gym_spaces import action_space, space_of
-from conf.schema import ConfigError
+from core.schema import ConfigError
+from core.spaces import action_space, space_of
 from envs.mdp.observations import OBSERVATIONS
 from envs.registration import make_env
 

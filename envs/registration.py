@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import gymnasium
 
-from conf.overrides import check, compose, groups
+from core.overrides import check, compose, groups
 from envs.config import EnvConfig, read_env
 from envs.sim.window import Window
 

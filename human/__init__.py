@@ -4,28 +4,22 @@ The package does not depend on robots. Positions are in metres in the workspace 
 robot is mounted, x away from the robot, y to the robot's left, z up.
 """
 
+from human.arms import PointingArm, Unreachable
 from human.body import Body, read_arm
-from human.by_hand import (
-    Display,
-    KeyboardPointer,
-    KeySource,
-    RecordingDisplay,
-    ScriptedKeys,
-    choose_object,
-)
+from human.by_hand import Display, KeyboardPointer, KeySource, RecordingDisplay, ScriptedKeys, choose_object
 from human.config import SOURCES, STYLES, Camera, GestureConfig, HumanConfig
-from human.fusion import fuse, referring_phrase
 from human.person import Gesture, Person
 from human.pointing import (
     NothingPointedAt,
     RayOffsets,
     add_aiming_noise,
+    fuse,
     pointed_object,
     posterior,
     ray_offsets,
+    referring_phrase,
     visibility,
 )
-from human.pointing_arm import PointingArm, Unreachable
 
 __all__ = [
     "SOURCES",

@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from human.arms import Unreachable
 from human.pointing import Array, NothingPointedAt
-from human.pointing_arm import Unreachable
 
 STEPS = {**{str(cm): cm / 100 for cm in range(1, 10)}, "0": 0.10}  # key -> metres of one move
 TABLE = {"right": (1, 0), "left": (-1, 0), "up": (0, 1), "down": (0, -1)}  # key -> (right, away) seen by the viewer

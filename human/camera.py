@@ -1,22 +1,4 @@
-"""Trains and evaluates the network that reads where a person points: `python -m human.camera train`, `... evaluate`.
-
-    train
-      out=pointing.npz  file for the weights; give gesture.weights that file
-      frames=16000      pictures that the simulator draws and labels
-      epochs=20         passes over the frames
-      seed=0            of bodies, frames and network
-    evaluate
-      weights=<file>    default: the weights that come with the project
-      scenes=1000       of scattered objects, one of which is pointed at
-      objects=6         in each scene
-      aim=object        what is pointed at; aim=area: a random place, and the object nearest to the true ray counts
-      seed=1            of the scenes
-    workspace.human.camera.pitch=-9 ...   any key of the workspace, to move camera, person or furniture
-    task.spacing=0.12 task.object_size=0.05   of the task's keys these two: the distance between objects, their width
-
-`train` prints the ray's errors on people outside the training set after each epoch. `evaluate` prints how often the
-object nearest to the ray is the one that was pointed at.
-"""
+"""Training of the ray reader on generated frames, and the errors of its rays."""
 
 from __future__ import annotations
 
@@ -29,18 +11,116 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.random import Generator
+from numpy.typing import NDArray
+from torch import Tensor
 
-from conf.arguments import run, split
-from conf.overrides import check, compose
-from conf.schema import Checked, ConfigError, did_you_mean, one_of, read, within
+from core.command_line import run_program, split
+from core.overrides import check, compose
+from core.schema import Checked, ConfigError, did_you_mean, one_of, read, within
+from human.arms import Unreachable
 from human.body.person_camera import FurnitureBox, PersonCamera, camera_of
 from human.config import HumanConfig
 from human.pointing import Array, NothingPointedAt, pointed_object
-from human.pointing_arm import Unreachable
-from human.ray_reader import RayNetwork, RayReader, save
+from human.ray_reader import RayNetwork, RayReader, as_input, save
 from human.synthetic_frames import FrameGenerator, LabelledFrames
-from human.train_reader import error_summary, fit
 from language import spacing
+
+LEVER = 0.6  # metres from the fingertip to the objects, at which a direction error becomes a distance in the loss
+BATCH = 64
+LEARNING_RATE = 3e-3
+
+
+def fit(frames: LabelledFrames, epochs: int, seed: int, validation: LabelledFrames | None = None) -> RayNetwork:
+    """Trains a network and prints each epoch's loss.
+
+    Args:
+        frames: to learn from.
+        epochs: passes over the frames.
+        seed: of the initial parameters, the order of frames and the augmentation.
+        validation: other frames, whose errors are printed after each epoch.
+
+    Returns:
+        The network, in evaluation mode.
+    """
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        network = RayNetwork(frames.pictures.shape[1], frames.tips.mean(0))
+    rng, torch_rng = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
+    steps = epochs * max(1, len(frames.tips) // BATCH)
+    optimizer = torch.optim.AdamW(network.parameters(), LEARNING_RATE, weight_decay=1e-3)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, LEARNING_RATE, total_steps=steps, pct_start=0.15)
+    for epoch in range(epochs):
+        loss = _epoch(network.train(), frames, rng, torch_rng, optimizer, schedule)
+        summary = _validation_summary(network.eval(), validation)
+        print(f"epoch {epoch + 1}/{epochs}: loss {loss:.4f} m{summary}", flush=True)
+    return network.eval()
+
+
+def _epoch(
+    network: RayNetwork,
+    frames: LabelledFrames,
+    rng: Generator,
+    torch_rng: torch.Generator,
+    optimizer: Any,
+    schedule: Any,
+) -> float:
+    """Learns from every frame once; returns the mean loss."""
+    order, losses = rng.permutation(len(frames.tips)), []
+    for batch in np.split(order, range(BATCH, len(order) - BATCH + 1, BATCH)):
+        pictures = vary_exposure(as_input(frames.pictures[batch]), torch_rng)
+        loss = ray_loss(network(pictures), frames, batch)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        schedule.step()
+        losses.append(loss.item())
+    return float(np.mean(losses))
+
+
+def vary_exposure(pictures: Tensor, generator: torch.Generator) -> Tensor:
+    """Returns pictures (M, 3, H, W) with random exposure, white balance and sensor noise (data augmentation)."""
+    m = len(pictures)
+    gain = (0.8 + 0.4 * torch.rand(m, 1, 1, 1, generator=generator)) * (
+        0.93 + 0.14 * torch.rand(m, 3, 1, 1, generator=generator)
+    )
+    noise = torch.randn(pictures.shape, generator=generator) * 0.025 * torch.rand(m, 1, 1, 1, generator=generator)
+    return (pictures * gain + noise).clamp_(0, 1)
+
+
+def ray_loss(rays: tuple[Tensor, Tensor], frames: LabelledFrames, indices: NDArray[np.int64]) -> Tensor:
+    """Returns the loss in metres: the mean error of the fingertips plus that of the directions at LEVER from there.
+
+    Args:
+        rays: fingertips and directions, (M, 3) each.
+        frames: with the true rays.
+        indices: (M,), the frames that the rays belong to.
+    """
+    tips, directions = (torch.from_numpy(each[indices]).float() for each in (frames.tips, frames.directions))
+    return ((rays[0] - tips).norm(dim=1) + LEVER * (rays[1] - directions).norm(dim=1)).mean()
+
+
+@torch.no_grad()
+def _validation_summary(network: RayNetwork, validation: LabelledFrames | None) -> str:
+    if validation is None:
+        return ""
+    parts = [network(as_input(part)) for part in np.array_split(validation.pictures, 8)]
+    tips, directions = (torch.cat(each).numpy().astype(np.float64) for each in zip(*parts, strict=True))
+    return "; people not learned from: " + error_summary(tips, directions, validation.tips, validation.directions)
+
+
+def error_summary(tips: Array, directions: Array, true_tips: Array, true_directions: Array) -> str:
+    """Returns the errors of N rays, arrays (N, 3), in words: medians and 90 % quantiles."""
+    angle, off = angles_between(directions, true_directions), 100 * np.linalg.norm(tips - true_tips, axis=1)
+    return (
+        f"direction {np.median(angle):.2f} degrees off (90 %: {np.quantile(angle, 0.9):.2f}), "
+        f"fingertip {np.median(off):.2f} cm (90 %: {np.quantile(off, 0.9):.2f})"
+    )
+
+
+def angles_between(one: Array, other: Array) -> Array:
+    """Returns the angles (N,) between unit vectors (N, 3), degrees."""
+    return np.degrees(2 * np.arcsin(np.clip(np.linalg.norm(one - other, axis=1) / 2, 0, 1)))
+
 
 VALIDATION_BODIES = 8  # people outside the training set
 VALIDATION_FRAMES = 100  # of each of them
@@ -252,4 +332,4 @@ def main(arguments: Sequence[str]) -> Any:
 
 if __name__ == "__main__":
     torch.set_num_threads(1)
-    run(main, __doc__)
+    run_program(main, __doc__)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from conf.schema import Checked, ConfigError, one_of, within
+from core.schema import Checked, ConfigError, one_of, within
 
 STYLES = ("finger", "wrist", "eye")  # the line of the body that is aimed at the target
 SOURCES = ("none", "ray", "camera")

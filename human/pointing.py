@@ -8,13 +8,15 @@ more away from the ray, cannot be the referent. All others are compared by their
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
-from human.pointing_ik import Array
+from human.arms import Array
+from language import Correction, LanguageError, ObjectPhrase, Scene, matches, parse
 
 MAX_ANGLE = np.deg2rad(45)  # between the ray and an object that can be the referent
 HIDDEN_PRIOR = 0.1  # prior weight of an object that the person does not see; 1 for a visible one
@@ -165,3 +167,33 @@ def _nothing_message(offsets: RayOffsets, rows: NDArray[np.bool_]) -> str:
         f"nothing lies along the ray: the nearest object is {nearest:.0f} degrees beside it, "
         f"and less than {np.rad2deg(MAX_ANGLE):.0f} is wanted; point at an object"
     )
+
+
+def referring_phrase(sentence: str) -> ObjectPhrase:
+    """Returns the phrase that names the object of the sentence's last step.
+
+    Raises:
+        NotUnderstood: the sentence is outside the grammar.
+        LanguageError: the sentence is a correction, which needs an instruction before it.
+    """
+    meaning = parse(sentence)
+    if isinstance(meaning, Correction):
+        raise LanguageError(f"'{sentence}' is a correction, and there is no instruction to correct; say what to do")
+    return meaning.steps[-1].phrase
+
+
+def fuse(phrase: ObjectPhrase, scene: Scene, weights: Array) -> Array:
+    """Returns the probability that each object of the scene is the referent, (K,), summing to 1.
+
+    Args:
+        phrase: names the object; its determiner ("this", "that") is ignored, since the ray stands for it.
+        scene: K objects.
+        weights: (K,), the probabilities that the ray alone gives (`human.pointing.posterior`).
+
+    Raises:
+        NothingPointedAt: the ray excludes every object that the phrase fits.
+    """
+    fitting = weights * matches(replace(phrase, determiner="the"), scene)
+    if fitting.sum() == 0:
+        raise NothingPointedAt(f"the finger shows nothing that fits '{phrase}'; point at it, or say what it shows")
+    return fitting / fitting.sum()

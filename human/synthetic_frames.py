@@ -9,13 +9,12 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
+from human.arms import Array, Unreachable
 from human.body import Body
-from human.body.meshes import Proportions
 from human.body.person_camera import CameraFrame, Color, FurnitureBox, Light, PersonCamera, Picture
+from human.body.urdf_model import Proportions
 from human.config import Camera, HumanConfig
-from human.pointing_arm import Unreachable
-from human.pointing_ik import Array
 
 BODIES = 32
 MARGIN = 0.12  # metres around the object area that targets may lie in

@@ -14,7 +14,7 @@ from hydra.plugins.launcher import Launcher
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, open_dict
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 
 
 class RayLauncher(Launcher):

@@ -14,7 +14,16 @@ from language.grounding import ground, matches
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase, say
 from language.objects import DEVICES, FITTINGS, HAND, NOUNS, ROLES, SHAPES, SIZES, Object, Scene
 from language.placement import Layout, ObjectSpec, Placed, from_all, from_lists, from_pairs
-from language.relations import HOLDS, RELATIONS, SUPERLATIVES, Relation, Superlative, relation, superlative, unregister
+from language.relations import (
+    HOLDS,
+    RELATIONS,
+    SUPERLATIVES,
+    Relation,
+    Superlative,
+    relation,
+    superlative,
+    unregister,
+)
 from language.splits import SPLITS, HeldOut, Split
 from language.task_generation import GeneratedTask, generate_tasks, scene_after
 from language.tokenizer import MAX_WORDS, Tokenizer

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from conf.safe_files import FileError, read_yaml
+from core.safe_files import FileError, read_yaml
 from language.colors import COLORS
 from language.errors import LanguageError, check_known
 from language.objects import NOUNS, ROLES, Object, Scene

@@ -11,33 +11,33 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = {  # package -> the packages that it may import beside itself
     "conf": set(),
-    "language": {"conf"},
-    "human": {"conf", "language"},
-    "envs": {"conf", "language", "human"},
-    "trainers": {"conf"},
-    "hydra_plugins": {"conf", "trainers"},
-    "demo": {"conf", "language", "human", "envs", "trainers"},
-    "deixis": {"conf", "language", "human", "envs", "trainers", "demo"},
-    "tools": {"conf", "language", "human", "envs", "trainers", "demo"},  # what tests and benchmarks share
+    "core": {"conf"},
+    "language": {"core"},
+    "human": {"core", "language"},
+    "envs": {"core", "language", "human"},
+    "trainers": {"core"},
+    "hydra_plugins": {"core", "trainers"},
+    "demo": {"core", "language", "human", "envs", "trainers"},
+    "deixis": {"core", "language", "human", "envs", "trainers", "demo"},
+    "tools": {"core", "language", "human", "envs", "trainers", "demo", "deixis"},  # what tests and benchmarks share
 }
 LAYERS = {  # sub-package or module of envs -> those that it may import beside itself
     "sim": set(),
     "tasks": {"sim"},
     "mdp": {"sim", "tasks"},
     "config": {"sim", "tasks", "mdp"},
-    "assembly": {"sim", "tasks", "mdp", "config"},
     "episode_replay": {"sim", "tasks", "mdp"},
-    "workspace_env": {"sim", "tasks", "mdp", "config", "assembly", "episode_replay"},
+    "workspace_env": {"sim", "tasks", "mdp", "config", "episode_replay"},
     "registration": {"sim", "config", "workspace_env"},
     "gym_env": {"mdp", "registration"},
     "checker": {"workspace_env"},
     "experts": {"sim", "tasks", "mdp", "workspace_env"},
     "interactive": {"sim", "mdp", "config", "workspace_env"},
-    "tools": {"tasks", "mdp", "config", "workspace_env", "experts"},
+    "perturbed_conditions": {"tasks", "mdp", "config"},
 }
 PYBULLET = ("envs/sim/", "human/body/")
 GENERATED = {"build", "dist", "outputs", "multirun", "site"}  # folders that programs write
-MAX_FILE_LINES = 300
+MAX_FILE_LINES = 600
 MAX_FUNCTION_LINES = 50
 
 
@@ -87,7 +87,7 @@ def test_a_package_imports_only_the_packages_below_it(package):
 @pytest.mark.parametrize("layer", LAYERS)
 def test_a_layer_of_envs_imports_only_the_layers_below_it(layer):
     allowed = {f"envs.{name}" for name in LAYERS[layer] | {layer}}
-    if layer in ("experts", "interactive", "tools", "gym_env"):
+    if layer in ("experts", "interactive", "gym_env"):
         allowed |= {"envs.make_env", "envs.read_env"}  # what `envs` itself offers
     for path in sources(f"envs/{layer}") or [Path(f"envs/{layer}.py")]:
         used = {".".join(name.split(".")[:2]) for name in imported(path) if name.startswith("envs.")}
@@ -153,8 +153,8 @@ def test_the_search_for_cycles_finds_one():
     ("module", "heavy"),
     [
         ("language", {"torch", "tensordict", "torchrl", "pybullet", "hydra", "matplotlib", "lark", "envs"}),
-        ("conf.schema", {"torch", "pybullet", "hydra", "omegaconf", "numpy"}),
-        ("conf.overrides", {"torch", "pybullet", "hydra"}),
+        ("core.schema", {"torch", "pybullet", "hydra", "omegaconf", "numpy"}),
+        ("core.overrides", {"torch", "pybullet", "hydra"}),
     ],
 )
 def test_a_light_module_loads_no_heavy_library(module, heavy):

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import deixis
-from trainers.export.pretrained import names
+from trainers.export.policy_file import names
 
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]

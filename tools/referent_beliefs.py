@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from envs.tasks import EpisodeSpec
 from human import Person, fuse, posterior, ray_offsets, visibility
 from language import parse
-from trainers.rollout.evaluation import wilson
+from trainers.evaluation.evaluation import wilson
 
 Array = NDArray[np.float64]
 

@@ -15,17 +15,15 @@ import torch
 
 from benchmarks.cluster.rows import row
 from benchmarks.faults.rows import Outcome
-from conf.overrides import compose
+from core.overrides import compose
 from envs.config import read_env
 from language import Tokenizer
 from train import build_env
 from trainers.algorithms.build import build_algorithm
-from trainers.cluster.ray_host import RayHost
-from trainers.cluster.ray_worker import HEARTBEAT, RayWorker, to_arrays
-from trainers.collector_config import RayCollectorConfig
-from trainers.config import read_plan
-from trainers.rollout.worker import Worker, WorkerSpec
-from trainers.rollout.worker_pool import Order, WorkerPool
+from trainers.cluster.ray_workers import HEARTBEAT, RayHost, RayWorker, to_arrays
+from trainers.collect.worker import Worker, WorkerSpec
+from trainers.collect.worker_pool import Order, WorkerPool
+from trainers.config import RayCollectorConfig, read_plan
 
 ROOT = Path(__file__).parents[2]
 PLOT = "docs/cluster_ceiling.png"

@@ -20,15 +20,15 @@ from benchmarks.cluster.network import cut, kill_all, start_node
 from benchmarks.cluster.rows import row
 from benchmarks.faults.rows import Outcome
 from benchmarks.faults.runs import SMALL, command, differences, finish, rows_of
-from conf.overrides import compose
+from core.overrides import compose
 from envs.config import read_env
 from language import Tokenizer
 from train import build_env
 from trainers.algorithms.build import build_algorithm
 from trainers.cluster.ray_session import RaySession
+from trainers.collect.collection import Rollouts
+from trainers.collect.worker_pool import WorkerPool
 from trainers.config import read_plan
-from trainers.rollout.collection import Rollouts
-from trainers.rollout.worker_pool import WorkerPool
 from trainers.run.metrics import read_metrics
 from trainers.run.train_loop import fit
 

@@ -11,13 +11,13 @@ from typing import Any
 import torch
 
 from benchmarks.faults.rows import Outcome, row
-from conf.overrides import compose
+from core.overrides import compose
 from envs.config import read_env
 from envs.workspace_env import WorkspaceEnv
 from language import Tokenizer
+from trainers.collect.collection import Rollouts
 from trainers.config import read_plan
-from trainers.rollout.collection import Rollouts
-from trainers.run.training_run import TrainingRun
+from trainers.run.train_loop import TrainingRun
 
 FRAMES, STEPS = 200_000, 16  # of the buffer, and of each world in the recorded batch
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from random import Random
 
 from benchmarks.faults.rows import Outcome, row
-from conf.overrides import groups
+from core.overrides import groups
 from tools.forked import call
-from trainers.export import pretrained
+from trainers.export import policy_file
 
 PROGRAMS = ("train", "evaluate", "play", "record")
 POLICY = "checkpoint=nl_reach_kuka"
@@ -106,7 +106,7 @@ def measure(tries: int, rng: Random, folder: Path) -> Outcome:
     import trainers.algorithms.build  # noqa: F401  imported once, before the forks
 
     outcome = Outcome()
-    (folder / "pretrained").symlink_to(pretrained.FOLDER)
+    (folder / "pretrained").symlink_to(policy_file.FOLDER)
     every = list(dict.fromkeys(cases()))
     for program, *words in every if tries >= len(every) else rng.sample(every, tries):
         outcome.count(_failure(program, words, folder))

@@ -13,17 +13,16 @@ import torch
 import yaml
 
 from benchmarks.faults.rows import Outcome, row
-from conf.overrides import compose
-from conf.schema import ConfigError
+from core.overrides import compose
+from core.schema import ConfigError
 from human.ray_reader import SHIPPED_WEIGHTS, load
 from language.errors import LanguageError
 from language.scene_file import read_scene
-from trainers.export import pretrained
+from trainers.export import policy_file
 from trainers.run import checkpoint
 from trainers.run.metrics import MetricsWriter, read_metrics
-from trainers.sweeps.runs import read_config, read_overrides, read_result
-from trainers.sweeps.sweep_file import add_start, read_starts
-from trainers.utils.checked_files import write_checked_json, write_checked_yaml
+from trainers.sweeps.runs import add_start, read_config, read_overrides, read_result, read_starts
+from trainers.utils.files import write_checked_json, write_checked_yaml
 
 POLICY = "nl_reach_kuka"
 RESULT = {"success_at_end": 0.5, "ci95": [0.4, 0.6], "episodes": 50, "wrong_object": 0.1, "frames": 7, "wall_s": 1.5}
@@ -167,7 +166,7 @@ def _human() -> Any:
 
 KINDS = (
     Kind("last.pt", _write_checkpoint, checkpoint.load),
-    Kind("policy.safetensors", _copy(pretrained.FOLDER / POLICY / "policy.safetensors"), checkpoint.load),
+    Kind("policy.safetensors", _copy(policy_file.FOLDER / POLICY / "policy.safetensors"), checkpoint.load),
     Kind("pointing.npz", _copy(SHIPPED_WEIGHTS), lambda path: load(path, _human())),
     Kind("metrics.csv", _write_metrics, read_metrics),
     Kind("config.yaml", _write_config, lambda path: _known(read_config(path.parent), compose())),

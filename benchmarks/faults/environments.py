@@ -7,7 +7,7 @@ from pathlib import Path
 from random import Random
 
 from benchmarks.faults.rows import Outcome, row
-from conf.overrides import groups
+from core.overrides import groups
 from envs import check_env, make_env
 from envs.checker import EnvError
 

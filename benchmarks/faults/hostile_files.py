@@ -20,7 +20,7 @@ import yaml
 
 from benchmarks.faults.damaged_files import POLICY, RESULT, SCENE
 from benchmarks.faults.rows import Outcome, row
-from conf.overrides import apply, compose
+from core.overrides import apply, compose
 from human.ray_reader import SHIPPED_WEIGHTS
 from tools.forked import call
 from trainers.run import checkpoint
@@ -29,7 +29,7 @@ from trainers.run.run_folder import FolderLock
 from trainers.sweeps.arguments import expand_resume
 from trainers.sweeps.job import find_job_folder
 from trainers.sweeps.runs import find_runs
-from trainers.utils.atomic_io import atomic_file, write_text
+from trainers.utils.files import atomic_file, write_text
 
 MAX_SECONDS, MAX_BYTES = 1.0, 200 * 2**20
 Case = tuple[str, Callable[[Path], Callable[[], object]]]  # name, and a maker of the file that returns its reader

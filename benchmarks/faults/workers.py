@@ -18,15 +18,14 @@ from omegaconf import OmegaConf
 
 from benchmarks.faults.rows import Outcome, row
 from benchmarks.faults.runs import ALGORITHMS, SMALL, differences
-from conf.overrides import compose
+from core.overrides import compose
 from envs.config import EnvConfig, read_env
 from envs.workspace_env import WorkspaceEnv
 from language import Tokenizer
+from trainers.collect.worker_pool import WorkerPool
 from trainers.config import read_plan
-from trainers.rollout.worker_pool import WorkerPool
 from trainers.run.evaluator import Evaluator
-from trainers.run.train_loop import fit
-from trainers.run.training_run import TrainingRun
+from trainers.run.train_loop import TrainingRun, fit
 
 SIGNALS = {"SIGSTOP": signal.SIGSTOP, "SIGKILL": signal.SIGKILL}
 INSIDE = ("raise", "segfault", "loop")  # faults that a worker causes itself, at its next step

@@ -6,9 +6,8 @@ Every module of this package is imported here, so that a new file registers its 
 from importlib import import_module
 from pkgutil import iter_modules
 
-from envs.experts.base import Expert
+from envs.experts.base import EXPERTS, Expert, expert, register_expert
 from envs.experts.oracle import Oracle
-from envs.experts.registry import EXPERTS, expert, register_expert
 
 for _module in iter_modules(__path__, f"{__name__}."):
     import_module(_module.name)

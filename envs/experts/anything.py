@@ -5,20 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.experts.base import UP, AimingExpert, Array, Slots, choose_rows
+from envs.experts.base import EXPERTS, UP, AimingExpert, Array, Slots, choose_rows, register_expert
 from envs.experts.devices import DeviceExpert
-from envs.experts.grasp import LiftExpert
-from envs.experts.hand_over import HandOverExpert
-from envs.experts.in_out import fittings_from
-from envs.experts.place import Fetch, PlaceExpert
+from envs.experts.furniture import fittings_from
+from envs.experts.pick_and_place import Fetch, HandOverExpert, LiftExpert, PlaceExpert
 from envs.experts.reach import ReachExpert
-from envs.experts.registry import EXPERTS, register_expert
 from envs.tasks import NOTHING, Task
 from envs.tasks.anything import Anything
-from envs.tasks.feasible import HANDING
-from envs.tasks.furnished import NUMBERS
-from envs.tasks.geometry import length
+from envs.tasks.furniture import NUMBERS
 from envs.tasks.hand_over import NUMBER as PALM
+from envs.tasks.shared.feasible import HANDING
+from envs.tasks.shared.geometry import length
 from envs.workspace_env import WorkspaceEnv
 
 HOVER = 0.14  # metres above an object at which grippers travel: over stacks of two

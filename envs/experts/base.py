@@ -1,17 +1,21 @@
-"""The base class of scripted experts: they know the referent, the target and the simulation's state.
+"""The base class of scripted experts, and the table that they enter by decorator.
 
-Most have no memory: their action follows from the present state.
+Experts know the referent, the target and the simulation's state. Most have no memory: their action follows from the
+present state.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from core.schema import ConfigError
 from envs.tasks import Task
 from envs.workspace_env import WorkspaceEnv
 
@@ -67,3 +71,33 @@ def height_share(beside: NDArray[np.float64]) -> NDArray[np.float64]:
     The height is continuous. A policy that imitates a switch between up and down stands still at the switch.
     """
     return np.clip((beside - OVER / 2) / (FULL_HEIGHT - OVER / 2), 0.0, 1.0)
+
+
+EXPERTS: dict[str, type[Expert]] = {}
+ExpertClass = TypeVar("ExpertClass", bound=type[Expert])
+
+
+def register_expert(*tasks: str) -> Callable[[ExpertClass], ExpertClass]:
+    """Class decorator that registers the expert for tasks, given by their names in `envs.tasks.TASKS`.
+
+    Raises ValueError where a task has an expert already.
+    """
+
+    def register(expert: ExpertClass) -> ExpertClass:
+        for task in tasks:
+            if task in EXPERTS:
+                raise ValueError(f"task {task!r} has an expert already: {EXPERTS[task].__name__}")
+            EXPERTS[task] = expert
+        return expert
+
+    return register
+
+
+def expert(env: WorkspaceEnv) -> Expert:
+    """Returns a new expert for the environment's task. Raises ConfigError where none is registered."""
+    name = env.config.task.name
+    if name not in EXPERTS:
+        raise ConfigError(
+            f"task={name} has no scripted expert: register one with @register_expert({name!r}) in envs/experts/"
+        )
+    return EXPERTS[name](env)

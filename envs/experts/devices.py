@@ -7,13 +7,11 @@ from abc import abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.experts.base import OVER, AimingExpert, Array, Slots, choose_rows
-from envs.experts.registry import register_expert
+from envs.experts.base import OVER, AimingExpert, Array, Slots, choose_rows, register_expert
 from envs.sim.devices import DEVICES, facing
 from envs.tasks import Task
-from envs.tasks.device_motion import lever_way, wheel_way
-from envs.tasks.geometry import length
-from envs.tasks.operate import Operate
+from envs.tasks.devices import Operate, lever_way, wheel_way
+from envs.tasks.shared.geometry import length
 from envs.workspace_env import WorkspaceEnv
 
 ABOVE = 0.13  # metres above the table at which a gripper travels: over every device

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from torchrl.data import Bounded
 
-from envs.experts.registry import expert
+from envs.experts.base import expert
 from envs.workspace_env import WorkspaceEnv
 
 LABEL = ("privileged", "expert_action")

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
-from envs.experts.registry import expert
+from envs.experts.base import expert
 from envs.mdp.object_rows import nouns_of_rows, scene_of_rows
 from envs.workspace_env import WorkspaceEnv
 from human import NothingPointedAt, fuse, posterior, referring_phrase, visibility

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from envs.experts.base import HOVER, UP, Array, Expert, Slots, choose_rows
-from envs.experts.registry import register_expert
-from envs.tasks.geometry import horizontal, length
+from envs.experts.base import HOVER, UP, Array, Expert, Slots, choose_rows, register_expert
+from envs.experts.pick_and_place import GRASP, THERE, Fetch
+from envs.tasks.push import LANDED, SHORT
+from envs.tasks.shared.geometry import horizontal, length
 from envs.workspace_env import WorkspaceEnv
 
 TOOL = 0.025  # metres from the gripper's centre to the side that pushes
@@ -19,7 +22,7 @@ FAR = 0.06  # metres behind where it touches the object, within which it goes on
 SINK = 0.02  # metres that it goes down in a control step
 STEER = 0.4  # share of the lateral error that each step corrects
 STEP = 0.012  # metres that it pushes in a control step; if faster, the object slides on
-THERE = 0.025  # metres from its target within which an object is left alone
+AT_TARGET = 0.025  # metres from its target within which an object is left alone
 FINE = 0.042  # ... if it would take another try to push it nearer
 # How high above the table a gripper pushes, metres: jaco's fingers spread wider than an object, and pass over it.
 HEIGHTS = {"jaco": 0.043}
@@ -78,5 +81,137 @@ class PushExpert(Pusher):
         thing, goal = self._place(referent), self._place(target)
         way = horizontal(goal - thing)
         pushing, _ = self._pushing(thing, way)
-        there = length((goal - thing)[:, :2]) < np.where(pushing, THERE, FINE)
+        there = length((goal - thing)[:, :2]) < np.where(pushing, AT_TARGET, FINE)
         return self._env.towards(choose_rows(there, self._env.gripper, self._push(thing, way)))
+
+
+SWIPE_STEP = 0.02  # metres in a control step: slower than it could, so that it keeps to the line
+
+
+@register_expert("swipe")
+class SwipeExpert(Fetch):
+    """Keeps the dragged object on the table."""
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        thing, goal = self._place(referent), self._place(target)
+        held = self._env.state.held == referent
+        left = length((goal - thing)[:, :2])
+        there = ~held & (left < THERE)
+        fetch, close = self._fetch(thing)
+        onward = self._env.gripper + (goal - thing) * np.minimum(1.0, SWIPE_STEP / np.maximum(left, 1e-9))[:, None]
+        onward[:, 2] = self._env.gripper[:, 2] + (goal - thing)[:, 2]  # a gripper that closed too low must not lift
+        place = choose_rows(there, self._env.gripper + HOVER * UP, choose_rows(held, onward, fetch))
+        return self._env.towards(place, np.where(held, left > GRASP, close) & ~there)
+
+
+POKE_FAR = 0.028  # metres that it pushes
+POKE_STEP = 0.006  # ... in a control step: a faster one sends the object away
+WAYS = 8  # directions in which it may push
+
+
+@register_expert("poke")
+class PokeExpert(Pusher):
+    """Pushes in the direction with the most room. It remembers that direction and where the object stood."""
+
+    def __init__(self, env: WorkspaceEnv) -> None:
+        super().__init__(env)
+        self._stood, self._way = np.zeros((2, len(self._rows), 3))
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        thing = self._place(referent)
+        for i in np.flatnonzero(self._env.elapsed == 0).tolist():
+            self._stood[i], self._way[i] = thing[i], self._freest_direction(i, thing[i])
+        poked = length((thing - self._stood)[:, :2]) > POKE_FAR
+        return self._env.towards(
+            choose_rows(poked, self._back(thing, self._way), self._push(thing, self._way, POKE_STEP))
+        )
+
+    def _freest_direction(self, i: int, thing: Array) -> Array:
+        """(3,) the direction in which world i's object, and the gripper behind it, are farthest from other objects."""
+        state, angles = self._env.state, np.arange(WAYS) * 2 * np.pi / WAYS
+        ways = np.stack((np.cos(angles), np.sin(angles), np.zeros(WAYS)), axis=1)
+        starts = thing - (self._apart + FREE) * ways
+        others = state.objects[i, state.movable[i] & (length(state.objects[i] - thing) > 0)]
+        low, high = np.reshape(self._env.config.workspace.gripper_box, (3, 2)).T
+        inside = ((starts >= low) & (starts <= high))[:, :2].all(1)
+        places = np.concatenate((starts[:, None], (thing + 2 * POKE_FAR * ways)[:, None]), axis=1)
+        room = length(places[:, :, None] - others).min((1, 2), initial=1.0)
+        return ways[np.where(inside, room, -1.0).argmax()]
+
+
+AT = 0.02  # metres from the start of the run within which the run begins
+RUN_UP_STEP = 0.012  # metres by which each further try lengthens the run-up: the same one would fall short again
+FOLLOW = 3  # control steps after the release at the same speed: slower fingers would be in the way
+MARGIN = 0.005  # metres beyond the required distance at the release
+WINDOW = 1.2  # control steps' worth of distance within which it releases, so that no step skips the place
+
+
+class Style(NamedTuple):
+    """How a gripper throws.
+
+    height: metres above the table at which it carries the object. run: metres from the target at which the run-up
+    begins. stride: metres of run-up in a control step. flight: distance from release to rest, in strides. lead: control
+    steps between the command to open and the release.
+    """
+
+    height: float
+    run: float
+    stride: float
+    flight: float
+    lead: int
+
+
+STYLES = {"magnet": Style(0.18, 0.31, 0.024, 10.0, 0), "fingers": Style(0.22, 0.27, 0.03, 4.0, 2)}
+
+
+@register_expert("throw")
+class ThrowExpert(Fetch):
+    """Accelerates along y, where there is most room, towards the target's side of the table."""
+
+    def __init__(self, env: WorkspaceEnv) -> None:
+        super().__init__(env)
+        self._style = STYLES[env.config.gripper.of(env.config.robot)]
+        self._running, self._letting_go = np.zeros((2, len(self._rows)), bool)
+        self._after = np.full(len(self._rows), FOLLOW)  # control steps since it let go
+        self._run = np.full((len(self._rows), 1), self._style.run)
+        self._last = np.zeros((len(self._rows), 3))
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        thing, goal = self._place(referent), self._place(target)
+        held = self._env.state.held == referent
+        way = np.where(goal[:, 1:2] >= 0, 1.0, -1.0) * [0.0, 1.0, 0.0]
+        self._note(thing, goal, way, held)
+        fetch, close = self._fetch(thing)
+        carry = self._env.gripper + self._carry(thing, goal, way) - thing
+        landed = (self._env.task.memory[:, 0] > 0) & (length((goal - thing)[:, :2]) < LANDED)
+        follow = ~held & (self._after <= FOLLOW)
+        onward = self._env.gripper + self._style.stride * way * follow[:, None]
+        place = choose_rows(follow | landed, onward, choose_rows(held, carry, fetch))
+        return self._env.towards(place, np.where(held, ~self._letting_go, close & ~follow & ~landed))
+
+    def _note(self, thing: Array, goal: Array, way: Array, held: NDArray[np.bool_]) -> None:
+        """Updates which grippers are in their run-up, and which have released."""
+        left, pace = ((goal - thing) * way).sum(1), ((thing - self._last) * way).sum(1)
+        start = self._start(goal, way)
+        self._running = held & ((self._running & (left > SHORT)) | (length(start - thing) < AT))
+        left -= self._style.lead * pace
+        far = np.maximum(self._style.flight * pace, SHORT + MARGIN + WINDOW * pace)
+        self._letting_go = held & (self._letting_go | (self._running & (left > SHORT + MARGIN) & (left < far)))
+        self._after = np.where(held, 0, self._after + 1)
+        self._run[self._after == 1] += RUN_UP_STEP
+        self._run[self._env.elapsed == 0] = self._style.run
+        self._last = thing
+
+    def _start(self, goal: Array, way: Array) -> Array:
+        """Where the run begins (N, 3)."""
+        start = goal - self._run * way
+        start[:, 2] = self._style.height
+        return start
+
+    def _carry(self, thing: Array, goal: Array, way: Array) -> Array:
+        """Where the held object goes (N, 3): up, to the start of the run-up, and on."""
+        start = self._start(goal, way)
+        up, run = thing.copy(), start.copy()
+        up[:, 2] = self._style.height
+        run[:, 1] = thing[:, 1] + self._style.stride * way[:, 1]
+        return choose_rows(self._running, run, choose_rows(thing[:, 2] < self._style.height / 2, up, start))

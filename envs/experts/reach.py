@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.experts.base import HOVER, OVER, AimingExpert, Array, Slots
-from envs.experts.registry import register_expert
+from envs.experts.base import HOVER, OVER, AimingExpert, Array, Slots, register_expert
 from envs.tasks.reach import reaching_height
 
 

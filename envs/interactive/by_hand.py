@@ -12,13 +12,22 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs.config import EnvConfig
-from envs.interactive.object_names import object_name
+from envs.interactive.interactive_env import object_name
 from envs.mdp.object_rows import scene_of_rows
 from envs.sim.window import Window
 from envs.workspace_env import WorkspaceEnv
-from human import Display, KeyboardPointer, KeySource, choose_object, fuse, pointed_object, posterior, referring_phrase
+from human import (
+    Display,
+    KeyboardPointer,
+    KeySource,
+    choose_object,
+    fuse,
+    pointed_object,
+    posterior,
+    referring_phrase,
+)
 from human.body.window import CLOSED, WindowDisplay, WindowKeys
 from language import Scene
 

@@ -1,4 +1,4 @@
-"""One world that a person directs: they give instructions, point and move objects while it runs."""
+"""Names of the objects of a scene, for messages to a person."""
 
 from __future__ import annotations
 
@@ -13,11 +13,25 @@ from torch import Tensor
 from envs.config import EnvConfig
 from envs.mdp.goals import Goal
 from envs.mdp.object_rows import scene_of_rows
-from envs.sim.visual_shapes import VisualShapes
+from envs.sim.rendering import VisualShapes
 from envs.sim.window import Window
 from envs.workspace_env import WorkspaceEnv
 from human import Gesture
-from language import NOUNS, SHAPES, Scene
+from language import NOUNS, SHAPES, LanguageError, Scene, describe
+
+
+def object_names(scene: Scene) -> list[str]:
+    """The name of each object."""
+    return [object_name(index, scene) for index in range(len(scene))]
+
+
+def object_name(index: int, scene: Scene) -> str:
+    """The shortest description that fits this object only; "a <colour> <noun>" if there is none."""
+    try:
+        return describe(index, scene)
+    except LanguageError:
+        return f"a {scene[index].color} {scene[index].noun}"
+
 
 Array = NDArray[np.float64]
 POINTING_STEPS = 60  # physics steps of a pointing motion: a quarter of a second, about as long as people take

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from conf.schema import Checked, one_of, within
+from core.schema import Checked, one_of, within
 from envs.sim.kinematics import Array, Kinematics, Pose
 
 WAYPOINT_DISTANCE = 0.08  # metres

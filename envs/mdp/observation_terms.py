@@ -15,7 +15,7 @@ from torchrl.data import Bounded, Composite, TensorSpec
 from envs.mdp.controls import Control
 from envs.mdp.gestures import Gestures
 from envs.mdp.grip_controller import GripController
-from envs.mdp.perturbations import Perturbations
+from envs.mdp.randomization import Perturbations
 from envs.mdp.world_state import WorldState
 from envs.sim.kinematics import Kinematics
 from envs.sim.robot import RobotConfig

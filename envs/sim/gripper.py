@@ -14,7 +14,7 @@ import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
-from conf.schema import Checked, ConfigError, one_of, within
+from core.schema import Checked, ConfigError, one_of, within
 from envs.sim.robot import Robot, RobotConfig
 
 FACE_RADIUS = 0.03  # metres from the gripper centre within which a contact is one with the magnet's face

@@ -13,12 +13,10 @@ from pathlib import Path
 import numpy as np
 import pybullet as bullet
 
-from conf.schema import Checked, ConfigError, did_you_mean, one_of, within
-from envs.sim.collision_hulls import lean
+from core.schema import Checked, ConfigError, did_you_mean, one_of, within
+from core.system import suppress_stdout
 from envs.sim.kinematics import Array, Kinematics
-from envs.sim.urdf_magnet import with_magnet
-from envs.sim.urdf_simplify import simplified
-from human.suppress_stdout import suppress_stdout
+from envs.sim.urdf import lean, simplified, with_magnet
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,9 +10,9 @@ from contextlib import suppress
 
 import pybullet as bullet
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
+from core.system import suppress_stdout
 from human import Camera
-from human.suppress_stdout import suppress_stdout
 
 WIDTH, HEIGHT = 960, 720  # pixels
 BACKGROUND = "--background_color_red=0.93 --background_color_green=0.94 --background_color_blue=0.96"

@@ -1,31 +1,100 @@
-"""One world: a PyBullet client with a robot, the furniture and a pool of objects, all made once and only moved."""
+"""The pairs of near bodies that Bullet keeps from one physics step to the next."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 import pybullet as bullet
 import pybullet_data
 from numpy.typing import NDArray
 
-from conf.schema import Checked, within
-from envs.sim.collision_pairs import CollisionPairs
+from core.schema import Checked, within
 from envs.sim.device_bodies import DeviceBodies, DeviceSpec
-from envs.sim.furniture import Furniture
+from envs.sim.furniture import Furniture, Palm
 from envs.sim.gripper import BASE, GRIPPERS, Gripper, GripperConfig
 from envs.sim.lean_client import connect
-from envs.sim.object_pool import ObjectPool, PoolSpec
-from envs.sim.palm import Palm
+from envs.sim.object_pool import ObjectPool, PoolSpec, ShownObjects
 from envs.sim.rendering import Renderer, paint
 from envs.sim.robot import Robot, RobotConfig
-from envs.sim.shown_objects import ShownObjects
-from envs.sim.stepping import Stepper
 from envs.sim.window import Window
 from envs.sim.workspace import WorkspaceConfig
 from human import Body, Camera, PointingArm, read_arm
 from language import SEE_THROUGH
+
+# Bullet's own collision group and mask of what moves, and of what does not.
+MOVING_FILTER, FIXED_FILTER = (1, -1), (2, -3)
+CLEANED = 3  # steps within which Bullet takes a body at rest to be fixed; only then it looks for parted pairs
+
+
+class CollisionPairs:
+    """The pairs of the bodies that one PyBullet client has when this is made.
+
+    client: PyBullet's client. movable: the bodies whose base moves; links always do.
+    """
+
+    def __init__(self, client: int, movable: Collection[int]) -> None:
+        self._client = client
+        self._filters: list[tuple[int, int, int, int]] = []  # body, link, group and mask, in the order of creation
+        for body in range(bullet.getNumBodies(client)):
+            for link in range(BASE, bullet.getNumJoints(body, client)):
+                if bullet.getCollisionShapeData(body, link, client):
+                    moves = link != BASE or body in movable
+                    self._filters.append((body, link, *(MOVING_FILTER if moves else FIXED_FILTER)))
+
+    def forget(self) -> None:
+        """Drop all pairs, and the margins of the bounding boxes from which they follow; Bullet finds both again.
+
+        Bullet keeps a bounding box that a body has left only slightly, and a pair for some steps after its bodies have
+        parted. Both would carry one episode into the next, and the same seed would give other bits than in a fresh
+        world. Setting a collision filter, even to its present value, makes the box anew and drops all its pairs.
+
+        How many steps a parted pair is kept follows from Bullet's place in its list of pairs, which it remembers. A
+        list of one pair leads it back to the first place: the robot's base and its first link, which always touch.
+        """
+        for body, link, *_ in self._filters:
+            bullet.setCollisionFilterGroupMask(body, link, 0, 0, self._client)
+        for each in self._filters[:2]:
+            bullet.setCollisionFilterGroupMask(*each, self._client)
+        for _ in range(CLEANED):
+            bullet.performCollisionDetection(self._client)
+        for each in self._filters:
+            bullet.setCollisionFilterGroupMask(*each, self._client)
+
+
+class Stepper:
+    """Takes the physics steps of a client.
+
+    client: PyBullet's client. time_step: its time step between calls, seconds.
+    each: take every step in a call of its own, where something happens between steps: Bullet computes the damping of
+    joints once in a call, and a window draws once in a call.
+    """
+
+    def __init__(self, client: int, time_step: float, each: bool = False) -> None:
+        self._time_step, self._each = time_step, each
+        self.step = partial(bullet.stepSimulation, client)
+        self._set = partial(bullet.setPhysicsEngineParameter, physicsClientId=client)
+
+    def run(self, count: int) -> None:
+        """Take `count` physics steps, with the same bits as one call for each."""
+        if self._each or count < 3 or not _divides(self._time_step, count):
+            for _ in range(count):
+                self.step()
+        else:
+            self._set(fixedTimeStep=self._time_step * count, numSubSteps=count)
+            self.step()
+            # Forces of motors and constraints that are set from now on are for a single time step.
+            self._set(fixedTimeStep=self._time_step, numSubSteps=0)
+
+
+@cache
+def _divides(time_step: float, count: int) -> bool:
+    """Whether Bullet, which divides the total time by `count`, then takes steps of exactly this length, seconds."""
+    total = time_step * count
+    return total / count == time_step and int(total / time_step) == count
+
 
 SLEEP_STEPS = 3  # physics steps until a body that is put to sleep is asleep
 CONE = (1.0, 1.0, 1.0, SEE_THROUGH)  # RGBA of the cone along a pointing finger

@@ -7,11 +7,19 @@ new file registers its task without an edit elsewhere.
 from importlib import import_module
 from pkgutil import iter_modules
 
-from envs.tasks.base import Task
-from envs.tasks.outcome import Outcome
-from envs.tasks.registry import TASKS, register_task
-from envs.tasks.training_episodes import NO_CURRICULUM, CurriculumConfig, RandomizeConfig
-from envs.tasks.types import NOTHING, EpisodeSpec, GestureSwitch, Said, State, TaskConfig
+from envs.tasks.shared.base import TASKS, Task, register_task
+from envs.tasks.shared.types import (
+    NO_CURRICULUM,
+    NOTHING,
+    CurriculumConfig,
+    EpisodeSpec,
+    GestureSwitch,
+    Outcome,
+    RandomizeConfig,
+    Said,
+    State,
+    TaskConfig,
+)
 
 for _module in iter_modules(__path__, f"{__name__}."):
     import_module(_module.name)

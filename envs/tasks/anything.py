@@ -1,4 +1,4 @@
-"""Anything: each episode says one of the instructions that are feasible in a room, and after success another one."""
+"""Draws the first verb of an episode: uniformly, or in proportion to recent failures."""
 
 from __future__ import annotations
 
@@ -9,22 +9,58 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs.sim.workspace import Fitting
-from envs.tasks.base import Task
-from envs.tasks.feasible import CARRY, HANDING, Option, Room, options
-from envs.tasks.movable_objects import SCENES
-from envs.tasks.operate_among import OperateAmong
-from envs.tasks.outcome import Outcome
-from envs.tasks.reach_next import ReachNext
-from envs.tasks.registry import TASKS, register_task
-from envs.tasks.room_devices import shares_of
-from envs.tasks.room_scenes import RoomScenes
-from envs.tasks.training_episodes import NO_CURRICULUM
-from envs.tasks.types import NOTHING, Array, EpisodeSpec, GripperStart, Said, State, TaskConfig
-from envs.tasks.verb_sampling import VerbSampler
+from envs.tasks.devices import OperateAmong
+from envs.tasks.reach import ReachNext
+from envs.tasks.shared.base import TASKS, Task, register_task
+from envs.tasks.shared.feasible import CARRY, HANDING, Option, Room, options
+from envs.tasks.shared.manipulation import SCENES
+from envs.tasks.shared.room_scenes import RoomScenes, shares_of
+from envs.tasks.shared.types import (
+    NO_CURRICULUM,
+    NOTHING,
+    Array,
+    EpisodeSpec,
+    GripperStart,
+    Outcome,
+    Said,
+    State,
+    TaskConfig,
+)
 from human import Person
 from language import Placed, Scene
+
+RATE = 0.03  # weight of the last outcome in the running mean
+LEAST = 0.1  # weight of a verb that always succeeds, as a share of that of one that always fails
+
+
+class VerbSampler:
+    """Draws verbs.
+
+    failures: (V,) running mean of the failures of each verb, over all worlds of the process; 1 before any has ended.
+
+    Args:
+        verbs: all of them.
+        automatic: draw each verb in proportion to its failures.
+    """
+
+    def __init__(self, verbs: Sequence[str], automatic: bool) -> None:
+        self._verbs, self._automatic = tuple(verbs), automatic
+        self.failures = np.ones(len(verbs))
+
+    def draw(self, feasible: Sequence[str], rng: Generator) -> str:
+        """One of these verbs."""
+        if not self._automatic:
+            return feasible[int(rng.integers(len(feasible)))]
+        weights = LEAST + self.failures[[self._verbs.index(verb) for verb in feasible]]
+        return feasible[int(rng.choice(len(feasible), p=weights / weights.sum()))]
+
+    def note(self, verbs: NDArray[np.int64], succeeded: NDArray[np.bool_]) -> None:
+        """Takes the outcomes (n,) of instructions with these verbs (n,)."""
+        for verb, success in zip(verbs.tolist(), succeeded.tolist(), strict=True):
+            self.failures[verb] += RATE * ((not success) - self.failures[verb])
+
 
 STACK_RADIUS = 0.02  # metres from the place on top of the base, as in conf/task/nl_stack.yaml
 

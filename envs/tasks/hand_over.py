@@ -6,16 +6,15 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from conf.schema import ConfigError
-from envs.sim.palm import SIZE
+from core.schema import ConfigError
+from envs.sim.furniture import SIZE
 from envs.sim.workspace import WorkspaceConfig
-from envs.tasks.geometry import length
-from envs.tasks.object_layout import scatter
 from envs.tasks.pick_and_place import PickAndPlace
-from envs.tasks.registry import register_task
-from envs.tasks.types import Array, Column, EpisodeSpec, State, TaskConfig
+from envs.tasks.shared.base import register_task
+from envs.tasks.shared.geometry import length, scatter
+from envs.tasks.shared.types import Array, Column, EpisodeSpec, State, TaskConfig
 from human import HumanConfig, Unreachable, read_arm
-from human.offering_arm import JOINTS, OfferingArm
+from human.arms import JOINTS, OfferingArm
 from language import COLORS, HAND, NOUNS, Instruction, Placed, Scene
 
 NUMBER = list(NOUNS).index(HAND)

@@ -6,10 +6,17 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from envs.tasks.geometry import horizontal, length, paths_are_clear, share_at_goal
-from envs.tasks.manipulation import Manipulation
-from envs.tasks.registry import register_task
-from envs.tasks.types import Array, Column, State
+from envs.tasks.shared.base import register_task
+from envs.tasks.shared.geometry import (
+    distance_to_segment,
+    horizontal,
+    length,
+    paths_are_clear,
+    share_at_goal,
+    with_object_at,
+)
+from envs.tasks.shared.manipulation import Manipulation
+from envs.tasks.shared.types import NOTHING, Array, Column, State
 from language import Placed, Scene
 
 MARGIN = 0.06  # metres from the border of the object area to pushed objects, so that a gripper fits behind them
@@ -104,3 +111,191 @@ class Push(Manipulation):
         way = horizontal(scene.positions[target] - scene.positions[referent])
         back, up = rng.uniform(0.0, NEAR, 2)
         return up * np.array([0.0, 0.0, 1.0]) - (self._behind() + back) * way
+
+
+LINE = 0.04  # metres that the object may deviate from the line
+LIFT = 0.015  # metres that it may rise above the table
+
+
+@register_task("swipe", verb="swipe")
+class Swipe(Manipulation):
+    """ "swipe the red cube along the line to the transparent blue cube".
+
+    Success: the referent has been gripped, lies within `radius` of its target, released and at rest, for `hold_steps`
+    steps. It fails where the referent leaves the straight line from where it stood to its target by more than `LINE`,
+    or the table by more than `LIFT`.
+    Potentials: approach (metres from gripper to object, negative; 0 while it is held or there), grasp (1 while it is
+    held or there), transport (metres from object to target, negative) and release (1 while it is there: near its
+    target, released, and gripped before).
+    """
+
+    grips = True
+    fails = True
+    potentials = ("approach", "grasp", "transport", "release")
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._gripped = np.zeros(worlds, bool)
+        self._aside = np.zeros(worlds)  # metres from the line
+
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
+        self._gripped[worlds] = (state.held == state.referent)[worlds]
+        self._aside[worlds] = 0.0
+
+    @property
+    def memory(self) -> NDArray[np.float64]:
+        """(N, 2) whether the referent has been gripped, and the share of `LINE` that it is beside the line."""
+        return np.stack((self._gripped, np.minimum(self._aside / LINE, 1.0)), axis=1)
+
+    def _is_feasible(self, placed: Placed) -> bool:
+        return paths_are_clear(placed)
+
+    def _update_memory(self, state: State) -> None:
+        self._gripped |= state.held == state.referent
+        start, place = self._begun[self._rows, state.referent], self._referent(state)
+        self._aside = distance_to_segment(place[:, :2], start[:, :2], self._goal(state)[:, :2])
+
+    def _at_goal(self, state: State) -> NDArray[np.bool_]:
+        return self._there(state) & (self._still >= 1)
+
+    def _there(self, state: State) -> NDArray[np.bool_]:
+        near = length(self._goal(state) - self._referent(state)) <= self.config.success_radius
+        return self._gripped & near & (state.held == NOTHING)
+
+    def _failed(self, state: State) -> NDArray[np.bool_]:
+        start, place = self._begun[self._rows, state.referent], self._referent(state)
+        return (self._aside > LINE) | (place[:, 2] > start[:, 2] + LIFT)
+
+    def _potentials(self, state: State) -> dict[str, Array]:
+        place = self._referent(state)
+        there = self._there(state)
+        has = (state.held == state.referent) | there
+        return {
+            "approach": np.where(has, 0.0, -length(place - state.gripper)),
+            "grasp": has.astype(np.float64),
+            "transport": -length(self._goal(state) - place),
+            "release": there.astype(np.float64),
+        }
+
+    def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
+        """On the table, part of the way to its target."""
+        assert target is not None
+        way = scene.positions[target] - scene.positions[referent]
+        return with_object_at(scene, referent, scene.positions[referent] + 0.9 * rng.random() * way)
+
+
+MOVED = 0.02  # least displacement in metres: more than an arm that brushes past causes
+PUSHED = 0.12  # greatest displacement in metres: beyond it, the object has been pushed
+AWAY = 0.1  # metres between the centres of gripper and object at success: 5 cm from contact
+
+
+@register_task("poke", verb="poke")
+class Poke(Manipulation):
+    """ "poke the red cube".
+
+    Success: the referent lies, at rest, between `MOVED` and `PUSHED` from where it stood, and the gripper is `AWAY`
+    from it, for `hold_steps` steps. It fails where the object is displaced by more than `PUSHED`.
+    Potentials: approach (metres from gripper to object, negative; 0 once it has been moved), touch (the share of
+    `MOVED` by which it is displaced) and withdraw (once it has been moved, the share of `AWAY` that the gripper is from
+    it).
+    """
+
+    fails = True
+    potentials = ("approach", "touch", "withdraw")
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._displaced = np.zeros(worlds)  # metres
+
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
+        self._displaced[worlds] = 0.0
+
+    @property
+    def memory(self) -> NDArray[np.float64]:
+        """(N, 1) the share of `PUSHED` by which the referent is displaced."""
+        return np.minimum(self._displaced / PUSHED, 1.0)[:, None]
+
+    def _update_memory(self, state: State) -> None:
+        self._displaced = length(self._referent(state) - self._begun[self._rows, state.referent])
+
+    def _at_goal(self, state: State) -> NDArray[np.bool_]:
+        place = self._referent(state)
+        moved = (self._displaced >= MOVED) & (self._displaced <= PUSHED)
+        return moved & (length(place - state.gripper) >= AWAY) & (self._still >= 1)
+
+    def _failed(self, state: State) -> NDArray[np.bool_]:
+        return self._displaced > PUSHED
+
+    def _potentials(self, state: State) -> dict[str, Array]:
+        apart = length(self._referent(state) - state.gripper)
+        moved = self._displaced >= MOVED
+        return {
+            "approach": np.where(moved, 0.0, -apart),
+            "touch": np.minimum(self._displaced / MOVED, 1.0),
+            "withdraw": np.where(moved, np.minimum(apart / AWAY, 1.0), 0.0),
+        }
+
+
+SHORT = 0.15  # least horizontal distance in metres from the target at the release
+HIGH = 0.03  # least height above the table in metres at the release
+LANDED = 0.1  # metres from the target within which the object must come to rest
+
+
+@register_task("throw", verb="throw")
+class Throw(Manipulation):
+    """ "throw the red cube to the same position as the transparent blue cube".
+
+    Success: the referent, released in the air (`HIGH`) and at least `SHORT` from its target, lies within `LANDED` of
+    it, at rest, for `hold_steps` steps. If it is gripped again, it no longer counts as thrown.
+    Potentials: approach (metres from gripper to object, negative; 0 while it is held or thrown), grasp (1 while it is
+    held or thrown), lift (1 while it is held in the air or thrown), transport (metres over the table from object to
+    where it counts as landed, negative) and release (1 while it is thrown).
+    """
+
+    grips = True
+    lag = 3  # an arm is fastest early in a control step, and nearly at rest at its beginning
+    potentials = ("approach", "grasp", "lift", "transport", "release")
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._thrown = np.zeros(worlds, bool)
+        self._carried = np.zeros((worlds, 3))  # where the object was last held
+
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
+        self._thrown[worlds] = False
+        self._carried[worlds] = self._held_at(state)[worlds]
+
+    @property
+    def memory(self) -> NDArray[np.float64]:
+        """(N, 1) whether the referent has been thrown."""
+        return self._thrown[:, None].astype(np.float64)
+
+    def _held_at(self, state: State) -> Array:
+        """(N, 3) where the referent is held; NaN where it is not."""
+        return np.where((state.held == state.referent)[:, None], self._referent(state), np.nan)
+
+    def _update_memory(self, state: State) -> None:
+        held = state.held == state.referent
+        short = length((self._goal(state) - self._carried)[:, :2]) >= SHORT
+        released = ~held & short & (self._carried[:, 2] - self.config.object_size / 2 >= HIGH)
+        self._thrown = ~held & (self._thrown | released)
+        self._carried = self._held_at(state)
+
+    def _at_goal(self, state: State) -> NDArray[np.bool_]:
+        return self._thrown & (self._left(state) == 0) & (self._still >= 1) & (state.held == NOTHING)
+
+    def _left(self, state: State) -> Array:
+        """(N,) metres over the table to where the referent counts as landed."""
+        return np.maximum(length((self._goal(state) - self._referent(state))[:, :2]) - LANDED, 0.0)
+
+    def _potentials(self, state: State) -> dict[str, Array]:
+        place, held = self._referent(state), state.held == state.referent
+        has = held | self._thrown
+        up = place[:, 2] - self.config.object_size / 2 >= HIGH
+        return {
+            "approach": np.where(has, 0.0, -length(place - state.gripper)),
+            "grasp": has.astype(np.float64),
+            "lift": ((held & up) | self._thrown).astype(np.float64),
+            "transport": -self._left(state),
+            "release": self._thrown.astype(np.float64),
+        }

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
-from envs.tasks.base import Task
-from envs.tasks.outcome import Outcome
-from envs.tasks.registry import register_task
-from envs.tasks.types import Array, State, TaskConfig
+from core.schema import ConfigError, did_you_mean
+from envs.tasks.shared.base import TRIES, ReferringTask, Task, register_task, unfixed
+from envs.tasks.shared.geometry import groups
+from envs.tasks.shared.types import NOTHING, Array, EpisodeSpec, Outcome, State, TaskConfig
+from human import Gesture, NothingPointedAt, Person, Unreachable, pointed_object, visibility
+from language import COLORS, NOUNS, SHAPES, Instruction, ObjectPhrase, Placed, Scene
 
 NEAR = 0.7  # of the radius: greatest height over an object's centre, so that there is room to its sides
 
@@ -65,3 +70,200 @@ class Reach(Task):
         """(N, K) metres from the gripper; infinite where no object is shown."""
         offset = state.objects - state.gripper[:, None]
         return np.where(state.shown, np.sqrt((offset * offset).sum(-1)), np.inf)
+
+
+@register_task("nl_reach", verb="reach")
+class NLReach(ReferringTask, Reach):
+    """Reach the object that a sentence names."""
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        if not config.kinds:
+            raise ConfigError("task.kinds=[] must name at least one kind of sentence")
+        super().__init__(config, object_area, num_worlds, person)
+
+    def _draw(self, rng: Generator) -> EpisodeSpec:
+        placed, nameable = self._nameable_scene(rng)
+        return self.episode(placed, int(rng.choice(np.flatnonzero(nameable))), rng)
+
+    def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
+        placed, nameable = self._nameable_scene(rng)
+        named = np.flatnonzero(nameable).tolist()
+        return [self._pointed(self.episode(placed, referent, rng), rng) for referent in named]
+
+    def episode(self, placed: Placed, referent: int, rng: Generator) -> EpisodeSpec:
+        """The episode in which this object of the scene is named. Raises LanguageError where it cannot be."""
+        instruction = self._describer.describe(placed.scene, referent, rng)
+        sentence = self._say(instruction, rng)
+        kind = self.kind_names.index(instruction.kind)
+        return self._episode(placed, referent, kind, sentence)
+
+    def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
+        """Names the object at which the gripper ended."""
+        apart = np.linalg.norm(moments.objects[-1] - moments.gripper[-1], axis=1)
+        nearest = int(apart.argmin())
+        if apart[nearest] > self.config.success_radius or nearest == moments.referent[-1]:
+            return None
+        return self.episode(placed, nearest, rng)
+
+
+SPOTS = ("there", "here", "this", "that")  # words that carry no information without the finger
+
+
+@register_task("reach_gesture", verb="reach")
+class ReachGesture(Reach):
+    """The person points in a random direction over the table; the referent is the object nearest to that line.
+
+    The words ("reach there") do not identify it. Raises ConfigError without a person who points.
+    """
+
+    kind_names: tuple[str, ...] = SPOTS
+    speaks = True
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        if person is None:
+            raise ConfigError(f"task.name={config.name} needs a person who points: gesture=ray or gesture=camera")
+        super().__init__(config, object_area, num_worlds, person)
+        self._person: Person = person
+
+    def _draw(self, rng: Generator) -> EpisodeSpec:
+        placed = self._placed(rng)
+        return self._spoken(placed, *self._somewhere(placed, rng), rng)
+
+    def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
+        placed = self._placed(rng)
+        shown = [self._person.show(place, rng) for place in placed.scene.positions]
+        return [self._spoken(placed, referent, gesture, rng) for referent, gesture in enumerate(shown)]
+
+    def _spoken(self, placed: Placed, referent: int, gesture: Gesture, rng: Generator) -> EpisodeSpec:
+        kind = int(rng.integers(len(SPOTS)))
+        sentence = self._say(Instruction("reach", ObjectPhrase(determiner=SPOTS[kind])), rng)
+        return self._episode(placed, referent, kind, sentence, gesture)
+
+    def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, Gesture] | None:
+        others = [k for k in range(len(episode.scene)) if k != episode.referent]
+        if not others:
+            return None
+        other = int(rng.choice(others))
+        return other, self._person.show(episode.scene.positions[other], rng, always=True)
+
+    def _somewhere(self, placed: Placed, rng: Generator) -> tuple[int, Gesture]:
+        """The object nearest to a line to some place over the table, and a finger that shows that place.
+
+        Aims along which nothing lies are drawn again.
+        """
+        x0, x1, y0, y1 = self._area
+        for _ in range(TRIES):
+            aim = rng.uniform([x0, y0, 0.0], [x1, y1, self.config.object_size])
+            exact = self._person.aim(aim)
+            try:
+                referent = int(pointed_object(exact.origin, exact.direction, placed.scene.positions))
+            except NothingPointedAt:
+                continue
+            return referent, self._person.show(aim, rng, exact)
+        raise Unreachable(f"no object of this scene can be pointed at from {exact.origin.tolist()}")
+
+
+SAID = {"color": [False, True], "shape": [True, False], "color_shape": [True, True]}  # whether noun and colour are said
+SHOWING = ("this", "that")
+
+
+@register_task("nl_reach_gesture", verb="reach")
+class NLReachGesture(ReachGesture):
+    """Two groups of objects stand apart, and in each the words ("that red one") fit exactly one.
+
+    So the words leave two candidates, the finger one object and its neighbours, and both together a single object. Both
+    groups are drawn alike, and the referent is drawn uniformly from the two candidates, or by `visibility` if one is
+    hidden, so nothing else identifies it. Objects 0 and 1 of a scene are the candidates.
+    """
+
+    kind_names = tuple(SAID)
+
+    def __init__(
+        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
+    ) -> None:
+        for kind in config.kinds:
+            if kind not in SAID:
+                raise ConfigError(f"task.kinds={kind} is not said in {config.name}" + did_you_mean(kind, SAID))
+        if not config.kinds or config.min_objects < 2:
+            raise ConfigError(
+                f"task.name={config.name} needs task.kinds of {', '.join(SAID)} and task.min_objects of at least 2, "
+                f"one in each group, not kinds={list(config.kinds)} and min_objects={config.min_objects}"
+            )
+        if len(config.objects):
+            raise ConfigError(f"task.objects cannot be listed in {config.name}, which draws two groups alike")
+        super().__init__(config, object_area, num_worlds, person)
+
+    def _draw(self, rng: Generator) -> EpisodeSpec:
+        kind = self.config.kinds[rng.integers(len(self.config.kinds))]
+        scene = self._groups(SAID[kind], rng)
+        seen = visibility(self._person.eyes, scene.positions, self.config.object_size)[:2]
+        sentence = self._say(Instruction("reach", self._phrase(scene, kind, rng)), rng)
+        return self._shown(scene, kind, sentence, int(rng.choice(2, p=seen / seen.sum())), rng)
+
+    def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
+        kind = self.config.kinds[rng.integers(len(self.config.kinds))]
+        scene = self._groups(SAID[kind], rng)
+        sentence = self._say(Instruction("reach", self._phrase(scene, kind, rng)), rng)
+        return [self._shown(scene, kind, sentence, referent, rng) for referent in range(2)]
+
+    def _shown(self, scene: Scene, kind: str, sentence: str, referent: int, rng: Generator) -> EpisodeSpec:
+        gesture = self._person.show(scene.positions[referent], rng)
+        return self._episode(unfixed(scene), referent, self.kind_names.index(kind), sentence, gesture)
+
+    def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, Gesture] | None:
+        other = 1 - episode.referent
+        return other, self._person.show(episode.scene.positions[other], rng, always=True)
+
+    def _phrase(self, scene: Scene, kind: str, rng: Generator) -> ObjectPhrase:
+        says_noun, says_color = SAID[kind]
+        noun = list(NOUNS)[scene.nouns[0]] if says_noun else None
+        color = list(COLORS)[scene.colors[0]] if says_color else None
+        return ObjectPhrase(noun, color, determiner=SHOWING[rng.integers(2)])
+
+    def _groups(self, said: list[bool], rng: Generator) -> Scene:
+        """A scene whose objects 0 and 1, one in each group, share the words' attributes; no other object does."""
+        config = self.config
+        count = int(rng.integers(config.min_objects, config.num_objects + 1))
+        looks = np.stack((rng.integers(len(SHAPES), size=count), rng.integers(len(COLORS), size=count)), axis=1)
+        looks[1, said] = looks[0, said]
+        while (same := self._same(looks, said)).any():
+            fresh = np.stack((rng.integers(len(SHAPES), size=count), rng.integers(len(COLORS), size=count)), axis=1)
+            looks[2:][same] = fresh[2:][same]
+        places = groups(rng, count, self._area, config.spacing, config.object_size / 2)
+        nouns, colors = looks.T
+        return Scene.from_arrays(nouns, colors, places, size=config.object_size, viewpoint=config.viewpoint)
+
+    @staticmethod
+    def _same(looks: np.ndarray, said: list[bool]) -> np.ndarray:
+        """Which of objects 2, 3, ... the words would fit as well."""
+        return (looks[2:, said] == looks[0, said]).all(1)
+
+
+class ReachNext(NLReach):
+    """Reach after another instruction. The object at which the gripper begins counts only after the gripper left it."""
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._first = np.full(worlds, NOTHING)  # the slot at which it begins, until it leaves it
+
+    def reset(self, worlds: NDArray[np.int64], state: State) -> None:
+        super().reset(worlds, state)
+        distances = self._distances(state)[worlds]
+        nearest = distances.argmin(1)
+        self._first[worlds] = np.where(distances.min(1) <= self.config.success_radius, nearest, NOTHING)
+
+    def _distances(self, state: State) -> Array:
+        """With devices, see-through targets do not count: none is a referent, and objects may stand at their places."""
+        distances = super()._distances(state)
+        return np.where(state.movable, distances, np.inf) if self.config.devices else distances
+
+    def step(self, state: State) -> Outcome:
+        distances = self._distances(state)
+        stays = (distances.argmin(1) == self._first) & (distances.min(1) <= self.config.success_radius)
+        self._first = np.where(stays, self._first, NOTHING)
+        self._held_other = np.where(stays, -1, self._held_other)
+        return super().step(state)

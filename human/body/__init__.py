@@ -1,6 +1,6 @@
 """The person in PyBullet: body, URDF, camera and window. The only part of `human` that imports PyBullet."""
 
-from human.suppress_stdout import suppress_stdout
+from core.system import suppress_stdout
 
 with suppress_stdout():  # PyBullet prints its build time when it is first imported
     import pybullet  # noqa: F401

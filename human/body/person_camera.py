@@ -16,11 +16,11 @@ import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
-from conf.schema import ConfigError
-from human.body.meshes import Proportions
+from core.schema import ConfigError
+from human.arms import Array
 from human.body.pybullet_body import Body
+from human.body.urdf_model import Proportions
 from human.config import Camera, HumanConfig
-from human.pointing_ik import Array
 
 Picture = NDArray[np.uint8]
 Color = tuple[float, float, float]

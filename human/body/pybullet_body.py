@@ -14,14 +14,23 @@ from pathlib import Path
 import numpy as np
 import pybullet as bullet
 
-from conf.schema import ConfigError, did_you_mean
-from human.body.meshes import Proportions
-from human.body.urdf_model import write
+from core.schema import ConfigError, did_you_mean
+from core.system import suppress_stdout
+from human.arms import (
+    FINGERTIP,
+    JOINTS,
+    LINE_STARTS,
+    ArmModel,
+    Array,
+    AttachedPoint,
+    OfferingArm,
+    PointingArm,
+    PointingChain,
+    line_start,
+    ray_through,
+)
+from human.body.urdf_model import Proportions, write
 from human.config import HumanConfig
-from human.offering_arm import JOINTS, OfferingArm
-from human.pointing_arm import FINGERTIP, LINE_STARTS, ArmModel, PointingArm, line_start, ray_through
-from human.pointing_ik import Array, AttachedPoint, PointingChain
-from human.suppress_stdout import suppress_stdout
 
 ASLEEP = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
 

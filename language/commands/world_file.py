@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from conf.safe_files import FileError, read_yaml
+from core.safe_files import FileError, read_yaml
 from language.colors import COLORS
 from language.commands.nouns import NEAR_COLORS, phrases
 from language.commands.world import BOARD_CELLS, BOARD_HEIGHT, World, board, table

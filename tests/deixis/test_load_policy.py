@@ -9,8 +9,8 @@ import torch
 import deixis
 import envs
 import language
-from conf.schema import ConfigError
-from trainers.export.pretrained import names
+from core.schema import ConfigError
+from trainers.export.policy_file import names
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text("utf-8")

@@ -11,7 +11,7 @@ from demo.session import Session
 from demo.session_config import default_task, make_config
 from language import LanguageError
 from tests.helpers.sessions import run_to_end
-from trainers.export import pretrained
+from trainers.export import policy_file
 
 SHUFFLES = 40  # until something can be said
 
@@ -139,7 +139,7 @@ def test_objects_are_moved_by_hand_and_fittings_are_not(session):
 
 
 def test_play_begins_with_everything_where_there_is_a_policy_for_it(tmp_path, monkeypatch):
-    monkeypatch.setattr(pretrained, "FOLDER", tmp_path)
+    monkeypatch.setattr(policy_file, "FOLDER", tmp_path)
     assert default_task("kuka") == "nl_reach"
     (tmp_path / "anything_kuka").mkdir()
     (tmp_path / "anything_kuka" / "policy.safetensors").touch()

@@ -6,9 +6,9 @@ import pytest
 
 from demo.session import Session
 from demo.session_config import make_config
-from envs.tasks.feasible import DEVICE_VERBS
+from envs.tasks.shared.feasible import DEVICE_VERBS
 from tests.helpers.sessions import run_to_end
-from trainers.export import pretrained
+from trainers.export import policy_file
 
 SHUFFLES = 40
 
@@ -16,7 +16,7 @@ SHUFFLES = 40
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pretrained, "FOLDER", tmp_path_factory.mktemp("none"))  # else a policy's own config is used
+        patch.setattr(policy_file, "FOLDER", tmp_path_factory.mktemp("none"))  # else a policy's own config is used
         patch.setattr("demo.session_config.pretrained_policies", tuple)
         session = Session(make_config(task="anything", driver="expert"), seed=3)
     yield session

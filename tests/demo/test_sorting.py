@@ -6,7 +6,7 @@ import pytest
 from demo.room import room_of
 from demo.session import Session
 from demo.session_config import make_config
-from envs.tasks.spots import is_sorted
+from envs.tasks.sort import is_sorted
 from tests.helpers.sessions import run_to_end
 
 SHUFFLES = 60  # until a scene has what is asked for
@@ -127,7 +127,7 @@ def test_a_cube_near_the_mark_stays_if_it_is_sorted_and_else_goes_to_another_spo
 
 @pytest.mark.parametrize("command", ["sort every {} cube to the transparent cube", "gather all {} cubes at the target"])
 def test_where_no_room_is_left_at_the_mark_the_session_says_so(room, command, monkeypatch):
-    monkeypatch.setattr("envs.tasks.spots.SPOTS", np.zeros((1, 2)))
+    monkeypatch.setattr("envs.tasks.sort.SPOTS", np.zeros((1, 2)))
     color, _, _ = open_mark(room)
     room.say(command.format(color))
     while room.busy:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from conf.overrides import compose
+from core.overrides import compose
 from envs import check_env
 from envs.checker import EnvError
 from envs.config import read_env

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 import torch
 
-from tests.helpers.env_cases import BARE_FLANGES, CONTROLS, ROBOTS, TOUCHING, Poker, act, differences, make, rollout
+from tests.helpers.env_cases import (
+    BARE_FLANGES,
+    CONTROLS,
+    ROBOTS,
+    TOUCHING,
+    Poker,
+    act,
+    differences,
+    make,
+    rollout,
+)
 
 STEPS = 100
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from conf.overrides import compose
+from core.overrides import compose
 from language import COLORS, NOUNS, SHAPES, Object, Scene, color_name, ground, parse
 from tests.helpers.env_cases import TOUCHING, act, make, task_of
 

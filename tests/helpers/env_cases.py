@@ -8,10 +8,10 @@ import torch
 import yaml
 
 import conf
-from conf.overrides import compose
+from core.overrides import compose
 from envs import make_env, read_env
-from envs.assembly import make_task
 from envs.mdp.gestures import make_person
+from envs.workspace_env import make_task
 
 CONF = Path(conf.__file__).parent
 

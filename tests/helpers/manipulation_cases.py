@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from envs.tasks import NOTHING, TASKS, State
-from envs.tasks.furnished import Furnished
+from envs.tasks.devices import Operate
+from envs.tasks.furniture import Furnished
 from envs.tasks.hand_over import HandOver
-from envs.tasks.manipulation import Manipulation
-from envs.tasks.operate import Operate
+from envs.tasks.shared.manipulation import Manipulation
 from envs.tasks.sort import Sort
 from tests.helpers.env_cases import task_of
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from trainers.rollout.evaluation import wilson
+from trainers.evaluation.evaluation import wilson
 
 EPISODES = 500
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.helpers.fake_env import WORDS, make_env
 from tests.helpers.plans import config, plan
-from trainers.rollout.worker import MakeEnv
+from trainers.collect.worker import MakeEnv
 from trainers.run.metrics import read_metrics
 from trainers.run.train_loop import fit
 

@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from human import Body, KeyboardPointer, NothingPointedAt, RecordingDisplay, ScriptedKeys, choose_object, pointed_object
+from human import (
+    Body,
+    KeyboardPointer,
+    NothingPointedAt,
+    RecordingDisplay,
+    ScriptedKeys,
+    choose_object,
+    pointed_object,
+)
 from tests.helpers.human_cases import step
 
 MIDDLE = (0.45, 0.0, 0.02)

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from human import camera
+from human.arms import Unreachable
 from human.camera import generate_frames, main
-from human.pointing_arm import Unreachable
 from human.ray_reader import SHIPPED_WEIGHTS, load
 
 ROOT = Path(__file__).resolve().parents[2]

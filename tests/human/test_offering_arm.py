@@ -5,11 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from conf.overrides import compose
+from core.overrides import compose
 from envs.config import read_env
 from human import Unreachable, read_arm
-from human.offering_arm import HAND, NORMAL, PALM, OfferingArm
-from human.pointing_ik import AttachedPoint
+from human.arms import HAND, NORMAL, PALM, AttachedPoint, OfferingArm
 
 
 @pytest.fixture(scope="module")

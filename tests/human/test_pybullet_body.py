@@ -6,8 +6,8 @@ import numpy as np
 import pybullet as bullet
 import pytest
 
+from human.arms import STYLES, Unreachable
 from human.body import Body, read_arm
-from human.pointing_arm import STYLES, Unreachable
 from tests.helpers.human_cases import angles, config, off, standing, step, table
 
 CUBE, OTHER = (0.45, 0.0, 0.025), (0.5, 0.28, 0.025)

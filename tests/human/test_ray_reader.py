@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from conf.schema import ConfigError
-from human.camera import scatter
+from core.schema import ConfigError
+from human.camera import angles_between, scatter
 from human.config import HumanConfig
 from human.ray_reader import SHIPPED_WEIGHTS, RayNetwork, RayReader, load, save
-from human.train_reader import angles_between
 
 TARGETS = [(0.33, -0.28, 0.025), (0.44, 0.0, 0.025), (0.55, 0.28, 0.025)]
 

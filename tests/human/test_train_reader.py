@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
+from human.camera import fit, ray_loss
 from human.ray_reader import as_input
-from human.train_reader import fit, ray_loss
 
 
 @pytest.mark.slow

@@ -8,9 +8,8 @@ import numpy as np
 import pybullet as bullet
 import pytest
 
-from conf.schema import ConfigError
-from human.body.meshes import Proportions
-from human.body.urdf_model import urdf, write
+from core.schema import ConfigError
+from human.body.urdf_model import Proportions, urdf, write
 from tests.helpers.human_cases import REST, standing
 
 

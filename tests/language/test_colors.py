@@ -5,7 +5,17 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from language import COLORS, SEE_THROUGH, Color, LanguageError, color_name, color_table, draw_colors, parse, rgba
+from language import (
+    COLORS,
+    SEE_THROUGH,
+    Color,
+    LanguageError,
+    color_name,
+    color_table,
+    draw_colors,
+    parse,
+    rgba,
+)
 
 
 @pytest.mark.parametrize("see_through", [False, True])

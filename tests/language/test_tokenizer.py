@@ -6,16 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from language import (
-    COLORS,
-    KINDS,
-    Color,
-    Describer,
-    LanguageError,
-    Tokenizer,
-    Wording,
-    say,
-)
+from language import COLORS, KINDS, Color, Describer, LanguageError, Tokenizer, Wording, say
 from tests.helpers.language_cases import meanings, random_scenes
 
 TOKENIZER = Tokenizer.default()

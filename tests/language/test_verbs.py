@@ -2,7 +2,17 @@
 
 import pytest
 
-from language import VERBS, GroundedStep, Instruction, LanguageError, ObjectPhrase, Tokenizer, Verb, parse, say
+from language import (
+    VERBS,
+    GroundedStep,
+    Instruction,
+    LanguageError,
+    ObjectPhrase,
+    Tokenizer,
+    Verb,
+    parse,
+    say,
+)
 from language.verbs import BASE, GOAL, OBJECT, has_goal
 from language.verbs import PLACES as WORDS_FOR_PLACES
 from tests.helpers.language_cases import PLACES, TABLE, steps

@@ -7,10 +7,19 @@ import sys
 
 import pytest
 
-from conf.overrides import check, compose, groups
-from conf.schema import ConfigError
-from tools.documented_commands import Command, apply_diff, commands_of, copy_project, pages
-from tools.run_documented_commands import make_environment, preparation_commands, run_command, shorten
+from core.overrides import check, compose, groups
+from core.schema import ConfigError
+from tools.documented_commands import (
+    Command,
+    apply_diff,
+    commands_of,
+    copy_project,
+    make_environment,
+    pages,
+    preparation_commands,
+    run_command,
+    shorten,
+)
 
 COMMANDS = [command for page in pages() for command in commands_of(page)]
 TRAINING = sorted({each.line for each in COMMANDS if "train.py" in each.line and "--help" not in each.line})

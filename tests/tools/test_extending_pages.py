@@ -15,7 +15,7 @@ BLOCKS = [block for page in (TUTORIAL, EXTENDING) for block in FENCE.findall(pag
 TRAIN = """
 from pathlib import Path
 import torch, train
-from conf.overrides import compose
+from core.overrides import compose
 torch.set_num_threads(1)
 small = ["total_frames=128", "collector.workers=1", "collector.worlds=4", "eval.episodes=2", "eval.worlds=2"]
 small += ["eval.interval_episodes=2", "eval.video_episodes=0", "logger=[]", "task.max_steps=8"]

@@ -7,7 +7,7 @@ from envs.experts import Oracle
 from envs.mdp.gestures import make_person
 from tests.helpers.env_cases import make
 from tools.referent_beliefs import accuracy_by_cue
-from trainers.rollout.evaluation import evaluate
+from trainers.evaluation.evaluation import evaluate
 
 SCENES, NOISE = 200, 2.0
 

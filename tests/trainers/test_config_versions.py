@@ -6,14 +6,13 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from conf.overrides import check, compose
-from conf.schema import ConfigError
+from core.overrides import check, compose
+from core.schema import ConfigError
 from tests.helpers.plans import config
-from trainers.config import read_plan
-from trainers.config_versions import FORMER_KEYS, NEW_KEYS
-from trainers.export import pretrained
+from trainers.config import FORMER_KEYS, NEW_KEYS, read_plan
+from trainers.export import policy_file
 from trainers.run import checkpoint
-from trainers.sweeps.overrides_of import overrides_of
+from trainers.sweeps.runs import overrides_of
 
 FORMER = [(key, option) for key, options in FORMER_KEYS.items() for option in options]
 
@@ -54,7 +53,7 @@ def test_a_new_key_has_its_default(key):
     assert read_plan(saved) == read_plan(compose(["algo=ppo"]))
 
 
-@pytest.mark.parametrize("name", pretrained.names())
+@pytest.mark.parametrize("name", policy_file.names())
 def test_the_config_of_every_pretrained_policy_is_read(name):
     saved = checkpoint.load(checkpoint.find(Path(name)))["config"]
     option = saved["algo"]["name"]

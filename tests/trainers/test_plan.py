@@ -5,11 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from conf.overrides import compose
-from conf.schema import ConfigError
+from core.overrides import compose
+from core.schema import ConfigError
 from tests.helpers.plans import config, plan
-from trainers.collector_config import workers
-from trainers.config import frames_per_batch, read_plan
+from trainers.config import frames_per_batch, read_plan, workers
 
 ROOM = Path(__file__).parents[2] / "trainers"
 
@@ -60,7 +59,7 @@ def test_frames_of_a_batch():
 @pytest.mark.slow
 @pytest.mark.parametrize(("cores", "count"), [(1, 1), (2, 2), (3, 2), (6, 4), (64, 8)])
 def test_a_batch_is_the_same_on_any_number_of_cores(cores, count, monkeypatch):
-    monkeypatch.setattr("trainers.collector_config.cores", lambda: cores)
+    monkeypatch.setattr("trainers.config.cores", lambda: cores)
     plans = [plan(), plan(overrides=("collector.workers=0",)), plan(overrides=("collector.workers=4",))]
     assert [frames_per_batch(each) for each in plans] == [8 * 16] * 3
     assert [workers(each.collector) for each in plans] == [1, count, 4]

@@ -15,17 +15,10 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 
-from trainers.algorithms.algorithm import (
-    Algorithm,
-    averages,
-    check_batch,
-    descend,
-)
-from trainers.algorithms.bc_config import BCConfig
-from trainers.algorithms.grounding_supervision import METRICS, first_steps
-from trainers.algorithms.specs import Specs
-from trainers.models.expert_mixture import ExpertMixture, expert_move
-from trainers.models.policy import Policy, parameters
+from trainers.algorithms.algorithm import METRICS, Algorithm, averages, check_batch, descend, first_steps
+from trainers.algorithms.own_config import BCConfig
+from trainers.models.critics import Specs
+from trainers.models.policy import ExpertMixture, Policy, expert_move, parameters
 
 FULL = 0.95  # of the largest move, which labels have at most: that of 1 has no finite preimage
 BOUND = 0.9999  # of a mean whose preimage is computed

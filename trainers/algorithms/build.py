@@ -9,14 +9,14 @@ from typing import Any
 import torch
 from torchrl.data import Composite
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from trainers.algorithms.algorithm import Algorithm
-from trainers.algorithms.specs import Specs
 from trainers.config import Plan, read_plan
 from trainers.environment import Relabel, TrainingEnv
+from trainers.models.critics import Specs
 from trainers.models.policy import MoveBounds, Policy, build_policy
 from trainers.run import checkpoint
-from trainers.run.vocabulary import extend_vocabulary
+from trainers.run.checkpoint import extend_vocabulary
 
 
 def build_algorithm(

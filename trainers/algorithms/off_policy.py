@@ -12,22 +12,22 @@ from torch import Tensor
 from torchrl.data import ReplayBuffer
 
 from trainers.algorithms.algorithm import (
+    METRICS,
     Algorithm,
+    Part,
     apply_gradients,
     averages,
     backward,
     check_batch,
     check_loss,
+    first_steps,
+    one_thread,
+    run_parts,
     total_loss,
 )
-from trainers.algorithms.base_config import OffPolicyConfig
-from trainers.algorithms.expert_frames import ExpertFrames
-from trainers.algorithms.grounding_supervision import METRICS, first_steps
-from trainers.algorithms.parallel import Part, one_thread, run_parts
-from trainers.algorithms.relabelling import Relabel, Relabelling
-from trainers.algorithms.replay import Replay
-from trainers.models.expert_mixture import ExpertMixture
-from trainers.models.policy import Policy, parameters
+from trainers.algorithms.registry import OffPolicyConfig
+from trainers.algorithms.replay import ExpertFrames, Relabel, Relabelling, Replay
+from trainers.models.policy import ExpertMixture, Policy, parameters
 from trainers.utils.matrix_products import fast_products
 
 

@@ -18,15 +18,16 @@ from torch import Tensor
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from trainers.algorithms.algorithm import (
+    METRICS,
     Algorithm,
     ExplorationSchedule,
     averages,
     check_batch,
     descend,
+    first_steps,
     total_loss,
 )
-from trainers.algorithms.base_config import OnPolicyConfig
-from trainers.algorithms.grounding_supervision import METRICS, first_steps
+from trainers.algorithms.registry import OnPolicyConfig
 from trainers.models.policy import Policy, parameters
 
 

@@ -15,12 +15,11 @@ from torch import Tensor
 from torchrl.objectives import ClipPPOLoss
 
 from trainers.algorithms.on_policy import OnPolicyAlgorithm
-from trainers.algorithms.ppo_config import PPOConfig
-from trainers.algorithms.specs import Specs
-from trainers.algorithms.torchrl_on_policy import loss_outputs
-from trainers.models.actors import stochastic_actor
+from trainers.algorithms.own_config import PPOConfig
+from trainers.algorithms.torchrl_losses import loss_outputs
+from trainers.models.critics import Specs
 from trainers.models.networks import normal_log_prob
-from trainers.models.policy import Policy
+from trainers.models.policy import Policy, stochastic_actor
 
 MEASURED = ("loss/actor", "loss/critic", "loss/entropy", "entropy", "kl", "clip_fraction")
 MAX_WEIGHT = 2.0  # of a frame; the weight is the likelihood of its move now, over that at collection

@@ -1,14 +1,97 @@
-"""Replayed frames: a buffer that keeps the keys that off-policy learning reads, and nothing else."""
+"""Prioritised experience replay, Schaul et al. 2016 (arXiv:1511.05952), with proportional priorities.
+
+TorchRL's `PrioritizedSampler` keeps its priorities in a C++ extension, which does not load with every release of torch.
+This sampler needs none. It sums the whole buffer at each draw: 2.5 ms for 200,000 frames on a busy core.
+"""
 
 from __future__ import annotations
 
-import torch
-from tensordict import TensorDictBase
-from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
+from pathlib import Path
+from typing import Any
 
-from trainers.algorithms.priorities import ProportionalSampler
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
+from torchrl.data.replay_buffers.samplers import Sampler
+from torchrl.data.replay_buffers.storages import Storage
+
+from trainers.algorithms.registry import OffPolicyConfig
+from trainers.environment import Relabel
 from trainers.models.grounding import REFERENT
-from trainers.models.policy import Policy
+from trainers.models.policy import LABEL, ExpertMixture, Policy
+from trainers.utils.tensor_archive import read_tensors
+
+WEIGHT = "priority_weight"  # where TorchRL's losses look for the importance weights
+MIN_PRIORITY = 1e-8  # added to each error, so that every frame can be drawn
+
+
+class ProportionalSampler(Sampler):
+    """Draws each frame with a probability proportional to (its error + MIN_PRIORITY) ** alpha.
+
+    New frames get the greatest priority so far.
+
+    Args:
+        capacity: frames of the buffer.
+        alpha: exponent of the priorities.
+        beta: exponent of the importance weights, which are at most 1.
+        device: of the buffer.
+    """
+
+    def __init__(self, capacity: int, alpha: float, beta: float, device: torch.device) -> None:
+        self.alpha, self.beta = alpha, beta
+        self.priorities = torch.zeros(capacity, dtype=torch.float64, device=device)  # to the power of alpha
+        self._greatest = 1.0
+
+    def sample(self, storage: Storage, batch_size: int) -> tuple[Tensor, dict[str, Tensor]]:
+        """Indices (batch_size,), and the importance weight of each."""
+        held = self.priorities[: len(storage)]
+        sums = held.cumsum(0)
+        places = torch.rand(batch_size, dtype=torch.float64, generator=self._rng).to(sums.device) * sums[-1]
+        index = torch.searchsorted(sums, places, right=True).clamp_max(len(held) - 1)
+        weight = (held.min() / held[index]) ** self.beta
+        return index, {WEIGHT: weight.float()}
+
+    def add(self, index: int) -> None:
+        """Give a new frame the greatest priority so far."""
+        self.priorities[index] = self._greatest
+
+    def extend(self, index: Tensor) -> None:
+        """Give new frames (B,) the greatest priority so far."""
+        self.priorities[index] = self._greatest
+
+    def update_priority(self, index: Any, priority: Any, *, storage: Storage | None = None) -> None:
+        """Set priorities.
+
+        Args:
+            index: (B,) int64, the frames.
+            priority: (B,) absolute errors.
+            storage: ignored.
+        """
+        powers = (torch.as_tensor(priority).detach().double().abs() + MIN_PRIORITY) ** self.alpha
+        self.priorities[index] = powers.to(self.priorities.device)
+        self._greatest = max(self._greatest, powers.max().item())
+
+    def state_dict(self) -> dict[str, Any]:
+        return {"priorities": self.priorities.clone(), "greatest": self._greatest}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        self.priorities.copy_(state_dict["priorities"])
+        self._greatest = state_dict["greatest"]
+
+    def dumps(self, path: str | Path) -> None:
+        """Write the state to a directory."""
+        Path(path).mkdir(parents=True, exist_ok=True)
+        torch.save(self.state_dict(), Path(path) / "priorities.pt")
+
+    def loads(self, path: str | Path) -> None:
+        """Read the state that `dumps` wrote."""
+        self.load_state_dict(read_tensors(Path(path) / "priorities.pt"))
+
+    def _empty(self) -> None:
+        self.priorities.zero_()
+        self._greatest = 1.0
+
 
 PRIORITY = "td_error"
 
@@ -73,3 +156,105 @@ class Replay:
         """Take the temporal-difference errors of sampled frames as their priorities, where frames are drawn by them."""
         if self.prioritised:
             self.frames.update_priority(frames["index"], frames[PRIORITY].flatten())
+
+
+class Relabelling:
+    """Collects the episodes that end, and asks the environment to relabel them.
+
+    Args:
+        relabel: the environment's `hindsight`; None: no relabelling.
+        copies: relabelled copies of each episode; a fraction is a probability.
+    """
+
+    def __init__(self, relabel: Relabel | None, copies: float) -> None:
+        self.relabel, self.copies = relabel, copies
+        self.unfinished: TensorDictBase | None = None  # (worlds, steps) since the oldest unfinished episode began
+        self.begins: list[int] = []  # the step of `unfinished` at which each world's present episode began
+
+    def __call__(self, batch: TensorDictBase) -> list[TensorDictBase]:
+        """Relabelled copies (T,) of the episodes that end in a batch (worlds, steps), which continues the last one."""
+        if self.relabel is None or not self.copies:
+            return []
+        ended = [episode for episode in self.episodes(batch) for _ in range(self._draw_copies())]
+        return list(self.relabel(ended, int(torch.randint(2**31, ())))) if ended else []
+
+    def episodes(self, batch: TensorDictBase) -> list[TensorDictBase]:
+        """The episodes (T,) that end in this batch, each of one world and with all its frames."""
+        before = 0 if self.unfinished is None else self.unfinished.shape[1]
+        frames = batch.clone() if self.unfinished is None else torch.cat([self.unfinished, batch], 1)
+        begins, ended = self.begins or [0] * len(batch), []
+        for world, step in batch["next", "done"][..., 0].nonzero().tolist():
+            end = before + step + 1
+            ended.append(frames[world, begins[world] : end])
+            begins[world] = end
+        oldest = min(begins)
+        self.unfinished, self.begins = frames[:, oldest:], [step - oldest for step in begins]
+        return ended
+
+    def state_dict(self) -> dict[str, Any] | None:
+        """The frames of the unfinished episodes, as plain values and tensors; None if there are none."""
+        if self.unfinished is None:
+            return None
+        worlds, steps = self.unfinished.shape
+        frames = self.unfinished[self._is_unfinished(worlds, steps)].clone()
+        return {"frames": frames.to_dict(), "begins": list(self.begins), "steps": steps}
+
+    def load_state_dict(self, state: dict[str, Any] | None) -> None:
+        """Continue the unfinished episodes of a `state_dict`."""
+        if state is None:
+            self.unfinished, self.begins = None, []
+            return
+        self.begins = list(state["begins"])
+        worlds, steps = len(self.begins), int(state["steps"])
+        chosen = self._is_unfinished(worlds, steps)
+        frames = TensorDict(state["frames"], [int(chosen.sum())])
+        self.unfinished = frames.apply(lambda x: x.new_zeros(worlds, steps, *x.shape[1:]), batch_size=[worlds, steps])
+        self.unfinished[chosen] = frames
+
+    def _is_unfinished(self, worlds: int, steps: int) -> Tensor:
+        """(worlds, steps) bool: which frames belong to an unfinished episode."""
+        return torch.arange(steps).expand(worlds, steps) >= torch.tensor(self.begins)[:, None]
+
+    def _draw_copies(self) -> int:
+        return int(self.copies) + (float(torch.rand(())) < self.copies % 1.0 if self.copies % 1.0 else 0)
+
+
+class ExpertFrames:
+    """Lets the expert act until `config.demonstrations` frames are kept.
+
+    Attributes:
+        mixture: acts in the worlds: the expert at first, then the policy.
+        replay: the expert's frames.
+
+    Args: as of `Replay`; its capacity is that of `config`.
+    """
+
+    def __init__(
+        self,
+        policy: Policy,
+        critic_key: str | tuple[str, str],
+        config: OffPolicyConfig,
+        device: torch.device,
+        supervised: bool,
+    ) -> None:
+        self._wanted = config.demonstrations
+        self.mixture = ExpertMixture(policy, expert_share=1.0)
+        self.replay = Replay(policy, critic_key, self._wanted, device, supervised)
+
+    def add(self, batch: TensorDictBase) -> bool:
+        """Keep a batch (worlds, steps) if the expert acted in it. Returns whether it did.
+
+        The actions show it, since the collector may be a batch behind.
+        """
+        if not torch.equal(batch["action"], batch[LABEL]):
+            return False
+        self.replay.extend(batch)
+        if len(self.replay) >= self._wanted:
+            self.mixture.expert_share.fill_(0.0)
+        return True
+
+    def running_state(self) -> dict[str, Any]:
+        return {"expert_share": float(self.mixture.expert_share)}
+
+    def load_running_state(self, state: dict[str, Any]) -> None:
+        self.mixture.expert_share.fill_(state["expert_share"])

@@ -18,14 +18,12 @@ import torch.nn.functional as F
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from trainers.algorithms.algorithm import backward
-from trainers.algorithms.grounding_supervision import METRICS
+from trainers.algorithms.algorithm import METRICS, Part, backward
 from trainers.algorithms.off_policy import OffPolicyAlgorithm
-from trainers.algorithms.parallel import Part
-from trainers.algorithms.relabelling import Relabel
-from trainers.algorithms.sac_config import SACConfig
-from trainers.algorithms.specs import Specs
-from trainers.algorithms.torchrl_off_policy import TorchRLOffPolicy
+from trainers.algorithms.own_config import SACConfig
+from trainers.algorithms.replay import Relabel
+from trainers.algorithms.torchrl_losses import TorchRLOffPolicy
+from trainers.models.critics import Specs
 from trainers.models.networks import Critic, normal_log_prob
 from trainers.models.policy import Policy, parameters
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from conf.schema import ConfigError, one_of, within
-from trainers.algorithms.base_config import OffPolicyConfig, OnPolicyConfig
-from trainers.algorithms.registry import register
+from core.schema import ConfigError, one_of, within
+from trainers.algorithms.registry import OffPolicyConfig, OnPolicyConfig, register
 
 
 @register("torchrl_on_policy", builds="torchrl_on_policy.TorchRLOnPolicy")

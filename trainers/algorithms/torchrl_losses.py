@@ -7,10 +7,21 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModule
+from torch import Tensor
 from torchrl import objectives
-from torchrl.objectives import LossModule
+from torchrl.data import Bounded
+from torchrl.objectives import HardUpdate, LossModule, SoftUpdate
+from torchrl.objectives.utils import TargetNetUpdater
 
-from conf.schema import ConfigError, did_you_mean
+from core.schema import ConfigError, did_you_mean
+from trainers.algorithms.algorithm import METRICS, ExplorationSchedule
+from trainers.algorithms.off_policy import OffPolicyAlgorithm
+from trainers.algorithms.on_policy import OnPolicyAlgorithm
+from trainers.algorithms.torchrl_config import TorchRLOffPolicyConfig, TorchRLOnPolicyConfig
+from trainers.models.critics import Specs
+from trainers.models.policy import Policy, deterministic_actor, parameters, stochastic_actor
 
 OWN = "trainers.algorithms"  # where "<module>.<class>" is looked for
 
@@ -52,3 +63,142 @@ def build_loss(cls: type[LossModule], options: Mapping[str, Any], given: Mapping
         return cls(**{name: value for name, value in given.items() if takes(cls, name)} | dict(options))
     except (TypeError, ValueError) as error:
         raise ConfigError(f"algo.options={dict(options)} was refused by {cls.__name__}: {error}") from None
+
+
+# Outputs of TorchRL's losses, and the names that they are reported under.
+OFF_POLICY_OUTPUTS = {
+    "loss_actor": "loss/actor",
+    "loss_qvalue": "loss/critic",
+    "loss_value": "loss/value",
+    "loss_alpha": "loss/alpha",
+    "loss_cql": "loss/cql",
+    "entropy": "entropy",
+    "alpha": "alpha",
+    "pred_value": "q",
+}
+ACTOR_LOSSES = ("loss/actor", "loss/alpha")
+
+
+class TorchRLOffPolicy(OffPolicyAlgorithm):
+    """The loss module holds the critics, their targets and the temperature; the actor's parameters are the policy's."""
+
+    saved = ("policy", "loss", "optimizer")
+
+    def __init__(self, config: TorchRLOffPolicyConfig, policy: Policy, specs: Specs) -> None:
+        priority = (config.priority_alpha, config.priority_beta)
+        super().__init__(config, policy, specs.critic_key(policy), specs.relabel, priority)
+        self.config: TorchRLOffPolicyConfig = config
+        self.loss = build_off_policy_loss(config, policy, specs)
+        self.outputs = {key: name for key, name in OFF_POLICY_OUTPUTS.items() if key in self.loss.out_keys}
+        self.metrics = (*self.outputs.values(), "std", "updates", "relabelled", *METRICS)
+        self.updater = build_target_updater(config, self.loss)
+        self.exploration = ExplorationSchedule(policy, config.final_std) if config.final_std else None
+        learned = parameters(policy, self.loss)
+        self.optimizer = self.make_optimizer(learned, betas=(config.adam_beta1, 0.999))
+
+    @classmethod
+    def build(cls, config: TorchRLOffPolicyConfig, policy: Policy, specs: Specs) -> TorchRLOffPolicy:
+        return cls(config, policy, specs)
+
+    def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
+        if self.exploration is not None:
+            self.exploration.step(progress)
+        return super().update(batch, progress)
+
+    def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
+        """The outputs of the loss module. The actor's losses are included in one of `actor_every` steps only."""
+        frames["next", "done"] = frames["next", "terminated"]  # a truncated frame bootstraps
+        out = self.loss(frames)
+        measured = {name: out[key].mean() for key, name in self.outputs.items()}
+        measured["std"] = self.policy.actor.log_std.exp().mean()
+        if self.steps_taken % self.config.actor_every:
+            measured = {name: value for name, value in measured.items() if name not in ACTOR_LOSSES}
+        return measured
+
+    def after_step(self, frames: TensorDictBase) -> None:
+        if self.updater is not None:
+            self.updater.step()
+        self.replay.update_priorities(frames)
+
+    def running_state(self) -> dict[str, Any]:
+        counter = self.updater.counter if isinstance(self.updater, HardUpdate) else 0
+        return super().running_state() | {"steps_since_copy": counter}
+
+    def load_running_state(self, state: dict[str, Any]) -> None:
+        super().load_running_state(state)
+        if isinstance(self.updater, HardUpdate):
+            self.updater.counter = state["steps_since_copy"]
+
+    def state_dict(self) -> dict[str, Any]:
+        return super().state_dict() | {"steps_taken": self.steps_taken}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        super().load_state_dict(state)
+        self.steps_taken = state["steps_taken"]
+
+
+def build_off_policy_loss(config: TorchRLOffPolicyConfig, policy: Policy, specs: Specs) -> LossModule:
+    """The loss module of a config, with critics of its own. Raises ConfigError."""
+    cls = find_loss(config.loss)
+    make_actor = deterministic_actor if config.deterministic else stochastic_actor
+    critics = specs.build_q_modules(policy, config.critics, config.quantiles, config.critic_normalisation)
+    given = {
+        "actor_network": make_actor(policy, [specs.critic_key(policy)]),
+        "qvalue_network": critics,
+        "num_qvalue_nets": config.critics,
+        "value_network": critics[0],
+        "action_spec": Bounded(-1.0, 1.0, (len(policy.action_unit),), device=specs.device),
+        "deactivate_vmap": True,  # a loop over few small critics is faster on a CPU
+    }
+    if takes(cls, "qvalue_network"):
+        del given["value_network"]
+    loss = build_loss(cls, config.options, given)
+    if hasattr(loss.tensor_keys, "action"):  # DDPGLoss takes the key from its networks
+        loss.set_keys(action="move")
+    getattr(loss, "target_entropy", None)  # REDQLoss registers this buffer at its first use: a checkpoint has it
+    loss.make_value_estimator(loss.default_value_estimator, gamma=config.gamma)
+    return loss.to(specs.device)
+
+
+def build_target_updater(config: TorchRLOffPolicyConfig, loss: LossModule) -> TargetNetUpdater | None:
+    """The updater of the target networks, used after each gradient step; None: the loss has no targets."""
+    if config.target == "soft":
+        return SoftUpdate(loss, tau=config.tau)
+    if config.target == "hard":
+        return HardUpdate(loss, value_network_update_interval=config.target_interval)
+    return None
+
+
+# Outputs of TorchRL's losses, and the names that they are reported under.
+ON_POLICY_OUTPUTS = {
+    "loss_objective": "loss/actor",
+    "loss_critic": "loss/critic",
+    "loss_entropy": "loss/entropy",
+    "entropy": "entropy",
+    "kl_approx": "kl",
+    "clip_fraction": "clip_fraction",
+}
+
+
+class TorchRLOnPolicy(OnPolicyAlgorithm):
+    """critic: writes state_value; it may read privileged/goal."""
+
+    def __init__(self, config: TorchRLOnPolicyConfig, policy: Policy, critic: TensorDictModule) -> None:
+        # functional=False: its networks are not shared, so no parameters need to be swapped in.
+        given = {"actor_network": stochastic_actor(policy), "critic_network": critic, "functional": False}
+        self.loss = build_loss(find_loss(config.loss), config.options, given)
+        measured = [name for key, name in ON_POLICY_OUTPUTS.items() if key in self.loss.out_keys]
+        super().__init__(config, policy, critic, measured)
+
+    def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
+        return loss_outputs(self.loss, frames)
+
+    @classmethod
+    def build(cls, config: TorchRLOnPolicyConfig, policy: Policy, specs: Specs) -> TorchRLOnPolicy:
+        return cls(config, policy, specs.build_value(policy))
+
+
+def loss_outputs(loss: LossModule, frames: TensorDictBase) -> dict[str, Tensor]:
+    """The outputs of the loss on frames (B,), under our names."""
+    out = loss(frames)
+    return {name: out[key] for key, name in ON_POLICY_OUTPUTS.items() if key in loss.out_keys}

@@ -1,4 +1,4 @@
-"""A function over many inputs, as tasks of a Ray cluster, with the results in the order of the inputs."""
+"""Evaluation in shards: environments with seeds of their own, one after another here or side by side on a cluster."""
 
 from __future__ import annotations
 
@@ -7,10 +7,37 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from typing import Any, TypeVar
 
-from conf.schema import ConfigError, RunError
+from core.schema import ConfigError, RunError
 from trainers.cluster.ray_session import RaySession
-from trainers.rollout.evaluation import Interrupted
-from trainers.rollout.worker_host import raised
+from trainers.collect.worker_pool import raised
+from trainers.evaluation.evaluation import EpisodeOutcome, Interrupted, quotas, summarize
+
+EPISODES = 500  # of a shard on a cluster, if their number is not given
+
+# (the shard's number, its number of episodes) to its episodes and the names of the kinds of instructions
+Evaluate = Callable[[tuple[int, int]], tuple[list[EpisodeOutcome], Sequence[str]]]
+
+
+def evaluate_shards(evaluate: Evaluate, episodes: int, shards: int | None, on_cluster: bool) -> dict[str, Any]:
+    """The result over all shards as plain values. It depends on their number, and not on where they are evaluated.
+
+    Args:
+        evaluate: evaluates a shard; picklable.
+        episodes: of all shards.
+        shards: their number; None for 1, and on a cluster for one for each EPISODES.
+        on_cluster: whether they are tasks of a Ray cluster.
+    """
+    count = min(episodes, shards or (-(-episodes // EPISODES) if on_cluster else 1))
+    inputs = list(enumerate(quotas(episodes, count)))
+    if on_cluster:
+        pass
+
+        parts = list(map_on_cluster(evaluate, inputs, "shard"))
+    else:
+        parts = [evaluate(each) for each in inputs]
+    result = summarize([outcome for part, _ in parts for outcome in part], parts[0][1]).as_dict()
+    return result | ({"shards": count} if count > 1 else {})
+
 
 POLL_SECONDS = 0.2
 RETRIES = 3  # of an input whose task was lost

@@ -9,12 +9,12 @@ from typing import Any
 
 from torchrl.envs import EnvBase
 
-from conf.schema import ConfigError, did_you_mean
+from core.schema import ConfigError, did_you_mean
 from trainers.datasets.demonstrations import Demonstration
 from trainers.datasets.lerobot_dataset import LeRobotWriter, read_lerobot
 from trainers.datasets.minari_dataset import MinariWriter, read_minari
-from trainers.rollout.evaluation import Interrupted, wilson
-from trainers.utils.atomic_io import atomic_directory, write_json
+from trainers.evaluation.evaluation import Interrupted, wilson
+from trainers.utils.files import atomic_directory, write_json
 
 FORMATS: dict[str, Any] = {"lerobot": (LeRobotWriter, read_lerobot), "minari": (MinariWriter, read_minari)}
 METADATA = "deixis.json"  # beside the files of the format

@@ -1,21 +1,9 @@
-"""Demonstrations as a LeRobot dataset, version 3.0 of its format: https://huggingface.co/docs/lerobot/lerobot-dataset-v3.
-
-    meta/info.json                     features, their shapes, and the paths of files
-    meta/stats.json                    statistics over all episodes
-    meta/tasks.parquet                 the sentences
-    meta/episodes/chunk-*/file-*       one row an episode: length, files, statistics, seed and success
-    data/chunk-*/file-*.parquet        one row a step
-    videos/<camera>/chunk-*/file-*.mp4 one file an episode
-
-The library lerobot is not used, because it requires other versions of PyTorch. The row of a step holds the observation
-before the action, the action, and as next.* the reward and the flags after it. The format has no place for the
-observation after an episode's last action, so it is not stored.
-"""
+"""Tables in Parquet files of limited size, written incrementally."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +11,155 @@ import numpy as np
 from numpy.typing import NDArray
 from torchrl.envs import EnvBase
 
-from trainers.datasets import lerobot_stats
+from core.system import import_optional
 from trainers.datasets.demonstrations import Demonstration
-from trainers.datasets.lerobot_stats import Stats
-from trainers.datasets.parquet import Shards, as_column, write_index
-from trainers.rollout.video import open_video
-from trainers.utils.atomic_io import write_json
-from trainers.utils.optional_imports import import_optional
+from trainers.evaluation.video import open_video
+from trainers.utils.files import write_json
+
+COMPRESSION = "snappy"
+
+
+class Shards:
+    """Writes a table to chunk-000/file-000.parquet and so on. The rows of one `write` go to the same file.
+
+    Args:
+        folder: the directory of the chunks.
+        files: in a chunk.
+        megabytes: size after which a new file is started.
+        rows: how many are collected before they are written together.
+    """
+
+    def __init__(self, folder: Path, files: int, megabytes: float, rows: int = 1) -> None:
+        self._folder, self._files, self._max_bytes, self._rows = folder, files, megabytes * 2**20, rows
+        self._number = 0
+        self._writer: Any = None
+        self._pending: list[Any] = []
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """The numbers of the chunk and the file of the next rows."""
+        return divmod(self._number, self._files)
+
+    def write(self, columns: dict[str, Any]) -> tuple[int, int]:
+        """Add rows, given by column; returns the numbers of their chunk and file."""
+        import pyarrow
+
+        place = self.place
+        self._pending.append(pyarrow.table(columns))
+        if sum(map(len, self._pending)) >= self._rows:
+            self._flush()
+        return place
+
+    def _flush(self) -> None:
+        import pyarrow
+        from pyarrow import parquet
+
+        if not self._pending:
+            return
+        table, self._pending = pyarrow.concat_tables(self._pending), []
+        path = self._folder / "chunk-{:03d}/file-{:03d}.parquet".format(*self.place)
+        if self._writer is None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._writer = parquet.ParquetWriter(path, table.schema, compression=COMPRESSION)
+        self._writer.write_table(table)
+        if path.stat().st_size >= self._max_bytes:
+            self._start_next_file()
+
+    def _start_next_file(self) -> None:
+        self._writer.close()
+        self._writer, self._number = None, self._number + 1
+
+    def close(self) -> None:
+        """Write the pending rows and close the last file, which is not readable before."""
+        self._flush()
+        if self._writer is not None:
+            self._writer.close()
+
+
+def as_column(values: NDArray) -> Any:
+    """Values (T, n) as a column of lists of length n, or of plain values if n is 1."""
+    import pyarrow
+
+    flat = pyarrow.array(values.reshape(-1))
+    return flat if values.shape[1] == 1 else pyarrow.FixedSizeListArray.from_arrays(flat, values.shape[1])
+
+
+def write_index(path: Path, words: list[str], column: str) -> None:
+    """Write a table that pandas reads with the words as its index and their numbers as its only column."""
+    import pyarrow
+    from pyarrow import parquet
+
+    index = "__index_level_0__"
+
+    def column_metadata(name: str | None, field: str | None, kind: str, numpy: str) -> dict[str, Any]:
+        return {"name": name, "field_name": field, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
+
+    metadata = {
+        "index_columns": [index],
+        "column_indexes": [column_metadata(None, None, "unicode", "object") | {"metadata": {"encoding": "UTF-8"}}],
+        "columns": [
+            column_metadata(column, column, "int64", "int64"),
+            column_metadata(None, index, "unicode", "object"),
+        ],
+        "creator": {"library": "pyarrow", "version": pyarrow.__version__},
+        "pandas_version": "2.0.0",
+    }
+    table = pyarrow.table({column: pyarrow.array(range(len(words)), pyarrow.int64()), index: words})
+    path.parent.mkdir(parents=True, exist_ok=True)
+    parquet.write_table(table.replace_schema_metadata({"pandas": json.dumps(metadata)}), path)
+
+
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+SAMPLED_IMAGES, PIXEL_STRIDE = 20, 4  # of an episode: enough for the statistics of its colours
+
+Stats = dict[str, NDArray[np.float64]]  # minimum, maximum, mean, ... of one feature, and the count
+
+
+def of_values(values: NDArray) -> Stats:
+    """Statistics of a feature's values (T, n), for each of its n numbers."""
+    values = values.astype(np.float64)
+    out = {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0)}
+    out["count"] = np.array([len(values)])
+    return out | {name: np.quantile(values, share, axis=0) for name, share in QUANTILES.items()}
+
+
+def of_images(images: Sequence[NDArray[np.uint8]]) -> Stats:
+    """Statistics of each colour channel, (3, 1, 1), in [0, 1]. images: (H, W, 3) each."""
+    chosen = np.unique(np.linspace(0, len(images) - 1, SAMPLED_IMAGES).astype(int))
+    pixels = np.stack([images[i][::PIXEL_STRIDE, ::PIXEL_STRIDE] for i in chosen]).reshape(-1, 3) / 255.0
+    colours = {name: value.reshape(3, 1, 1) for name, value in of_values(pixels).items() if name != "count"}
+    return colours | {"count": np.array([len(chosen)])}
+
+
+def merge(one: Stats | None, other: Stats) -> Stats:
+    """Statistics over the values of two sets. Quantiles are weighted means of both, as in LeRobot itself."""
+    if one is None:
+        return other
+    counts = one["count"][0], other["count"][0]
+    total = sum(counts)
+
+    def mean(name: str) -> NDArray[np.float64]:
+        return (counts[0] * one[name] + counts[1] * other[name]) / total
+
+    means = mean("mean")
+    variance = sum(
+        count * (each["std"] ** 2 + (each["mean"] - means) ** 2)
+        for count, each in zip(counts, (one, other), strict=True)
+    )
+    return {
+        "min": np.minimum(one["min"], other["min"]),
+        "max": np.maximum(one["max"], other["max"]),
+        "mean": means,
+        "std": np.sqrt(variance / total),
+        "count": np.array([total]),
+        **{name: mean(name) for name in QUANTILES},
+    }
+
+
+def as_lists(stats: Stats) -> dict[str, Any]:
+    """The statistics as lists of numbers."""
+    return {name: value.tolist() for name, value in stats.items()}
+
 
 VERSION = "v3.0"
 FILE_PATH = "chunk-{chunk_index:03d}/file-{file_index:03d}"
@@ -71,15 +201,15 @@ class LeRobotWriter:
         row: dict[str, Any] = {"episode_index": self._count, "tasks": [episode.sentence], "length": len(episode)}
         row |= _file_columns("data", self._data.write({key: as_column(value) for key, value in values.items()}))
         row |= {"dataset_from_index": first, "dataset_to_index": self._frames}
-        stats = {key: lerobot_stats.of_values(value) for key, value in values.items()}
+        stats = {key: of_values(value) for key, value in values.items()}
         if self._shape:
             row |= self._write_video(episode)
-            stats[CAMERA] = lerobot_stats.of_images(episode.images[:-1])
+            stats[CAMERA] = of_images(episode.images[:-1])
         row |= _file_columns("meta/episodes", self._episodes.place)
         row |= {"seed": episode.seed, "success": episode.success}
         for key, each in stats.items():
-            self._stats[key] = lerobot_stats.merge(self._stats.get(key), each)
-            row |= {f"stats/{key}/{name}": value for name, value in lerobot_stats.as_lists(each).items()}
+            self._stats[key] = merge(self._stats.get(key), each)
+            row |= {f"stats/{key}/{name}": value for name, value in as_lists(each).items()}
         self._episodes.write({key: [value] for key, value in row.items()})
         self._count += 1
 
@@ -140,7 +270,7 @@ class LeRobotWriter:
         self._data.close()
         self._episodes.close()
         write_index(self._folder / "meta" / "tasks.parquet", list(self._tasks), "task_index")
-        stats = {key: lerobot_stats.as_lists(each) for key, each in self._stats.items()}
+        stats = {key: as_lists(each) for key, each in self._stats.items()}
         write_json(self._folder / "meta" / "stats.json", stats)
         info = {
             "codebase_version": VERSION,

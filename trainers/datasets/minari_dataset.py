@@ -16,10 +16,9 @@ import numpy as np
 from gymnasium import spaces
 from torchrl.envs import EnvBase
 
-from conf import gym_spaces
+from core.spaces import action_space, public_keys, space_of
+from core.system import import_optional
 from trainers.datasets.demonstrations import Demonstration
-from trainers.utils.observation_keys import public_keys
-from trainers.utils.optional_imports import import_optional
 
 CAMERA = "camera"
 
@@ -47,7 +46,7 @@ class MinariWriter:
         self._storage = MinariStorage.new(
             folder.absolute() / "data",  # absolute: Minari prefixes a relative path twice when it computes its size
             observation_space=_observation_space(env, shape),
-            action_space=gym_spaces.action_space(env.action_spec),
+            action_space=action_space(env.action_spec),
             env_spec=about["gym"],
         )
         self._storage.update_metadata(
@@ -108,7 +107,7 @@ def read_minari(folder: Path) -> Iterator[Demonstration]:
 def _observation_space(env: EnvBase, shape: tuple[int, ...] | None) -> spaces.Dict:
     """The Gymnasium space of one world's observations. shape: of the images, if any."""
     members: dict[str, spaces.Space] = {
-        key: gym_spaces.space_of(env.observation_spec[key]) for key in public_keys(env.observation_spec)
+        key: space_of(env.observation_spec[key]) for key in public_keys(env.observation_spec)
     }
     if shape is not None:
         members[CAMERA] = spaces.Box(0, 255, shape, np.uint8)

@@ -16,7 +16,8 @@ from safetensors import safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from conf.safe_files import FileError, check_size
+from core.safe_files import FileError, check_size
+from core.schema import did_you_mean
 
 NAME = "policy.safetensors"  # in the directory of a policy
 METADATA_KEYS = ("config", "vocabulary", "widths")
@@ -61,3 +62,23 @@ def _digest(weights: dict[str, Tensor], metadata: dict[str, Any]) -> str:
         sha.update(f"{name} {tensor.dtype} {list(tensor.shape)}".encode())
         sha.update(tensor.contiguous().view(-1).view(torch.uint8).numpy().tobytes())
     return sha.hexdigest()
+
+
+FOLDER = Path(__file__).resolve().parents[2] / "pretrained"  # beside the packages, in a checkout and in an install
+
+
+def names() -> list[str]:
+    """The names of the pretrained policies, sorted."""
+    return sorted(file.parent.name for file in FOLDER.glob(f"*/{NAME}"))
+
+
+def folder_of(path: Path) -> Path | None:
+    """The folder of the policy that `<name>` or `pretrained/<name>` stands for; None for any other path."""
+    if path.parent in (Path(), Path("pretrained")) and path.name in names():
+        return FOLDER / path.name
+    return None
+
+
+def suggestion(path: Path) -> str:
+    """The end of an error message about a checkpoint that does not exist: all names, and the nearest one."""
+    return f" ({', '.join(names())}){did_you_mean(path.name, names()).partition('; choose')[0]}"

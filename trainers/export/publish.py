@@ -12,15 +12,14 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from conf import arguments
-from conf.overrides import comment
-from conf.schema import ConfigError
+from core.command_line import run_program
+from core.overrides import comment
+from core.schema import ConfigError
 from trainers.export import policy_file
 from trainers.reports.scores import result_of, time_to_level
 from trainers.run import checkpoint
-from trainers.sweeps.overrides_of import overrides_of
-from trainers.sweeps.runs import RunRecord, command_line, find_runs, share_cell
-from trainers.utils.atomic_io import atomic_directory
+from trainers.sweeps.runs import RunRecord, command_line, find_runs, overrides_of, share_cell
+from trainers.utils.files import atomic_directory
 from trainers.utils.system_info import system_info
 
 MAX_BYTES = 1_000_000  # of a file, so that it can be kept in a repository
@@ -162,7 +161,7 @@ def main(words: Sequence[str]) -> None:
 
 def cli(words: Sequence[str] | None = None) -> None:
     """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
-    arguments.run(main, __doc__, words)
+    run_program(main, __doc__, words)
 
 
 if __name__ == "__main__":

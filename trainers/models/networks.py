@@ -1,4 +1,4 @@
-"""Networks that policies and critics are built of."""
+"""Batch renormalisation, Ioffe 2017 (arXiv:1702.03275), for CrossQ's critics."""
 
 from __future__ import annotations
 
@@ -9,8 +9,25 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 from torchrl.data import TensorSpec
+from torchrl.modules import BatchRenorm1d
 
-from trainers.models.batch_renorm import BatchRenorm
+WARMUP_STEPS = 5_000
+
+
+class BatchRenorm(BatchRenorm1d):
+    """TorchRL's BatchRenorm1d with a counter that stops at the end of the warm-up.
+
+    TorchRL 0.14.1 discards the result of its `clamp_max`, so the counter grows on and the correction is multiplied by
+    2, 3, ... after two, three, ... times `warmup_steps`.
+    """
+
+    def __init__(self, features: int) -> None:
+        super().__init__(features, warmup_steps=WARMUP_STEPS)
+
+    def forward(self, x: Tensor) -> Tensor:
+        self.num_batches_tracked.clamp_(max=self.warmup_steps)
+        return super().forward(x)
+
 
 ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU, "elu": nn.ELU}
 NORMALISATIONS: dict[str, type[nn.Module]] = {"layer": nn.LayerNorm, "batch_renorm": BatchRenorm}

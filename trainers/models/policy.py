@@ -1,10 +1,4 @@
-"""The policy: an encoder of the words, and an actor that never sees a word.
-
-    objects, mask, instruction, gesture ─► encoder ─► attention_logits, context, obstacle ┐
-                                                                                robot ───┴─► actor ─► move ─► action
-
-Critics are built in `trainers.models.critics`; only losses use them.
-"""
+"""The actor of a policy as TorchRL's losses take it: encoded frames to "move"."""
 
 from __future__ import annotations
 
@@ -12,16 +6,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
-from tensordict import TensorDictBase
-from tensordict.nn import TensorDictModuleBase
+from tensordict import NestedKey, TensorDictBase
+from tensordict.nn import TensorDictModule, TensorDictModuleBase
 from torch import Tensor, nn
 from torchrl.data import Composite
 from torchrl.envs.utils import ExplorationType, exploration_type
+from torchrl.modules import IndependentNormal, ProbabilisticActor, TanhNormal
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from trainers.config import GroundedConfig, PolicyConfig
-from trainers.models.flat_encoder import FlatEncoder
-from trainers.models.grounding import GESTURE, LABELS, NEAR, OBSTACLE, TARGET, VERB, GroundingEncoder
+from trainers.models.grounding import GESTURE, LABELS, NEAR, OBSTACLE, SCENE_KEYS, TARGET, VERB, GroundingEncoder
 from trainers.models.networks import (
     GaussianActor,
     Normalise,
@@ -31,6 +25,97 @@ from trainers.models.networks import (
     normal_log_prob,
 )
 from trainers.models.sentence_encoder import SentenceWords
+
+
+def stochastic_actor(policy: Policy, passed: Sequence[NestedKey] = ()) -> ProbabilisticActor:
+    """(robot, context, ...) to the distribution of "move": a normal one, or its tanh where the policy squashes.
+
+    passed: keys that the critic reads and the actor does not. TorchRL's TD3Loss and REDQLoss give the critic only those
+    entries of a frame that are inputs of the actor, so these are declared as inputs and ignored.
+    """
+    return ProbabilisticActor(
+        TensorDictModule(_Parameters(policy), in_keys=_in_keys(policy, passed), out_keys=["loc", "scale"]),
+        in_keys=["loc", "scale"],
+        out_keys=["move"],
+        distribution_class=TanhNormal if policy.bounds.squash else IndependentNormal,
+        return_log_prob=True,
+    )
+
+
+def deterministic_actor(policy: Policy, passed: Sequence[NestedKey] = ()) -> TensorDictModule:
+    """(robot, context, ...) to the mean "move" (N, A). passed: as in `stochastic_actor`."""
+    return TensorDictModule(_Mean(policy), in_keys=_in_keys(policy, passed), out_keys=["move"])
+
+
+class _Parameters(nn.Module):
+    """The actor's loc and scale; inputs beyond the actor's are ignored."""
+
+    def __init__(self, policy: Policy) -> None:
+        super().__init__()
+        self.actor, self.inputs = policy.actor, 1 + len(policy.actor_keys)
+
+    def forward(self, *values: Tensor) -> tuple[Tensor, Tensor]:
+        return self.actor(*values[: self.inputs])
+
+
+class _Mean(_Parameters):
+    def forward(self, *values: Tensor) -> Tensor:  # type: ignore[override]
+        return super().forward(*values)[0]
+
+
+def _in_keys(policy: Policy, passed: Sequence[NestedKey]) -> list[NestedKey]:
+    robot, *more = policy.actor_keys
+    return list(dict.fromkeys([robot, policy.context_key, *more, *passed]))
+
+
+class FlatEncoder(nn.Module):
+    """Instruction and scene to one row (N, F): normalised objects, mask, mean embedding of the words, and the ray.
+
+    It has the interface of `GroundingEncoder`, without attention: `select_likeliest` and the like do nothing.
+
+    Args:
+        objects: normalises object rows.
+        slots: K.
+        vocabulary: number of words.
+        embedding: width of a word.
+        gesture: width of the ray; 0 where nobody points.
+    """
+
+    out_keys = ("scene",)
+    logit_keys = ()
+    observes_obstacles = False
+    verbs = 0
+
+    def __init__(self, objects: Normalise, slots: int, vocabulary: int, embedding: int, gesture: int = 0) -> None:
+        super().__init__()
+        self.scene_keys = (*SCENE_KEYS, GESTURE) if gesture else SCENE_KEYS
+        self.normalise = objects
+        self.word_embedding = nn.EmbeddingBag(vocabulary, embedding, mode="mean", padding_idx=0)
+        self.outputs = slots * (objects.shape[-1] + 1) + embedding + gesture
+
+    def forward(self, instruction: Tensor, *scene: Tensor) -> tuple[Tensor, ...]:
+        return self.attend(self.encode_words(instruction), *scene)
+
+    def encode_words(self, instruction: Tensor) -> Tensor:
+        """Tokens (N, L) to their mean embedding (N, E); zeros, which need no gradient, for tasks without words."""
+        if not instruction.any():
+            return self.word_embedding.weight.new_zeros(len(instruction), self.word_embedding.embedding_dim)
+        return self.word_embedding(instruction)
+
+    def attend(self, words: Tensor, objects: Tensor, mask: Tensor, *gesture: Tensor) -> tuple[Tensor, ...]:
+        """`forward`, given the result of `encode_words`."""
+        present = mask.to(objects.dtype)
+        rows = self.normalise(objects) * present.unsqueeze(-1)
+        return (torch.cat([rows.flatten(1), present, words, *gesture], -1),)
+
+    def keep_mean(self, frames: TensorDictBase) -> None:
+        """Does nothing: there is no attention."""
+
+    select_likeliest = select_labelled = keep_mean
+
+    def write_obstacle(self, frames: TensorDictBase, referent: Tensor) -> None:
+        """Does nothing: the actor is given all rows."""
+
 
 STAGE = "stage"
 MEANS = (ExplorationType.DETERMINISTIC, ExplorationType.MODE, ExplorationType.MEAN)
@@ -247,3 +332,48 @@ def _build_word_embedding(config: GroundedConfig, count: int, vocabulary: Sequen
 def parameters(*modules: nn.Module) -> list[Tensor]:
     """The distinct trainable parameters of the modules."""
     return list(dict.fromkeys(p for module in modules for p in module.parameters() if p.requires_grad))
+
+
+LABEL = ("privileged", "expert_action")
+
+
+def expert_move(frames: TensorDictBase, policy: Policy) -> Tensor:
+    """(N, A) the expert's action as a move of the policy, relative to `hold`, in [-1, 1]."""
+    return ((frames[LABEL] - frames["hold"]) / policy.action_unit).clamp(-1.0, 1.0)
+
+
+class ExpertMixture(nn.Module):
+    """At each step of each world the expert acts with a probability, else the policy does.
+
+    This is the behaviour policy of DAgger, Ross et al. 2011 (arXiv:1011.0686).
+
+    Attributes:
+        expert_share: () the probability, in [0, 1].
+    """
+
+    expert_share: Tensor
+
+    def __init__(self, policy: Policy, expert_share: float = 1.0) -> None:
+        super().__init__()
+        self.policy = policy
+        self.register_buffer("expert_share", torch.tensor(expert_share))
+
+    @property
+    def act(self) -> MixedAct:
+        """The module from an observation with the expert's action to "action"."""
+        return MixedAct(self)
+
+
+class MixedAct(TensorDictModuleBase):
+    """Observations (N,) with privileged/expert_action (N, A) to "action" (N, A) and the equal "move" (N, A)."""
+
+    def __init__(self, mixture: ExpertMixture) -> None:
+        super().__init__()
+        self.mixture, self.policy_act = mixture, Act(mixture.policy)
+        self.in_keys, self.out_keys = [*self.policy_act.in_keys, LABEL], self.policy_act.out_keys
+
+    def forward(self, frames: TensorDictBase) -> TensorDictBase:
+        action, expert = self.policy_act(frames)["action"], frames[LABEL]
+        follows = torch.rand(len(action), 1, device=action.device) < self.mixture.expert_share
+        frames.set("move", torch.where(follows, expert_move(frames, self.mixture.policy), frames["move"]))
+        return frames.set("action", torch.where(follows, expert, action))

@@ -7,8 +7,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+
 from trainers.run.metrics import read_metrics
-from trainers.utils.atomic_io import atomic_path
+from trainers.sweeps.runs import RunRecord
+from trainers.utils.files import atomic_path
 
 
 def learning_curve(metrics: Path, target: Path) -> None:
@@ -96,3 +103,127 @@ def bin_name(name: str, ends: Sequence[float | None]) -> str:
     if name == "objects":
         return f"{low:g}"
     return f"{low:g}+" if high is None else f"{low:g}-{high:g}"
+
+
+Groups = Mapping[str, Sequence[RunRecord]]
+MAIN_TASKS = ("nl_reach", "nl_pick_and_place", "nl_reach_gesture")
+LEGEND_COLUMNS = 3  # labels in a row below a figure
+LEGEND_ROW_HEIGHT = 0.24  # inches
+BINS = 60  # points of a loss curve
+STYLES = ("-", "--", ":")
+
+
+def success(groups: Groups, target: Path) -> None:
+    """Plot the success ratio of the deterministic policy against frames, with a band from worst to best seed."""
+    figure, (axes,) = _figure(1, 1, (7.5, 4.2))
+    for (label, runs), style in zip(groups.items(), _styles(len(groups)), strict=True):
+        _band(axes, label, evaluation_curves(runs, "eval/success_at_end"), style)
+    axes.set(xlabel="frames", ylabel="success ratio", ylim=(-0.02, 1.02))
+    _save(figure, [axes], target)
+
+
+def tasks(groups: Groups, target: Path) -> None:
+    """Plot the mean return of an episode and the success ratio against frames, side by side."""
+    figure, (left, right) = _figure(1, 2, (11, 4.2))
+    for (label, runs), style in zip(groups.items(), _styles(len(groups)), strict=True):
+        _band(left, label, evaluation_curves(runs, "eval/mean_return"), style)
+        _band(right, label, evaluation_curves(runs, "eval/success_at_end"), style)
+    left.set(xlabel="frames", ylabel="mean reward of an episode")
+    right.set(xlabel="frames", ylabel="success ratio", ylim=(-0.02, 1.02))
+    _save(figure, [left, right], target)
+
+
+def losses(groups: Groups, target: Path) -> bool:
+    """Plot each loss against frames, with a row of panels for each algorithm.
+
+    Returns:
+        False if no run has losses; then no file is written.
+    """
+    panels = _panels(groups)
+    if not panels:
+        return False
+    columns = max(len(names) for names in panels.values())
+    figure, all_axes = _figure(len(panels), columns, (3.4 * columns, 2.8 * len(panels)))
+    styles = dict(zip(groups, _styles(len(groups)), strict=True))
+    for row, (algo, names) in enumerate(panels.items()):
+        for axes, name in zip(all_axes[row * columns :], names, strict=False):
+            for label, runs in groups.items():
+                if algorithm(runs[0]) == algo:
+                    _band(axes, label, [binned_curve(run, name) for run in runs], styles[label], dots=False)
+            axes.set(title=f"{algo}: {name.removeprefix('loss/')}", xlabel="frames")
+        for axes in all_axes[row * columns + len(names) : (row + 1) * columns]:
+            axes.set_axis_off()
+    _save(figure, all_axes, target)
+    return True
+
+
+def algorithm(run: RunRecord) -> str:
+    """The name of the algorithm of a run."""
+    return str(run.config.get("algo", {}).get("name", "-"))
+
+
+def _panels(groups: Groups) -> dict[str, list[str]]:
+    """The losses of each algorithm that are finite and not 0 in at least one bin of a run."""
+    found: dict[str, dict[str, None]] = {}
+    for run in (run for runs in groups.values() for run in runs):
+        names = [
+            n for n in (run.rows[0] if run.rows else {}) if n.startswith("loss/") and binned_curve(run, n)[1].any()
+        ]
+        found.setdefault(algorithm(run), {}).update(dict.fromkeys(names))
+    return {algo: list(names) for algo, names in found.items() if names}
+
+
+def evaluation_curves(runs: Sequence[RunRecord], column: str) -> list[np.ndarray]:
+    """For each run, (2, points): the frames and values of a column at its evaluations."""
+    return [np.array([(row["frames"], row[column]) for row in run.evaluations]).reshape(-1, 2).T for run in runs]
+
+
+def binned_curve(run: RunRecord, column: str) -> np.ndarray:
+    """(2, points) frames and values of a column, averaged over at most `BINS` intervals of the run."""
+    points = np.array([(row["frames"], row.get(column, np.nan)) for row in run.rows]).reshape(-1, 2)
+    points = points[np.isfinite(points[:, 1])]
+    parts = [part.mean(0) for part in np.array_split(points, BINS) if len(part)]
+    return np.array(parts).reshape(-1, 2).T
+
+
+def _band(axes: Any, label: str, curves: Sequence[np.ndarray], style: tuple[Any, str], dots: bool = True) -> None:
+    """Plot the mean over seeds, for the frames that all of them cover, and a band from the minimum to the maximum."""
+    curves = [curve for curve in curves if curve.shape[1]]
+    if not curves:
+        return
+    color, line = style
+    low, high = max(curve[0, 0] for curve in curves), min(curve[0, -1] for curve in curves)
+    frames = np.unique(np.concatenate([curve[0] for curve in curves]))
+    frames = frames[(frames >= low) & (frames <= high)]
+    values = np.array([np.interp(frames, *curve) for curve in curves])
+    axes.plot(frames, values.mean(0), line, color=color, label=label, marker="o" if dots else None, markersize=3)
+    axes.fill_between(frames, values.min(0), values.max(0), color=color, alpha=0.12, linewidth=0)
+
+
+def _styles(count: int) -> list[tuple[Any, str]]:
+    """A colour and a line style for each of `count` curves; distinct for up to thirty curves."""
+    colors = colormaps["tab10"].colors  # type: ignore[attr-defined]
+    return [(colors[i % 10], STYLES[i // 10 % len(STYLES)]) for i in range(count)]
+
+
+def _figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[Any]]:
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
+
+
+def _save(figure: Figure, all_axes: Sequence[Any], target: Path) -> None:
+    """Save the figure with one legend below all panels, where it hides no curve."""
+    named: dict[str, Any] = {}
+    for axes in all_axes:
+        axes.grid(alpha=0.3)
+        axes.set_xlim(left=0)
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+        lines, labels = axes.get_legend_handles_labels()
+        named |= dict(zip(labels, lines, strict=True))
+    if named:
+        figure.set_figheight(figure.get_figheight() + LEGEND_ROW_HEIGHT * -(-len(named) // LEGEND_COLUMNS))
+        columns = min(LEGEND_COLUMNS, len(named))
+        figure.legend(named.values(), named, loc="outside lower center", ncols=columns, frameon=False)
+    with atomic_path(target) as temporary:
+        figure.savefig(temporary, dpi=120)

@@ -1,28 +1,118 @@
-"""The report of a sweep, with figures and tables: `python -m trainers.reports.report <sweep dir>`.
-
-Writes report.html, one file with embedded images, and report.md, with image files beside it, into the directory. All
-curves are of evaluation episodes of the deterministic policy. The directory may also hold several sweeps, or be that of
-a single run.
-"""
+"""A report as Markdown with image files, and as one HTML file with embedded images."""
 
 from __future__ import annotations
 
+import base64
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from conf import arguments
-from conf.schema import ConfigError
-from trainers.reports import figures
-from trainers.reports.figures import MAIN_TASKS
-from trainers.reports.page import Block, Heading, Paragraph, Picture, Table, write_page
+from core.command_line import run_program
+from core.schema import ConfigError
+from trainers.reports import plots
+from trainers.reports.plots import MAIN_TASKS
 from trainers.reports.scores import LEVELS, bootstrap, final_over_best, iqm, result_of, score, time_to_level
-from trainers.sweeps.runs import RunRecord, command_line, find_runs, group_by_configuration, share_cell
-from trainers.sweeps.sweep_file import NAME, read_starts
+from trainers.sweeps.runs import (
+    NAME,
+    RunRecord,
+    command_line,
+    find_runs,
+    group_by_configuration,
+    read_starts,
+    share_cell,
+)
+from trainers.utils.files import write_text
 from trainers.utils.system_info import system_info
+
+STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; max-width: 1200px; margin: 2em auto; padding: 0 1em; color: #222; }
+img { max-width: 100%; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: 13px; margin: 1em 0; }
+th, td { border-bottom: 1px solid #ddd; padding: 4px 9px; text-align: left; vertical-align: top; }
+th { border-bottom: 2px solid #888; }
+"""
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading of the second level."""
+
+    text: str
+
+    def markdown(self) -> str:
+        return f"## {self.text}"
+
+    def html(self, folder: Path) -> str:
+        return f"<h2>{escape(self.text)}</h2>"
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """A paragraph of plain text."""
+
+    text: str
+
+    def markdown(self) -> str:
+        return self.text
+
+    def html(self, folder: Path) -> str:
+        return f"<p>{escape(self.text)}</p>"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image. file: the name of a PNG in the report's directory. title: alternative text."""
+
+    file: str
+    title: str
+
+    def markdown(self) -> str:
+        return f"![{self.title}]({self.file})"
+
+    def html(self, folder: Path) -> str:
+        data = base64.b64encode((folder / self.file).read_bytes()).decode()
+        return f'<img alt="{escape(self.title)}" src="data:image/png;base64,{data}">'
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of text cells."""
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def markdown(self) -> str:
+        lines = [self.header, ["---"] * len(self.header), *self.rows]
+        return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+    def html(self, folder: Path) -> str:
+        head = "".join(f"<th>{escape(cell)}</th>" for cell in self.header)
+        body = "\n".join("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in self.rows)
+        return f'<div class="wide"><table><tr>{head}</tr>\n{body}</table></div>'
+
+
+Block = Heading | Paragraph | Picture | Table
+
+
+def write_page(folder: Path, title: str, blocks: Sequence[Block]) -> Path:
+    """Write report.md and report.html to `folder`, which holds the images.
+
+    Returns:
+        The path of the HTML file.
+    """
+    write_text(folder / "report.md", "\n\n".join([f"# {title}", *(block.markdown() for block in blocks)]) + "\n")
+    body = "\n".join(block.html(folder) for block in blocks)
+    head = f'<meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}</style>'
+    page = f"<head>{head}</head>\n<body>\n<h1>{escape(title)}</h1>\n{body}\n</body>"
+    write_text(folder / "report.html", f'<!doctype html>\n<html lang="en">\n{page}\n</html>\n')
+    return folder / "report.html"
+
 
 Groups = dict[str, list[RunRecord]]
 USAGE = "give one directory of runs: python -m trainers.reports.report <sweep dir>"
@@ -76,7 +166,7 @@ def failures(runs: Sequence[RunRecord]) -> str:
 
 
 def _success_section(groups: Groups, folder: Path) -> list[Block]:
-    figures.success(groups, folder / "success.png")
+    plots.success(groups, folder / "success.png")
     episodes = "Evaluation episodes of the deterministic policy; none of them was used for training. "
     return [Picture("success.png", "Success ratio against frames"), Paragraph(episodes + SEEDS)]
 
@@ -128,7 +218,7 @@ def _main_tasks_section(groups: Groups, folder: Path) -> list[Block]:
     main = {label: runs for label, runs in groups.items() if _task(runs[0]) in MAIN_TASKS}
     if not main:
         return []
-    figures.tasks(main, folder / "tasks.png")
+    plots.tasks(main, folder / "tasks.png")
     names = ", ".join(task for task in MAIN_TASKS if any(_task(runs[0]) == task for runs in main.values()))
     picture = Picture("tasks.png", f"Mean reward and success ratio: {names}")
     return [Heading("Main tasks"), picture, Paragraph(f"Evaluation episodes of {names}. {SEEDS}")]
@@ -139,9 +229,9 @@ def _task(run: RunRecord) -> str:
 
 
 def _losses_section(groups: Groups, folder: Path) -> list[Block]:
-    if not figures.losses(groups, folder / "losses.png"):
+    if not plots.losses(groups, folder / "losses.png"):
         return []
-    text = f"Measured at each update and averaged over {figures.BINS} intervals of the run. {SEEDS}"
+    text = f"Measured at each update and averaged over {plots.BINS} intervals of the run. {SEEDS}"
     return [Heading("Losses"), Picture("losses.png", "Losses against frames"), Paragraph(text)]
 
 
@@ -184,7 +274,7 @@ def main(words: Sequence[str]) -> None:
 
 def cli(words: Sequence[str] | None = None) -> None:
     """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
-    arguments.run(main, __doc__, words)
+    run_program(main, __doc__, words)
 
 
 if __name__ == "__main__":

@@ -12,9 +12,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from conf.safe_files import FileError, read_bytes
-from conf.schema import ConfigError
-from trainers.utils.atomic_io import NO_FOLLOW, WriteError, write_text
+from core.safe_files import FileError, read_bytes
+from core.schema import ConfigError
+from trainers.utils.files import NO_FOLLOW, WriteError, write_text
 
 EVALUATION_NAMES = ("success_at_end", "success_once", "wrong_object", "disturbed", "mean_return", "mean_length")
 CHECKSUM = "checksum"  # the last column

@@ -8,8 +8,8 @@ import os
 import re
 from pathlib import Path
 
-from conf.schema import ConfigError
-from trainers.utils.atomic_io import NO_FOLLOW, remove_temporary_files
+from core.schema import ConfigError
+from trainers.utils.files import NO_FOLLOW, remove_temporary_files
 
 LOCK = ".lock"
 SUBFOLDERS = ("", "checkpoints", "checkpoints/memory", "tensorboard")  # that a run writes to

@@ -1,17 +1,127 @@
-"""Which checkpoints a run writes and when, and which of them stay."""
+"""Saves the ring buffers of an algorithm, such as its replay buffer, incrementally.
+
+Otherwise each checkpoint of a long run would write hundreds of thousands of frames. The rows that are new since the
+last checkpoint go to files of their own, which are written once; a checkpoint lists the files that it needs, with
+their checksums.
+"""
 
 from __future__ import annotations
 
+import io
 import os
 import shutil
 import time
+import zlib
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torchrl.data import ReplayBuffer
+
+from core.safe_files import FileError
 from trainers.config import CheckpointConfig
 from trainers.run import checkpoint
-from trainers.run.memories import MemoryFiles
+from trainers.run.checkpoint import CheckpointError
+from trainers.utils.files import atomic_file
+from trainers.utils.tensor_archive import read_tensors
+
+FILES_PER_BUFFER = 16  # a file holds at most this share of a buffer, so that few rows outlive their place in it
+
+References = dict[str, Any]  # for each buffer: rows ever written, and its files with first row, rows and checksum
+
+
+class MemoryFiles:
+    """The files of a run's ring buffers.
+
+    Args:
+        folder: of the files; created when something is saved.
+        buffers: by name, one-dimensional and overwritten in turn.
+    """
+
+    def __init__(self, folder: Path, buffers: Mapping[str, ReplayBuffer]) -> None:
+        self.folder, self.buffers = folder, buffers
+        self.files: dict[str, list[dict[str, Any]]] = {name: [] for name in buffers}
+        self.earlier = dict.fromkeys(buffers, 0)  # rows that were written before, less those written by loading
+
+    def save(self) -> References:
+        """Write the rows that no file holds yet. Returns the references for `load`."""
+        references = {}
+        for name, buffer in self.buffers.items():
+            written = self.earlier[name] + buffer.write_count
+            oldest = max(0, written - _capacity(buffer))
+            files = [file for file in self.files[name] if file["first"] + file["rows"] > oldest]
+            first = max([oldest, *(file["first"] + file["rows"] for file in files)])
+            step = max(1, _capacity(buffer) // FILES_PER_BUFFER)
+            files += [self._write(name, at, min(step, written - at)) for at in range(first, written, step)]
+            self.files[name] = files
+            references[name] = {"written": written, "files": files}
+        return references
+
+    def load(self, references: References) -> None:
+        """Fill the buffers, which are still empty, as they were at `save`.
+
+        Raises:
+            CheckpointError: a file is missing or damaged.
+        """
+        for name, buffer in self.buffers.items():
+            entry = references.get(name, {"written": 0, "files": []})
+            files, written = entry["files"], entry["written"]
+            if files:
+                rows = torch.cat([self._read(file) for file in files])
+                _fill(buffer, rows[-_capacity(buffer) :], written)
+            self.files[name] = list(files)
+            self.earlier[name] = written - buffer.write_count
+
+    def remove_unused(self, kept: Iterable[References]) -> None:
+        """Remove all files that neither the latest `save` nor any of `kept` refers to."""
+        used = {file["name"] for files in self.files.values() for file in files}
+        used |= {file["name"] for references in kept for entry in references.values() for file in entry["files"]}
+        for path in self.folder.glob("*"):
+            if path.name not in used:
+                path.unlink(missing_ok=True)
+
+    def _write(self, name: str, first: int, rows: int) -> dict[str, Any]:
+        buffer = self.buffers[name]
+        places = torch.arange(first, first + rows) % _capacity(buffer)
+        content = io.BytesIO()
+        torch.save(buffer.storage.get(places).exclude("index").cpu().to_dict(), content)
+        file = f"{name}-{first}-{zlib.crc32(content.getbuffer()):08x}.pt"
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with atomic_file(self.folder / file) as out:
+            out.write(content.getbuffer())
+        return {"name": file, "first": first, "rows": rows, "bytes": content.tell()}
+
+    def _read(self, file: Mapping[str, Any]) -> TensorDictBase:
+        """The rows of a file. Its name has its checksum."""
+        path = self.folder / Path(file["name"]).name
+        if not path.is_file() or path.stat().st_size != file["bytes"]:
+            raise CheckpointError(f"{path} is missing or damaged, so the run cannot be resumed from this checkpoint")
+        if f"{zlib.crc32(path.read_bytes()):08x}" != path.stem.rpartition("-")[2]:
+            raise CheckpointError(f"{path} is damaged, so the run cannot be resumed from this checkpoint")
+        try:
+            return TensorDict(read_tensors(path), [file["rows"]])
+        except FileError as error:
+            raise CheckpointError(f"{path} {error}") from None
+
+
+def _capacity(buffer: ReplayBuffer) -> int:
+    return buffer.storage.max_size
+
+
+def _fill(buffer: ReplayBuffer, rows: TensorDictBase, written: int) -> None:
+    """Put the latest rows where they would be after `written` rows in all, and the next one after them."""
+    capacity = _capacity(buffer)
+    if written <= capacity:
+        buffer.extend(rows)
+        return
+    turn = written % capacity  # the place of the oldest row
+    in_place = torch.cat((rows[capacity - turn :], rows[: capacity - turn]))
+    buffer.extend(in_place)
+    if turn:
+        buffer.extend(in_place[:turn])  # once more, to move the place of the next row
 
 
 class CheckpointWriter:

@@ -1,8 +1,11 @@
-"""The training loop: collect, update, evaluate and report, until all frames are used or a signal asks to stop."""
+"""How many frames a run still has, and after which of them it is evaluated."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import copy
+import math
+import time
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
@@ -11,17 +14,388 @@ import torch
 from tensordict import TensorDictBase
 from torchrl.envs import EnvBase
 
+from core.platform_tuning import import_compiler
+from core.system import StopSignal
 from trainers.algorithms.algorithm import DivergedError
-from trainers.config import Plan
-from trainers.rollout.worker import MakeEnv
-from trainers.rollout.worker_pool import CollectionError
-from trainers.run.final_report import write_report
-from trainers.run.initial_policy import start_from
-from trainers.run.metrics import MetricsWriter
+from trainers.algorithms.build import build_algorithm
+from trainers.collect.collection import EpisodeStatistics, Rollouts
+from trainers.collect.collection import columns as collector_columns
+from trainers.collect.worker import MakeEnv, derive_seed
+from trainers.collect.worker_pool import CollectionError
+from trainers.config import Plan, cores, frames_per_batch, uses_processes
+from trainers.evaluation.evaluation import EvalResult, Interrupted
+from trainers.models.policy import Policy
+from trainers.reports.plots import learning_curve
+from trainers.run import checkpoint
+from trainers.run.checkpoint import extend_vocabulary
+from trainers.run.evaluator import Evaluator, VideoTask
+from trainers.run.metrics import EVALUATION_NAMES, MetricsWriter
 from trainers.run.progress import Progress
-from trainers.run.signals import StopSignal
-from trainers.run.training_run import TrainingRun
-from trainers.utils.atomic_io import WriteError
+from trainers.run.saving import CheckpointWriter, MemoryFiles
+from trainers.utils.files import WriteError, write_checked_json
+
+
+class FrameBudget:
+    """The frames of a run's plan: of the run, which may stop early, and of its schedule. All worlds step together."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan, self._batch = plan, frames_per_batch(plan)
+
+    def left_of_schedule(self, frames: int) -> int:
+        """Frames of whole steps of all worlds until the end of the schedule. frames: used so far."""
+        return self._left(self._plan.schedule_frames, frames)
+
+    def exhausted(self, frames: int) -> bool:
+        """Whether another batch would exceed total_frames. The last one of the schedule is shortened to fit."""
+        batch = min(self._batch, self.left_of_schedule(frames))
+        return not 0 < batch <= self._left(self._plan.run.total_frames, frames)
+
+    def evaluation_due(self, frames: int) -> bool:
+        """Whether to evaluate now: once every eval.interval frames, but not just before the final evaluation."""
+        interval = self._plan.eval.interval
+        return frames // interval > (frames - self._batch) // interval and self.left_of_schedule(frames) > 0
+
+    def _left(self, most: int, frames: int) -> int:
+        worlds = self._plan.collector.worlds
+        return max(0, most - frames) // worlds * worlds
+
+
+def write_report(
+    run: TrainingRun,
+    metrics: MetricsWriter,
+    stop: StopSignal,
+    progress: Progress,
+    make_video_env: Callable[[], EnvBase] | None,
+    on_result: Callable[[dict[str, Any]], None] | None = None,
+) -> dict[str, Any]:
+    """Evaluate the last policy on eval.episodes episodes, and write the report into the run's folder.
+
+    This evaluation is also that of the last row of a schedule that has ended.
+
+    Args:
+        run: that has ended.
+        metrics: where the last row is written.
+        stop: a signal asked to stop.
+        progress: where the evaluation is shown.
+        make_video_env: builds an environment of one world that renders. None for no video.
+        on_result: given the result before anything is written, so that a full disk does not lose it.
+
+    Returns:
+        The values of eval.json.
+    """
+    config, video = run.plan.eval, None
+    if make_video_env is not None and config.video_episodes:
+        video = VideoTask(make_video_env, run.folder / "evaluation.mp4", config.video_episodes)
+        run.evaluator.request_video(run.policy.state_dict(), video)
+    evaluation = run.evaluator.evaluate(run.policy, config.episodes, 0, stop)
+    frames, seconds = run.counters["frames"], run.seconds()
+    result = evaluation.as_dict() | {"frames": frames, "wall_s": seconds, "frames_per_s": frames / max(seconds, 1e-9)}
+    result["seed"] = run.plan.run.seed
+    if run.rows:
+        run.enter_evaluation(evaluation, frames, progress)
+    if on_result is not None:
+        on_result(result)
+    if run.rows:
+        run.finish(evaluation, metrics)
+    write_checked_json(run.folder / "eval.json", result)
+    learning_curve(run.folder / "metrics.csv", run.folder / "learning_curve.png")
+    if video is not None:
+        run.evaluator.finish_video()
+    return result
+
+
+def start_from(path: Path, policy: Policy, vocabulary: Sequence[str], widths: dict[str, list[int]]) -> None:
+    """Give a policy the networks of a checkpoint or of a published policy. It keeps its own exploration noise.
+
+    Args:
+        path: of the file.
+        policy: of the new run.
+        vocabulary: of its tokenizer.
+        widths: of its environment, from `checkpoint.widths`.
+
+    Raises:
+        CheckpointError: the networks are others, or were trained for other observations or actions.
+    """
+    payload = extend_vocabulary(checkpoint.load(path), vocabulary)
+    try:
+        checkpoint.check_fits(payload, list(vocabulary), widths)
+    except checkpoint.CheckpointError as error:
+        raise checkpoint.CheckpointError(f"init={path} cannot be begun with: {error}") from None
+    noise = {name: value for name, value in policy.state_dict().items() if name.endswith("log_std")}
+    try:
+        policy.load_state_dict(payload["algorithm"]["policy"] | noise)
+    except RuntimeError as error:
+        text = str(error).splitlines()[-1].strip()
+        raise checkpoint.CheckpointError(
+            f"init={path} has other networks than this run: {text}; take the values of policy that it was trained with"
+        ) from None
+
+
+# evaluate: seconds spent waiting for evaluations. evaluated: seconds of the run until the row's evaluation was known.
+TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/evaluated", "time/total", "time/frames_per_s")
+MOST_PENDING = 2  # evaluations: with fewer, training waits for those of early policies, whose episodes are long
+SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn scenes
+
+
+class TrainingRun:
+    """One training run: the state that the steps of `fit` share.
+
+    env: one world, for specs, unsimulated scenes and relabelling.
+    counters: plain numbers that a resumed run continues from. rows: of metrics.csv, those of the latest iterations that
+    are not written yet. pending: the checkpoints to evaluate for these rows, the oldest of which is being evaluated.
+    consistent: whether no update is half done, so that the run can be saved.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        make_env: MakeEnv,
+        folder: Path,
+        config: dict[str, Any],
+        vocabulary: list[str],
+        make_eval_env: MakeEnv | None = None,
+    ) -> None:
+        self.plan, self.make_env, self.folder, self.budget = plan, make_env, folder, FrameBudget(plan)
+        self.config, self.vocabulary = config, vocabulary
+        self.counters: dict[str, Any] = {"frames": 0, "iteration": 0, "evaluations": 0, "best": -1.0, "seconds": 0.0}
+        self.start_time, self.earlier_seconds = time.perf_counter(), 0.0
+        torch.manual_seed(plan.run.seed)
+        make_eval_env = make_eval_env or make_env
+        self.env = make_eval_env(1, derive_seed(plan.run.seed, 0, evaluation=True))
+        spec = self.env.observation_spec
+        self.policy, self.algorithm = build_algorithm(plan, spec, self.env.action_unit, vocabulary, self.env.hindsight)
+        beside = plan.eval.overlap and uses_processes(plan.collector)
+        self.evaluator = Evaluator(make_eval_env, self.policy, plan.eval.worlds, plan.run.seed, beside)
+        self.widths = checkpoint.widths(spec, self.env.action_spec)
+        self.statistics = EpisodeStatistics(self.env.reward_names)
+        self.rows: list[dict[str, float]] = []
+        self.pending: list[dict[str, Any]] = []
+        self.consistent = True
+        self.rollouts: Rollouts | None = None
+        self.kept_frames: int | None = None  # of the last row of metrics.csv that a resumed run keeps
+        self.resumed: dict[str, Any] = {}  # what the first batch after a resume depends on
+        memories = MemoryFiles(folder / "checkpoints" / "memory", self.algorithm.memories)
+        self.writer = CheckpointWriter(folder / "checkpoints", plan.checkpoint, memories)
+
+    def close(self) -> None:
+        """End the worlds of this process."""
+        self.env.close()
+        self.evaluator.close()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of metrics.csv."""
+        evaluation = (f"eval/{name}" for name in EVALUATION_NAMES)
+        timings = (*TIMINGS, *collector_columns(self.plan.collector))
+        return ("frames", *self.statistics.metrics, *self.algorithm.metrics, *evaluation, *timings)
+
+    def resume(self, path: Path) -> None:
+        """Continue from a checkpoint, bit for bit where it has the running state.
+
+        Raises:
+            CheckpointError: the checkpoint is damaged, of an earlier version, or was trained with another config.
+        """
+        payload = checkpoint.load(path, to_train=True)
+        checkpoint.check_fits(payload, self.vocabulary, self.widths)
+        if "rows" not in payload.get("state", {"rows": []}):
+            raise checkpoint.CheckpointError(
+                f"{path} was saved by an earlier version, whose running episodes this one cannot go on with; "
+                f"resume={path.with_name('best.pt')} goes on from its best networks, with new episodes"
+            )
+        try:
+            self.algorithm.load_state_dict(payload["algorithm"])
+        except (KeyError, RuntimeError, ValueError) as error:
+            text = str(error).splitlines()[-1].strip()
+            raise checkpoint.CheckpointError(f"{path} was trained with another algo or policy: {text}") from None
+        self.counters |= payload["counters"]
+        self.earlier_seconds = self.counters["seconds"]
+        self.resumed = {"rng": payload["rng"]}
+        if "state" in payload:
+            self.load_running_state(payload["state"])
+        # Rows that the checkpoint holds are written again: they may have been written without their evaluation.
+        self.kept_frames = int(self.rows[0]["frames"]) - 1 if self.rows else self.counters["frames"]
+
+    def running_state(self) -> dict[str, Any]:
+        """The state on which the next iteration depends beside networks, optimizers, counters and memories."""
+        rollouts = self.resumed.get("rollouts") if self.rollouts is None else self.rollouts.state_dict()
+        return {
+            "rows": [dict(row) for row in self.rows],
+            "pending": self.pending,
+            "rollouts": rollouts,
+            "statistics": self.statistics.state_dict(),
+            "algorithm": self.algorithm.running_state(),
+            "cuda_rng": torch.cuda.get_rng_state() if self.algorithm.device.type == "cuda" else None,
+        }
+
+    def load_running_state(self, state: dict[str, Any]) -> None:
+        """Continue from `running_state` and the memory files. With other numbers of worlds, new episodes begin."""
+        known = self.columns  # the checkpoint's collector may have had others
+        self.rows = [{name: value for name, value in row.items() if name in known} for row in state["rows"]]
+        pending = state["pending"]  # earlier versions had at most one
+        self.pending = pending if isinstance(pending, list) else [pending] if pending else []
+        self.writer.memories.load(state["memories"])
+        rollouts = state["rollouts"]
+        if rollouts is not None and len(rollouts["episodes"]["beginnings"]) == self.plan.collector.worlds:
+            self.resumed["rollouts"] = rollouts
+            self.statistics.load_state_dict(state["statistics"])
+            self.algorithm.load_running_state(state["algorithm"])
+        if state["cuda_rng"] is not None and self.algorithm.device.type == "cuda":
+            torch.cuda.set_rng_state(state["cuda_rng"])
+
+    def seconds(self) -> float:
+        """Seconds of the run, including start-up and the time before a resume."""
+        return self.earlier_seconds + time.perf_counter() - self.start_time
+
+    def payload(self) -> dict[str, Any]:
+        """The content of every checkpoint."""
+        return {
+            "config": self.config,
+            "vocabulary": list(self.vocabulary),
+            "widths": self.widths,
+            "algorithm": self.algorithm.state_dict(),
+            "counters": dict(self.counters),
+            "rng": self.resumed.get("rng", torch.get_rng_state()),
+        }
+
+    def save_last(self) -> None:
+        """Write checkpoints/last.pt, from which the run can go on bit for bit."""
+        self.writer.save_last(self.payload(), self.running_state())
+
+    def train(self, metrics: MetricsWriter, stop: StopSignal, progress: Progress) -> None:
+        """Collect and update until total_frames are used.
+
+        Raises Interrupted: a signal asked to stop. Other exceptions are those of `fit`.
+        """
+        if self.pending:  # of a resumed run
+            self.request_evaluation()
+        if self.rows:
+            self.complete_rows(metrics, stop, progress)
+        progress.say(f"building {self.plan.collector.worlds} worlds")
+        first, state = self.counters["iteration"], self.resumed.get("rollouts")
+        seed = derive_seed(self.plan.run.seed, first)
+        behaviour, horizon = self.algorithm.behaviour, self.plan.algo.horizon
+        steps = self.budget.left_of_schedule(self.counters["frames"]) // self.plan.collector.worlds
+        self.rollouts = Rollouts(self.make_env, behaviour, self.plan.collector, horizon, seed, first, state, steps)
+        with closing(self.rollouts):
+            import_compiler()  # while the workers build their worlds
+            if self.resumed:
+                torch.set_rng_state(self.resumed.pop("rng"))  # after the worlds were built, as it was saved
+            while not self.budget.exhausted(self.counters["frames"]):
+                self.iterate(self.rollouts, stop)
+                progress.show(self.rows[-1], self.rollouts.status())
+                self.complete_rows(metrics, stop, progress)
+                if stop():
+                    raise Interrupted
+        if self.pending:
+            self.complete_rows(metrics, stop, progress, wait=True)
+        self.save_last()
+
+    def iterate(self, rollouts: Rollouts, stop: StopSignal) -> None:
+        """One batch and one update; adds a row, which is not complete if an evaluation is due."""
+        start = time.perf_counter()
+        rollouts.sync(self.algorithm.behaviour)
+        batch = rollouts.next(stop)
+        collected = time.perf_counter()
+        self.consistent = False
+        torch.set_num_threads(self.plan.run.update_threads or cores())  # the workers are idle during the update
+        progress = self.counters["frames"] / self.plan.schedule_frames
+        self.add_drawn_scenes()
+        update_metrics = self.algorithm.update(batch, min(progress, 1.0))
+        updated = time.perf_counter()
+        torch.set_num_threads(1)
+        self.counters["frames"] += batch.numel()
+        self.counters["iteration"] += 1
+        self.counters["seconds"] = self.seconds()
+        row = {"frames": self.counters["frames"], **self.statistics.measure(batch), **update_metrics}
+        row |= {"time/collect": collected - start, "time/update": updated - collected, "time/evaluate": 0.0}
+        row |= {"time/frames_per_s": batch.numel() / (updated - start), "time/total": self.counters["seconds"]}
+        self.rows.append(row | rollouts.measures())
+        self.consistent = True
+
+    def complete_rows(self, metrics: MetricsWriter, stop: StopSignal, progress: Progress, wait: bool = False) -> None:
+        """Request an evaluation if one is due, take the results of those that are done, and write the complete rows.
+
+        wait: for all results. Otherwise the oldest is waited for when more than `MOST_PENDING` are pending.
+
+        Raises Interrupted: a signal asked to stop.
+        """
+        start = time.perf_counter()
+        if self.evaluation_due():
+            self.counters["evaluations"] += 1
+            self.pending.append(copy.deepcopy(self.payload()))
+            if len(self.pending) == 1:
+                self.request_evaluation()
+        taken = self.take_evaluations(0 if wait else MOST_PENDING, stop, progress)
+        self.counters["seconds"] = self.seconds()
+        self.rows[-1]["time/evaluate"] += time.perf_counter() - start
+        self.rows[-1]["time/total"] = self.counters["seconds"]
+        if taken or self.writer.due():
+            self.save_last()
+        last = self.counters["frames"] if self.schedule_ended() else math.inf  # which waits for the final evaluation
+        waiting = min([last, *(payload["counters"]["frames"] for payload in self.pending)])
+        self.write_rows(metrics, sum(row["frames"] < waiting for row in self.rows))
+
+    def write_rows(self, metrics: MetricsWriter, count: int) -> None:
+        """Write the first `count` rows, which are complete."""
+        for row in self.rows[:count]:
+            metrics.write(row)
+        del self.rows[:count]
+
+    def add_drawn_scenes(self) -> None:
+        """Give the algorithm generated, unsimulated scenes to learn grounding from; they use no frames."""
+        if self.algorithm.scenes_per_update:
+            seed = derive_seed(self.plan.run.seed, SCENE_SEEDS + self.counters["iteration"])
+            self.algorithm.add_scenes(self.env.draw_scenes(self.algorithm.scenes_per_update, seed))
+
+    def schedule_ended(self) -> bool:
+        """Whether all frames of the schedule are used. The last row then waits for the final evaluation."""
+        return not self.budget.left_of_schedule(self.counters["frames"])
+
+    def evaluation_due(self) -> bool:
+        """Whether to request the evaluation of the last row."""
+        frames = self.counters["frames"]
+        requested = any(payload["counters"]["frames"] == frames for payload in self.pending)  # in a resumed run
+        known = "time/evaluated" in self.rows[-1]
+        return self.budget.evaluation_due(frames) and not requested and not known
+
+    def request_evaluation(self) -> None:
+        """Ask for the evaluation of the oldest pending checkpoint's policy."""
+        weights, index = self.pending[0]["algorithm"]["policy"], self.pending[0]["counters"]["evaluations"]
+        self.evaluator.request(weights, self.plan.eval.interval_episodes, index)
+
+    def take_evaluations(self, most: int, stop: StopSignal, progress: Progress) -> bool:
+        """Put the evaluations that are done into their rows, and wait until at most `most` are pending.
+
+        Returns whether any was done. Raises Interrupted.
+        """
+        before = len(self.pending)
+        while self.pending and (result := self.evaluator.result(len(self.pending) > most, stop)) is not None:
+            payload = self.pending.pop(0)
+            self.enter_evaluation(result, payload["counters"]["frames"], progress)
+            self.save_if_best(result, payload)
+            if self.pending:
+                self.request_evaluation()
+        return len(self.pending) < before
+
+    def enter_evaluation(self, result: EvalResult, frames: int, progress: Progress) -> None:
+        """Put an evaluation into the row of these frames, and show it."""
+        row = next(row for row in self.rows if row["frames"] == frames)
+        values = {name: getattr(result, name) for name in EVALUATION_NAMES}
+        row |= {f"eval/{name}": math.nan if value is None else value for name, value in values.items()}
+        row["time/evaluated"] = self.seconds()
+        progress.show_evaluation(row)
+
+    def save_if_best(self, result: EvalResult, payload: dict[str, Any]) -> None:
+        """Write best.pt unless an earlier evaluation was better. payload: of the policy that was evaluated."""
+        if result.success_at_end >= self.counters["best"]:
+            self.counters["best"] = payload["counters"]["best"] = result.success_at_end
+            self.writer.save_best(payload)
+
+    def finish(self, result: EvalResult, metrics: MetricsWriter) -> None:
+        """Save what the final evaluation, which was entered, completes: the last row of the schedule."""
+        self.save_if_best(result, self.payload())
+        self.write_rows(metrics, len(self.rows))
+        self.save_last()
 
 
 def fit(

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from omegaconf import OmegaConf
 
-from conf.command_line import check_stored
-from trainers.sweeps.sweep_file import NAME, read_starts
+from core.command_line import check_stored
+from trainers.sweeps.runs import NAME, read_starts
 
 RESUME = "sweep.resume="
 NON_JOB_PREFIXES = ("-", "hydra.", "hydra/", "sweep.")  # words that do not distinguish the jobs of a sweep

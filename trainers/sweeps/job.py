@@ -14,13 +14,12 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from conf.schema import ConfigError
-from trainers.collector_config import cores, most_workers, read_collector
+from core.schema import ConfigError
+from core.system import signal_at_parent_death
+from trainers.config import cores, most_workers, read_collector
 from trainers.sweeps.arguments import NON_JOB_PREFIXES, quote_path
 from trainers.sweeps.runs import read_overrides, read_result
-from trainers.utils.atomic_io import write_text
-from trainers.utils.checked_files import write_checked_json
-from trainers.utils.parent_death import signal_at_parent_death
+from trainers.utils.files import write_checked_json, write_text
 
 ENVIRONMENT = {"PYTHONUNBUFFERED": "1", "HYDRA_FULL_ERROR": "1"}
 

@@ -1,20 +1,112 @@
-"""The runs in a directory: config, overrides, metrics and result of each, and groups of equal configurations."""
+"""sweep.yaml: each start of a sweep, with its time, overrides and machine."""
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from datetime import datetime
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
-from conf.safe_files import FileError, check_plain, read_bytes
-from conf.schema import ConfigError
+import yaml
+
+from core.overrides import compose, groups
+from core.safe_files import FileError, check_plain, read_bytes
+from core.schema import ConfigError
+from trainers.config import without_former_keys
 from trainers.run.metrics import read_metrics
-from trainers.utils.checked_files import read_checked_json, read_checked_yaml
+from trainers.utils.files import read_checked_json, read_checked_yaml, write_checked_yaml
+from trainers.utils.system_info import system_info
+
+NAME = "sweep.yaml"
+SWEEP_FILE_BYTES = 2**20
+
+
+def read_starts(folder: Path) -> list[dict[str, Any]]:
+    """The starts recorded in a sweep's directory, oldest first.
+
+    Raises:
+        ConfigError: the directory has no sweep.yaml, or a damaged one.
+    """
+    path = folder / NAME
+    if not path.exists():
+        raise ConfigError(f"sweep.resume={folder} is not the directory of a sweep: it has no {NAME}")
+    try:
+        starts = read_checked_yaml(path, SWEEP_FILE_BYTES)
+    except FileError as error:
+        raise ConfigError(f"{path} is damaged: it {error}") from None
+    if not isinstance(starts, list) or not starts or not all(_is_start(start) for start in starts):
+        raise ConfigError(f"{path} is damaged: it is no list of starts with their overrides")
+    return starts
+
+
+def _is_start(start: Any) -> bool:
+    words = start.get("overrides") if isinstance(start, dict) else None
+    machine = start.get("machine", {}) if isinstance(start, dict) else None
+    return isinstance(words, list) and all(isinstance(word, str) for word in words) and isinstance(machine, dict)
+
+
+def add_start(folder: Path, overrides: list[str]) -> None:
+    """Record that the sweep in `folder` starts now with these overrides. Raises ConfigError for a damaged file."""
+    earlier = read_starts(folder) if (folder / NAME).exists() else []
+    start = {"time": f"{datetime.now():%Y-%m-%d %H:%M:%S}", "overrides": overrides, "machine": system_info()}
+    write_checked_yaml(folder / NAME, yaml.safe_dump([*earlier, start], sort_keys=False))
+
+
+FIRST = ("scenario", "task")  # their options choose options of other groups
+
+
+def overrides_of(config: Mapping[str, Any]) -> list[str]:
+    """The words after `python train.py` that compose this config, except keys that do not identify a configuration.
+
+    Args:
+        config: a composed config as plain values, or groups of it, with the option of each group under `choices`.
+
+    Returns:
+        Options first, then each key whose value differs from that of the options.
+
+    Raises:
+        ConfigError: the config has no `choices`, or one of its options no longer exists.
+    """
+    if "choices" not in config:
+        raise ConfigError("the config was saved by an earlier version, which did not record the options of its groups")
+    words: list[str] = []
+    for group in (*FIRST, *(name for name in groups() if name not in FIRST)):
+        if group not in config or group not in config["choices"]:  # a group of keys became one of options later
+            continue
+        option = config["choices"][group]
+        if _composed(words)["choices"][group] != option:
+            words.append(f"{group}={option}")
+    defaults = dict(flatten(_composed(words)))
+    values = flatten(without_former_keys(config))
+    return words + [f"{key}={_hydra_value(value)}" for key, value in values if defaults.get(key, ...) != value]
+
+
+def _composed(words: list[str]) -> dict[str, Any]:
+    return _composed_once(tuple(words))
+
+
+@lru_cache(maxsize=64)
+def _composed_once(words: tuple[str, ...]) -> dict[str, Any]:
+    from omegaconf import OmegaConf
+
+    plain: Any = OmegaConf.to_container(compose(words), resolve=True)
+    return plain
+
+
+def _hydra_value(value: Any) -> str:
+    """A plain value in Hydra's override syntax."""
+    if isinstance(value, list):
+        return f"[{','.join(map(_hydra_value, value))}]"
+    if isinstance(value, str) and re.fullmatch(r"[A-Za-z][\w.-]*", value) and value not in ("true", "false", "null"):
+        return value
+    return json.dumps(value)
+
 
 # Keys that do not identify a configuration: the seed, and how or on what hardware it was run. `choices` repeats values.
 NOT_CONFIGURATION = (

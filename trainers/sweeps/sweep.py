@@ -23,12 +23,11 @@ from typing import Any
 
 from hydra.experimental.callback import Callback
 
-from conf.schema import ConfigError, read
+from core.schema import ConfigError, read
 from trainers.config import SweepConfig
 from trainers.run.run_folder import FolderLock
 from trainers.sweeps.arguments import register_resolvers
-from trainers.sweeps.runs import RunRecord, distinct_overrides, find_runs, share_cell
-from trainers.sweeps.sweep_file import add_start
+from trainers.sweeps.runs import RunRecord, add_start, distinct_overrides, find_runs, share_cell
 
 HEADER = ("run", "success", "ci95", "wrong object", "disturbed", "frames", "seconds")
 REPEAT_SECONDS = 2.0  # a terminal signals the process and its group: two signals within this time are one request

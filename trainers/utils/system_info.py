@@ -6,7 +6,7 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from trainers.collector_config import cores
+from trainers.config import cores
 
 PACKAGES = ("torch", "torchrl", "tensordict", "pybullet", "numpy")
 

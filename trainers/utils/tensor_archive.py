@@ -14,7 +14,7 @@ from typing import Any
 
 import torch
 
-from conf.safe_files import MAX_DEPTH, FileError, check_size
+from core.safe_files import MAX_DEPTH, FileError, check_size
 
 MAX_BYTES = 8 * 2**30  # of a file
 MAX_PICKLE_BYTES = 2**20  # of the structure of a file, without its tensors

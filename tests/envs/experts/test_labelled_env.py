@@ -4,7 +4,7 @@ import pytest
 import torch
 from torchrl.envs.utils import check_env_specs
 
-from conf.overrides import compose
+from core.overrides import compose
 from envs import read_env
 from envs.experts import expert
 from envs.experts.labelled_env import LABEL, LabelledEnv

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from conf.schema import ConfigError
-from envs.experts.moves import Move, MoveRunner, carry_out, moves_of
-from envs.tasks.grid import Grid
-from envs.tasks.rearrange import SHAPES
-from envs.tasks.types import EpisodeSpec, GripperStart
+from core.schema import ConfigError
+from envs.experts.board import Move, MoveRunner, carry_out, moves_of
+from envs.tasks.board import SHAPES, Grid
+from envs.tasks.shared.types import EpisodeSpec, GripperStart
 from language import LanguageError, Scene
 from language.commands import Action, Understood, interpret
 from language.commands.world import board

@@ -9,7 +9,7 @@ import pytest
 
 import envs.interactive.by_hand
 import evaluate
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs import read_env
 from envs.experts import Oracle
 from envs.experts.reach import ReachExpert

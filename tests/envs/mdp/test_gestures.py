@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from conf.overrides import apply, compose
-from conf.schema import ConfigError
+from core.overrides import apply, compose
+from core.schema import ConfigError
 from envs import make_env, read_env
 from envs.experts import Oracle
 from envs.tasks import EpisodeSpec
 from language import parse, say
 from tests.helpers.env_cases import act, make, task_of
-from trainers.rollout.instruction_ablations import run_to_end
+from trainers.evaluation.instruction_ablations import run_to_end
 from trainers.run.checkpoint import CheckpointError, check_fits, widths
 
 

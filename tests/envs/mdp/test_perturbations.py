@@ -7,15 +7,15 @@ import pybullet as bullet
 import pytest
 import torch
 
-from conf.overrides import compose
-from conf.schema import ConfigError
+from core.overrides import compose
+from core.schema import ConfigError
 from envs import read_env
 from envs.experts import expert
 from envs.tasks import RandomizeConfig
-from envs.tasks.training_episodes import draw_randomized
+from envs.tasks.shared.types import draw_randomized
 from envs.workspace_env import WorkspaceEnv
 from tests.helpers.env_cases import act
-from trainers.rollout.evaluation import evaluate
+from trainers.evaluation.evaluation import evaluate
 
 
 def world(*randomize: str, worlds: int = 2) -> WorkspaceEnv:

@@ -7,11 +7,11 @@ import pytest
 import torch
 from torchrl.envs.utils import check_env_specs
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs.experts import expert
 from envs.mdp.object_rows import FACING, nouns_of_rows, scene_of_rows, static_rows
 from envs.tasks import State
-from envs.tasks.operate import OPERATED, OTHER_OPERATED
+from envs.tasks.devices import OPERATED, OTHER_OPERATED
 from language import DEVICES, NOUNS, ground, parse
 from tests.helpers.env_cases import ROBOTS, Poker, act, check_same_bits, hold, make, partial_reset, task_of
 

@@ -4,12 +4,12 @@ import numpy as np
 import pybullet as bullet
 import pytest
 
-from conf.overrides import compose
-from conf.schema import ConfigError
+from core.overrides import compose
+from core.schema import ConfigError
 from envs import read_env
-from envs.assembly import make_chain, make_task
 from envs.sim.robot import Robot, read_chain
-from envs.tasks.grid import Grid
+from envs.tasks.board import Grid
+from envs.workspace_env import make_chain, make_task
 from tests.helpers.env_cases import LONG_ARMS
 
 LEVELS, STEPS = 8, 6

@@ -4,7 +4,7 @@ import numpy as np
 import pybullet as bullet
 import pytest
 
-from conf.overrides import compose
+from core.overrides import compose
 from envs import read_env
 from envs.sim.robot import load, read_chain
 from tests.helpers.env_cases import ROBOTS, UPRIGHT

@@ -2,7 +2,7 @@
 
 import pytest
 
-from envs.sim.mesh_cache import cache_folder, kept_folder, scratch
+from envs.sim.urdf import cache_folder, kept_folder, scratch
 
 
 @pytest.fixture

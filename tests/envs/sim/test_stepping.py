@@ -2,7 +2,7 @@
 
 import pytest
 
-from envs.sim.stepping import Stepper, _divides
+from envs.sim.world import Stepper, _divides
 from tests.helpers.env_cases import Poker, differences, make, rollout
 
 

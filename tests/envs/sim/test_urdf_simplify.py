@@ -6,10 +6,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from conf.overrides import compose
+from core.overrides import compose
 from envs import read_env
 from envs.sim.robot import urdf_path
-from envs.sim.urdf_simplify import DIRECTIONS, STL, simplified
+from envs.sim.urdf import DIRECTIONS, STL, simplified
 
 
 def simple(robot):

@@ -6,7 +6,7 @@ import numpy as np
 import pybullet as bullet
 import pytest
 
-from conf.overrides import compose
+from core.overrides import compose
 from envs import read_env
 from envs.interactive.interactive_env import InteractiveEnv
 from language import rgba as named

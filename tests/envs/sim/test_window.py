@@ -9,7 +9,7 @@ import pytest
 from tests.helpers.screen import TIMEOUT, start  # noqa: F401  a fixture
 
 PROGRAM = """
-from conf.overrides import compose
+from core.overrides import compose
 from envs import read_env
 from envs.interactive.by_hand import ByHandEnv, run_by_hand
 from envs.experts import Oracle

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS
-from envs.tasks.feasible import DEVICE_VERBS, HANDING, VERBS, options
-from envs.tasks.types import NOTHING
+from envs.tasks.shared.feasible import DEVICE_VERBS, HANDING, VERBS, options
+from envs.tasks.shared.types import NOTHING
 from language import parse
 from tests.helpers.env_cases import act, begun, config_of, differences, make, partial_reset, task_of
 

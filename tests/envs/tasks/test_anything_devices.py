@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS
-from envs.tasks.feasible import DEVICE_VERBS, VERBS
-from envs.tasks.types import NOTHING
+from envs.tasks.shared.feasible import DEVICE_VERBS, VERBS
+from envs.tasks.shared.types import NOTHING
 from language import DEVICES, NOUNS
 from tests.helpers.env_cases import act, begun, config_of, make, task_of
 

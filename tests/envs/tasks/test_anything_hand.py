@@ -5,13 +5,13 @@ import re
 import numpy as np
 import pytest
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS
-from envs.tasks.feasible import DEVICE_VERBS, HANDING, VERBS
 from envs.tasks.hand_over import NUMBER, lies_on_palm
-from envs.tasks.types import NOTHING
+from envs.tasks.shared.feasible import DEVICE_VERBS, HANDING, VERBS
+from envs.tasks.shared.types import NOTHING
 from language import DEVICES, FITTINGS, HAND, parse
 from tests.helpers.env_cases import act, begun, config_of, make, succeed_in_all, task_of
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from envs.tasks.feasible import HANDING, VERBS, Room, options
+from envs.tasks.shared.feasible import HANDING, VERBS, Room, options
 from language import COLORS, NOUNS, Scene
 
 SIZE, AREA = 0.05, (0.32, 0.58, -0.13, 0.13)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from conf.schema import ConfigError
-from envs.tasks.grid import Grid, above
+from core.schema import ConfigError
+from envs.tasks.board import Grid, above
 
 GRID = Grid([0.295, 0.595, -0.15, 0.15], cell=0.0375, size=0.025)
 LEVELS = 8

@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs.experts import expert
 from envs.tasks import NOTHING
-from envs.tasks.furnished import OPEN
+from envs.tasks.furniture import OPEN
 from language import FITTINGS, parse
 from tests.helpers.env_cases import make, partial_reset, succeed_in_all, task_of
 

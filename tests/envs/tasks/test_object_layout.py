@@ -7,9 +7,9 @@ import pytest
 import torch
 from torchrl.envs.utils import check_env_specs
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs.tasks import EpisodeSpec
-from envs.tasks.object_layout import scatter
+from envs.tasks.shared.geometry import scatter
 from language import COLORS, SHAPES, Object, Scene, rgba
 from tests.helpers.env_cases import TOUCHING, Poker, act, differences, hold, make, rollout, task_of
 

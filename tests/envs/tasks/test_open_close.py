@@ -5,12 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from conf.overrides import compose
-from conf.schema import ConfigError
+from core.overrides import compose
+from core.schema import ConfigError
 from envs import read_env
-from envs.experts.fittings import OpenCloseExpert
+from envs.experts.furniture import OpenCloseExpert
 from envs.mdp.object_rows import COLUMNS, nouns_of_rows
-from envs.tasks.furnished import OPEN, SHUT
+from envs.tasks.furniture import OPEN, SHUT
 from language import FITTINGS, NOUNS, ground, parse
 from tests.helpers.env_cases import act, begun, check_same_bits, make, partial_reset, task_of
 

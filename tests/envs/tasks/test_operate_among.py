@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS, nouns_of_rows, scene_of_rows
-from envs.tasks.operate import OPERATED
+from envs.tasks.devices import OPERATED
 from language import DEVICES, NOUNS, SHAPES, ground, parse
 from tests.helpers.env_cases import Poker, act, begun, check_same_bits, hold, make, task_of
 

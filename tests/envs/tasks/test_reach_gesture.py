@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import torch
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs import make_env
 from envs.experts import Oracle
 from envs.experts.reach import ReachExpert
 from human import pointed_object, ray_offsets
 from language import matches, parse
 from tests.helpers.env_cases import Poker, act, differences, make, rollout, task_of
-from trainers.rollout.instruction_ablations import run_to_end
+from trainers.evaluation.instruction_ablations import run_to_end
 
 GESTURE_TASKS = ["reach_gesture", "nl_reach_gesture"]
 PUBLIC = ("robot", "objects", "objects_mask", "instruction", "gesture", "hold")

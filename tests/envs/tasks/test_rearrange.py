@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs.mdp.object_rows import COLUMNS
-from envs.tasks.grid import above
-from envs.tasks.rearrange import CLEARANCE
-from envs.tasks.types import NOTHING, State
+from envs.tasks.board import CLEARANCE, above
+from envs.tasks.shared.types import NOTHING, State
 from language import parse
 from language.tokenizer import count_words
 from tests.helpers.env_cases import make, task_of
@@ -204,8 +203,8 @@ def test_phrases_are_drawn_again_until_the_sentence_is_short_enough(monkeypatch)
     lengths = [count_words(task.draw(rng).sentence) for _ in range(20)]
     most = int(np.median(lengths))
     assert max(lengths) > most
-    monkeypatch.setattr("envs.tasks.referring.MAX_WORDS", most)
+    monkeypatch.setattr("envs.tasks.shared.base.MAX_WORDS", most)
     assert max(count_words(task.draw(rng).sentence) for _ in range(20)) <= most
-    monkeypatch.setattr("envs.tasks.referring.MAX_WORDS", 3)
+    monkeypatch.setattr("envs.tasks.shared.base.MAX_WORDS", 3)
     with pytest.raises(ConfigError, match="only sentences of more than 3 words"):
         task.draw(rng)

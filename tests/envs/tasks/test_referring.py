@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from envs.experts import Oracle
-from envs.tasks.manipulation import Manipulation
+from envs.tasks.shared.manipulation import Manipulation
 from language import parse
 from tests.helpers.env_cases import TASKS, act, make, partial_reset, task_of
 

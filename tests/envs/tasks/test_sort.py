@@ -5,12 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs.experts import Oracle, expert
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.tasks import NOTHING, Said
-from envs.tasks.sort import AROUND
-from envs.tasks.spots import APART, SORTED, Spots, is_sorted
+from envs.tasks.sort import APART, AROUND, SORTED, Spots, is_sorted
 from language import parse
 from tests.helpers.env_cases import act, config_of, make, task_of
 

@@ -3,8 +3,8 @@
 import pytest
 import yaml
 
-from conf.overrides import ROOT, compose, groups
-from conf.schema import ConfigError
+from core.overrides import ROOT, compose, groups
+from core.schema import ConfigError
 from envs.config import read_env
 from envs.tasks import TASKS, register_task
 from language import VERBS, LanguageError
@@ -20,11 +20,11 @@ def test_every_registered_task_has_an_option_and_a_verb():
 
 
 def test_a_decorated_class_is_found_by_its_names(monkeypatch):
-    monkeypatch.setattr("envs.tasks.registry.TASKS", {})
-    from envs.tasks import registry
+    monkeypatch.setattr("envs.tasks.shared.base.TASKS", {})
+    from envs.tasks.shared import base
 
-    wave = registry.register_task("wave", "nl_wave", verb="reach")(type("Wave", (TASKS["reach"],), {}))
-    assert {"wave": wave, "nl_wave": wave} == registry.TASKS
+    wave = base.register_task("wave", "nl_wave", verb="reach")(type("Wave", (TASKS["reach"],), {}))
+    assert {"wave": wave, "nl_wave": wave} == base.TASKS
     assert wave.verb == "reach"
 
 

@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs.experts import expert
 from envs.tasks import NOTHING
-from envs.tasks.free_places import APART
+from envs.tasks.shared.free_places import APART
 from language import ground, parse
 from tests.helpers.env_cases import act, make, task_of
 

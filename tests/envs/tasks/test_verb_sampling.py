@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from envs.tasks.verb_sampling import LEAST, VerbSampler
+from envs.tasks.anything import LEAST, VerbSampler
 
 VERBS = ("lift", "stack", "open")
 

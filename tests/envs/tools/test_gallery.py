@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from conf.overrides import groups
-from conf.schema import ConfigError
-from envs.tools import gallery
-from envs.tools.gallery import COLUMNS, HEIGHT, MARGIN, WIDTH, main, sheet, tasks, workspaces
+from core.overrides import groups
+from core.schema import ConfigError
+from tools import gallery
+from tools.gallery import COLUMNS, HEIGHT, MARGIN, WIDTH, main, sheet, tasks, workspaces
 
 SHIRT = (42, 71, 105)  # RGB of the person's shirt, lit
 

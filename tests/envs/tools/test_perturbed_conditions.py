@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from conf.overrides import apply, compose
-from conf.schema import ConfigError
+from core.overrides import apply, compose
+from core.schema import ConfigError
 from envs import read_env
-from envs.tools.perturbed_conditions import PLAIN, conditions, each_condition
-from trainers.reports.robustness import table, with_ratios
+from envs.perturbed_conditions import PLAIN, conditions, each_condition
+from trainers.reports.evaluation_text import table, with_ratios
 
 
 def test_each_condition_of_the_default_task_can_be_built_and_changes_something():

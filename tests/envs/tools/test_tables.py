@@ -4,26 +4,26 @@ from pathlib import Path
 
 import pytest
 
-from conf.overrides import groups
-from conf.schema import ConfigError
+from core.overrides import groups
+from core.schema import ConfigError
 from envs import make_env
 from envs.mdp.observations import descriptions
-from envs.tools import tables
-from envs.tools.tables import main
+from tools import reference_tables
+from tools.reference_tables import main
 
-REFERENCE = Path(tables.__file__).parents[2] / "docs" / "reference"
+REFERENCE = Path(reference_tables.__file__).parents[2] / "docs" / "reference"
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def pages():
-    return tables.pages()
+    return reference_tables.pages()
 
 
 def test_the_committed_pages_are_up_to_date(pages):
     for name, text in pages.items():
-        assert (REFERENCE / name).read_text("utf-8") == text, "run python -m envs.tools.tables"
+        assert (REFERENCE / name).read_text("utf-8") == text, "run python -m tools.reference_tables"
     assert sorted(path.name for path in REFERENCE.glob("*.md")) == sorted(pages)
 
 
@@ -58,7 +58,7 @@ def test_every_key_has_a_description(pages):
 
 
 def test_check_refuses_a_page_that_is_out_of_date(tmp_path, monkeypatch, pages, capsys):
-    monkeypatch.setattr(tables, "pages", lambda: pages)
+    monkeypatch.setattr(reference_tables, "pages", lambda: pages)
     main([f"out={tmp_path / 'new'}"])
     main([f"out={tmp_path / 'new'}", "check=true"])
     assert capsys.readouterr().out.split() == [str(tmp_path / "new" / name) for name in pages]
@@ -77,7 +77,7 @@ def test_check_refuses_a_page_that_is_out_of_date(tmp_path, monkeypatch, pages, 
     ],
 )
 def test_bad_arguments_raise_an_error_of_one_line(word, message, tmp_path, monkeypatch, pages):
-    monkeypatch.setattr(tables, "pages", lambda: pages)
+    monkeypatch.setattr(reference_tables, "pages", lambda: pages)
     (tmp_path / "file").touch()
     with pytest.raises(ConfigError, match=message) as caught:
         main([word.format(file=tmp_path / "file")])

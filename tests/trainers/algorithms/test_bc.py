@@ -3,13 +3,13 @@
 import pytest
 import torch
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from tests.helpers.labelled_fake_env import LABEL, make_labelled
 from tests.helpers.plans import plan
 from trainers.algorithms.algorithm import DivergedError
 from trainers.algorithms.build import build_algorithm
-from trainers.rollout.collection import Rollouts
-from trainers.rollout.evaluation import evaluate
+from trainers.collect.collection import Rollouts
+from trainers.evaluation.evaluation import evaluate
 
 
 def build(*overrides, policy="grounded"):

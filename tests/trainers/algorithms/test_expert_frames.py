@@ -3,11 +3,11 @@
 import pytest
 import torch
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from tests.helpers.labelled_fake_env import LABEL, make_labelled
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
-from trainers.rollout.collection import Rollouts
+from trainers.collect.collection import Rollouts
 
 SHOWN, BATCH = 256, 32
 OVERRIDES = (f"algo.demonstrations={SHOWN}", "algo.updates_per_frame=0.1", "algo.horizon=8")

@@ -5,7 +5,7 @@ import threading
 import pytest
 import torch
 
-from trainers.algorithms.parallel import run_parts
+from trainers.algorithms.algorithm import run_parts
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from trainers.algorithms.algorithm import DivergedError
 from trainers.algorithms.build import build_algorithm
 from trainers.algorithms.on_policy import OnPolicyAlgorithm, advantages
 from trainers.algorithms.ppo import MAX_WEIGHT
-from trainers.rollout.collection import Rollouts
+from trainers.collect.collection import Rollouts
 
 GAMMA, LMBDA = 0.9, 0.8
 

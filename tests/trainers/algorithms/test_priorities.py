@@ -3,7 +3,7 @@ import torch
 from tensordict import TensorDict
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
-from trainers.algorithms.priorities import ProportionalSampler
+from trainers.algorithms.replay import ProportionalSampler
 
 
 def buffer(errors, alpha=1.0, beta=1.0, capacity=8):

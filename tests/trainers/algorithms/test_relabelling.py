@@ -7,8 +7,8 @@ from tests.helpers.fake_env import NEAR, make_env
 from tests.helpers.plans import plan
 from tests.helpers.short_training import train
 from trainers.algorithms.build import build_algorithm
-from trainers.algorithms.relabelling import Relabelling
-from trainers.rollout.collection import Rollouts
+from trainers.algorithms.replay import Relabelling
+from trainers.collect.collection import Rollouts
 from trainers.run.metrics import read_metrics
 
 

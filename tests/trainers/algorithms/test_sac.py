@@ -8,7 +8,7 @@ from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
 from trainers.algorithms.sac import sample_tanh_normal
-from trainers.rollout.collection import Rollouts
+from trainers.collect.collection import Rollouts
 
 
 @pytest.fixture

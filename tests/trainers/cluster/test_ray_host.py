@@ -10,14 +10,14 @@ from dataclasses import replace
 import pytest
 import torch
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from tests.helpers.fake_env import make_crashing, make_env
 from tests.helpers.plans import plan
 from tests.helpers.ray_cases import listening, own_ray
-from trainers.collector_config import RayCollectorConfig
+from trainers.collect.collection import CollectionError, Rollouts
+from trainers.collect.worker import Worker, WorkerSpec
+from trainers.config import RayCollectorConfig
 from trainers.models.policy import build_policy
-from trainers.rollout.collection import CollectionError, Rollouts
-from trainers.rollout.worker import Worker, WorkerSpec
 
 HORIZON = 4
 CONFIG = RayCollectorConfig(

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from conf.schema import ConfigError, RunError
+from core.schema import ConfigError, RunError
 from tests.helpers.ray_cases import own_ray
-from trainers.cluster.ray_map import map_on_cluster
-from trainers.cluster.shards import evaluate_shards
-from trainers.rollout.evaluation import EpisodeOutcome, Interrupted
+from trainers.cluster.ray_map import evaluate_shards, map_on_cluster
+from trainers.evaluation.evaluation import EpisodeOutcome, Interrupted
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from trainers.cluster import ray_session
-from trainers.cluster.ray_session import RaySession, import_ray
-from trainers.cluster.versions import difference, versions
+from trainers.cluster.ray_session import RaySession, difference, import_ray, versions
 
 
 @pytest.fixture(autouse=True)
@@ -85,7 +84,7 @@ def test_the_versions_of_two_nodes_are_compared_by_name():
 
 
 def test_the_checksum_of_the_sources_follows_their_contents(monkeypatch, tmp_path):
-    from trainers.cluster import versions as module
+    from trainers.cluster import ray_session as module
 
     monkeypatch.setattr(module, "ROOT", tmp_path)
     (tmp_path / "conf").mkdir()

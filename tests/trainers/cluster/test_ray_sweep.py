@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from conf.overrides import compose
-from conf.schema import ConfigError
+from core.overrides import compose
+from core.schema import ConfigError
 from tests.helpers.ray_cases import left_over, own_ray
 from trainers.cluster import ray_sweep
-from trainers.cluster.node_job import NodeJob, pack, unpack
-from trainers.cluster.ray_sweep import RaySweep, run_jobs
+from trainers.cluster.ray_sweep import NodeJob, RaySweep, pack, run_jobs, unpack
 from trainers.config import SweepConfig
 
 PROGRAM = """

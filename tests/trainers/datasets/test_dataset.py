@@ -10,7 +10,7 @@ from envs.experts import expert
 from tests.helpers.recordings import FORMATS, expected_episodes, record_formats
 from trainers.datasets import dataset
 from trainers.datasets.demonstrations import demonstrate
-from trainers.rollout.evaluation import Interrupted
+from trainers.evaluation.evaluation import Interrupted
 
 pytestmark = pytest.mark.slow
 

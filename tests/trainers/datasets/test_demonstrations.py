@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.spaces import public_keys
 from tests.helpers.fake_env import make_env
 from tests.helpers.fake_expert import EXPERT
 from tests.helpers.recordings import expected_episodes
 from trainers.datasets.demonstrations import demonstrate, replay_episode
-from trainers.utils.observation_keys import public_keys
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 from pyarrow import parquet
 
 from tests.helpers.recordings import expected_episodes, record_formats
-from trainers.datasets import lerobot_stats
+from trainers.datasets import lerobot_dataset
 
 pytestmark = pytest.mark.slow
 
@@ -56,8 +56,8 @@ def test_the_statistics_cover_all_steps(recorded, episodes):
         np.testing.assert_allclose(known[name], value)
     np.testing.assert_allclose(known["std"], actions.std(0))
     assert known["count"] == [len(actions)]
-    parts = [lerobot_stats.of_values(actions[:7]), lerobot_stats.of_values(actions[7:])]
-    np.testing.assert_allclose(lerobot_stats.merge(*parts)["std"], actions.std(0))
+    parts = [lerobot_dataset.of_values(actions[:7]), lerobot_dataset.of_values(actions[7:])]
+    np.testing.assert_allclose(lerobot_dataset.merge(*parts)["std"], actions.std(0))
 
 
 def test_the_lerobot_library_reads_the_dataset(recorded, episodes):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pyarrow import parquet
 
-from trainers.datasets.parquet import Shards, as_column, write_index
+from trainers.datasets.lerobot_dataset import Shards, as_column, write_index
 
 
 def test_a_full_file_is_continued_in_another(tmp_path):

@@ -6,18 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from trainers.export import pretrained
+from trainers.export import policy_file
 from trainers.run import checkpoint
 
 
 def test_a_name_stands_for_the_folder_of_the_policy():
-    assert "nl_reach_kuka" in pretrained.names()
+    assert "nl_reach_kuka" in policy_file.names()
     for path in ("nl_reach_kuka", "pretrained/nl_reach_kuka"):
-        assert pretrained.folder_of(Path(path)) == pretrained.FOLDER / "nl_reach_kuka"
-    assert pretrained.folder_of(Path("elsewhere/nl_reach_kuka")) is None
+        assert policy_file.folder_of(Path(path)) == policy_file.FOLDER / "nl_reach_kuka"
+    assert policy_file.folder_of(Path("elsewhere/nl_reach_kuka")) is None
 
 
-@pytest.mark.parametrize("name", pretrained.names())
+@pytest.mark.parametrize("name", policy_file.names())
 def test_every_pretrained_policy_records_the_options_of_its_config(name):
     config = checkpoint.load(checkpoint.find(Path(name)))["config"]
     assert config["choices"]["robot"] == config["robot"]["name"]

@@ -1,12 +1,12 @@
 import pytest
 import torch
 
-from trainers.models import batch_renorm
-from trainers.models.batch_renorm import BatchRenorm
+from trainers.models import networks
+from trainers.models.networks import BatchRenorm
 
 
 def test_the_correction_stays_bounded_after_the_warm_up(monkeypatch):
-    monkeypatch.setattr(batch_renorm, "WARMUP_STEPS", 3)
+    monkeypatch.setattr(networks, "WARMUP_STEPS", 3)
     layer = BatchRenorm(2)
     torch.manual_seed(0)
     for _ in range(20):

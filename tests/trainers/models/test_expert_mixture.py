@@ -6,8 +6,8 @@ import torch
 from tests.helpers.labelled_fake_env import LABEL, make_labelled
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
-from trainers.models.expert_mixture import ExpertMixture
-from trainers.rollout.collection import Rollouts
+from trainers.collect.collection import Rollouts
+from trainers.models.policy import ExpertMixture
 
 
 @pytest.fixture

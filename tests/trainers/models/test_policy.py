@@ -6,11 +6,9 @@ from torchrl.envs.utils import ExplorationType, check_env_specs, set_exploration
 from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
-from trainers.models.actors import stochastic_actor
-from trainers.models.flat_encoder import FlatEncoder
 from trainers.models.grounding import grounding_loss
 from trainers.models.networks import Normalise
-from trainers.models.policy import MoveBounds, build_policy
+from trainers.models.policy import FlatEncoder, MoveBounds, build_policy, stochastic_actor
 
 
 @pytest.fixture(scope="module")

@@ -9,15 +9,15 @@ import pytest
 import torch
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from tests.helpers.fake_env import WORDS, make_env
 from tests.helpers.plans import config, plan
 from trainers.algorithms.build import build_algorithm, restore_policy
+from trainers.collect.collection import Rollouts
 from trainers.config import read_plan
 from trainers.models import sentence_encoder as sentence
 from trainers.models.policy import build_policy
 from trainers.models.sentence_encoder import STATE, SentenceWords
-from trainers.rollout.collection import Rollouts
 from trainers.run import checkpoint
 from trainers.run.train_loop import fit
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from pathlib import Path
 
-from trainers.reports.page import Heading, Paragraph, Picture, Table, write_page
+from trainers.reports.report import Heading, Paragraph, Picture, Table, write_page
 
 
 def test_a_table_escapes_its_cells():

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from tests.helpers.fake_env import make_env
 from tests.helpers.fake_expert import EXPERT
+from trainers.evaluation.evaluation import BINS, EpisodeOutcome, by_pointing, evaluate
 from trainers.reports.evaluation_text import describe
 from trainers.reports.plots import bin_name, learning_curve, pointing_plot
-from trainers.rollout.evaluation import BINS, EpisodeOutcome, by_pointing, evaluate
 
 
 def episode(success, **pointing):

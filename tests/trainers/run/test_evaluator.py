@@ -13,11 +13,10 @@ import torch
 from tests.helpers.fake_env import WORDS, FakeEnv, make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
-from trainers.rollout.evaluation import Interrupted
-from trainers.rollout.worker_pool import CollectionError
-from trainers.run.evaluation_process import EpisodesTask, VideoTask
-from trainers.run.evaluator import Evaluator
-from trainers.utils.atomic_io import WriteError
+from trainers.collect.worker_pool import CollectionError
+from trainers.evaluation.evaluation import Interrupted
+from trainers.run.evaluator import EpisodesTask, Evaluator, VideoTask
+from trainers.utils.files import WriteError
 
 pytestmark = pytest.mark.slow
 

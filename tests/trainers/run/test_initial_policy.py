@@ -7,7 +7,7 @@ from tests.helpers.labelled_fake_env import make_labelled
 from tests.helpers.short_training import train
 from trainers.algorithms.bc import BC
 from trainers.algorithms.on_policy import OnPolicyAlgorithm
-from trainers.export import pretrained
+from trainers.export import policy_file
 from trainers.run import checkpoint
 
 FRAMES = "total_frames=128"  # one batch
@@ -61,7 +61,7 @@ def test_the_actor_stays_as_it_is_while_the_critic_alone_learns(tmp_path, imitat
 
 def test_a_policy_of_another_environment_is_refused_by_the_name_of_the_key(tmp_path):
     with pytest.raises(checkpoint.CheckpointError, match="cannot be begun with: the checkpoint was"):
-        train(tmp_path, overrides=[FRAMES], init=pretrained.FOLDER / "nl_reach_kuka" / "policy.safetensors")
+        train(tmp_path, overrides=[FRAMES], init=policy_file.FOLDER / "nl_reach_kuka" / "policy.safetensors")
 
 
 @pytest.mark.parametrize(

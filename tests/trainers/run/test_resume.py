@@ -12,11 +12,11 @@ from tests.helpers.fake_env import WORDS, FakeEnv, make_env
 from tests.helpers.labelled_fake_env import make_labelled
 from tests.helpers.plans import config, plan
 from tests.helpers.short_training import train, untimed_rows
-from trainers.rollout.evaluation import evaluate
-from trainers.rollout.worker import Worker
+from trainers.collect.worker import Worker
+from trainers.evaluation.evaluation import evaluate
 from trainers.run import checkpoint
 from trainers.run.progress import Progress
-from trainers.run.training_run import TrainingRun
+from trainers.run.train_loop import TrainingRun
 
 LONG = ["total_frames=512", "eval.interval=192", "eval.episodes=8", "algo.grounding_scenes=8"]
 IMITATION = ["algo.updates_per_frame=0.1", "algo.buffer=300", "algo.expert_until=1.0"]
@@ -108,7 +108,7 @@ def test_an_evaluation_that_was_interrupted_is_repeated(tmp_path, monkeypatch, e
 
     overrides, folder = overrides_of("ppo"), tmp_path / "stopped"
     train(tmp_path / "whole", overrides=overrides)
-    monkeypatch.setattr("trainers.run.evaluation_process.evaluate", stopped)
+    monkeypatch.setattr("trainers.run.evaluator.evaluate", stopped)
     with pytest.raises(SystemExit) as left:
         train(folder, overrides=overrides)
     assert left.value.code == 128 + signal.SIGHUP

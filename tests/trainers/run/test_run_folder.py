@@ -8,10 +8,10 @@ import sys
 
 import pytest
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from trainers.run import run_folder
 from trainers.run.run_folder import FolderLock, name_semaphores
-from trainers.utils.atomic_io import atomic_file, write_text
+from trainers.utils.files import atomic_file, write_text
 
 
 def test_a_folder_has_one_run_at_a_time(tmp_path):
@@ -25,7 +25,7 @@ def test_a_folder_has_one_run_at_a_time(tmp_path):
 def test_a_killed_process_keeps_no_lock_and_leaves_nothing(tmp_path):
     code = (
         "import os, sys; from pathlib import Path; from trainers.run.run_folder import FolderLock\n"
-        "from trainers.utils.atomic_io import atomic_file\n"
+        "from trainers.utils.files import atomic_file\n"
         "FolderLock(Path(sys.argv[1])).__enter__()\n"
         "with atomic_file(Path(sys.argv[1]) / 'last.pt'): os.kill(os.getpid(), 9)"
     )
@@ -59,7 +59,7 @@ def test_temporary_names_cannot_be_predicted_and_are_created_new(tmp_path, monke
         with atomic_file(tmp_path / "x"):
             names.add(next(path.name for path in tmp_path.iterdir() if path.name != "x"))
     assert len(names) == 3
-    monkeypatch.setattr("trainers.utils.atomic_io.secrets.token_hex", lambda _: "0" * 16)
+    monkeypatch.setattr("trainers.utils.files.secrets.token_hex", lambda _: "0" * 16)
     (tmp_path / "others").write_text("precious")
     (tmp_path / f".x.{'0' * 16}.tmp").symlink_to(tmp_path / "others")
     with pytest.raises(ConfigError, match="x cannot be written: File exists"):

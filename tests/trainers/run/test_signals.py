@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from trainers.run.signals import StopSignal
+from core.system import StopSignal
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1])
@@ -24,7 +24,7 @@ def test_a_signal_is_recorded_and_the_handlers_are_restored(number):
 
 ENDLESS = """
 import time
-from trainers.run.signals import StopSignal
+from core.system import StopSignal
 with StopSignal() as stop:
     print("ready", flush=True)
     while True:

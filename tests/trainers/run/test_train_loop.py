@@ -14,16 +14,16 @@ from pathlib import Path
 import pytest
 import torch
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from tests.helpers.fake_env import FakeEnv, make_env
 from tests.helpers.short_training import train, untimed_rows
 from trainers.algorithms.algorithm import DivergedError
-from trainers.rollout.evaluation import evaluate
-from trainers.rollout.worker_pool import CollectionError
+from trainers.collect.worker_pool import CollectionError
+from trainers.evaluation.evaluation import evaluate
 from trainers.run import checkpoint
 from trainers.run.metrics import read_metrics
 from trainers.run.progress import Progress
-from trainers.utils.checked_files import read_checked_json
+from trainers.utils.files import read_checked_json
 
 ROOT = Path(__file__).parents[3]
 
@@ -177,7 +177,7 @@ def test_a_signal_during_an_evaluation_loses_no_row(tmp_path, monkeypatch):
         signal.raise_signal(signal.SIGINT)
         return evaluate(*arguments, **options)
 
-    monkeypatch.setattr("trainers.run.evaluation_process.evaluate", stopped)
+    monkeypatch.setattr("trainers.run.evaluator.evaluate", stopped)
     with pytest.raises(SystemExit) as left:
         train(tmp_path, overrides=["eval.interval=256"])
     assert left.value.code == 130

@@ -2,7 +2,7 @@
 
 import torch
 
-from trainers.run.vocabulary import extend_vocabulary
+from trainers.run.checkpoint import extend_vocabulary
 
 WORDS = ["<pad>", "<unk>", "reach", "cube"]
 

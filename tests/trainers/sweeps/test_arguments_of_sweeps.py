@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from trainers.sweeps.arguments import expand_resume, quote_path
 
 

@@ -23,9 +23,9 @@ def test_a_job_is_identified_by_its_overrides_not_by_its_number(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("cores", "jobs", "workers"), [(2, 2, 1), (2, 1, 2), (8, 2, 4), (1, 2, 1), (6, 2, 2)])
 def test_a_job_uses_its_share_of_the_cores(cores, jobs, workers, monkeypatch):
-    from conf.overrides import compose
+    from core.overrides import compose
 
-    monkeypatch.setattr("trainers.collector_config.cores", lambda: cores)
+    monkeypatch.setattr("trainers.config.cores", lambda: cores)
     monkeypatch.setattr("trainers.sweeps.job.cores", lambda: cores)
     assert core_share(compose([f"sweep.jobs={jobs}"])) == [f"collector.workers={workers}"]
     assert core_share(compose([f"sweep.jobs={jobs}", "collector.workers=4"])) == []

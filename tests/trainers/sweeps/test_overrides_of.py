@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from omegaconf import OmegaConf
 
-from conf.overrides import compose
-from conf.schema import ConfigError
+from core.overrides import compose
+from core.schema import ConfigError
 from tests.helpers.training_keys import training_keys
-from trainers.sweeps.overrides_of import overrides_of
+from trainers.sweeps.runs import overrides_of
 
 
 @pytest.mark.slow

@@ -12,13 +12,13 @@ from tensordict import TensorDict
 from tensordict.nn import TensorDictModule
 
 import evaluate
-from conf.schema import ConfigError
+from core.schema import ConfigError
 from envs import read_env
 from envs.workspace_env import WorkspaceEnv
 from trainers.algorithms.build import fitted_policy
-from trainers.rollout.chains import run_chains
+from trainers.evaluation.chains import run_chains
+from trainers.evaluation.specialists import Specialists, load_specialists
 from trainers.run import checkpoint
-from trainers.sweeps.specialists import Specialists, load_specialists
 
 POLICY = checkpoint.find(Path("anything_kuka"))
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from conf.schema import ConfigError
-from trainers.sweeps.sweep_file import add_start, read_starts
+from core.schema import ConfigError
+from trainers.sweeps.runs import add_start, read_starts
 
 
 def test_starts_are_read_in_the_order_in_which_they_were_added(tmp_path):

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from conf.schema import ConfigError
-from trainers.utils.atomic_io import atomic_directory, atomic_file, write_json, write_text
+from core.schema import ConfigError
+from trainers.utils.files import atomic_directory, atomic_file, write_json, write_text
 
 
 def test_an_error_keeps_the_previous_file_and_leaves_no_temporary_one(tmp_path):

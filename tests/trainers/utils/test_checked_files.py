@@ -7,13 +7,8 @@ import random
 import pytest
 import yaml
 
-from conf.safe_files import FileError
-from trainers.utils.checked_files import (
-    read_checked_json,
-    read_checked_yaml,
-    write_checked_json,
-    write_checked_yaml,
-)
+from core.safe_files import FileError
+from trainers.utils.files import read_checked_json, read_checked_yaml, write_checked_json, write_checked_yaml
 
 VALUES = {"success": 0.75, "ci95": [0.5, 0.9], "name": "kuka", "group": {"a": 1, "b": None}}
 

@@ -7,7 +7,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[3]
 LEAN = """
 import sys
-from trainers.utils.lean_imports import lean_imports
+from core.platform_tuning import lean_imports
 with lean_imports():
     import trainers.run.train_loop
 heavy = [name for name in ("torch._dynamo", "ray", "sympy", "transformers", "matplotlib") if name in sys.modules]

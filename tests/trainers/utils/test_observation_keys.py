@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from core.spaces import public_keys
 from tests.helpers.fake_env import make_env
-from trainers.utils.observation_keys import public_keys
 
 
 def test_privileged_keys_and_outcomes_are_left_out():

@@ -8,8 +8,8 @@ import sys
 import pytest
 
 import record
-from conf.schema import ConfigError
-from trainers.utils.optional_imports import import_optional
+from core.schema import ConfigError
+from core.system import import_optional
 
 
 def test_a_missing_library_is_named_with_the_extra_that_installs_it(monkeypatch, tmp_path):

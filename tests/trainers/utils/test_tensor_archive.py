@@ -8,7 +8,7 @@ import zipfile
 import pytest
 import torch
 
-from conf.safe_files import FileError
+from core.safe_files import FileError
 from trainers.utils.tensor_archive import check_tensors, read_tensors
 
 

@@ -1,0 +1,163 @@
+"""Overrides of the config: checks with suggestions, and application to a saved config."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from core.composition import ROOT, compose, composed, groups, parse
+from core.schema import ConfigError, did_you_mean
+
+
+def comment(group: str, option: str) -> str:
+    """Returns the comment at the top of an option's YAML."""
+    lines = (ROOT / group / f"{option}.yaml").read_text(encoding="utf-8").splitlines()
+    top = itertools.takewhile(lambda line: line.startswith("#"), lines)
+    return " ".join(line.lstrip("# ") for line in top if "@package" not in line)
+
+
+def check(arguments: Sequence[str]) -> None:
+    """Raises ConfigError for an override of an unknown group, option or key. Flags (--help) are ignored."""
+    overrides = parse([word for word in arguments if not word.startswith("-")])
+    for override in overrides:
+        _check_form(override)
+    chosen = [_check_choice(o) for o in overrides if o.key_or_group in groups()]
+    plain = [o for o in overrides if o.key_or_group not in groups() and not o.key_or_group.startswith("hydra")]
+    keys = known_keys([word for word in chosen if word]) if plain else []
+    for override in plain:
+        key = override.key_or_group
+        opened = (
+            override.is_add() or override.is_force_add() or override.is_delete()
+        )  # of a group with free names, such as task.reward
+        if (key.rpartition(".")[0] if opened else key) not in keys:
+            known = [*keys, *groups()]
+            raise ConfigError(f"{override.input_line}: {key} is not a known key" + did_you_mean(key, known))
+    if any("${" in override.input_line or override.is_delete() for override in overrides):
+        single = [override.input_line for override in overrides if not override.is_sweep_override()]
+        try:
+            compose(single)  # raises for an interpolation of nothing
+        except ConfigError as error:
+            word = next(o.input_line for o in overrides if "${" in o.input_line or o.is_delete())
+            raise ConfigError(str(error) if word in str(error) else f"{word}: {error}") from None
+
+
+def known_keys(chosen: Sequence[str]) -> list[str]:
+    """Returns the dotted keys of the config with these options."""
+    return list(_known_keys(tuple(chosen)))
+
+
+@lru_cache(maxsize=512)
+def _known_keys(chosen: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(_keys(composed(chosen)[0]))
+
+
+def _check_form(override: Any) -> None:
+    """Raises ConfigError for a word that sets nothing, or that changes which groups there are."""
+    word, key = override.input_line, override.key_or_group
+    if override.package is not None or ((override.is_add() or override.is_force_add()) and key in groups()):
+        raise ConfigError(f"{word}: an option is chosen as {key}={override.value()}")
+    if override.is_delete():
+        if "." not in key and key not in groups():
+            raise ConfigError(f"{word}: every run needs {key}; change it with {key}=<value>")
+        return
+    if override.is_sweep_override():
+        if not list(override.sweep_string_iterator()):
+            raise ConfigError(f"{word} has no values: give at least one, as in {key}=0,1")
+    elif str(override.value()) in ("", "???"):
+        raise ConfigError(f"{word} has no value; give {key}=<value>, or leave it out")
+
+
+FIXED_BY_TRAINING = ("robot", "control", "policy", "algo")  # groups that a checkpoint can't change
+
+
+def apply(config: Any, overrides: Sequence[str]) -> Any:
+    """Returns the config of a checkpoint with overrides.
+
+    An option replaces its whole group; that of `collector` keeps the values of the keys that both options have. The
+    option of a group in `FIXED_BY_TRAINING` can't change.
+
+    Args:
+        config: of the checkpoint, a plain dict.
+        overrides: key=value.
+
+    Raises:
+        ConfigError: an unknown key or option, or one that the checkpoint can't change.
+    """
+    from omegaconf import OmegaConf
+
+    check(overrides)
+    _check_urdf(config, overrides)
+    fresh = compose([word for word in overrides if word.split("=")[0] in groups()])
+    changed = OmegaConf.create(config)
+    for word in overrides:
+        key, _, value = word.partition("=")
+        if key == "scenario":
+            raise ConfigError(f"{word}: a checkpoint keeps the scenario that it was trained in")
+        if key in FIXED_BY_TRAINING and fresh[key].get("name") != changed[key].get("name"):
+            raise ConfigError(f"{word}: the checkpoint was trained with {key}={changed[key].get('name')}, and keeps it")
+        if key == "gesture" and key in changed:
+            changed[key].source = fresh[key].source  # the options differ in nothing else; the other keys are the run's
+        elif not value or value == "???":
+            raise ConfigError(f"{word} has no value; give {key}=<value>, or leave it out")
+        elif key in groups():
+            old = changed.get(key) or {} if key == "collector" else {}
+            kept = {name: old[name] for name in old if name in fresh[key] and name != "name"}
+            OmegaConf.update(changed, key, {**fresh[key], **kept}, merge=False)
+        elif OmegaConf.select(changed, key, default=ROOT) is ROOT:
+            raise ConfigError(f"{word}: {key} is not a key of this run's config" + did_you_mean(key, _keys(changed)))
+        else:
+            _update(changed, word)
+        if key in groups() and "choices" in changed:
+            changed.choices[key] = fresh.choices[key]
+    return changed
+
+
+def _check_urdf(config: Any, overrides: Sequence[str]) -> None:
+    """Raises ConfigError if a saved config names a URDF outside of the working directory, unless it is given again."""
+    robot = config.get("robot")
+    if not hasattr(robot, "get") or robot.get("package") != "file":
+        return
+    urdf = str(robot.get("urdf"))
+    if not Path(urdf).resolve().is_relative_to(Path.cwd()) and f"robot.urdf={urdf}" not in overrides:
+        raise ConfigError(
+            f"robot.urdf={urdf} of the checkpoint lies outside of the working directory; if it is the file that you "
+            f"trained with, give it again: robot.urdf={urdf}"
+        )
+
+
+def _update(config: Any, word: str) -> None:
+    """Sets a key of the config. Raises ConfigError for a value that does not fit, such as a list for a group."""
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
+
+    key, _, value = word.partition("=")
+    try:
+        OmegaConf.update(config, key, OmegaConf.from_dotlist([f"v={value}"]).v)
+    except (OmegaConfBaseException, YAMLError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        raise ConfigError(f"{word}: {reason}; it is {OmegaConf.select(config, key)} in the run's config") from None
+
+
+def _check_choice(override: Any) -> str:
+    group, value = override.key_or_group, override.value()
+    options = groups()[group]
+    given = list(override.sweep_iterator()) if override.is_sweep_override() else [value]
+    choices = [
+        str(getattr(choice, "text", choice)).strip("'\"") for choice in given
+    ]  # `text`: the attribute of a quoted string
+    for choice in choices:
+        if choice not in options:
+            raise ConfigError(f"{group}={choice} is not known" + did_you_mean(choice, options))
+    return f"{group}={choices[0]}" if choices else ""
+
+
+def _keys(config: Any, prefix: str = "") -> Iterable[str]:
+    for key in config:
+        yield f"{prefix}{key}"
+        value = config._get_node(key) if hasattr(config, "_get_node") else config[key]
+        if hasattr(value, "keys") and not getattr(value, "_is_none", lambda: False)():
+            yield from _keys(value, f"{prefix}{key}.")

@@ -1,1 +1,0 @@
-"""Programs that write pictures and reference tables of the options in conf/."""

@@ -1,0 +1,1 @@
+"""Evaluation of policies: success, chains, instruction ablations and videos."""

@@ -1,1 +1,0 @@
-"""Batches of experience, evaluation, instruction ablations and videos."""
