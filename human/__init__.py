@@ -8,7 +8,7 @@ from human.arms import PointingArm, Unreachable
 from human.body import Body, read_arm
 from human.by_hand import Display, KeyboardPointer, KeySource, RecordingDisplay, ScriptedKeys, choose_object
 from human.config import SOURCES, STYLES, Camera, GestureConfig, HumanConfig
-from human.person import Gesture, Person
+from human.person import Person, PointingGesture
 from human.pointing import (
     NothingPointedAt,
     RayOffsets,
@@ -27,7 +27,6 @@ __all__ = [
     "Body",
     "Camera",
     "Display",
-    "Gesture",
     "GestureConfig",
     "HumanConfig",
     "KeySource",
@@ -35,6 +34,7 @@ __all__ = [
     "NothingPointedAt",
     "Person",
     "PointingArm",
+    "PointingGesture",
     "RayOffsets",
     "RecordingDisplay",
     "ScriptedKeys",

@@ -127,7 +127,7 @@ VALIDATION_FRAMES = 100  # of each of them
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainConfig(Checked):
+class ReaderTraining(Checked):
     """Keys of `train`; the module's docstring describes them."""
 
     out: str
@@ -137,7 +137,7 @@ class TrainConfig(Checked):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluateConfig(Checked):
+class ReaderEvaluation(Checked):
     """Keys of `evaluate`; the module's docstring describes them."""
 
     weights: str | None
@@ -148,13 +148,13 @@ class EvaluateConfig(Checked):
 
 
 DEFAULTS: dict[type, dict[str, Any]] = {
-    TrainConfig: {"out": "pointing.npz", "frames": 16_000, "epochs": 20, "seed": 0},
-    EvaluateConfig: {"weights": None, "scenes": 1000, "objects": 6, "aim": "object", "seed": 1},
+    ReaderTraining: {"out": "pointing.npz", "frames": 16_000, "epochs": 20, "seed": 0},
+    ReaderEvaluation: {"weights": None, "scenes": 1000, "objects": 6, "aim": "object", "seed": 1},
 }
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObjectsConfig(Checked):
+class PlacingConfig(Checked):
     """Where objects lie (x0, x1, y0, y1), the smallest distance between their centres, and their width, metres."""
 
     object_area: list[float] = within(-5, 5, count=4)
@@ -163,15 +163,15 @@ class ObjectsConfig(Checked):
 
 
 @dataclass(frozen=True)
-class Setup:
+class CameraScene:
     """The person, the furniture in the picture, and where objects lie."""
 
     human: HumanConfig
     furniture: list[FurnitureBox]
-    objects: ObjectsConfig
+    objects: PlacingConfig
 
     @classmethod
-    def of(cls, overrides: Sequence[str]) -> Setup:
+    def of(cls, overrides: Sequence[str]) -> CameraScene:
         """Returns the setup of task=reach_gesture with these overrides. Raises ConfigError."""
         overrides = ["task=reach_gesture", *overrides]
         check(overrides)
@@ -184,13 +184,13 @@ class Setup:
         boxes = workspace["furniture"].values()
         furniture = [FurnitureBox(list(box["size"]), list(box["position"]), list(box["color"])) for box in boxes]
         numbers = {"object_area": workspace["object_area"], **{name: task[name] for name in ("spacing", "object_size")}}
-        return cls(human, furniture, read(ObjectsConfig, numbers, ""))
+        return cls(human, furniture, read(PlacingConfig, numbers, ""))
 
 
 # ---- Training
 
 
-def train(config: TrainConfig, setup: Setup) -> RayNetwork:
+def train(config: ReaderTraining, setup: CameraScene) -> RayNetwork:
     """Generates frames, trains a network on them, saves and returns it. Raises ConfigError."""
     camera = camera_of(setup.human)
     if camera.width != camera.height or camera.width % 16:
@@ -220,7 +220,7 @@ def _writable(name: str) -> Path:
     return path
 
 
-def generate_frames(setup: Setup, count: int, rng: Generator, bodies: int | None = None) -> LabelledFrames:
+def generate_frames(setup: CameraScene, count: int, rng: Generator, bodies: int | None = None) -> LabelledFrames:
     """Returns `count` frames of a new pool of random people; bodies: its size."""
     generator = FrameGenerator(setup.human, setup.furniture, setup.objects.object_area, rng, bodies)
     try:
@@ -232,7 +232,7 @@ def generate_frames(setup: Setup, count: int, rng: Generator, bodies: int | None
 # ---- Evaluation
 
 
-def evaluate(config: EvaluateConfig, setup: Setup) -> dict[str, float]:
+def evaluate(config: ReaderEvaluation, setup: CameraScene) -> dict[str, float]:
     """Lets the person point at objects, and prints and returns how often the camera's ray finds them.
 
     Returns:
@@ -259,7 +259,7 @@ def evaluate(config: EvaluateConfig, setup: Setup) -> dict[str, float]:
     return _report(config, rays, correct, seconds)
 
 
-def _report(config: EvaluateConfig, rays: list, correct: list[list[bool]], seconds: float) -> dict[str, float]:
+def _report(config: ReaderEvaluation, rays: list, correct: list[list[bool]], seconds: float) -> dict[str, float]:
     """Prints and returns the results of `evaluate`."""
     by_camera, by_true_ray = np.mean(correct, axis=0).tolist()
     rate = config.scenes / seconds
@@ -270,7 +270,9 @@ def _report(config: EvaluateConfig, rays: list, correct: list[list[bool]], secon
     return {"camera": by_camera, "true_ray": by_true_ray, "frames_per_second": rate}
 
 
-def _scene(config: EvaluateConfig, setup: Setup, camera: PersonCamera, rng: Generator) -> tuple[Array, int, Array]:
+def _scene(
+    config: ReaderEvaluation, setup: CameraScene, camera: PersonCamera, rng: Generator
+) -> tuple[Array, int, Array]:
     """Poses the body; returns objects at (K, 3), metres, the referent and the arm's angles (J,). Raises ConfigError."""
     while True:
         positions = scatter(setup, config.objects, rng)
@@ -299,7 +301,7 @@ def _pointed_or_none(ray: tuple[Array, Array], positions: Array) -> int | None:
         return None
 
 
-def scatter(setup: Setup, count: int, rng: Generator) -> Array:
+def scatter(setup: CameraScene, count: int, rng: Generator) -> Array:
     """Returns centres (count, 3) of objects on the table, metres, at least the spacing apart. Raises ConfigError."""
     places = spacing.scatter(rng, count, setup.objects.object_area, setup.objects.spacing)
     if places:
@@ -312,7 +314,7 @@ def scatter(setup: Setup, count: int, rng: Generator) -> Array:
 
 # ---- Command line
 
-COMMANDS: dict[str, tuple[type, Any]] = {"train": (TrainConfig, train), "evaluate": (EvaluateConfig, evaluate)}
+COMMANDS: dict[str, tuple[type, Any]] = {"train": (ReaderTraining, train), "evaluate": (ReaderEvaluation, evaluate)}
 
 
 def main(arguments: Sequence[str]) -> Any:
@@ -327,7 +329,7 @@ def main(arguments: Sequence[str]) -> Any:
         key = word.partition("=")[0]
         if key.split(".")[0] not in ("workspace", "task"):
             raise ConfigError(f"{word}: {key} is not a known key" + did_you_mean(key, names))
-    return command_function(read(kind, DEFAULTS[kind] | own, ""), Setup.of(overrides))
+    return command_function(read(kind, DEFAULTS[kind] | own, ""), CameraScene.of(overrides))
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ MAX_REACH = 3.0  # limit of the aim distance, as a multiple of the distance to t
 
 
 @dataclass(frozen=True)
-class Gesture:
+class PointingGesture:
     """A posture of the arm and the ray from its fingertip.
 
     joints: (J,) radians. origin: (3,) metres. direction: (3,), a unit vector.
@@ -37,11 +37,13 @@ class Person:
         self.config, self._arm = config, read_arm(human)
         self.eyes = self._arm.eyes
 
-    def aim(self, target: ArrayLike) -> Gesture:
+    def aim(self, target: ArrayLike) -> PointingGesture:
         """Returns the exact gesture, whose ray goes through target (3,), metres. Raises Unreachable."""
-        return Gesture(*self._arm.aim(target, self.config.style))
+        return PointingGesture(*self._arm.aim(target, self.config.style))
 
-    def show(self, target: ArrayLike, rng: Generator, exact: Gesture | None = None, always: bool = False) -> Gesture:
+    def show(
+        self, target: ArrayLike, rng: Generator, exact: PointingGesture | None = None, always: bool = False
+    ) -> PointingGesture:
         """Returns a gesture for the target with this person's errors: aiming noise, and sometimes no gesture.
 
         Args:
@@ -57,7 +59,7 @@ class Person:
         shown = bool(rng.random() >= self.config.dropout) or always
         direction = add_aiming_noise(exact.direction, self.config.noise_deg, rng)
         if not shown:
-            return Gesture(self._arm.hanging, exact.origin, exact.direction, shown=False)
+            return PointingGesture(self._arm.hanging, exact.origin, exact.direction, shown=False)
         if self.config.noise_deg == 0:
             return exact
         distance = _aim_distance(exact.origin, direction, np.asarray(target, np.float64))

@@ -20,7 +20,7 @@ TIMED_OUT = -signal.SIGKILL
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ProcessResult:
     """How a call ended.
 
     code: its exit status; negative for a signal. cpu_seconds, memory: used by the call, bytes; 0 if it was killed.
@@ -45,7 +45,7 @@ class Outcome:
         return lines[0].partition("error: ")[2] if len(lines) == 1 else ""
 
 
-def call(function: Callable[[], object], folder: Path | None = None, timeout: float = 60.0) -> Outcome:
+def call(function: Callable[[], object], folder: Path | None = None, timeout: float = 60.0) -> ProcessResult:
     """Calls a function in a forked child.
 
     Args:
@@ -64,7 +64,7 @@ def call(function: Callable[[], object], folder: Path | None = None, timeout: fl
             file.seek(0)
         texts = [file.read().decode(errors="replace") for file in (out, err, used)]
     cpu_seconds, memory = map(float, (texts[2] or "0 0").split())
-    return Outcome(code, texts[0], texts[1], seconds, cpu_seconds, int(memory))
+    return ProcessResult(code, texts[0], texts[1], seconds, cpu_seconds, int(memory))
 
 
 def _run(function: Callable[[], object], folder: Path | None, out: int, err: int, used: int) -> None:

@@ -63,7 +63,7 @@ class TablesConfig(Checked):
 
 
 @dataclass(frozen=True)
-class Specs:
+class EnvironmentSpecs:
     """The specs and properties of one environment."""
 
     config: EnvConfig
@@ -76,12 +76,12 @@ class Specs:
     turns: bool
 
 
-def specs(config: EnvConfig) -> Specs:
+def specs(config: EnvConfig) -> EnvironmentSpecs:
     """The specs of an environment with this config."""
     with closing(WorkspaceEnv(config)) as env:
         task = env.task
         flags = task.moves, task.operates, task.grips, task.turns
-        return Specs(config, env.observation_spec, env.action_unit, env.reward_names, *flags)
+        return EnvironmentSpecs(config, env.observation_spec, env.action_unit, env.reward_names, *flags)
 
 
 def option(group: str, name: str) -> EnvConfig:
@@ -101,7 +101,7 @@ def pages() -> dict[str, str]:
     return {"tasks.md": _tasks_page(tasks, made), "robots.md": _robots_page(made)}
 
 
-def _tasks_page(tasks: dict[str, Specs], made: dict[tuple[str, str, str], Specs]) -> str:
+def _tasks_page(tasks: dict[str, EnvironmentSpecs], made: dict[tuple[str, str, str], EnvironmentSpecs]) -> str:
     lines = [
         NOTE,
         "# Tasks: observations",
@@ -131,7 +131,7 @@ def _tasks_page(tasks: dict[str, Specs], made: dict[tuple[str, str, str], Specs]
     return "\n".join(lines) + "\n"
 
 
-def _object_rows(tasks: dict[str, Specs]) -> Rows:
+def _object_rows(tasks: dict[str, EnvironmentSpecs]) -> Rows:
     """The columns of `objects` for each kind of task. The assertion keeps their number equal to the spec's."""
     rows: list[list[Any]] = []
     for some, kinds, title in (
@@ -150,7 +150,7 @@ def _object_rows(tasks: dict[str, Specs]) -> Rows:
     return rows
 
 
-def _widths(tasks: dict[str, Specs], made: dict[tuple[str, str, str], Specs]) -> Rows:
+def _widths(tasks: dict[str, EnvironmentSpecs], made: dict[tuple[str, str, str], EnvironmentSpecs]) -> Rows:
     rows = []
     for example in EXAMPLES:
         flags = tasks[example].grips, tasks[example].turns
@@ -162,7 +162,7 @@ def _widths(tasks: dict[str, Specs], made: dict[tuple[str, str, str], Specs]) ->
     return rows
 
 
-def _task_section(name: str, each: Specs) -> list[str]:
+def _task_section(name: str, each: EnvironmentSpecs) -> list[str]:
     task = each.config.task
     objects = f"{task.min_objects} to {task.num_objects}" if task.min_objects < task.num_objects else task.num_objects
     facts: Rows = [
@@ -186,7 +186,7 @@ def _task_section(name: str, each: Specs) -> list[str]:
     ]
 
 
-def _action_words(each: Specs) -> str:
+def _action_words(each: EnvironmentSpecs) -> str:
     if each.turns:
         return "moves, turns and closes the gripper"
     return "moves and closes the gripper" if each.grips else "moves the arm"
@@ -201,7 +201,7 @@ def _keys(observed: Composite) -> Rows:
     return sorted(rows)
 
 
-def _robots_page(made: dict[tuple[str, str, str], Specs]) -> str:
+def _robots_page(made: dict[tuple[str, str, str], EnvironmentSpecs]) -> str:
     lines = [
         NOTE,
         "# Robots: observations and actions",
@@ -213,7 +213,7 @@ def _robots_page(made: dict[tuple[str, str, str], Specs]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _robot_tables(robot: str, made: dict[tuple[str, str, str], Specs]) -> list[str]:
+def _robot_tables(robot: str, made: dict[tuple[str, str, str], EnvironmentSpecs]) -> list[str]:
     some = made[robot, "step", "pick_and_rotate"]
     joints = some.config.robot.joints
     named = [f"angle of `{joint}` (rad)" for joint in joints] + [f"speed of `{joint}` (rad/s)" for joint in joints]

@@ -95,7 +95,7 @@ class ReplayHost(RayHost):
 
 
 @dataclass(frozen=True)
-class Point:
+class CeilingPoint:
     """The measurement with one number of workers. cpu_share: cores that the main process kept busy."""
 
     workers: int
@@ -130,7 +130,7 @@ def ceiling(tries: int, random: Random, folder: Path) -> Outcome:
     outcome.figures["update frames/s"] = round(UPDATE_FRAMES / (time.perf_counter() - start))
     outcome.figures["update frames/CPU s"] = round(UPDATE_FRAMES / (time.process_time() - cpu))
     assert isinstance(plan.collector, RayCollectorConfig)
-    curves: dict[str, list[Point]] = {}
+    curves: dict[str, list[CeilingPoint]] = {}
     for mode in ("sync", "async"):
         settings = replace(plan.collector, mode=mode, workers=1, worlds=1, timeout=TIMEOUT)
         host = ReplayHost(make, policy, settings)
@@ -147,7 +147,7 @@ def ceiling(tries: int, random: Random, folder: Path) -> Outcome:
     return outcome
 
 
-def measured(host: ReplayHost, config: RayCollectorConfig) -> Point:
+def measured(host: ReplayHost, config: RayCollectorConfig) -> CeilingPoint:
     """The throughput of the pool, after the first batches."""
     host.count = config.workers
     specs = [WorkerSpec(i, WORLDS, HORIZON, 0) for i in range(config.workers)]
@@ -162,10 +162,10 @@ def measured(host: ReplayHost, config: RayCollectorConfig) -> Point:
     for worker in pool.workers:
         assert isinstance(worker, RayWorker)
         host.session.ray.wait(list(worker.answers), num_returns=max(1, len(worker.answers)), timeout=5)
-    return Point(config.workers, BATCHES * config.workers * WORLDS * HORIZON / seconds, cpu / seconds)
+    return CeilingPoint(config.workers, BATCHES * config.workers * WORLDS * HORIZON / seconds, cpu / seconds)
 
 
-def draw(curves: Mapping[str, Sequence[Point]], path: Path) -> None:
+def draw(curves: Mapping[str, Sequence[CeilingPoint]], path: Path) -> None:
     """Frames/s, efficiency and the main process's cores over the number of workers."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import ScalarFormatter

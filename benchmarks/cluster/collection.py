@@ -61,7 +61,7 @@ def equal(tries: int, random: Random, folder: Path) -> Outcome:
     return outcome
 
 
-class Fault:
+class ClusterFault:
     """Happens once to a random worker's actor or node, and measures how long it took to be noticed."""
 
     def __init__(self, kind: str, iteration: int, random: Random) -> None:
@@ -101,7 +101,7 @@ class Fault:
             cut(self.node)
 
 
-def train(folder: Path, fault: Fault | None) -> None:
+def train(folder: Path, fault: ClusterFault | None) -> None:
     """A run in this process."""
     config = compose(RUN)
     plain: Any = OmegaConf.to_container(config, resolve=True)
@@ -160,7 +160,7 @@ def faults(tries: int, random: Random, folder: Path) -> Outcome:
     start_cluster(NODES)
     train(folder / "whole", None)
     for index in range(tries):
-        fault = Fault(FAULTS[index % len(FAULTS)], random.randint(1, 8), random)
+        fault = ClusterFault(FAULTS[index % len(FAULTS)], random.randint(1, 8), random)
         place = folder / f"try-{index}"
         try:
             train(place, fault)

@@ -16,7 +16,7 @@ from envs.mdp.object_rows import scene_of_rows
 from envs.sim.rendering import VisualShapes
 from envs.sim.window import Window
 from envs.workspace_env import WorkspaceEnv
-from human import Gesture
+from human import PointingGesture
 from language import NOUNS, SHAPES, LanguageError, Scene, describe
 
 
@@ -130,7 +130,7 @@ class InteractiveEnv(WorkspaceEnv):
         assert person is not None
         joints, origin, direction = person.aim(np.asarray(target, np.float64), self.config.gesture.style)
         if self.task.points:
-            self._gestures.move(0, Gesture(joints, origin, direction))
+            self._gestures.move(0, PointingGesture(joints, origin, direction))
         else:
             person.move(joints, POINTING_STEPS)
         return origin, direction

@@ -11,7 +11,7 @@ from core.schema import ConfigError
 from envs.sim.workspace import WorkspaceConfig
 from envs.sim.world import World
 from envs.tasks import EpisodeSpec, GestureSwitch
-from human import Gesture, GestureConfig, HumanConfig, Person, PointingArm, ray_offsets
+from human import GestureConfig, HumanConfig, Person, PointingArm, PointingGesture, ray_offsets
 from human.body.person_camera import FurnitureBox
 from human.ray_reader import CameraRayReader
 
@@ -36,7 +36,7 @@ def make_ray_reader(workspace: WorkspaceConfig, config: GestureConfig) -> Camera
     return CameraRayReader(workspace.human, blocks, config)
 
 
-def ray_of(gesture: Gesture | None) -> NDArray[np.float64]:
+def ray_of(gesture: PointingGesture | None) -> NDArray[np.float64]:
     """(RAY_WIDTH,) the observation of a gesture."""
     if gesture is None or not gesture.shown:
         return np.zeros(RAY_WIDTH)
@@ -87,14 +87,14 @@ class Gestures:
             switched.append((i, switch.referent))
         return switched
 
-    def move(self, i: int, gesture: Gesture) -> None:
+    def move(self, i: int, gesture: PointingGesture) -> None:
         """Move the arm of world i to this gesture, over the next `frames` physics steps."""
         self._person(i).move(gesture.joints, self._config.frames)
         self._worlds[i].show_finger(gesture.shown)
         self.rays[i, 6] = gesture.shown
         self._moving.append(i)
 
-    def point(self, i: int, gesture: Gesture) -> None:
+    def point(self, i: int, gesture: PointingGesture) -> None:
         """Move the arm of world i to this gesture now, without a control step, and keep it for this episode."""
         self._switch_steps[i] = NEVER
         self.move(i, gesture)

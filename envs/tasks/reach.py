@@ -12,7 +12,7 @@ from core.schema import ConfigError, did_you_mean
 from envs.tasks.shared.base import TRIES, ReferringTask, Task, register_task, unfixed
 from envs.tasks.shared.geometry import groups
 from envs.tasks.shared.types import NOTHING, Array, EpisodeSpec, Outcome, State, TaskConfig
-from human import Gesture, NothingPointedAt, Person, Unreachable, pointed_object, visibility
+from human import NothingPointedAt, Person, PointingGesture, Unreachable, pointed_object, visibility
 from language import COLORS, NOUNS, SHAPES, Instruction, ObjectPhrase, Placed, Scene
 
 NEAR = 0.7  # of the radius: greatest height over an object's centre, so that there is room to its sides
@@ -138,19 +138,19 @@ class ReachGesture(Reach):
         shown = [self._person.show(place, rng) for place in placed.scene.positions]
         return [self._spoken(placed, referent, gesture, rng) for referent, gesture in enumerate(shown)]
 
-    def _spoken(self, placed: Placed, referent: int, gesture: Gesture, rng: Generator) -> EpisodeSpec:
+    def _spoken(self, placed: Placed, referent: int, gesture: PointingGesture, rng: Generator) -> EpisodeSpec:
         kind = int(rng.integers(len(SPOTS)))
         sentence = self._say(Instruction("reach", ObjectPhrase(determiner=SPOTS[kind])), rng)
         return self._episode(placed, referent, kind, sentence, gesture)
 
-    def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, Gesture] | None:
+    def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, PointingGesture] | None:
         others = [k for k in range(len(episode.scene)) if k != episode.referent]
         if not others:
             return None
         other = int(rng.choice(others))
         return other, self._person.show(episode.scene.positions[other], rng, always=True)
 
-    def _somewhere(self, placed: Placed, rng: Generator) -> tuple[int, Gesture]:
+    def _somewhere(self, placed: Placed, rng: Generator) -> tuple[int, PointingGesture]:
         """The object nearest to a line to some place over the table, and a finger that shows that place.
 
         Aims along which nothing lies are drawn again.
@@ -214,7 +214,7 @@ class NLReachGesture(ReachGesture):
         gesture = self._person.show(scene.positions[referent], rng)
         return self._episode(unfixed(scene), referent, self.kind_names.index(kind), sentence, gesture)
 
-    def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, Gesture] | None:
+    def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, PointingGesture] | None:
         other = 1 - episode.referent
         return other, self._person.show(episode.scene.positions[other], rng, always=True)
 

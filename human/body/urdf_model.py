@@ -14,7 +14,7 @@ SEGMENTS = 20  # vertices of a ring
 
 
 @dataclass(frozen=True)
-class Part:
+class BodyShape:
     """One shape of a link.
 
     geometry: its URDF element. color: RGB in [0, 1]; None: a collision shape, which is not drawn.
@@ -59,28 +59,28 @@ def _faces(rings: int) -> list[str]:
     return ["f " + " ".join(f"{i + 1}//{i + 1}" for i in triangle) for triangle in triangles]
 
 
-def mesh(name: str, color: tuple[float, float, float], place: Point = (0, 0, 0)) -> Part:
+def mesh(name: str, color: tuple[float, float, float], place: Point = (0, 0, 0)) -> BodyShape:
     """Returns the mesh of the file `name`.obj."""
-    return Part(f'<mesh filename="{name}.obj"/>', color, place)
+    return BodyShape(f'<mesh filename="{name}.obj"/>', color, place)
 
 
-def ball(radius: float, place: Point, color: tuple[float, float, float] | None = None) -> Part:
+def ball(radius: float, place: Point, color: tuple[float, float, float] | None = None) -> BodyShape:
     """Returns a sphere."""
-    return Part(f'<sphere radius="{radius:.5f}"/>', color, place)
+    return BodyShape(f'<sphere radius="{radius:.5f}"/>', color, place)
 
 
-def rod(start: Point, end: Point, radius: float, color: tuple[float, float, float] | None = None) -> Part:
+def rod(start: Point, end: Point, radius: float, color: tuple[float, float, float] | None = None) -> BodyShape:
     """Returns a capsule whose hemispheres are centred on start and end."""
     x, y, z = (b - a for a, b in zip(start, end, strict=True))
     middle = tuple((a + b) / 2 for a, b in zip(start, end, strict=True))
     angles = (0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x))
     geometry = f'<capsule radius="{radius:.5f}" length="{math.hypot(x, y, z):.5f}"/>'
-    return Part(geometry, color, middle, angles)  # type: ignore[arg-type]
+    return BodyShape(geometry, color, middle, angles)  # type: ignore[arg-type]
 
 
-def box(size: Point, place: Point, color: tuple[float, float, float] | None = None) -> Part:
+def box(size: Point, place: Point, color: tuple[float, float, float] | None = None) -> BodyShape:
     """Returns a box with these side lengths, centred on `place`."""
-    return Part('<box size="{:.5f} {:.5f} {:.5f}"/>'.format(*size), color, place)
+    return BodyShape('<box size="{:.5f} {:.5f} {:.5f}"/>'.format(*size), color, place)
 
 
 EFFORT = 100  # N m, of every joint: URDF requires a value, but no motor of the person is used
@@ -100,7 +100,7 @@ class Link:
     name: str
     mass: float
     radius: float
-    parts: tuple[Part, ...] = ()
+    parts: tuple[BodyShape, ...] = ()
     parent: str | None = None
     place: Point = (0, 0, 0)
     angles: Point = (0, 0, 0)
@@ -345,16 +345,16 @@ def _arm(p: Proportions, side: str) -> list[Link]:
     return links
 
 
-def _upper_arm(p: Proportions, length: float) -> tuple[Part, ...]:
+def _upper_arm(p: Proportions, length: float) -> tuple[BodyShape, ...]:
     bone = rod((0, 0, 0), (0, 0, -length), 0.046 * p.girth)
     return (mesh("sleeve", p.shirt), mesh("upper_arm", p.skin), bone)
 
 
-def _forearm(p: Proportions, length: float) -> tuple[Part, ...]:
+def _forearm(p: Proportions, length: float) -> tuple[BodyShape, ...]:
     return (mesh("forearm", p.skin), rod((0, 0, 0), (0, 0, -length), 0.036 * p.girth))
 
 
-def _hand(p: Proportions, side: str) -> tuple[Part, ...]:
+def _hand(p: Proportions, side: str) -> tuple[BodyShape, ...]:
     """Returns palm, thumb and fingers, x towards the thumb.
 
     The right hand lacks its index finger (`_index`), and its other fingers are curled.

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from human.body.person_camera import PersonCamera
-from human.camera import Setup, generate_frames
+from human.camera import CameraScene, generate_frames
 
 
 @pytest.fixture(scope="session")
 def camera_setup():
-    return Setup.of([])
+    return CameraScene.of([])
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ from envs.tasks.shared.types import (
     check_terms,
     draw_randomized,
 )
-from human import Gesture, Person, Unreachable
+from human import Person, PointingGesture, Unreachable
 from language import (
     COLORS,
     KINDS,
@@ -310,7 +310,7 @@ class Task(ABC):
             raise ConfigError(f"task.split={self.config.split}: {error}; hold out a template of reach") from None
 
     def _episode(
-        self, placed: Placed, referent: int, kind: int, sentence: str, gesture: Gesture | None = None
+        self, placed: Placed, referent: int, kind: int, sentence: str, gesture: PointingGesture | None = None
     ) -> EpisodeSpec:
         """The episode of these objects and this referent, with the sentence as the policy reads it."""
         heard = self._heard(sentence)
@@ -320,7 +320,7 @@ class Task(ABC):
         """The sentence as the policy reads it; None: as it is said."""
         return say(parse(sentence)) if sentence and self.config.rephrased else None
 
-    def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, Gesture] | None:
+    def _elsewhere(self, episode: EpisodeSpec, rng: Generator) -> tuple[int, PointingGesture] | None:
         """Another object that fits the same sentence, and a gesture at it; None if there is no other."""
         return None
 

@@ -11,7 +11,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from core.schema import Checked, ConfigError, did_you_mean, one_of, within
-from human import Gesture
+from human import PointingGesture
 from language import (
     DEVICES,
     KINDS,
@@ -333,7 +333,7 @@ class EpisodeSpec:
     heard: str | None = None  # the sentence that the policy reads; none: `sentence`
     yaw: Array | None = None  # (K,) radians; none: not turned
     fixed: NDArray[np.bool_] | None = None  # (K,) objects that never move when touched; none: all move
-    gesture: Gesture | None = None  # how the person points at the referent; none: nobody points
+    gesture: PointingGesture | None = None  # how the person points at the referent; none: nobody points
     gesture_switch: GestureSwitch | None = None  # the finger moves on in mid-episode; none: it stays
     target: int | None = None  # slot of the target that the referent is to be brought to; none: to none
     start: GripperStart | None = None  # where the gripper begins; none: at rest
@@ -368,7 +368,7 @@ class GestureSwitch:
 
     at: int
     referent: int
-    gesture: Gesture
+    gesture: PointingGesture
 
 
 @dataclass
