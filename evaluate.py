@@ -43,8 +43,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.command_line import check_file, run_program, split
+from core.errors import ConfigError
 from core.overrides import apply
-from core.schema import Checked, ConfigError, one_of, read, within
+from core.schema import Checked, one_of, read, within
 
 if TYPE_CHECKING:
     from envs.tasks import RandomizeConfig

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.command_line import check_file
-from core.schema import ConfigError
+from core.errors import ConfigError
 
 if TYPE_CHECKING:
     from demo.session import Session

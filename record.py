@@ -28,8 +28,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.command_line import check_folder, run_program, split
+from core.errors import ConfigError
 from core.overrides import apply, check, compose
-from core.schema import Checked, ConfigError, one_of, read, within
+from core.schema import Checked, one_of, read, within
 
 if TYPE_CHECKING:
     from core.system import StopSignal
@@ -94,10 +95,10 @@ def main(arguments: list[str]) -> None:
 
 def _record(config: RecordConfig, overrides: list[str]) -> None:
     """Record episodes. Raises ConfigError; SystemExit with 128 + signal after SIGINT and SIGTERM."""
+    from core.errors import Interrupted
     from core.system import StopSignal, import_optional
     from envs.workspace_env import WorkspaceEnv
     from trainers.datasets.dataset import write
-    from trainers.evaluation.evaluation import Interrupted
     from trainers.utils.files import refuse_existing
 
     import_optional(*{"lerobot": ["pyarrow"], "minari": ["minari", "h5py"]}[config.format])

@@ -16,9 +16,9 @@ import hydra
 
 from core.command_line import check_run
 from core.composition import quoted, with_choices
+from core.errors import ConfigError, RunError
 from core.overrides import apply
 from core.platform_tuning import import_training
-from core.schema import ConfigError, RunError
 from trainers.sweeps.arguments import expand_resume, register_resolvers
 
 if TYPE_CHECKING:

@@ -27,13 +27,13 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.hostile import WRITERS
+from core.system import system_info
 from demo.real_time_loop import RealTimeLoop
 from demo.session import Session
 from demo.session_config import make_config
 from tools.browser import CHROMIUM, TIMEOUT, WIDE, PageTab, PlayServer, headless_browser
 from tools.random_scenes import random_scene
 from trainers.evaluation.evaluation import wilson
-from trainers.utils.system_info import system_info
 
 MIN_MOTION = 0.001  # metres of the gripper
 DRAWING_TIME = 1.0  # seconds for a browser without a graphics card to draw a step

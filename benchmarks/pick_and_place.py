@@ -37,6 +37,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from core.system import system_info
 from tools.peer_comparison import (
     COLUMNS,
     OUR_OVERRIDES,
@@ -51,7 +52,6 @@ from tools.peer_comparison import (
 )
 from trainers.run.metrics import MetricsWriter
 from trainers.utils.files import write_json
-from trainers.utils.system_info import system_info
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULE = "benchmarks.pick_and_place"

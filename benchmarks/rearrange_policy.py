@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tensordict import TensorDict
 
+from core.errors import ConfigError
 from core.overrides import apply
-from core.schema import ConfigError
 from deixis.policy import LoadedPolicy, load_policy
 from envs import read_env
 from envs.workspace_env import WorkspaceEnv

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from core.composition import compose_hydra, groups, parse
+from core.errors import ConfigError, did_you_mean
 from core.overrides import check, known_keys
-from core.schema import ConfigError, did_you_mean
 
 
 def split(words: Sequence[str], names: Collection[str], example: str) -> tuple[dict[str, str], list[str]]:

@@ -9,7 +9,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from core.schema import ConfigError, did_you_mean
+from core.errors import ConfigError, did_you_mean
 
 ROOT = Path(__file__).parents[1] / "conf"
 

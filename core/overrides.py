@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from core.composition import ROOT, compose, composed, groups, parse
-from core.schema import ConfigError, did_you_mean
+from core.errors import ConfigError, did_you_mean
 
 
 def comment(group: str, option: str) -> str:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 
 MAX_BYTES = 256 * 1024  # of a YAML or JSON file
 MAX_NODES = 50_000  # of a YAML document, with aliases expanded

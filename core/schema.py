@@ -15,25 +15,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
-from difflib import get_close_matches
 from functools import cache
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from core.errors import ConfigError, did_you_mean
 
 T = TypeVar("T")
 UNKNOWN = object()
 PLAIN = (bool, int, float, str, type(None))
 EXACT = 2**53  # up to which every whole number is a float
-MAX_LISTED = 24  # choices listed in a message; of more choices, only their groups are listed
-
-
-class ConfigError(ValueError):
-    """An invalid value that the user gave. The text is the whole message, to be shown without a traceback."""
-
-
-class RunError(RuntimeError):
-    """A run that had to stop early. The text is the whole message, to be shown without a traceback."""
 
 
 def within(low: float, high: float = math.inf, count: int | None = None, default: Any = dataclasses.MISSING) -> Any:
@@ -44,16 +35,6 @@ def within(low: float, high: float = math.inf, count: int | None = None, default
 def one_of(*choices: str) -> Any:
     """Declares a field: one of these words, or a list of them."""
     return dataclasses.field(metadata={"one_of": choices})
-
-
-def did_you_mean(word: str, choices: Iterable[str]) -> str:
-    """Returns the end of an error message: `; did you mean 'x'?` or `; choose from a, b`."""
-    choices = [str(choice) for choice in choices]
-    near = get_close_matches(str(word), choices, n=1)
-    if near:
-        return f"; did you mean {near[0]!r}?"
-    top = choices if len(choices) <= MAX_LISTED else sorted({choice.partition(".")[0] for choice in choices})
-    return f"; choose from {', '.join(top)}"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 
-from core.schema import ConfigError, did_you_mean
+from core.errors import ConfigError, did_you_mean
 from deixis import __version__
 from deixis.origins import ForeignPackageError, check_origins
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.interactive.interactive_env import InteractiveEnv
 from human import NothingPointedAt, fuse, posterior, referring_phrase
 from language import LanguageError

@@ -9,7 +9,7 @@ import time
 import traceback
 from collections.abc import Callable
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from demo.session import Session
 from human import NothingPointedAt, Unreachable
 from language import LanguageError

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensordict import TensorDictBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from demo import board, commands
 from demo.actors import Actor, actor_of, attention_of, ending_of, is_move_of_expert
 from demo.dialogue import Interpretation

@@ -8,8 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from core.errors import ConfigError, did_you_mean
 from core.overrides import apply, compose, groups
-from core.schema import Checked, ConfigError, did_you_mean, one_of, read, within
+from core.schema import Checked, one_of, read, within
 from envs.config import read_env
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.window import Window

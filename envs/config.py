@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from core.schema import ConfigError, did_you_mean, read
+from core.errors import ConfigError, did_you_mean
+from core.schema import read
 from envs.mdp.controls import ControlConfig
 from envs.sim.gripper import GripperConfig
 from envs.sim.robot import RobotConfig, urdf_path

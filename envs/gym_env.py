@@ -17,7 +17,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from core.spaces import action_space, space_of
 from envs.mdp.observations import OBSERVATIONS
 from envs.registration import make_env

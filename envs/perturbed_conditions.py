@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.tasks import RandomizeConfig
 
 PLAIN = "plain"

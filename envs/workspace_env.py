@@ -13,7 +13,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.config import EnvConfig
 from envs.episode_replay import EpisodeReplayEnv
 from envs.mdp.controls import CONTROLS, Control

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.schema import did_you_mean
+from core.errors import did_you_mean
 from human.config import STYLES
 
 Array = NDArray[np.float64]

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from core.command_line import run_program, split
+from core.errors import ConfigError, did_you_mean
 from core.overrides import check, compose
-from core.schema import Checked, ConfigError, did_you_mean, one_of, read, within
+from core.schema import Checked, one_of, read, within
 from human.arms import Unreachable
 from human.body.person_camera import FurnitureBox, PersonCamera, camera_of
 from human.config import HumanConfig

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from core.schema import Checked, ConfigError, one_of, within
+from core.errors import ConfigError
+from core.schema import Checked, one_of, within
 
 STYLES = ("finger", "wrist", "eye")  # the line of the body that is aimed at the target
 SOURCES = ("none", "ray", "camera")

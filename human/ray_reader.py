@@ -13,8 +13,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from core.errors import ConfigError
 from core.safe_files import FileError, check_size
-from core.schema import ConfigError
 from human.arms import Array
 from human.body.person_camera import CameraFrame, FurnitureBox, PersonCamera, Picture, camera_of
 from human.config import Camera, GestureConfig, HumanConfig

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from human.arms import Array, Unreachable
 from human.body import Body
 from human.body.person_camera import CameraFrame, Color, FurnitureBox, Light, PersonCamera, Picture

@@ -14,7 +14,7 @@ from hydra.plugins.launcher import Launcher
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, open_dict
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 
 
 class RayLauncher(Launcher):

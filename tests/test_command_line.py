@@ -15,8 +15,8 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 import evaluate
 import train
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from tests.helpers.tiny_run import TINY
 from tools.forked import call
 from trainers.run.metrics import read_metrics

@@ -11,7 +11,7 @@ import imageio.v2 as imageio
 import pytest
 
 import play
-from core.schema import ConfigError
+from core.errors import ConfigError
 from tools.browser import free_port
 
 ROOT = Path(__file__).resolve().parent.parent

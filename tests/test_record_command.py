@@ -10,8 +10,8 @@ import pytest
 
 import record
 import train
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from tests.helpers.tiny_run import TINY
 
 pytestmark = pytest.mark.slow

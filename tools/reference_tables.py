@@ -19,8 +19,9 @@ from torchrl.data import Composite
 
 from core import overrides
 from core.command_line import out_folder, run_program, split
+from core.errors import ConfigError
 from core.overrides import compose, groups
-from core.schema import Checked, ConfigError, read
+from core.schema import Checked, read
 from envs.config import EnvConfig, read_env
 from envs.mdp.controls import CONTROLS
 from envs.mdp.object_rows import CLOSE, NEAR

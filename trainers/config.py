@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
+from core.errors import ConfigError, did_you_mean
 from core.overrides import compose
-from core.schema import Checked, ConfigError, did_you_mean, one_of, read, within
+from core.schema import Checked, one_of, read, within
+from core.system import cores
 from trainers.algorithms.registry import AlgorithmConfig, OffPolicyConfig, read_algorithm
 
 
@@ -85,11 +86,6 @@ def uses_processes(config: CollectorConfig) -> bool:
 def most_workers(config: CollectorConfig, most: int) -> int:
     """The largest number of workers, up to `most`, that share the worlds evenly; at least 1."""
     return next(count for count in range(max(1, most), 0, -1) if config.worlds % count == 0)
-
-
-def cores() -> int:
-    """CPU cores this process may use, at least 1."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 # Keys that configs of earlier versions lack, with the options of their group that have the key; None: all options.

@@ -13,8 +13,8 @@ import torch
 import yaml
 
 from benchmarks.faults.rows import Outcome, row
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from human.ray_reader import SHIPPED_WEIGHTS, load
 from language.errors import LanguageError
 from language.scene_file import read_scene

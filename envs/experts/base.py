@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.tasks import Task
 from envs.workspace_env import WorkspaceEnv
 

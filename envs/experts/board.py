@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.experts.base import UP, Array, Expert, Slots, choose_rows, register_expert
 from envs.tasks.board import Rearrange
 from envs.tasks.shared.geometry import length, tops_on_the_way

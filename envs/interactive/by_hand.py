@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.config import EnvConfig
 from envs.interactive.interactive_env import object_name
 from envs.mdp.object_rows import scene_of_rows

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.sim.workspace import WorkspaceConfig
 from envs.sim.world import World
 from envs.tasks import EpisodeSpec, GestureSwitch

@@ -14,7 +14,8 @@ import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
-from core.schema import Checked, ConfigError, one_of, within
+from core.errors import ConfigError
+from core.schema import Checked, one_of, within
 from envs.sim.robot import Robot, RobotConfig
 
 FACE_RADIUS = 0.03  # metres from the gripper centre within which a contact is one with the magnet's face

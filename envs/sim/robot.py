@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pybullet as bullet
 
-from core.schema import Checked, ConfigError, did_you_mean, one_of, within
+from core.errors import ConfigError, did_you_mean
+from core.schema import Checked, one_of, within
 from core.system import suppress_stdout
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.urdf import lean, simplified, with_magnet

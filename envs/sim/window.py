@@ -10,7 +10,7 @@ from contextlib import suppress
 
 import pybullet as bullet
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from core.system import suppress_stdout
 from human import Camera
 

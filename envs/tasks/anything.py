@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.sim.workspace import Fitting
 from envs.tasks.devices import OperateAmong
 from envs.tasks.reach import ReachNext

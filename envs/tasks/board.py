@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.tasks.pick_and_place import CLEAR, LIFT, PickAndPlace
 from envs.tasks.shared.base import register_task
 from envs.tasks.shared.geometry import funnel, length, tops_on_the_way, with_object_at

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.sim.devices import DEVICES, facing, turned
 from envs.tasks.shared.base import register_task
 from envs.tasks.shared.geometry import length

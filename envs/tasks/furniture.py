@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.sim.workspace import HANDLE, Fitting
 from envs.tasks.pick_and_place import ABOVE, MOUTH, PickAndPlace
 from envs.tasks.shared.base import register_task

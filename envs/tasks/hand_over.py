@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.sim.furniture import SIZE
 from envs.sim.workspace import WorkspaceConfig
 from envs.tasks.pick_and_place import PickAndPlace

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError, did_you_mean
+from core.errors import ConfigError, did_you_mean
 from envs.tasks.shared.base import TRIES, ReferringTask, Task, register_task, unfixed
 from envs.tasks.shared.geometry import groups
 from envs.tasks.shared.types import NOTHING, Array, EpisodeSpec, Outcome, State, TaskConfig

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.shared.base import register_task
 from envs.tasks.shared.free_places import FINE_COLUMNS, LEVEL, stands_apart, ways_to

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.shared.achieved_goal import first_moved
 from envs.tasks.shared.base import register_task

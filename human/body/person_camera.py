@@ -16,7 +16,7 @@ import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from human.arms import Array
 from human.body.pybullet_body import Body
 from human.body.urdf_model import Proportions

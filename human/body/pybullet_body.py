@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pybullet as bullet
 
-from core.schema import ConfigError, did_you_mean
+from core.errors import ConfigError, did_you_mean
 from core.system import suppress_stdout
 from human.arms import (
     FINGERTIP,

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from core.command_line import check_file, check_folder, check_run, check_stored, split
+from core.errors import ConfigError
 from core.overrides import apply, compose
-from core.schema import ConfigError
 
 
 @pytest.mark.slow

@@ -8,8 +8,8 @@ from omegaconf import OmegaConf
 
 import conf
 from core.composition import composed, composed_by_hydra
+from core.errors import ConfigError
 from core.overrides import apply, check, compose, groups
-from core.schema import ConfigError
 from envs import read_env
 from trainers.config import read_plan
 

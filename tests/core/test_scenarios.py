@@ -4,8 +4,8 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.composition import quoted
+from core.errors import ConfigError
 from core.overrides import apply, check, compose
-from core.schema import ConfigError
 from envs import read_env
 from trainers.config import read_plan
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import pytest
 from omegaconf import OmegaConf
 
-from core.schema import Checked, ConfigError, did_you_mean, one_of, read, within
+from core.errors import ConfigError, did_you_mean
+from core.schema import Checked, one_of, read, within
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import torch
 import deixis
 import envs
 import language
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.export.policy_file import names
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from demo.returning import LOW
 from demo.session import Session
 from demo.session_config import make_config

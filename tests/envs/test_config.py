@@ -9,8 +9,8 @@ import pybullet_data
 import pytest
 from omegaconf import OmegaConf
 
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from envs import make_env, read_env
 from envs.workspace_env import WorkspaceEnv
 

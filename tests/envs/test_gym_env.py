@@ -6,7 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import envs  # noqa: F401  registers the ids
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.gym_env import GymEnv
 from envs.registration import gym_id
 from tests.helpers.env_cases import CONTROLS, ROBOTS, TASKS

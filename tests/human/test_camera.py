@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from human import camera
 from human.arms import Unreachable
 from human.camera import generate_frames, main

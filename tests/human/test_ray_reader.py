@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from human.camera import angles_between, scatter
 from human.config import HumanConfig
 from human.ray_reader import SHIPPED_WEIGHTS, RayNetwork, RayReader, load, save

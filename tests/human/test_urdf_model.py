@@ -8,7 +8,7 @@ import numpy as np
 import pybullet as bullet
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from human.body.urdf_model import Proportions, urdf, write
 from tests.helpers.human_cases import REST, standing
 

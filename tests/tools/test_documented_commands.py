@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
+from core.errors import ConfigError
 from core.overrides import check, compose, groups
-from core.schema import ConfigError
 from tools.documented_commands import (
     Command,
     apply_diff,

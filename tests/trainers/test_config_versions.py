@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
+from core.errors import ConfigError
 from core.overrides import check, compose
-from core.schema import ConfigError
 from tests.helpers.plans import config
 from trainers.config import FORMER_KEYS, NEW_KEYS, read_plan
 from trainers.export import policy_file

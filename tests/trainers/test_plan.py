@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from tests.helpers.plans import config, plan
 from trainers.config import frames_per_batch, read_plan, workers
 

@@ -20,7 +20,7 @@ from tensordict import TensorDictBase
 from torch import Tensor, nn
 from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 
-from core.schema import RunError
+from core.errors import RunError
 from core.spaces import public_keys
 from trainers.algorithms.registry import AlgorithmConfig
 from trainers.models.critics import Specs

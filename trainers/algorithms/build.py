@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torchrl.data import Composite
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.algorithms.algorithm import Algorithm
 from trainers.config import Plan, read_plan
 from trainers.environment import Relabel, TrainingEnv

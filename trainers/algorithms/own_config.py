@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from core.schema import ConfigError, one_of, within
+from core.errors import ConfigError
+from core.schema import one_of, within
 from trainers.algorithms.registry import AlgorithmConfig, OffPolicyConfig, OnPolicyConfig, register
 from trainers.algorithms.torchrl_config import TorchRLOffPolicyConfig
 

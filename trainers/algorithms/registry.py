@@ -10,7 +10,8 @@ from importlib import import_module
 from typing import Any, ClassVar, TypeVar
 
 import trainers.algorithms as package
-from core.schema import Checked, ConfigError, did_you_mean, read, within
+from core.errors import ConfigError, did_you_mean
+from core.schema import Checked, read, within
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from core.schema import ConfigError, one_of, within
+from core.errors import ConfigError
+from core.schema import one_of, within
 from trainers.algorithms.registry import OffPolicyConfig, OnPolicyConfig, register
 
 

@@ -15,7 +15,7 @@ from torchrl.data import Bounded
 from torchrl.objectives import HardUpdate, LossModule, SoftUpdate
 from torchrl.objectives.utils import TargetNetUpdater
 
-from core.schema import ConfigError, did_you_mean
+from core.errors import ConfigError, did_you_mean
 from trainers.algorithms.algorithm import METRICS, ExplorationSchedule
 from trainers.algorithms.off_policy import OffPolicyAlgorithm
 from trainers.algorithms.on_policy import OnPolicyAlgorithm

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from typing import Any, TypeVar
 
-from core.schema import ConfigError, RunError
+from core.errors import ConfigError, Interrupted, RunError
 from trainers.cluster.ray_session import RaySession
 from trainers.collect.worker_pool import raised
-from trainers.evaluation.evaluation import EpisodeOutcome, Interrupted, quotas, summarize
+from trainers.evaluation.evaluation import EpisodeOutcome, quotas, summarize
 
 EPISODES = 500  # of a shard on a cluster, if their number is not given
 

@@ -15,8 +15,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from core.schema import ConfigError
-from trainers.config import cores
+from core.errors import ConfigError
+from core.system import cores
 
 ROOT = Path(__file__).parents[2]
 OWN = ("conf", "core", "envs", "human", "language", "trainers")  # packages of this project

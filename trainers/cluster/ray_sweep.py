@@ -18,7 +18,8 @@ from typing import Any
 
 from omegaconf import DictConfig, open_dict
 
-from core.schema import ConfigError, read
+from core.errors import ConfigError
+from core.schema import read
 from core.system import signal_at_parent_death
 from trainers.cluster.ray_session import RaySession
 from trainers.config import SweepConfig

@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.cluster.ray_session import RaySession, difference, versions
 from trainers.collect.worker import Beginning, Episodes, MakeEnv, Worker, WorkerSpec
 from trainers.collect.worker_pool import Failure, RequestClock, WorkerLostError

@@ -14,10 +14,9 @@ from typing import Any, Generic, Protocol, TypeVar
 import torch
 from tensordict import TensorDict, TensorDictBase
 
-from core.schema import RunError
+from core.errors import Interrupted, RunError
 from trainers.collect.worker import Beginning, Episodes, WorkerSpec
 from trainers.config import CollectorConfig
-from trainers.evaluation.evaluation import Interrupted
 
 START_SECONDS = 120.0  # to start a worker, to build its worlds and to replay their episodes
 

@@ -9,11 +9,11 @@ from typing import Any
 
 from torchrl.envs import EnvBase
 
-from core.schema import ConfigError, did_you_mean
+from core.errors import ConfigError, Interrupted, did_you_mean
 from trainers.datasets.demonstrations import Demonstration
 from trainers.datasets.lerobot_dataset import LeRobotWriter, read_lerobot
 from trainers.datasets.minari_dataset import MinariWriter, read_minari
-from trainers.evaluation.evaluation import Interrupted, wilson
+from trainers.evaluation.evaluation import wilson
 from trainers.utils.files import atomic_directory, write_json
 
 FORMATS: dict[str, Any] = {"lerobot": (LeRobotWriter, read_lerobot), "minari": (MinariWriter, read_minari)}

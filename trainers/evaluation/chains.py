@@ -16,8 +16,9 @@ import torch
 from tensordict.nn import TensorDictModuleBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
+from core.errors import Interrupted
 from trainers.environment import TrainingEnv
-from trainers.evaluation.evaluation import Interrupted, quotas, wilson
+from trainers.evaluation.evaluation import quotas, wilson
 
 KIND = ("privileged", "kind")
 DRAWS = 2000  # of the bootstrap

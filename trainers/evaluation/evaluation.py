@@ -15,6 +15,7 @@ from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
+from core.errors import Interrupted
 from trainers.environment import TrainingEnv
 
 MOVED, MOVED_FAR = 0.01, 0.03  # metres above which an object counts as moved, and as moved far
@@ -120,10 +121,6 @@ BINS: dict[str, tuple[float, ...]] = {
     "distance": (0, 40, 45, 50, 55, 60, 65, 70, 100, 150),
     "stray": (0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1),
 }
-
-
-class Interrupted(Exception):
-    """A signal asked the program to stop."""
 
 
 @dataclass

@@ -12,7 +12,7 @@ from torch import Tensor
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.evaluation.evaluation import wilson
 
 ABLATIONS = ("said", "blank", "swapped")  # said: no ablation

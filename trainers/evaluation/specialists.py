@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.algorithms.build import fitted_policy
 from trainers.environment import TrainingEnv
 from trainers.run import checkpoint

@@ -16,8 +16,8 @@ from safetensors import safe_open
 from safetensors.torch import save
 from torch import Tensor
 
+from core.errors import did_you_mean
 from core.safe_files import FileError, check_size
-from core.schema import did_you_mean
 
 NAME = "policy.safetensors"  # in the directory of a policy
 METADATA_KEYS = ("config", "vocabulary", "widths")

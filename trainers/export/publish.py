@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from core.command_line import run_program
+from core.errors import ConfigError
 from core.overrides import comment
-from core.schema import ConfigError
+from core.system import system_info
 from trainers.export import policy_file
 from trainers.reports.scores import result_of, time_to_level
 from trainers.run import checkpoint
 from trainers.sweeps.runs import RunRecord, command_line, find_runs, overrides_of, share_cell
 from trainers.utils.files import atomic_directory
-from trainers.utils.system_info import system_info
 
 MAX_BYTES = 1_000_000  # of a file, so that it can be kept in a repository
 USAGE = "give a run and a new directory: python -m trainers.export.publish <run dir> pretrained/<name>"

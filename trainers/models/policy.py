@@ -13,7 +13,7 @@ from torchrl.data import Composite
 from torchrl.envs.utils import ExplorationType, exploration_type
 from torchrl.modules import IndependentNormal, ProbabilisticActor, TanhNormal
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.config import GroundedConfig, PolicyConfig
 from trainers.models.grounding import GESTURE, LABELS, NEAR, OBSTACLE, SCENE_KEYS, TARGET, VERB, GroundingEncoder
 from trainers.models.networks import (

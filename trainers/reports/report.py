@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from core.command_line import run_program
-from core.schema import ConfigError
+from core.errors import ConfigError
+from core.system import system_info
 from trainers.reports import plots
 from trainers.reports.plots import MAIN_TASKS
 from trainers.reports.scores import LEVELS, bootstrap, final_over_best, iqm, result_of, score, time_to_level
@@ -27,7 +28,6 @@ from trainers.sweeps.runs import (
     share_cell,
 )
 from trainers.utils.files import write_text
-from trainers.utils.system_info import system_info
 
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 1200px; margin: 2em auto; padding: 0 1em; color: #222; }

@@ -9,8 +9,8 @@ from typing import Any
 
 import torch
 
+from core.errors import ConfigError
 from core.safe_files import FileError, check_plain
-from core.schema import ConfigError
 from core.spaces import public_keys
 from trainers.export import policy_file
 from trainers.utils.files import atomic_file

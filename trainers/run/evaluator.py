@@ -18,10 +18,11 @@ from tensordict.nn import TensorDictModuleBase
 from torch import Tensor
 from torchrl.envs import EnvBase
 
+from core.errors import Interrupted
 from trainers.collect.worker import MakeEnv, derive_seed
 from trainers.collect.worker_pool import CollectionError, Failure, raised
 from trainers.collect.worker_process import ChildProcess, detach
-from trainers.evaluation.evaluation import EvalResult, Interrupted, evaluate
+from trainers.evaluation.evaluation import EvalResult, evaluate
 from trainers.evaluation.video import record_video
 from trainers.models.policy import Policy
 from trainers.utils.files import atomic_path

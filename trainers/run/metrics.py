@@ -12,8 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from core.errors import ConfigError
 from core.safe_files import FileError, read_bytes
-from core.schema import ConfigError
 from trainers.utils.files import NO_FOLLOW, WriteError, write_text
 
 EVALUATION_NAMES = ("success_at_end", "success_once", "wrong_object", "disturbed", "mean_return", "mean_length")

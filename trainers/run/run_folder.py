@@ -8,7 +8,7 @@ import os
 import re
 from pathlib import Path
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.utils.files import NO_FOLLOW, remove_temporary_files
 
 LOCK = ".lock"

@@ -14,16 +14,17 @@ import torch
 from tensordict import TensorDictBase
 from torchrl.envs import EnvBase
 
+from core.errors import Interrupted
 from core.platform_tuning import import_compiler
-from core.system import StopSignal
+from core.system import StopSignal, cores
 from trainers.algorithms.algorithm import DivergedError
 from trainers.algorithms.build import build_algorithm
 from trainers.collect.collection import EpisodeStatistics, Rollouts
 from trainers.collect.collection import columns as collector_columns
 from trainers.collect.worker import MakeEnv, derive_seed
 from trainers.collect.worker_pool import CollectionError
-from trainers.config import Plan, cores, frames_per_batch, uses_processes
-from trainers.evaluation.evaluation import EvalResult, Interrupted
+from trainers.config import Plan, frames_per_batch, uses_processes
+from trainers.evaluation.evaluation import EvalResult
 from trainers.models.policy import Policy
 from trainers.reports.plots import learning_curve
 from trainers.run import checkpoint

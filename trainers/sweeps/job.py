@@ -14,9 +14,9 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from core.schema import ConfigError
-from core.system import signal_at_parent_death
-from trainers.config import cores, most_workers, read_collector
+from core.errors import ConfigError
+from core.system import cores, signal_at_parent_death
+from trainers.config import most_workers, read_collector
 from trainers.sweeps.arguments import NON_JOB_PREFIXES, quote_path
 from trainers.sweeps.runs import read_overrides, read_result
 from trainers.utils.files import write_checked_json, write_text

@@ -15,13 +15,13 @@ from typing import Any
 
 import yaml
 
+from core.errors import ConfigError
 from core.overrides import compose, groups
 from core.safe_files import FileError, check_plain, read_bytes
-from core.schema import ConfigError
+from core.system import system_info
 from trainers.config import without_former_keys
 from trainers.run.metrics import read_metrics
 from trainers.utils.files import read_checked_json, read_checked_yaml, write_checked_yaml
-from trainers.utils.system_info import system_info
 
 NAME = "sweep.yaml"
 SWEEP_FILE_BYTES = 2**20

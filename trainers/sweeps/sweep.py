@@ -23,7 +23,8 @@ from typing import Any
 
 from hydra.experimental.callback import Callback
 
-from core.schema import ConfigError, read
+from core.errors import ConfigError
+from core.schema import read
 from trainers.config import SweepConfig
 from trainers.run.run_folder import FolderLock
 from trainers.sweeps.arguments import register_resolvers

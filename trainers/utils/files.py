@@ -17,8 +17,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
+from core.errors import ConfigError
 from core.safe_files import FileError, parse_yaml, read_bytes, read_json
-from core.schema import ConfigError
 
 TEMPORARY = re.compile(r"\..+\.[0-9a-f]{16}\.tmp(\.\w+)?")  # names that `_temporary` gives
 NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError, did_you_mean
+from core.errors import ConfigError, did_you_mean
 from envs.sim.workspace import Fitting, WorkspaceConfig
 from envs.tasks.shared.geometry import scatter
 from envs.tasks.shared.types import (

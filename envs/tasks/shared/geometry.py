@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.tasks.shared.types import Array, State
 from language import Placed, Scene
 from language.spacing import keep_apart

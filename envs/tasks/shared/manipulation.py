@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.tasks.shared.achieved_goal import find_achieved_goal
 from envs.tasks.shared.base import ReferringTask
 from envs.tasks.shared.geometry import length, lifted, with_object_at

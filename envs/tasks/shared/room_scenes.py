@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.sim.devices import DEVICES, facing, turned
 from envs.sim.workspace import WorkspaceConfig
 from envs.tasks import devices

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.schema import Checked, ConfigError, did_you_mean, one_of, within
+from core.errors import ConfigError, did_you_mean
+from core.schema import Checked, one_of, within
 from human import PointingGesture
 from language import (
     DEVICES,

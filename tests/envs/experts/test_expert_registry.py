@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.experts import EXPERTS, expert, register_expert
 from envs.tasks import TASKS
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.experts.board import Move, MoveRunner, carry_out, moves_of
 from envs.tasks.board import SHAPES, Grid
 from envs.tasks.shared.types import EpisodeSpec, GripperStart

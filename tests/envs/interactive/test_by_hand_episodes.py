@@ -9,7 +9,7 @@ import pytest
 
 import envs.interactive.by_hand
 import evaluate
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs import read_env
 from envs.experts import Oracle
 from envs.experts.reach import ReachExpert

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
+from core.errors import ConfigError
 from core.overrides import apply, compose
-from core.schema import ConfigError
 from envs import make_env, read_env
 from envs.experts import Oracle
 from envs.tasks import EpisodeSpec

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from human import pointed_object
 from human.body.person_camera import FurnitureBox, Light, PersonCamera, render
 from tests.helpers.env_cases import differences, hold, make, partial_reset

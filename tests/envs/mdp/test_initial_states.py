@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from envs import read_env
 from envs.tasks import NOTHING
 from tests.helpers.env_cases import ROBOTS, act, make

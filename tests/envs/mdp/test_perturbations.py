@@ -7,8 +7,8 @@ import pybullet as bullet
 import pytest
 import torch
 
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from envs import read_env
 from envs.experts import expert
 from envs.tasks import RandomizeConfig

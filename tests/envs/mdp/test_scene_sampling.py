@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.mdp.object_rows import COLUMNS
 from tests.helpers.env_cases import make
 

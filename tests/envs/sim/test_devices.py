@@ -7,7 +7,7 @@ import pytest
 import torch
 from torchrl.envs.utils import check_env_specs
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.experts import expert
 from envs.mdp.object_rows import FACING, nouns_of_rows, scene_of_rows, static_rows
 from envs.tasks import State

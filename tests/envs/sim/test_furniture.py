@@ -10,8 +10,8 @@ import torch
 from omegaconf import OmegaConf
 from torchrl.envs.utils import check_env_specs
 
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from envs import read_env
 from tests.helpers.env_cases import LONG_ARMS, TOUCHING, act, differences, make, options, partial_reset
 

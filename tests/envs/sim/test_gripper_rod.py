@@ -4,8 +4,8 @@ import numpy as np
 import pybullet as bullet
 import pytest
 
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from envs import read_env
 from envs.sim.robot import Robot, read_chain
 from envs.tasks.board import Grid

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from envs import make_env, read_env
 from envs.sim.robot import read_chain
 

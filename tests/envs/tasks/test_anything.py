@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS

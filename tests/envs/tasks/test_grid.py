@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.tasks.board import Grid, above
 
 GRID = Grid([0.295, 0.595, -0.15, 0.15], cell=0.0375, size=0.025)

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.experts import Oracle, expert
 from envs.tasks import NOTHING
 from envs.tasks.hand_over import AROUND, NUMBER, PUSHED

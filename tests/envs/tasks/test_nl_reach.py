@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.experts import Oracle
 from envs.mdp.object_rows import scene_of_rows
 from language import ground, parse, say

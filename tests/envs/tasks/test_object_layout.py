@@ -7,7 +7,7 @@ import pytest
 import torch
 from torchrl.envs.utils import check_env_specs
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.tasks import EpisodeSpec
 from envs.tasks.shared.geometry import scatter
 from language import COLORS, SHAPES, Object, Scene, rgba

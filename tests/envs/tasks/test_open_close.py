@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from envs import read_env
 from envs.experts.furniture import OpenCloseExpert
 from envs.mdp.object_rows import COLUMNS, nouns_of_rows

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS, nouns_of_rows, scene_of_rows
 from envs.tasks.devices import OPERATED

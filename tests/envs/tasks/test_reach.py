@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.tasks import TASKS, State
 from envs.tasks.reach import Reach
 from tests.helpers.env_cases import act, make, task_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs.experts import expert
 from envs.tasks import NOTHING
 from language import parse

@@ -3,8 +3,8 @@
 import pytest
 import yaml
 
+from core.errors import ConfigError
 from core.overrides import ROOT, compose, groups
-from core.schema import ConfigError
 from envs.config import read_env
 from envs.tasks import TASKS, register_task
 from language import VERBS, LanguageError

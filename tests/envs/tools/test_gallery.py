@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from core.errors import ConfigError
 from core.overrides import groups
-from core.schema import ConfigError
 from tools import gallery
 from tools.gallery import COLUMNS, HEIGHT, MARGIN, WIDTH, main, sheet, tasks, workspaces
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from core.errors import ConfigError
 from core.overrides import apply, compose
-from core.schema import ConfigError
 from envs import read_env
 from envs.perturbed_conditions import PLAIN, conditions, each_condition
 from trainers.reports.evaluation_text import table, with_ratios

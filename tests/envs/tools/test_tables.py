@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from core.errors import ConfigError
 from core.overrides import groups
-from core.schema import ConfigError
 from envs import make_env
 from envs.mdp.observations import descriptions
 from tools import reference_tables

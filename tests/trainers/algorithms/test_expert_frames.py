@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from tests.helpers.labelled_fake_env import LABEL, make_labelled
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from tests.helpers.plans import CONF
 from trainers.algorithms.registry import config_classes, read_algorithm, register
 from trainers.config import read_plan

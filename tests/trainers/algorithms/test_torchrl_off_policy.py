@@ -5,7 +5,7 @@ import copy
 import pytest
 import torch
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm

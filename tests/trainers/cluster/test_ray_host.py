@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from tests.helpers.fake_env import make_crashing, make_env
 from tests.helpers.plans import plan
 from tests.helpers.ray_cases import listening, own_ray

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from core.schema import ConfigError, RunError
+from core.errors import ConfigError, Interrupted, RunError
 from tests.helpers.ray_cases import own_ray
 from trainers.cluster.ray_map import evaluate_shards, map_on_cluster
-from trainers.evaluation.evaluation import EpisodeOutcome, Interrupted
+from trainers.evaluation.evaluation import EpisodeOutcome
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.cluster import ray_session
 from trainers.cluster.ray_session import RaySession, difference, import_ray, versions
 

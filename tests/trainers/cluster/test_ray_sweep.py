@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from tests.helpers.ray_cases import left_over, own_ray
 from trainers.cluster import ray_sweep
 from trainers.cluster.ray_sweep import NodeJob, RaySweep, pack, run_jobs, unpack

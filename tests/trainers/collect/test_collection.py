@@ -12,12 +12,12 @@ from contextlib import closing
 import pytest
 import torch
 
+from core.errors import Interrupted
 from tests.helpers.fake_env import make_crashing, make_env
 from tests.helpers.plans import plan
 from tests.helpers.processes import parent_of
 from trainers.collect.collection import CollectionError, Rollouts
 from trainers.collect.worker import Worker, WorkerSpec
-from trainers.evaluation.evaluation import Interrupted
 from trainers.models.policy import build_policy
 
 HORIZON = 4

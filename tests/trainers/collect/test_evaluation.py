@@ -6,9 +6,10 @@ import pytest
 import torch
 from tensordict.nn import TensorDictModule
 
+from core.errors import Interrupted
 from tests.helpers.fake_env import FakeEnv, make_env
 from tests.helpers.fake_expert import EXPERT
-from trainers.evaluation.evaluation import Interrupted, evaluate, quotas, wilson
+from trainers.evaluation.evaluation import evaluate, quotas, wilson
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.errors import Interrupted
 from envs import make_env
 from envs.experts import expert
 from tests.helpers.recordings import FORMATS, expected_episodes, record_formats
 from trainers.datasets import dataset
 from trainers.datasets.demonstrations import demonstrate
-from trainers.evaluation.evaluation import Interrupted
 
 pytestmark = pytest.mark.slow
 

@@ -9,8 +9,8 @@ import pytest
 
 import record
 import train
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from tests.helpers.recordings import FORMATS, record_formats
 from tests.helpers.tiny_run import TINY
 

@@ -9,7 +9,7 @@ import torch
 from safetensors.torch import save_file
 
 import evaluate
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.export import policy_file
 from trainers.run import checkpoint
 from trainers.run.checkpoint import CheckpointError

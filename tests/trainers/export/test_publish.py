@@ -11,8 +11,8 @@ import torch
 
 import evaluate
 import train
+from core.errors import ConfigError
 from core.overrides import compose
-from core.schema import ConfigError
 from tests.helpers.tiny_run import TINY
 from tests.helpers.training_keys import training_keys
 from trainers.export import publish

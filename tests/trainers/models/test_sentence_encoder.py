@@ -9,7 +9,7 @@ import pytest
 import torch
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from tests.helpers.fake_env import WORDS, make_env
 from tests.helpers.plans import config, plan
 from trainers.algorithms.build import build_algorithm, restore_policy

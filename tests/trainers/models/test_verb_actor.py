@@ -5,7 +5,7 @@ import torch
 from torchrl.data import Bounded, Categorical
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from tests.helpers.fake_env import make_env
 from tests.helpers.plans import plan
 from trainers.models.grounding import VERB, VERB_LOGITS

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from tests.helpers.run_folders import add_run, config
 from trainers.reports.report import write
 from trainers.sweeps.runs import find_runs

@@ -10,11 +10,11 @@ from functools import partial
 import pytest
 import torch
 
+from core.errors import Interrupted
 from tests.helpers.fake_env import WORDS, FakeEnv, make_env
 from tests.helpers.plans import plan
 from trainers.algorithms.build import build_algorithm
 from trainers.collect.worker_pool import CollectionError
-from trainers.evaluation.evaluation import Interrupted
 from trainers.run.evaluator import EpisodesTask, Evaluator, VideoTask
 from trainers.utils.files import WriteError
 

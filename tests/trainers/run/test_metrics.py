@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from tests.helpers.run_folders import add_run, config
 from trainers.run.metrics import MetricsWriter, read_metrics
 from trainers.sweeps.runs import find_runs

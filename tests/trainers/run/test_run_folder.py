@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.run import run_folder
 from trainers.run.run_folder import FolderLock, name_semaphores
 from trainers.utils.files import atomic_file, write_text

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from tests.helpers.fake_env import FakeEnv, make_env
 from tests.helpers.short_training import train, untimed_rows
 from trainers.algorithms.algorithm import DivergedError

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.sweeps.arguments import expand_resume, quote_path
 
 

@@ -12,7 +12,7 @@ from tensordict import TensorDict
 from tensordict.nn import TensorDictModule
 
 import evaluate
-from core.schema import ConfigError
+from core.errors import ConfigError
 from envs import read_env
 from envs.workspace_env import WorkspaceEnv
 from trainers.algorithms.build import fitted_policy

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.sweeps.runs import add_start, read_starts
 
 

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 from trainers.utils.files import atomic_directory, atomic_file, write_json, write_text
 
 

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 import record
-from core.schema import ConfigError
+from core.errors import ConfigError
 from core.system import import_optional
 
 

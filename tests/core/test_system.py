@@ -6,7 +6,7 @@ import platform
 
 import torch
 
-from trainers.utils.system_info import PACKAGES, system_info
+from core.system import PACKAGES, system_info
 
 
 def test_it_names_the_cores_the_processor_and_the_versions():
