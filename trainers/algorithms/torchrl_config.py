@@ -10,7 +10,7 @@ from core.schema import one_of, within
 from trainers.algorithms.registry import OffPolicyConfig, OnPolicyConfig, register
 
 
-@register("torchrl_on_policy", builds="torchrl_on_policy.TorchRLOnPolicy")
+@register("torchrl_on_policy", builds="torchrl_losses.TorchRLOnPolicy")
 @dataclass(frozen=True, kw_only=True)
 class TorchRLOnPolicyConfig(OnPolicyConfig):
     """An on-policy loss of TorchRL: A2CLoss, PPOLoss, ClipPPOLoss, ..."""
@@ -20,7 +20,7 @@ class TorchRLOnPolicyConfig(OnPolicyConfig):
     options: dict[str, Any]  # keyword arguments of the loss
 
 
-@register("torchrl_off_policy", builds="torchrl_off_policy.TorchRLOffPolicy")
+@register("torchrl_off_policy", builds="torchrl_losses.TorchRLOffPolicy")
 @dataclass(frozen=True, kw_only=True)
 class TorchRLOffPolicyConfig(OffPolicyConfig):
     """An off-policy loss of TorchRL: TD3Loss, SACLoss, CrossQLoss, TQCLoss, REDQLoss, DDPGLoss, ..."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from trainers.reports.plots import bin_name
 from trainers.sweeps.runs import share_cell
 
 WORST = 5  # transitions that are shown
@@ -49,6 +48,14 @@ def _moved(report: dict[str, Any]) -> list[str]:
     measured = {name: value for name, value in report.get("moved", {}).items() if value is not None}
     parts = [f"{name.replace('_', ' ')} {share_cell(value)}" for name, value in measured.items()]
     return [f"{'moved':16} {', '.join(parts)}"] if parts else []
+
+
+def bin_name(name: str, ends: Sequence[float | None]) -> str:
+    """The label of a bin: "2-3", "30+", and "6" for a count. ends: its lower and upper edge."""
+    low, high = ends
+    if name == "objects":
+        return f"{low:g}"
+    return f"{low:g}+" if high is None else f"{low:g}-{high:g}"
 
 
 HEADER = ("condition", "success (95 %)", "/ plain", "disturbed", "wrong object", "episodes")

@@ -1,4 +1,4 @@
-"""Figures of one run: its learning curve, and success by difficulty of the gesture."""
+"""Figures as image files: the learning curve and the pointing figure of one run, and curves of several runs."""
 
 from __future__ import annotations
 
@@ -13,9 +13,29 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
+from trainers.reports.evaluation_text import bin_name
 from trainers.run.metrics import read_metrics
 from trainers.sweeps.runs import RunRecord
 from trainers.utils.files import atomic_path
+
+Groups = Mapping[str, Sequence[RunRecord]]  # runs with one configuration, by its label
+PANELS = {  # measure in a result's "by_pointing" -> label of its axis
+    "angle": "angle to the nearest rival, from the fingertip (degrees)",
+    "objects": "number of objects",
+    "distance": "distance from the fingertip (cm)",
+    "stray": "angular error of the ray / angle to the nearest rival",
+}
+CURVES = {  # column of metrics.csv -> label and style of its line
+    "train/success": ("success in training", "-"),
+    "eval/success_at_end": ("success of the deterministic policy", "o-"),
+    "eval/wrong_object": ("wrong object", "x--"),
+    "grounding/accuracy": ("grounding accuracy", ":"),
+}
+MAIN_TASKS = ("nl_reach", "nl_pick_and_place", "nl_reach_gesture")
+LEGEND_COLUMNS = 3  # labels in a row below a figure
+LEGEND_ROW_HEIGHT = 0.24  # inches
+LOSS_POINTS = 60  # of a loss curve
+STYLES = ("-", "--", ":")
 
 
 def learning_curve(metrics: Path, target: Path) -> None:
@@ -25,19 +45,11 @@ def learning_curve(metrics: Path, target: Path) -> None:
         metrics: path of metrics.csv.
         target: path of the image.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     rows = read_metrics(metrics)
     figure = Figure(figsize=(7, 4))
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    for name, label, style in (
-        ("train/success", "success in training", "-"),
-        ("eval/success_at_end", "success of the deterministic policy", "o-"),
-        ("eval/wrong_object", "wrong object", "x--"),
-        ("grounding/accuracy", "grounding accuracy", ":"),
-    ):
+    for name, (label, style) in CURVES.items():
         points = [(row["frames"], row[name]) for row in rows if math.isfinite(row.get(name, math.nan))]
         if points:
             axes.plot(*zip(*points, strict=True), style, label=label)
@@ -49,14 +61,6 @@ def learning_curve(metrics: Path, target: Path) -> None:
         figure.savefig(temporary, dpi=120, bbox_inches="tight")
 
 
-PANELS = {  # measure in a result's "by_pointing" -> label of its axis
-    "angle": "angle to the nearest rival, from the fingertip (degrees)",
-    "objects": "number of objects",
-    "distance": "distance from the fingertip (cm)",
-    "stray": "angular error of the ray / angle to the nearest rival",
-}
-
-
 def pointing_plot(by_pointing: Mapping[str, Sequence[Mapping[str, Any]]], target: Path, title: str) -> None:
     """Plot success by angle, number of objects, distance and error, with 95 % intervals and episodes per bin.
 
@@ -65,16 +69,12 @@ def pointing_plot(by_pointing: Mapping[str, Sequence[Mapping[str, Any]]], target
         target: path of the image.
         title: of the figure.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     names = [name for name in PANELS if name in by_pointing]
-    figure = Figure(figsize=(4.5 * min(len(names), 2), 3.6 * -(-len(names) // 2)), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(-(-len(names) // 2), min(len(names), 2), squeeze=False).flat
+    columns, rows = min(len(names), 2), -(-len(names) // 2)
+    figure, panels = _figure(rows, columns, (4.5 * columns, 3.6 * rows))
     for axes, name in zip(panels, names, strict=False):
         _panel(axes, name, by_pointing[name])
-    for axes in list(panels)[len(names) :]:
+    for axes in panels[len(names) :]:
         axes.set_axis_off()
     figure.suptitle(f"{title}\n95 % intervals, and the number of episodes above", fontsize="medium")
     with atomic_path(target) as temporary:
@@ -95,22 +95,6 @@ def _panel(axes: Any, name: str, bins: Sequence[Mapping[str, Any]]) -> None:
     axes.set(xlabel=PANELS[name], ylabel="success at end", ylim=(0, 1.12), xlim=(-0.6, len(bins) - 0.4))
     axes.set_xticks(positions, [bin_name(name, part["range"]) for part in bins], fontsize="small")
     axes.grid(axis="y", alpha=0.3)
-
-
-def bin_name(name: str, ends: Sequence[float | None]) -> str:
-    """The label of a bin: "2-3", "30+", and "6" for a count. ends: its lower and upper edge."""
-    low, high = ends
-    if name == "objects":
-        return f"{low:g}"
-    return f"{low:g}+" if high is None else f"{low:g}-{high:g}"
-
-
-Groups = Mapping[str, Sequence[RunRecord]]
-MAIN_TASKS = ("nl_reach", "nl_pick_and_place", "nl_reach_gesture")
-LEGEND_COLUMNS = 3  # labels in a row below a figure
-LEGEND_ROW_HEIGHT = 0.24  # inches
-BINS = 60  # points of a loss curve
-STYLES = ("-", "--", ":")
 
 
 def success(groups: Groups, target: Path) -> None:
@@ -179,10 +163,10 @@ def evaluation_curves(runs: Sequence[RunRecord], column: str) -> list[np.ndarray
 
 
 def binned_curve(run: RunRecord, column: str) -> np.ndarray:
-    """(2, points) frames and values of a column, averaged over at most `BINS` intervals of the run."""
+    """(2, points) frames and values of a column, averaged over at most `LOSS_POINTS` intervals of the run."""
     points = np.array([(row["frames"], row.get(column, np.nan)) for row in run.rows]).reshape(-1, 2)
     points = points[np.isfinite(points[:, 1])]
-    parts = [part.mean(0) for part in np.array_split(points, BINS) if len(part)]
+    parts = [part.mean(0) for part in np.array_split(points, LOSS_POINTS) if len(part)]
     return np.array(parts).reshape(-1, 2).T
 
 

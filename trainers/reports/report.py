@@ -231,7 +231,7 @@ def _task(run: RunRecord) -> str:
 def _losses_section(groups: Groups, folder: Path) -> list[Block]:
     if not plots.losses(groups, folder / "losses.png"):
         return []
-    text = f"Measured at each update and averaged over {plots.BINS} intervals of the run. {SEEDS}"
+    text = f"Measured at each update and averaged over {plots.LOSS_POINTS} intervals of the run. {SEEDS}"
     return [Heading("Losses"), Picture("losses.png", "Losses against frames"), Paragraph(text)]
 
 

@@ -26,7 +26,6 @@ from trainers.collect.worker_pool import CollectionError
 from trainers.config import Plan, frames_per_batch, uses_processes
 from trainers.evaluation.evaluation import EvalResult
 from trainers.models.policy import Policy
-from trainers.reports.plots import learning_curve
 from trainers.run import checkpoint
 from trainers.run.checkpoint import extend_vocabulary
 from trainers.run.evaluator import Evaluator, VideoTask
@@ -84,6 +83,8 @@ def write_report(
     Returns:
         The values of eval.json.
     """
+    from trainers.reports.plots import learning_curve  # matplotlib is slow to import
+
     config, video = run.plan.eval, None
     if make_video_env is not None and config.video_episodes:
         video = VideoTask(make_video_env, run.folder / "evaluation.mp4", config.video_episodes)

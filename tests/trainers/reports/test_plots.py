@@ -5,8 +5,8 @@ from __future__ import annotations
 from tests.helpers.fake_env import make_env
 from tests.helpers.fake_expert import EXPERT
 from trainers.evaluation.evaluation import BINS, EpisodeOutcome, by_pointing, evaluate
-from trainers.reports.evaluation_text import describe
-from trainers.reports.plots import bin_name, learning_curve, pointing_plot
+from trainers.reports.evaluation_text import bin_name, describe
+from trainers.reports.plots import learning_curve, pointing_plot
 
 
 def episode(success, **pointing):
