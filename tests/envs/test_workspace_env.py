@@ -24,6 +24,7 @@ from tests.helpers.env_cases import (
     partial_reset,
 )
 
+pytestmark = pytest.mark.sampled
 WORLDS = 3
 MARK, IN_THE_AIR = "is the one to be moved; 0 where words say it", "is in the air"
 

@@ -31,6 +31,7 @@ def arm_touches_furniture(env):
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize("combination", COMBINATIONS, ids=name_of)
 def test_the_expert_solves_the_task_without_touching_the_table(combination):
     env = make(
@@ -55,6 +56,7 @@ def test_the_expert_solves_the_task_without_touching_the_table(combination):
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize("workspace", options("workspace"))
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_expert_reaches_every_goal_in_every_workspace(robot, workspace):

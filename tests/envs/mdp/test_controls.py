@@ -177,6 +177,7 @@ def test_joint_actions_span_the_limits_at_limited_speed(robot):
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize("control", [name for name in CONTROLS if name != "joints"])
 def test_the_gripper_points_down_all_along_a_path_through_the_box(robot, control):
     rng = np.random.default_rng(0)
@@ -206,6 +207,7 @@ def test_actions_are_clipped_to_1(control):
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
 @pytest.mark.parametrize("control", CONTROLS)
 def test_a_non_finite_action_is_an_error_and_moves_nothing(control, bad):
@@ -244,6 +246,7 @@ def test_the_gripper_rises_at_once_after_pressing_on_the_table(control):
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize("control", CONTROLS)
 def test_a_gripper_that_is_to_move_nothing_stays_above_the_objects(robot, control):
     """It is commanded to go down through an object. With joints as actions, it may overshoot by some millimetres."""

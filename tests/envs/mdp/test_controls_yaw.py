@@ -32,6 +32,7 @@ def turned(env, td, yaw, steps=60):
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize("control", CONTROLS)
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_yaw_turns_the_gripper_in_place_while_it_points_down(robot, control):

@@ -136,6 +136,7 @@ def test_a_world_without_devices_has_no_device_bodies():
 # ---- what becomes of them -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("name", TASKS)
 def test_the_expert_operates_the_referent(name, robot):
@@ -234,6 +235,7 @@ def test_a_wheel_can_be_turned_in_both_directions():
 # ---- the same seed, the same bits -----------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("robot", "control"), [("kuka", "step"), ("panda", "joints")])
 @pytest.mark.parametrize("name", TASKS)
 def test_a_seed_gives_the_same_bits_after_any_contact_and_for_any_number_of_worlds(name, robot, control):

@@ -86,6 +86,7 @@ def test_a_closed_fitting_does_not_overlap_other_furniture(workspace, name):
 # ---- fittings -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled
 # xarm7's motors are weak: it stalls after 2 of the 10 cm that the drawer can be pushed.
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", [robot for robot in LONG_ARMS if robot != "xarm7"])
@@ -132,6 +133,7 @@ def pull(world, body, fitting, strength):
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize(("robot", "control"), [("kuka", "step"), ("panda", "joints")])
 @pytest.mark.parametrize(("workspace", "name"), PUSHED)
 def test_a_seed_gives_the_same_bits_after_a_fitting_was_pushed(workspace, name, robot, control):

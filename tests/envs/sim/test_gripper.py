@@ -15,6 +15,7 @@ def referents(env):
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize("control", ["step", "joints"])
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_no_object_is_pressed_through_the_table(robot, control):
