@@ -29,7 +29,7 @@ ENOUGH = 0.95
 
 
 def measured(task: str, robot: str, control: str, episodes: int, seed: int, oracle: bool) -> dict[str, Any]:
-    """The result of one expert."""
+    """Return the result of one expert."""
     config = read_env(compose([f"task={task}", f"robot={robot}", f"control={control}"]))
     with closing(WorkspaceEnv(config.without_curriculum(), WORLDS, seed)) as env:
         actor = Oracle(env) if oracle and env.task.speaks else expert(env)

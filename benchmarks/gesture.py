@@ -60,7 +60,7 @@ RATIOS = (  # numerator and denominator, in steps a second
 
 
 def pointing(args: argparse.Namespace) -> dict[str, Any]:
-    """Degrees between the finger and a grid over the whole table, the share refused, and milliseconds of CPU time.
+    """Measure degrees between the finger and a grid over the table, the share refused, and milliseconds of CPU time.
 
     Each style points at the whole table top. "objects" is the area where objects are placed, and so the cost in a
     reset; "anywhere" is the space around the person, much of which the person cannot point at.
@@ -84,14 +84,14 @@ def pointing(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def grid(center: list[float], size: list[float], side: int) -> Array:
-    """(side^2, 3) points, metres, row by row: a grid over a table top, HEIGHT above it."""
+    """Return (side^2, 3) points, metres, row by row: a grid over a table top, HEIGHT above it."""
     x, y = (center[i] + size[i] * (np.arange(side) / (side - 1) - 0.5) for i in range(2))
     places = np.meshgrid(x, y, indexing="ij")
     return np.stack([*(each.ravel() for each in places), np.full(side**2, center[2] + size[2] / 2 + HEIGHT)], 1)
 
 
 def _pointing_errors(env: WorkspaceEnv, style: str, targets: Array) -> dict[str, Any]:
-    """For each target: the arm moves there from the target before; then it is posed there from hanging."""
+    """Measure each target: the arm moves there from the target before; then it is posed there from hanging."""
     world, frames = env._worlds[0], env.config.gesture.frames
     person: Any = world.person
     moved, posed, seconds = [], [], []
@@ -123,13 +123,13 @@ def _pointing_errors(env: WorkspaceEnv, style: str, targets: Array) -> dict[str,
 
 
 def angle_to(person: Body, target: Array, style: str) -> float:
-    """Degrees between the style's ray, by Bullet's link states, and target (3,), seen from the fingertip."""
+    """Return degrees between the style's ray, by Bullet's link states, and target (3,), seen from the fingertip."""
     origin, direction = person.drawn(style)
     return float(np.rad2deg(ray_offsets(origin, direction, target[None]).angle[0]))
 
 
 def percentiles(values: Any) -> dict[str, float]:
-    """The median, the 99th percentile and the maximum."""
+    """Return the median, the 99th percentile and the maximum."""
     median, high = np.percentile(values, (50, 99))
     return {"median": round(float(median), 4), "p99": round(float(high), 4), "most": round(float(np.max(values)), 4)}
 
@@ -138,7 +138,7 @@ def percentiles(values: Any) -> dict[str, float]:
 
 
 def picking(args: argparse.Namespace) -> dict[str, Any]:
-    """Share of scenes in which the object nearest to the ray is the referent, beside the Bayes-optimal observers."""
+    """Measure how often the object nearest to the ray is the referent, beside the Bayes-optimal observers."""
     result: dict[str, Any] = {"objects": 6, "spacing_m": SPACING, "scenes": args.scenes, "seed": args.seed}
     for noise in args.noise:
         config, person = _make_person(noise)
@@ -156,13 +156,13 @@ def picking(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _make_person(noise_deg: float) -> tuple[EnvConfig, Any]:
-    """The config of nl_reach_gesture, and its person."""
+    """Return the config of nl_reach_gesture, and its person."""
     config = read_env(compose(["task=nl_reach_gesture", f"gesture.noise_deg={noise_deg}"]))
     return config, make_person(config.workspace.human, config.gesture)
 
 
 def _pointed_scenes(person: Person, area: list[float], count: int, rng: Generator) -> Iterator[PointedScene]:
-    """Scenes of six objects scattered over the area, and a gesture towards the centre of one of them."""
+    """Yield scenes of six objects scattered over the area, and a gesture towards the centre of one of them."""
     for _ in range(count):
         positions = np.array(scatter(rng, 6, area, SPACING, HEIGHT))
         referent = int(rng.integers(6))
@@ -186,7 +186,7 @@ def ceiling(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def speed(args: argparse.Namespace) -> dict[str, Any]:
-    """Env steps a second, resets included. Rounds go through all environments forwards and backwards in turn.
+    """Measure env steps a second, resets included. Rounds go through all environments forwards and backwards in turn.
 
     Counts CPU seconds of this process, so that other load on the machine matters little.
     """
@@ -209,14 +209,14 @@ def speed(args: argparse.Namespace) -> dict[str, Any]:
 
 
 class Runner:
-    """Steps one environment with random actions or an expert, STEPS_PER_ROUND control steps a call."""
+    """Loop of one environment with random actions or an expert, STEPS_PER_ROUND control steps a call."""
 
     def __init__(self, env: WorkspaceEnv, expert: Callable[[TensorDictBase], TensorDictBase] | None) -> None:
         self._env, self._expert, self._random = env, expert, actions(env, STEPS_PER_ROUND)
         self._state: TensorDictBase | None = None
 
     def rate(self) -> float:
-        """World steps per CPU second of this process."""
+        """Return world steps per CPU second of this process."""
         state = self._env.reset() if self._state is None else self._state
         start = time.thread_time()
         for action in self._random:
@@ -228,13 +228,13 @@ class Runner:
 
 
 def summary(values: Array, digits: int) -> dict[str, float]:
-    """Median, least and greatest over the rounds, without the first, which warms up."""
+    """Return median, least and greatest over the rounds, without the first, which warms up."""
     statistics = (("median", np.median), ("least", np.min), ("most", np.max))
     return {name: round(float(statistic(values[1:])), digits) for name, statistic in statistics}
 
 
 def main() -> None:
-    """Measures one thing and prints its table. There is no pass or fail."""
+    """Measure one thing and print its table. There is no pass or fail."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("pointing", "picking", "ceiling", "speed"))
     parser.add_argument("--side", type=int, default=100, help="pointing: points along each side of the grid")

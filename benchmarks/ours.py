@@ -45,12 +45,12 @@ def rate(count: int, unit: str, work: Callable[[], Any]) -> dict[str, Any]:
 
 
 def actions(env: Any, rows: int) -> torch.Tensor:
-    """Random actions (rows, N, A), in [-1, 1], the same in every run."""
+    """Return random actions (rows, N, A), in [-1, 1], the same in every run."""
     return 2 * torch.rand(rows, *env.action_spec.shape, generator=torch.Generator().manual_seed(0)) - 1
 
 
 def run_actions(env: Any, rows: torch.Tensor, state: Any) -> Any:
-    """Takes a control step for each row, with partial resets. Returns the last state."""
+    """Take a control step for each row, with partial resets; return the last state."""
     for row in rows:
         state["action"] = row
         _, state = env.step_and_maybe_reset(state)
@@ -58,7 +58,7 @@ def run_actions(env: Any, rows: torch.Tensor, state: Any) -> Any:
 
 
 def env_bare(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
-    """Env steps a second over all worlds, with random actions, resets included."""
+    """Measure env steps a second over all worlds, with random actions, resets included."""
     env = make_env(overrides, WORLDS)
     rows = actions(env, steps // WORLDS)
     state = run_actions(env, rows[:WARM_UP], env.reset())
@@ -66,7 +66,7 @@ def env_bare(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
 
 
 def raw_loop(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
-    """Control steps a second of PyBullet only: the same worlds, with the motor targets that `env_bare` sends."""
+    """Measure control steps a second of PyBullet alone: the same worlds, with the motor targets of `env_bare`."""
     import pybullet as bullet
 
     env = make_env(overrides, WORLDS)
@@ -109,7 +109,7 @@ def _recording(drive: Callable[[Any], None], targets: list[Any]) -> Callable[[An
 
 
 def collector(steps: int, overrides: Sequence[str], workers: int) -> dict[str, Any]:
-    """Frames a second of TorchRL's collector with the default policy and a weight update for each batch."""
+    """Measure frames a second of TorchRL's collector with the default policy and a weight update for each batch."""
     config = compose(overrides)
     plan = read_plan(config)
     make = partial(build_env, read_env(config))
@@ -132,7 +132,7 @@ def collector(steps: int, overrides: Sequence[str], workers: int) -> dict[str, A
 
 
 def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
-    """Frames a second of collection and updates, without start-up and evaluation, as for the peers.
+    """Measure frames a second of collection and updates, without start-up and evaluation, as for the peers.
 
     The networks are those of stable-baselines3's defaults; the other hyperparameters are ours.
     """
@@ -148,7 +148,7 @@ def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
 
 
 def sac_gradient_steps(steps: int) -> dict[str, Any]:
-    """SAC updates a second on a filled buffer, with batch 256 and networks of 256 x 256."""
+    """Measure SAC updates a second on a filled buffer, with batch 256 and networks of 256 x 256."""
     config = compose(["task=reach", "robot=panda", "algo=sac", *SB3_SAC, "algo.batch=256"])
     plan = read_plan(config)
     env = build_env(read_env(config), WORLDS, 0)
@@ -169,7 +169,7 @@ def sac_gradient_steps(steps: int) -> dict[str, Any]:
 
 
 def sac_products(steps: int) -> dict[str, Any]:
-    """The matrix products of `sac_gradient_steps`, and nothing else: a lower bound of its time."""
+    """Measure the matrix products of `sac_gradient_steps`, and nothing else: a lower bound of its time."""
     torch.set_num_threads(len(os.sched_getaffinity(0)))
     config = compose(["task=reach", "robot=panda", "algo=sac", *SB3_SAC])
     env = build_env(read_env(config), 1, 0)
@@ -205,13 +205,13 @@ def sac_products(steps: int) -> dict[str, Any]:
 
 
 def memory_per_world(worlds: int) -> dict[str, Any]:
-    """MiB that each world adds to a training run, over all processes, without the workers' interpreters."""
+    """Measure the MiB that each world adds to a training run, over all processes, without the workers' interpreters."""
     small, large = _peak_memory(1), _peak_memory(1 + worlds)
     return {"rate": (large - small) / (2 * worlds), "unit": "MiB", "seconds": 0.0}
 
 
 def _peak_memory(worlds: int) -> float:
-    """MiB of a training run with `worlds` in each of two workers, after its third batch."""
+    """Measure the MiB of a training run with `worlds` in each of two workers, after its third batch."""
     config = compose([f"collector.worlds={2 * worlds}", "collector.workers=2", "algo.minibatch=16"])
     plan = read_plan(config)
     make = partial(build_env, read_env(config))
@@ -228,13 +228,13 @@ def _peak_memory(worlds: int) -> float:
 
 
 def _resident(pid: int) -> float:
-    """MiB of private memory: shared pages are not counted twice."""
+    """Return MiB of private memory: shared pages are not counted twice."""
     rows = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     return sum(int(row.split()[1]) for row in rows if row.startswith("Private_")) / 1024
 
 
 def reset_memory(resets: int) -> dict[str, Any]:
-    """Memory after this number of resets, over memory after the first tenth of them."""
+    """Measure memory after this number of resets, over memory after the first tenth of them."""
     env = make_env((), WORLDS)
     after = []
     for part in (0.1, 0.9):
@@ -267,7 +267,7 @@ WORKLOADS: dict[str, Callable[[int], dict[str, Any]]] = {
 
 
 def main() -> None:
-    """Runs a workload and prints its rate as one JSON line."""
+    """Run a workload and print its rate as one JSON line."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("workload", choices=WORKLOADS)
     parser.add_argument("--steps", type=int, default=20_000)

@@ -61,7 +61,7 @@ OBSERVE_MOTION = """() => {
 
 
 def start(args: argparse.Namespace) -> dict[str, Any]:
-    """Seconds to the page, milliseconds to first motions, and the speed of the clock meanwhile."""
+    """Measure the seconds to the page, milliseconds to first motions, and the speed of the clock meanwhile."""
     with headless_browser() as browser:
         start_time = time.perf_counter()
         server = PlayServer(*args.words)
@@ -86,7 +86,7 @@ def start(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def motion(args: argparse.Namespace) -> dict[str, Any]:
-    """Milliseconds from a sentence to a gripper that has moved, in the page's loop, without a browser."""
+    """Measure the milliseconds from a sentence to a gripper that has moved, in the page's loop, without a browser."""
     rng, session = np.random.default_rng(args.seed), Session(make_config(), args.seed)
     moved, rest = threading.Event(), session.env.gripper[0].copy()
 
@@ -113,7 +113,7 @@ def motion(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def said(args: argparse.Namespace) -> dict[str, Any]:
-    """Outcomes of sentences that are typed into the page, each in another scene."""
+    """Measure the outcomes of sentences that are typed into the page, each in another scene."""
     rng, ends = np.random.default_rng(args.seed), []
     server = PlayServer("--seed", str(args.seed), *args.words)
     with headless_browser() as browser:
@@ -164,7 +164,7 @@ def hostile(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _act(action: str, page: PageTab, browser: Any, address: str, rng: np.random.Generator) -> PageTab:
-    """One action. Returns the page for the next one: a second tab replaces the first."""
+    """Act once, and return the page for the next action: a second tab replaces the first."""
     if action in ("type", "enter"):
         text = WRITERS[rng.integers(len(WRITERS))](rng, random_scene(3, rng))
         text = text.encode("utf-8", "replace").decode()  # a browser cannot type lone surrogates
@@ -190,7 +190,7 @@ def _act(action: str, page: PageTab, browser: Any, address: str, rng: np.random.
 
 
 def film(args: argparse.Namespace) -> dict[str, Any]:
-    """A GIF of a sentence and its correction during motion, with a picture every second control step."""
+    """Make a GIF of a sentence and its correction during motion, with a picture every second control step."""
     server = PlayServer("--seed", str(args.seed), *args.words)
     pictures: list[Image.Image] = []
     with headless_browser() as browser:
@@ -223,7 +223,7 @@ def film(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measures one thing and prints the result as JSON."""
+    """Measure one thing and print the result as JSON."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("what", choices=list(COMMANDS))
     options.add_argument("words", nargs="*", default=["task=nl_reach"], help="arguments for play.py, after --")

@@ -37,7 +37,7 @@ class Physics:
     solver_iterations: int = 50
 
     def apply(self, env: Any) -> None:
-        """Sets the physics of a peer's environment, whose client is at `sim`."""
+        """Set the physics of a peer's environment, whose client is at `sim`."""
         sim = env.unwrapped.sim
         client = sim.bclient if hasattr(sim, "bclient") else sim.physics_client
         sim.n_substeps = self.substeps
@@ -103,22 +103,22 @@ def _make_lanro() -> Any:
 
 
 def panda_gym_reach(steps: int, physics: Physics) -> Rate:
-    """Env steps/s of `PandaReach-v3` (end-effector control) under random actions, resets included."""
+    """Measure env steps/s of `PandaReach-v3` (end-effector control) under random actions, resets included."""
     return _random_rate(_make_panda_gym("PandaReach-v3", physics), steps, physics)
 
 
 def panda_gym_reach_lean(steps: int, physics: Physics) -> Rate:
-    """`panda_gym_reach` with our number of solver iterations, which shows the cost of the code around the physics."""
+    """Measure `panda_gym_reach` with our number of solver iterations: the cost of the code around the physics."""
     return panda_gym_reach(steps, replace(physics, solver_iterations=LEAN_SOLVER_ITERATIONS))
 
 
 def lanro_nl_reach(steps: int, physics: Physics) -> Rate:
-    """Env steps/s of `PandaNLReach2-v0` (two cubes, a sentence) under random actions, resets included."""
+    """Measure env steps/s of `PandaNLReach2-v0` (two cubes, a sentence) under random actions, resets included."""
     return _random_rate(_make_lanro(), steps, physics)
 
 
 def sb3_ppo(steps: int, physics: Physics) -> Rate:
-    """Frames/s of stable-baselines3's PPO, default hyperparameters, 2 subprocess envs, the whole `learn()`.
+    """Measure frames/s of stable-baselines3's PPO, default hyperparameters, 2 subprocess envs, the whole `learn()`.
 
     PPO collects whole rollouts of 2 x 2048 frames, so `steps` is rounded up to those.
     """
@@ -156,7 +156,7 @@ def _make_sac(physics: Physics, learning_starts: int, cls: Any = None) -> Any:
 
 
 def sb3_sac(steps: int, physics: Physics) -> Rate:
-    """Gradient steps/s of stable-baselines3's SAC (batch 256, 256 x 256, two critics): `train()` alone."""
+    """Measure gradient steps/s of stable-baselines3's SAC (batch 256, 256 x 256, two critics): `train()` alone."""
     model = _make_sac(physics, learning_starts=SAC_BUFFER_FILL)
     model.learn(SAC_BUFFER_FILL)
     model.train(gradient_steps=WARM_UP, batch_size=BATCH_SIZE)
@@ -164,7 +164,7 @@ def sb3_sac(steps: int, physics: Physics) -> Rate:
 
 
 def sbx_sac(steps: int, physics: Physics) -> Rate:
-    """Gradient steps/s of SBX's SAC, which compiles with JAX: `sb3_sac`, the compilation left out."""
+    """Measure gradient steps/s of SBX's SAC, which compiles with JAX: `sb3_sac`, the compilation left out."""
     from sbx import SAC
 
     model = _make_sac(physics, learning_starts=SAC_BUFFER_FILL, cls=SAC)
@@ -174,7 +174,7 @@ def sbx_sac(steps: int, physics: Physics) -> Rate:
 
 
 def sb3_sac_frames(steps: int, physics: Physics) -> Rate:
-    """Frames/s of stable-baselines3's SAC in `learn()`, one gradient step a frame, one env."""
+    """Measure frames/s of stable-baselines3's SAC in `learn()`, one gradient step a frame, one env."""
     model = _make_sac(physics, learning_starts=WARM_UP)
     model.learn(2 * WARM_UP)
     return _timed(steps, "frames/s", lambda: model.learn(steps, reset_num_timesteps=False))
@@ -187,7 +187,7 @@ WORKLOADS = {
 
 
 def main() -> None:
-    """Runs a workload and prints its JSON line."""
+    """Run a workload and print its JSON line."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("workload", choices=WORKLOADS)
     parser.add_argument("--steps", type=int, default=2_000)

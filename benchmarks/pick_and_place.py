@@ -81,7 +81,7 @@ class SideError(Exception):
 
 
 def make_env() -> Any:
-    """The peer's environment."""
+    """Return the peer's environment."""
     import gymnasium
     import panda_gym  # noqa: F401  registers its envs
 
@@ -89,7 +89,7 @@ def make_env() -> Any:
 
 
 def make_model(setting: str, seed: int) -> Any:
-    """TQC with hindsight, with an environment of its own."""
+    """Return TQC with hindsight, with an environment of its own."""
     from sb3_contrib import TQC
     from stable_baselines3 import HerReplayBuffer
     from stable_baselines3.common.monitor import Monitor
@@ -101,7 +101,7 @@ def make_model(setting: str, seed: int) -> Any:
 
 
 def success_of(model: Any, env: Any, seeds: Iterable[int]) -> float:
-    """The share of episodes, one for each seed, that the deterministic policy solves."""
+    """Return the share of episodes, one for each seed, that the deterministic policy solves."""
     solved = [_solves(model, env, seed) for seed in seeds]
     return sum(solved) / len(solved)
 
@@ -117,7 +117,7 @@ def _solves(model: Any, env: Any, seed: int) -> bool:
 
 
 def run_peer(setting: str, seed: int, minutes: float, target: float, folder: Path) -> None:
-    """Learns until the target is confirmed or the minutes are over. Writes every evaluation to folder/metrics.csv."""
+    """Learn until the target is confirmed or the minutes are over. Writes every evaluation to folder/metrics.csv."""
     import panda_gym  # noqa: F401  imports before the clock starts
     import sb3_contrib  # noqa: F401
     import torch
@@ -188,7 +188,7 @@ class Side:
         return code is not None
 
     def close(self) -> None:
-        """Ends the process and the processes that it started."""
+        """End the process and those that it started."""
         if self.process.poll() is None:
             self.process.terminate()
             try:
@@ -198,14 +198,14 @@ class Side:
                 self.process.wait()
 
     def result(self, target: float) -> dict[str, Any]:
-        """Command, core, summary and learning curve."""
+        """Return command, core, summary and learning curve."""
         curve = read_curve(self.metrics)
         result = {"command": self.command, "core": self.core, **summarize(curve, target)}
         return result | {"curve": [list(each) for each in curve]}
 
 
 def wait_for(sides: Sequence[Side], target: float, deadline: float) -> None:
-    """Waits until both sides have finished or the time is over; ends a side that has. Raises SideError."""
+    """Wait until both sides have finished or the time is over; end a side that has. Raises SideError."""
     running = list(sides)
     while running and time.monotonic() < deadline:
         for side in [side for side in running if side.finished(target)]:
@@ -215,7 +215,7 @@ def wait_for(sides: Sequence[Side], target: float, deadline: float) -> None:
 
 
 def run_pair(args: argparse.Namespace, setting: str, seed: int, cores: Sequence[int]) -> dict[str, Any]:
-    """Both sides at the same time. Raises SideError."""
+    """Run both sides at the same time. Raises SideError."""
     folder = args.runs.resolve() / time.strftime("%Y-%m-%d_%H-%M-%S") / f"{setting}-s{seed}"
     limits = ["--minutes", f"{args.minutes:g}", "--target", f"{args.target:g}"]
     our_command = ["train.py", *our_overrides(args.overrides, seed)]
@@ -230,7 +230,7 @@ def run_pair(args: argparse.Namespace, setting: str, seed: int, cores: Sequence[
 
 
 def peer_versions() -> dict[str, str]:
-    """Versions of the peer's packages. Exits with one line if one is missing."""
+    """Return versions of the peer's packages. Exits with one line if one is missing."""
     try:
         return {package: metadata.version(package) for package in PEERS}
     except metadata.PackageNotFoundError as error:
@@ -238,7 +238,7 @@ def peer_versions() -> dict[str, str]:
 
 
 def compare(args: argparse.Namespace) -> None:
-    """Runs every pair and rewrites the JSON file after each. Raises SideError."""
+    """Run every pair and rewrite the JSON file after each. Raises SideError."""
     about: dict[str, Any] = {"command": shlex.join(["python", "-m", MODULE, *sys.argv[1:]]), "target": args.target}
     about |= {"machine": system_info() | peer_versions() | {"load_before": os.getloadavg()[0]}}
     about |= {"peer": {"shared": SHARED, "hindsight": HINDSIGHT, **SETTINGS}, "curve": Evaluation._fields}
@@ -255,7 +255,7 @@ def compare(args: argparse.Namespace) -> None:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The options."""
+    """Return the options."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("overrides", nargs="*", help=f"for train.py, in place of {OUR_OVERRIDES}")
     options.add_argument("--settings", default=",".join(SETTINGS), help="settings of the peer, a pair for each")
@@ -269,7 +269,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main() -> None:
-    """Compares, or runs the peer only."""
+    """Compare, or runs the peer only."""
     options = parser()
     args = options.parse_intermixed_args()
     args.settings, seeds = args.settings.split(","), args.seeds.split(",")

@@ -83,7 +83,7 @@ class Job:
 
 
 def boards(folder: Path, part: str) -> list[Board]:
-    """The scenes in which exactly one block differs, in the order of their numbers. Raises OSError."""
+    """Return the scenes in which exactly one block differs, in the order of their numbers. Raises OSError."""
     known = {item.scene: (item.before, item.after) for item in read(folder, part).items}
     return [board for number in sorted(known) if (board := _board(number, *known[number])) is not None]
 
@@ -99,7 +99,7 @@ def _board(number: int, before: World | None, after: World | None) -> Board | No
 
 
 def episode(board: Board, grid: Grid, marked: bool = False) -> EpisodeSpec:
-    """The board before as an episode. marked: with a see-through target where the block goes."""
+    """Return the board before as an episode. marked: with a see-through target where the block goes."""
     blocks = [*board.before.blocks, *[board.goal] * marked]
     scene = Scene.from_arrays(
         [list(NOUNS).index("cube")] * len(blocks),
@@ -115,7 +115,7 @@ def episode(board: Board, grid: Grid, marked: bool = False) -> EpisodeSpec:
 
 
 def begin(env: WorkspaceEnv, board: Board, marked: bool = False) -> tuple[Grid, Sequence[int]]:
-    """Lays out the board before. Returns its cells, and the number of each block among the objects that are shown."""
+    """Lay out the board before; return its cells, and the number of each block among the objects that are shown."""
     task = env.config.task
     grid = Grid(env.config.workspace.object_area, task.spacing, task.object_size)
     env.start([episode(board, grid, marked)], seed=board.number)
@@ -125,7 +125,7 @@ def begin(env: WorkspaceEnv, board: Board, marked: bool = False) -> tuple[Grid, 
 
 
 def moves(job: Job, grid: Grid, order: Sequence[int]) -> list[Move]:
-    """The moves of a job. order: as `begin` returns it."""
+    """Return the moves of a job. order: as `begin` returns it."""
     board = job.board
     if job.steps is None:
         return [Move(order[board.moved], grid.place(*board.goal[:3]), release=not board.after.closed)]
@@ -133,7 +133,7 @@ def moves(job: Job, grid: Grid, order: Sequence[int]) -> list[Move]:
 
 
 def error(env: WorkspaceEnv, job: Job, policy: LoadedPolicy | None = None) -> str:
-    """The error after the job was carried out, by the expert or by a policy; "" if there is none."""
+    """Return the error after the job was carried out, by the expert or by a policy; "" if there is none."""
     grid, order = begin(env, job.board, marked=policy is not None)
     try:
         if policy is not None:
@@ -148,7 +148,7 @@ def error(env: WorkspaceEnv, job: Job, policy: LoadedPolicy | None = None) -> st
 
 
 def difference(env: WorkspaceEnv, job: Job, grid: Grid, order: Sequence[int]) -> str:
-    """How the present state differs from the board after; "" if it does not."""
+    """Return how the present state differs from the board after; "" if it does not."""
     board, task, state = job.board, env.config.task, env.state
     wanted = np.array([grid.place(x, y, z) for x, y, z, *_ in board.before.blocks])
     wanted[board.moved] = grid.place(*board.goal[:3])
@@ -164,14 +164,14 @@ def difference(env: WorkspaceEnv, job: Job, grid: Grid, order: Sequence[int]) ->
 
 
 def results_of_policy(given: Sequence[Job], name: str) -> Iterator[tuple[Job, str]]:
-    """Each job with its error. name: of a policy or its checkpoint."""
+    """Yield each job with its error. name: of a policy or its checkpoint."""
     policy = load_policy(name)
     with closing(rearrange_policy.make_env(policy)) as env:
         yield from ((job, error(env, job, policy)) for job in given)
 
 
 def results(given: Sequence[Job], robot: str) -> Iterator[tuple[Job, str]]:
-    """Each job with its error."""
+    """Yield each job with its error."""
     config = read_env(compose(["task=rearrange", f"robot={robot}", "task.curriculum={near: 0, held: 1, placed: 0}"]))
     for few, many in zip((0, *SIZES), SIZES, strict=False):
         chosen = [job for job in given if few < len(job.board.before.blocks) <= many]
@@ -187,7 +187,7 @@ def _results(work: tuple[Sequence[Job], str, str | None]) -> list[tuple[Job, str
 
 
 def understood(folder: Path, part: str, numbers: Collection[str] | None = None) -> Iterator[tuple[Item, Job | None]]:
-    """Generates each command with its job; None if it is not understood.
+    """Generate each command with its job; None if it is not understood.
 
     Args:
         folder: of the Treebank.
@@ -206,7 +206,7 @@ def understood(folder: Path, part: str, numbers: Collection[str] | None = None) 
 
 
 def main() -> int:
-    """Prints how many moves were carried out. Returns 1 if those are too few."""
+    """Print how many moves were carried out; return 1 if those are too few."""
     options = _arguments().parse_args()
     if options.words:
         commands = [job for _, job in understood(options.data, options.part)]
@@ -237,14 +237,14 @@ def main() -> int:
 
 
 def _carry_out_all(given: Sequence[Job], options: argparse.Namespace) -> dict[Job, str]:
-    """The error of each job."""
+    """Return the error of each job."""
     parts = [(given[i :: options.jobs], options.robot, options.policy) for i in range(options.jobs)]
     with get_context("spawn").Pool(options.jobs) as pool:
         return dict(pair for part in pool.imap_unordered(_results, parts) for pair in part)
 
 
 def _print_by_kind(given: Sequence[Job], found: dict[Job, str]) -> int:
-    """Returns how many are right."""
+    """Return how many are right."""
     for kind, count in sorted(Counter(job.board.kind for job in given).items()):
         print(f"{kind}: {sum(not found[job] for job in given if job.board.kind == kind)} of {count}")
     return sum(not found[job] for job in given)

@@ -58,7 +58,7 @@ Picture = NDArray[np.uint8]
 
 
 def film(jobs: Sequence[tuple[str, Job]], robot: str) -> Iterator[Frame]:
-    """The frames of commands with their jobs. Raises RuntimeError if one does not reach the board after."""
+    """Yield the frames of commands with their jobs. Raises RuntimeError if one does not reach the board after."""
     changes = [f"task.num_objects={MOST_BLOCKS}", "task.curriculum={near: 0, held: 1, placed: 0}"]
     config = read_env(compose(["task=rearrange", f"robot={robot}", *changes]))
     workspace = replace(config.workspace, camera=CAMERA)
@@ -84,7 +84,7 @@ def _scene(env: InteractiveEnv, job: Job, sentence: str) -> Iterator[Frame]:
 
 
 def _paint(env: InteractiveEnv, job: Job, order: Sequence[int]) -> None:
-    """Gives the blocks the colours of the Treebank."""
+    """Give the blocks the colours of the Treebank."""
     bodies = [body for body in env.bodies() if body is not None]
     for number, (*_, color, _shape) in zip(order, job.board.before.blocks, strict=True):
         rgb = OTHER_COLORS[color] if color in OTHER_COLORS else COLORS[color].rgb
@@ -92,7 +92,7 @@ def _paint(env: InteractiveEnv, job: Job, order: Sequence[int]) -> None:
 
 
 def _frame(env: InteractiveEnv, sentence: str) -> Image.Image:
-    """The scene with its subtitle."""
+    """Return the scene with its subtitle."""
     picture = Image.fromarray(env.render()).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS)
     image = Image.new("RGB", (WIDTH, HEIGHT + CAPTION), "black")
     image.paste(picture, (0, 0))
@@ -108,7 +108,7 @@ def _frame(env: InteractiveEnv, sentence: str) -> Image.Image:
 
 
 def pixel(place: Sequence[float]) -> tuple[float, float]:
-    """Where the film shows a place (3,), metres."""
+    """Return where the film shows a place (3,), metres."""
     yaw, pitch = np.deg2rad([CAMERA.yaw, CAMERA.pitch])
     ahead = np.array([-np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), np.sin(pitch)])
     right = np.array([np.cos(yaw), np.sin(yaw), 0.0])
@@ -119,7 +119,7 @@ def pixel(place: Sequence[float]) -> tuple[float, float]:
 
 
 def main() -> int:
-    """Writes the film. Returns 1 if a command is not in the data, or not understood."""
+    """Write the film; return 1 if a command is not in the data, or not understood."""
     options = _arguments().parse_args()
     wanted = options.numbers.split(",")
     found = {item.number: (item.text, job) for item, job in understood(options.data, "develop", wanted)}

@@ -15,7 +15,7 @@ CURRICULUM = "task.curriculum={near: 0, held: 1, placed: 0}"  # lets an episode 
 
 
 def most_blocks(name: str) -> int:
-    """The most blocks of the policy's task. Raises ConfigError for a policy of another task than `rearrange`."""
+    """Return the most blocks of the policy's task. Raises ConfigError for a policy of another task than `rearrange`."""
     config = load_policy(name).config
     if (task := config["task"]["name"]) != TASK:
         raise ConfigError(f"--policy {name} was trained with task={task}: choose one of task={TASK}")
@@ -23,12 +23,12 @@ def most_blocks(name: str) -> int:
 
 
 def make_env(policy: LoadedPolicy) -> WorkspaceEnv:
-    """One world as the policy was trained in."""
+    """Return one world as the policy was trained in."""
     return WorkspaceEnv(read_env(apply(policy.config, [CURRICULUM])))
 
 
 def carry_out(env: WorkspaceEnv, policy: LoadedPolicy) -> bool:
-    """Has the policy act until the episode that has begun ends. Returns whether in success."""
+    """Have the policy act until the episode that has begun ends; return whether in success."""
     hold = env.towards(env.commanded_gripper)
     observed = env.step(TensorDict({"action": hold}, env.batch_size))["next"]  # `begin` keeps no observation
     while not observed["done"]:

@@ -14,7 +14,7 @@ import numpy as np
 
 
 def machine() -> dict[str, Any]:
-    """The machine of a measurement. load_before: its mean load over the last minute."""
+    """Return the machine of a measurement. load_before: its mean load over the last minute."""
     return {
         "python": platform.python_version(),
         "processor": platform.machine(),
@@ -25,7 +25,7 @@ def machine() -> dict[str, Any]:
 
 
 def rows(result: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """The (name, value) rows of a nested result; a name is the path of keys."""
+    """Return the (name, value) rows of a nested result; a name is the path of keys."""
     lines = []
     for key, value in result.items():
         path = f"{prefix} {key}".strip().replace("_", " ")
@@ -40,7 +40,7 @@ def _text(value: Any) -> str:
 
 
 def write_section(path: Path, module: str, section: str, result: dict[str, Any]) -> None:
-    """Replaces one section of the JSON file, with the command and the machine; makes the file if it is missing."""
+    """Replace one section of the JSON file, with the command and the machine; make the file if it is missing."""
     sections = json.loads(path.read_text()) if path.exists() else {}
     words = ["FOLDER" if before == "--data" else word for before, word in pairwise(sys.argv)]
     command = " ".join(["python -m", module, *words])

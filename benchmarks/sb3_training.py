@@ -1,4 +1,4 @@
-"""Trains stable-baselines3's PPO or SAC on a Gymnasium environment of this project, with its default hyperparameters.
+"""Training of stable-baselines3's PPO or SAC on a Gymnasium environment of this project, with its own defaults.
 
     python -m benchmarks.sb3_training ppo Deixis/NLReach-v0 SEED FRAMES INTERVAL
 
@@ -20,7 +20,7 @@ EPISODES, FINAL_EPISODES = 200, 500
 
 
 def evaluate(model: Any, env: Any, episodes: int, seed: int) -> float:
-    """The share of episodes that end in success."""
+    """Return the share of episodes that end in success."""
     right = 0
     for i in range(episodes):
         observation, _ = env.reset(seed=seed + i)

@@ -1,4 +1,4 @@
-"""Compares the speed of this project with that of the raw PyBullet loop and of other libraries, in one run.
+"""Speed of this project beside the raw PyBullet loop and other libraries, in one run.
 
     pip install -e ".[bench]"
     python benchmarks/throughput.py --write docs/throughput.md
@@ -66,14 +66,14 @@ class Comparison:
     times: float = 1.0
 
     def values(self, rounds: Sequence[Round]) -> list[float]:
-        """One value for each round that measured both workloads."""
+        """Return one value for each round that measured both workloads."""
         names = [name for name in (self.numerator, self.denominator) if name]
         complete = [entry for entry in rounds if all("rate" in entry.get(name, {}) for name in names)]
         divisors = [self.times * entry[self.denominator]["rate"] if self.denominator else 1.0 for entry in complete]
         return [entry[self.numerator]["rate"] / divisor for entry, divisor in zip(complete, divisors, strict=True)]
 
     def row(self, rounds: Sequence[Round]) -> list[str]:
-        """Label, median, spread, bound, and whether the median meets it."""
+        """Return label, median, spread, bound, and whether the median meets it."""
         values = self.values(rounds)
         bound = f"{'<=' if self.at_most else '>='} {self.bound:g}"
         if not values:
@@ -133,7 +133,7 @@ def _pin(cores: int) -> Callable[[], None]:
 
 
 def _last_result(output: str) -> dict[str, Any] | None:
-    """The last JSON object with a rate. PyBullet may print other lines."""
+    """Return the last JSON object with a rate. PyBullet may print other lines."""
     for line in reversed(output.splitlines()):
         if line.startswith("{") and '"rate"' in line:
             return dict(json.loads(line))
@@ -141,7 +141,7 @@ def _last_result(output: str) -> dict[str, Any] | None:
 
 
 def measure(workload: Workload, quick: bool) -> dict[str, Any]:
-    """The result of a workload in a fresh process; {"error": ...} where it failed."""
+    """Return the result of a workload in a fresh process; {"error": ...} where it failed."""
     environment = {**os.environ, "OMP_NUM_THREADS": str(workload.cores), "PYTHONWARNINGS": "ignore"}
     try:
         done = subprocess.run(
@@ -164,7 +164,7 @@ def measure(workload: Workload, quick: bool) -> dict[str, Any]:
 
 
 def run_rounds(workloads: Sequence[Workload], repeats: int, quick: bool) -> list[Round]:
-    """Measures every workload once a round, every second round in reverse order."""
+    """Measure every workload once a round, every second round in reverse order."""
     rounds: list[Round] = []
     for index in range(repeats):
         rounds.append({})
@@ -177,7 +177,7 @@ def run_rounds(workloads: Sequence[Workload], repeats: int, quick: bool) -> list
 
 
 def median_and_range(values: Sequence[float]) -> tuple[str, str]:
-    """Median, and least to greatest, as text; dashes if there are no values."""
+    """Return median, and least to greatest, as text; dashes if there are no values."""
     if not values:
         return "-", "-"
     return f"{statistics.median(values):,.4g}", f"{min(values):,.4g} - {max(values):,.4g}"
@@ -189,7 +189,7 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 
 def rate_table(rounds: Sequence[Round]) -> list[str]:
-    """The lines of a Markdown table with a row for each workload."""
+    """Return the lines of a Markdown table with a row for each workload."""
     rows = []
     for name in [w.name for w in WORKLOADS if any(w.name in entry for entry in rounds)]:
         found = [entry[name] for entry in rounds if "rate" in entry.get(name, {})]
@@ -199,7 +199,7 @@ def rate_table(rounds: Sequence[Round]) -> list[str]:
 
 
 def comparison_table(rounds: Sequence[Round]) -> list[str]:
-    """One row for each comparison that this run measured: median, spread, bound, whether it is met."""
+    """Return one row for each comparison that this run measured: median, spread, bound, whether it is met."""
     ran = set().union(*rounds)
     rows = [
         comparison.row(rounds) for comparison in COMPARISONS if ran & {comparison.numerator, comparison.denominator}
@@ -215,7 +215,7 @@ def _version(package: str) -> str:
 
 
 def machine() -> dict[str, Any]:
-    """The machine and the versions. load_before: the mean load of the last minute."""
+    """Return the machine and the versions. load_before: the mean load of the last minute."""
     return {
         "python": platform.python_version(),
         "processor": platform.machine(),
@@ -226,7 +226,7 @@ def machine() -> dict[str, Any]:
 
 
 def write(path: Path, about: dict[str, Any], rounds: Sequence[Round], tables: Sequence[str]) -> None:
-    """Writes the tables to `path` (Markdown), and all measurements to the JSON file beside it."""
+    """Write the tables to `path` (Markdown), and all measurements to the JSON file beside it."""
     command = " ".join(["python benchmarks/throughput.py", *sys.argv[1:]])
     versions = ", ".join(f"{package} {version}" for package, version in about["packages"].items())
     head = f"{about['cores']} cores, {about['processor']}, Python {about['python']}; {versions}."
@@ -247,7 +247,7 @@ def _chosen(names: str | None) -> list[Workload]:
 
 
 def main() -> None:
-    """Measures, prints both tables, and exits with 1 if a workload failed."""
+    """Measure, print both tables, and exit with 1 if a workload failed."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--repeats", type=int, default=5, help="rounds, 5 by default")
     parser.add_argument("--only", metavar="NAME,NAME", help="only these workloads")

@@ -44,7 +44,7 @@ class Run:
     parts: Sequence[float] = ()  # seconds of each of PARTS; of our runs alone
 
     def reached(self, rate: float) -> str:
-        """When an evaluation was first at this success rate, and after how many frames."""
+        """Return when an evaluation was first at this success rate, and after how many frames."""
         first = next(((at, frames) for at, frames, success in self.evaluations if success >= rate), None)
         return "not reached" if first is None else f"{first[0]:.0f} s ({first[1]:,})"
 
@@ -66,7 +66,7 @@ def train(seed: int, overrides: Sequence[str]) -> Run:
 
 
 def parts_of(rows: Sequence[Mapping[str, float]], seconds: float, imports: float) -> list[float]:
-    """Seconds of each of PARTS. Collecting: the time that training waited for batches.
+    """Return seconds of each of PARTS. Collecting: the time that training waited for batches.
 
     Args:
         rows: of metrics.csv.
@@ -91,7 +91,7 @@ def train_peer(name: str, seed: int, frames: int, interval: int, env_id: str) ->
 
 
 def watched(command: Sequence[str]) -> tuple[list[tuple[float, str]], float, float]:
-    """Lines that a command prints, each with the seconds since its start; its seconds, and how busy the machine was."""
+    """Run a command; return its lines with their seconds since the start, its seconds, and how busy the machine was."""
     before, start = _cpu_ticks(), time.monotonic()
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL) as process:
         assert process.stdout is not None
@@ -104,13 +104,13 @@ def watched(command: Sequence[str]) -> tuple[list[tuple[float, str]], float, flo
 
 
 def _cpu_ticks() -> tuple[int, int]:
-    """The machine's CPU time since its start, used and in total. Workers have a parent of their own to account to."""
+    """Return the machine's CPU ticks, used and in total. Workers have a parent of their own to account to."""
     ticks = [int(each) for each in Path("/proc/stat").read_text().splitlines()[0].split()[1:9]]
     return sum(ticks) - ticks[3] - ticks[4], sum(ticks)  # without idle and iowait
 
 
 def table(runs: Sequence[Run]) -> Iterator[str]:
-    """The lines of a Markdown table, a row for each run."""
+    """Yield the lines of a Markdown table, a row for each run."""
     yield "| seed | " + " | ".join(f"first {rate:.2f}" for rate in RATES) + " | whole command | busy | final |"
     yield "|---" * (len(RATES) + 4) + "|"
     for run in runs:
@@ -120,7 +120,7 @@ def table(runs: Sequence[Run]) -> Iterator[str]:
 
 
 def parts_table(runs: Sequence[Run]) -> Iterator[str]:
-    """The lines of a Markdown table: the parts of the seconds of each run."""
+    """Yield the lines of a Markdown table: the parts of the seconds of each run."""
     yield "| seed | " + " | ".join(PARTS) + " |"
     yield "|---" * (len(PARTS) + 1) + "|"
     for run in runs:

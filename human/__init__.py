@@ -6,7 +6,7 @@ robot is mounted, x away from the robot, y to the robot's left, z up.
 
 from human.arms import PointingArm, Unreachable
 from human.body import Body, read_arm
-from human.by_hand import Display, KeyboardPointer, KeySource, RecordingDisplay, ScriptedKeys, choose_object
+from human.by_hand import Display, KeyboardPointer, KeySource, choose_object
 from human.config import SOURCES, STYLES, Camera, GestureConfig, HumanConfig
 from human.person import Person, PointingGesture
 from human.pointing import (
@@ -36,8 +36,6 @@ __all__ = [
     "PointingArm",
     "PointingGesture",
     "RayOffsets",
-    "RecordingDisplay",
-    "ScriptedKeys",
     "Unreachable",
     "add_aiming_noise",
     "choose_object",

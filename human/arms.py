@@ -1,7 +1,8 @@
-"""Inverse kinematics of pointing: joint angles at which the line through two points of a body meets a target.
+"""The person's arms: the right one points, the left one holds out an open hand.
 
-NumPy alone, so no simulated body has to be moved. The two points hang on revolute joints in series. Angles are in
-radians; positions are in metres in the frame in which the chain was read.
+`PointingChain` solves the inverse kinematics of pointing: joint angles at which the line through two points of a body
+meets a target. It needs NumPy alone, so no simulated body has to be moved. Angles are in radians; positions are in
+metres in the frame in which the chain was read. `PointingArm` adds styles and motions, `OfferingArm` the palm.
 """
 
 from __future__ import annotations
@@ -19,11 +20,40 @@ from human.config import STYLES
 
 Array = NDArray[np.float64]
 
+# ---- Pointing
+FINGERTIP = "r_index3_endeffector"
+LINE_STARTS = dict(zip(STYLES, ("r_index2", "r_hand", "eyes"), strict=True))  # style -> link where its line starts
+MIN_DISTANCE = 0.03  # metres from the fingertip; anything nearer is touched, not pointed at
 TOLERANCE = math.radians(0.02)  # largest angle between the line and the target
 MAX_ITERATIONS = 15
 MAX_TURN = 0.7  # radians that a joint may turn in one iteration; larger steps overshoot
 DAMPING = 1e-8
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # cyclic coordinate shifts of a cross product
+
+# ---- Offering
+OFFERING_JOINTS = (
+    "l_shoulder_flexion",
+    "l_shoulder_abduction",
+    "l_shoulder_rotation",
+    "l_elbow_flexion",
+    "l_forearm_pronation",
+    "l_wrist_flexion",
+    "l_wrist_deviation",
+)
+OFFERING_REST = np.array([0.9, 0.1, -0.2, 0.8, -1.2, 0.2, 0.0])  # radians: solutions are near this posture
+HAND = len(OFFERING_JOINTS) - 1  # the joint that carries the hand
+PALM = np.array([0.0, -0.018, -0.055])  # metres in the hand's frame: the middle of the palm's surface
+NORMAL = np.array([0.0, -0.1, 0.0])  # metres in the hand's frame, away from the palm
+UP = np.array([0.0, 0.0, 0.1])  # metres: the direction of NORMAL if the palm faces up
+PALM_TOLERANCE = 2e-3  # metres, of the palm and of the end of its normal
+PALM_ITERATIONS = 150
+PALM_TURN = 0.3  # radians that a joint may turn in one iteration
+PALM_DAMPING = 1e-6
+NULLSPACE_GAIN = 0.1  # share of the way to OFFERING_REST that joints turn in an iteration, with the palm in place
+
+
+class Unreachable(ValueError):
+    """No posture points at the target. The text is the whole message."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +85,7 @@ class _PointingError(NamedTuple):
 
     @classmethod
     def of(cls, ends: Array, target: Array) -> _PointingError:
-        """ends: (2, 3), the tip and the rear point. target: (3,)."""
+        """Return the error of a line. ends: (2, 3), the tip and the rear point. target: (3,)."""
         sight, distance = _unit(target - ends[0])
         line, length = _unit(ends[0] - ends[1])
         across, cosine = _orthonormal_pair(line), float(sight @ line)
@@ -65,7 +95,7 @@ class _PointingError(NamedTuple):
         return cls(sine, across, sight, distance, cosine, length)
 
     def jacobian(self, ends: Array) -> Array:
-        """Returns (2, J), the derivative of `sine` by the joint angles; ends: (2, 3, J), those of tip and rear."""
+        """Return (2, J), the derivative of `sine` by the joint angles; ends: (2, 3, J), those of tip and rear."""
         tip, rear = ends
         from_shift = self.across @ (tip - self.sight[:, None] * (self.sight @ tip)) / self.distance
         from_turn = self.across @ (tip - rear) / self.length
@@ -80,8 +110,8 @@ class PointingChain:
         low, high: (J,) joint limits.
     """
 
-    def __init__(self, parents: Sequence[int], steps: Array, axes: Array, low: Array, high: Array) -> None:
-        """Builds the chain of J joints.
+    def __init__(self, *, parents: Sequence[int], steps: Array, axes: Array, low: Array, high: Array) -> None:
+        """Build the chain of J joints.
 
         Args:
             parents: for each joint, the index of the joint that carries it; -1: the ground.
@@ -103,7 +133,7 @@ class PointingChain:
         return descendant == joint
 
     def frames(self, angles: Array) -> Array:
-        """Returns the joints' child frames, (J, 4, 4), at angles (J,)."""
+        """Return the joints' child frames, (J, 4, 4), at angles (J,)."""
         sines, versines = np.sin(angles)[:, None, None], (1 - np.cos(angles))[:, None, None]
         frames = self._still + sines * self._first + versines * self._second
         for joint, parent in enumerate(self.parents):
@@ -112,13 +142,13 @@ class PointingChain:
         return frames
 
     def place(self, point: AttachedPoint, frames: Array) -> Array:
-        """Returns the position (3,) of a point, given the child frames (J, 4, 4)."""
+        """Return the position (3,) of a point, given the child frames (J, 4, 4)."""
         if point.joint < 0:
             return point.place
         return frames[point.joint, :3, :3] @ point.place + frames[point.joint, :3, 3]
 
     def solve(self, start: Array, target: Array, tip: AttachedPoint, rear: AttachedPoint) -> tuple[Array, Array] | None:
-        """Finds angles near `start` at which the line from `rear` through `tip` goes on through the target.
+        """Return angles near `start` at which the line from `rear` through `tip` goes on through the target.
 
         Among the solutions it takes the one with the smallest sum of squared turns from `start`, within the limits.
 
@@ -143,7 +173,7 @@ class PointingChain:
         return None
 
     def point_jacobians(self, frames: Array, points: Array, joints: tuple[int, int]) -> Array:
-        """Returns (2, 3, J), the derivatives of two points (2, 3) that hang on these joints by the joint angles."""
+        """Return (2, 3, J), the derivatives of two points (2, 3) that hang on these joints by the joint angles."""
         axes = (frames[:, :3, :3] @ self._axes)[..., 0].T
         arms = points[:, :, None] - frames[:, :3, 3].T
         # np.cross takes three times as long.
@@ -151,7 +181,7 @@ class PointingChain:
         return moved * self._carried.take(joints, 0)[:, None]
 
     def _nearest(self, start: Array, jacobian: Array, goal: Array) -> Array:
-        """Returns the angles nearest to `start`, within the limits, at which jacobian @ angles = goal.
+        """Return the angles nearest to `start`, within the limits, at which jacobian @ angles = goal.
 
         A joint that would pass its limit is fixed there, and the remaining joints are solved again.
         """
@@ -172,13 +202,13 @@ class PointingChain:
 
 
 def _unit(vector: Array) -> tuple[Array, float]:
-    """Returns the vector's direction and length; the length is at least 1e-9, so that a zero vector does not divide."""
+    """Return the vector's direction and length; the length is at least 1e-9, so that a zero vector does not divide."""
     length = max(math.sqrt(vector @ vector), 1e-9)
     return vector / length, length
 
 
 def _orthonormal_pair(line: Array) -> Array:
-    """Returns two unit vectors (2, 3), orthogonal to the unit vector `line` and to each other.
+    """Return two unit vectors (2, 3), orthogonal to the unit vector `line` and to each other.
 
     Source: Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
     """
@@ -187,15 +217,6 @@ def _orthonormal_pair(line: Array) -> Array:
     a = -1.0 / (sign + z)
     b = x * y * a
     return np.array([[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]])
-
-
-FINGERTIP = "r_index3_endeffector"
-LINE_STARTS = dict(zip(STYLES, ("r_index2", "r_hand", "eyes"), strict=True))  # style -> link where its line starts
-MIN_DISTANCE = 0.03  # metres from the fingertip; anything nearer is touched, not pointed at
-
-
-class Unreachable(ValueError):
-    """No posture points at the target. The text is the whole message."""
 
 
 @dataclass(frozen=True)
@@ -253,7 +274,7 @@ class PointingArm:
     # ---- Inverse kinematics
 
     def solve(self, target: ArrayLike, style: str = "finger") -> Array:
-        """Returns joint angles (J,) at which the style's line goes through the target.
+        """Return joint angles (J,) at which the style's line goes through the target.
 
         The result depends on the target and the style alone; the arm does not move.
 
@@ -268,7 +289,7 @@ class PointingArm:
         return self.aim(target, style)[0]
 
     def aim(self, target: ArrayLike, style: str = "finger") -> tuple[Array, Array, Array]:
-        """Like `solve`; also returns the ray at the solution.
+        """Return what `solve` does, and the ray at the solution.
 
         Returns:
             Joint angles (J,), the ray's origin (3,) in metres and its unit direction (3,).
@@ -286,7 +307,7 @@ class PointingArm:
         raise Unreachable(f"target=({place}) m: the person can't point there (style={style})")
 
     def ray(self, style: str = "finger") -> tuple[Array, Array]:
-        """Returns the style's present ray: the fingertip (3,) in metres and a unit direction (3,)."""
+        """Return the style's present ray: the fingertip (3,) in metres and a unit direction (3,)."""
         return ray_through(*self._places(FINGERTIP, line_start(style)))
 
     def _places(self, *links: str) -> list[Array]:
@@ -297,7 +318,7 @@ class PointingArm:
     # ---- Motions
 
     def point_at(self, position: ArrayLike, relative: bool = False, style: str = "finger", frames: int = 0) -> None:
-        """Points at a position.
+        """Point at a position.
 
         Args:
             position: (3,) metres in the workspace frame.
@@ -314,16 +335,16 @@ class PointingArm:
         self.move(joints, frames)
 
     def relax(self) -> None:
-        """Lowers the arm immediately."""
+        """Lower the arm immediately."""
         self.pose(self.hanging)
 
     def pose(self, joints: ArrayLike) -> None:
-        """Sets the joint angles (J,) immediately."""
+        """Set the joint angles (J,) immediately."""
         self.moving = False
         self._set_angles(np.asarray(joints, np.float64))
 
     def move(self, joints: ArrayLike, frames: int) -> None:
-        """Starts a motion to joint angles (J,) that takes `frames` physics steps; 0: immediate."""
+        """Start a motion to joint angles (J,) that takes `frames` physics steps; 0: immediate."""
         if frames <= 0:
             self.pose(joints)
             return
@@ -331,7 +352,7 @@ class PointingArm:
         self._duration, self._elapsed, self.moving = frames, 0, True
 
     def advance(self) -> None:
-        """Advances a motion by one physics step. The speed rises and falls smoothly (cubic smoothstep)."""
+        """Advance a motion by one physics step. The speed rises and falls smoothly (cubic smoothstep)."""
         self._elapsed += 1
         self.moving = self._elapsed < self._duration
         share = self._elapsed / self._duration
@@ -343,25 +364,25 @@ class PointingArm:
 
 
 def line_start(style: str) -> str:
-    """Returns the link where the style's line starts. Raises ValueError for an unknown style."""
+    """Return the link where the style's line starts. Raises ValueError for an unknown style."""
     if style not in LINE_STARTS:
         raise ValueError(f"style={style}" + did_you_mean(style, LINE_STARTS))
     return LINE_STARTS[style]
 
 
 def ray_through(tip: Array, behind: Array) -> tuple[Array, Array]:
-    """Returns the ray from the point `behind` (3,) through the tip (3,): the tip and the unit direction."""
+    """Return the ray from the point `behind` (3,) through the tip (3,): the tip and the unit direction."""
     offset = tip - behind
     return tip, offset / math.sqrt(offset @ offset)
 
 
 def _distance_to_table(origin: Array, direction: Array) -> float:
-    """Metres along the ray to the height of the table top; inf if the ray does not meet it."""
+    """Return metres along the ray to the height of the table top; inf if the ray does not meet it."""
     return -origin[2] / direction[2] if origin[2] * direction[2] < 0 else math.inf
 
 
 def _other_guesses(rest: Array, low: Array, high: Array) -> list[Array]:
-    """Initial guesses of the solver for targets where `rest` does not converge, spread from `rest` to the limits.
+    """Return starts of the solver for targets where `rest` does not converge, spread from `rest` to the limits.
 
     The generator is seeded, so that they are the same for every arm.
     """
@@ -370,37 +391,18 @@ def _other_guesses(rest: Array, low: Array, high: Array) -> list[Array]:
     return list(rest + shares * (generator.uniform(low, high, (6, len(rest))) - rest))
 
 
-JOINTS = (
-    "l_shoulder_flexion",
-    "l_shoulder_abduction",
-    "l_shoulder_rotation",
-    "l_elbow_flexion",
-    "l_forearm_pronation",
-    "l_wrist_flexion",
-    "l_wrist_deviation",
-)
-REST = np.array([0.9, 0.1, -0.2, 0.8, -1.2, 0.2, 0.0])  # radians, of JOINTS: solutions are near this posture
-HAND = len(JOINTS) - 1  # the joint that carries the hand
-PALM = np.array([0.0, -0.018, -0.055])  # metres in the hand's frame: the middle of the palm's surface
-NORMAL = np.array([0.0, -0.1, 0.0])  # metres in the hand's frame, away from the palm
-UP = np.array([0.0, 0.0, 0.1])  # metres: the direction of NORMAL if the palm faces up
-PALM_TOLERANCE = 2e-3  # metres, of the palm and of the end of its normal
-PALM_ITERATIONS, PALM_TURN, PALM_DAMPING = 150, 0.3, 1e-6  # radians that a joint may turn in one iteration
-NULLSPACE_GAIN = 0.1  # share of the way to REST that joints turn in an iteration, as far as the palm does not move
-
-
 class OfferingArm:
-    """The left arm of a person who stands at a fixed place. chain: its seven joints, `JOINTS`."""
+    """The left arm of a person who stands at a fixed place. chain: its seven joints, OFFERING_JOINTS."""
 
     def __init__(self, chain: PointingChain) -> None:
         self._chain = chain
 
     def solve(self, place: ArrayLike) -> Array:
-        """Returns joint angles (7,) at which the palm's middle is at place (3,), metres, and the palm faces up.
+        """Return joint angles (7,) at which the palm's middle is at place (3,), metres, and the palm faces up.
 
-        Of several solutions it takes one near REST. Raises Unreachable.
+        Of several solutions it takes one near OFFERING_REST. Raises Unreachable.
         """
-        goal, angles = np.asarray(place, np.float64), REST
+        goal, angles = np.asarray(place, np.float64), OFFERING_REST
         for _ in range(PALM_ITERATIONS):
             frames = self._chain.frames(angles)
             palm, end = (self._chain.place(AttachedPoint(HAND, point), frames) for point in (PALM, PALM + NORMAL))
@@ -408,7 +410,8 @@ class OfferingArm:
             if np.abs(error).max() < PALM_TOLERANCE:
                 return angles
             moved, moved_end = self._chain.point_jacobians(frames, np.array([palm, end]), (HAND, HAND))
-            turn = _towards(error, np.concatenate((moved, moved_end - moved)), NULLSPACE_GAIN * (REST - angles))
+            jacobian = np.concatenate((moved, moved_end - moved))
+            turn = _towards(error, jacobian, NULLSPACE_GAIN * (OFFERING_REST - angles))
             turn *= min(1.0, PALM_TURN / max(np.abs(turn).max(), 1e-9))
             angles = np.clip(angles + turn, self._chain.low, self._chain.high)
         x, y, z = goal.tolist()
@@ -416,7 +419,7 @@ class OfferingArm:
 
 
 def _towards(error: Array, jacobian: Array, wish: Array) -> Array:
-    """Returns the joint step (J,) that reduces `error` (6,) by damped least squares, and `wish` (J,) in the null space.
+    """Return the joint step (J,) that reduces `error` (6,) by damped least squares, and `wish` (J,) in the null space.
 
     jacobian: (6, J).
     """

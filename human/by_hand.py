@@ -7,7 +7,7 @@ PyBullet's window.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -29,10 +29,10 @@ class KeySource(Protocol):
     """Key presses: "left", "right", "up", "down", "pageup", "pagedown", "enter", "escape", "0" to "9"."""
 
     def poll(self) -> list[str]:
-        """Returns the keys pressed since the last call, oldest first."""
+        """Return the keys pressed since the last call, oldest first."""
 
     def escape_pressed(self) -> bool:
-        """Returns whether Escape was pressed since the last call. Other keys pressed since then are discarded."""
+        """Return whether Escape was pressed since the last call. Other keys pressed since then are discarded."""
 
 
 class Display(Protocol):
@@ -43,63 +43,29 @@ class Display(Protocol):
         """Degrees by which the viewer looks to the left of the y axis."""
 
     def write(self, lines: Sequence[str]) -> None:
-        """Shows these lines in place of the earlier ones."""
+        """Show these lines in place of the earlier ones."""
 
     def draw(self, origin: ArrayLike, target: ArrayLike) -> None:
-        """Shows the line from the fingertip (3,) to the target (3,), metres, in place of the earlier one."""
+        """Show the line from the fingertip (3,) to the target (3,), metres, in place of the earlier one."""
 
     def clear(self) -> None:
-        """Removes all lines."""
+        """Remove all lines."""
 
 
 class PointingPerson(Protocol):
     """The person whose finger the keys move."""
 
     def point(self, target: Array) -> Array:
-        """Points at target (3,), metres; returns the fingertip (3,). Raises Unreachable, and then nothing moves."""
+        """Point at target (3,), metres; return the fingertip (3,). Raises Unreachable, and then nothing moves."""
 
     def nearest(self) -> int:
-        """Returns the object nearest to the finger's ray. Raises NothingPointedAt."""
+        """Return the object nearest to the finger's ray. Raises NothingPointedAt."""
 
     def meant(self) -> int:
-        """Returns the referent, given the ray and the words. Raises NothingPointedAt."""
+        """Return the referent, given the ray and the words. Raises NothingPointedAt."""
 
     def name(self, index: int) -> str:
-        """Returns this object's name in words."""
-
-
-class ScriptedKeys:
-    """A key source that yields given keys one at a time, then Escape."""
-
-    def __init__(self, script: Iterable[str]) -> None:
-        self._script = list(script)
-
-    def poll(self) -> list[str]:
-        return [self._script.pop(0) if self._script else "escape"]
-
-    def escape_pressed(self) -> bool:
-        return self._script[:1] == ["escape"]
-
-
-class RecordingDisplay:
-    """A display that only records.
-
-    pages: every list of lines that was written, oldest first. beam: the last line that was drawn, or None.
-    """
-
-    def __init__(self, yaw: float = 0.0) -> None:
-        self.yaw = yaw
-        self.pages: list[list[str]] = []
-        self.beam: tuple[ArrayLike, ArrayLike] | None = None
-
-    def write(self, lines: Sequence[str]) -> None:
-        self.pages.append(list(lines))
-
-    def draw(self, origin: ArrayLike, target: ArrayLike) -> None:
-        self.beam = origin, target
-
-    def clear(self) -> None:
-        self.beam = None
+        """Return this object's name in words."""
 
 
 class KeyboardPointer:
@@ -112,7 +78,7 @@ class KeyboardPointer:
     """
 
     def __init__(self, person: PointingPerson, display: Display, start: ArrayLike, bounds: Sequence[float]) -> None:
-        """Points at `start`.
+        """Point at `start`.
 
         Args:
             person: points where the keys lead.
@@ -129,7 +95,7 @@ class KeyboardPointer:
         self._point_at(np.asarray(start, np.float64))
 
     def press(self, key: str) -> None:
-        """Moves the finger or sets the step. If the arm can't follow, the finger stays and `note` gives the reason."""
+        """Move the finger or sets the step. If the arm can't follow, the finger stays and `note` gives the reason."""
         self.note = ""
         self.step = STEPS.get(key, self.step)
         if key not in TABLE and key not in HEIGHT:
@@ -144,7 +110,7 @@ class KeyboardPointer:
             self.note = f"the finger stays: {error}"
 
     def chosen(self) -> int | None:
-        """Returns the referent; None if there is none, and then `note` gives the reason."""
+        """Return the referent; None if there is none, and then `note` gives the reason."""
         try:
             self.note = ""
             return self._person.meant()
@@ -153,7 +119,7 @@ class KeyboardPointer:
             return None
 
     def status(self) -> list[str]:
-        """Returns lines of text: the object pointed at, the step and the note."""
+        """Return lines of text: the object pointed at, the step and the note."""
         try:
             shown = self._person.name(self._person.nearest())
         except NothingPointedAt:
@@ -167,7 +133,7 @@ class KeyboardPointer:
 
 
 def choose_object(pointer: KeyboardPointer, keys: KeySource, display: Display, title: Sequence[str] = ()) -> int | None:
-    """Lets a person move the finger until they press Enter or Escape.
+    """Let a person move the finger until they press Enter or Escape.
 
     Args:
         pointer: moved by the keys.
@@ -191,7 +157,7 @@ def choose_object(pointer: KeyboardPointer, keys: KeySource, display: Display, t
 
 
 def key_direction(key: str, yaw: float) -> Array:
-    """Returns the axis of the workspace frame nearest to the key's direction in this view, a unit vector (3,).
+    """Return the axis of the workspace frame nearest to the key's direction in this view, a unit vector (3,).
 
     yaw: degrees by which the viewer looks to the left of the y axis.
     """

@@ -1,4 +1,22 @@
-"""Training of the ray reader on generated frames, and the errors of its rays."""
+"""Training and evaluation of the network that reads where a person points: `python -m human.camera train | evaluate`.
+
+    train
+      out=pointing.npz  file for the weights; give gesture.weights that file
+      frames=16000      pictures that the simulator draws and labels
+      epochs=20         passes over the frames
+      seed=0            of bodies, frames and network
+    evaluate
+      weights=<file>    default: the weights that come with the project
+      scenes=1000       of scattered objects, one of which is pointed at
+      objects=6         in each scene
+      aim=object        what is pointed at; aim=area: a random place, and the object nearest to the true ray counts
+      seed=1            of the scenes
+    workspace.human.camera.pitch=-9 ...   any key of the workspace, to move camera, person or furniture
+    task.spacing=0.12 task.object_size=0.05   of the task's keys these two: the distance between objects, their width
+
+`train` prints the ray's errors on people outside the training set after each epoch. `evaluate` prints how often the
+object nearest to the ray is the one that was pointed at.
+"""
 
 from __future__ import annotations
 
@@ -29,100 +47,6 @@ from language import spacing
 LEVER = 0.6  # metres from the fingertip to the objects, at which a direction error becomes a distance in the loss
 BATCH = 64
 LEARNING_RATE = 3e-3
-
-
-def fit(frames: LabelledFrames, epochs: int, seed: int, validation: LabelledFrames | None = None) -> RayNetwork:
-    """Trains a network and prints each epoch's loss.
-
-    Args:
-        frames: to learn from.
-        epochs: passes over the frames.
-        seed: of the initial parameters, the order of frames and the augmentation.
-        validation: other frames, whose errors are printed after each epoch.
-
-    Returns:
-        The network, in evaluation mode.
-    """
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        network = RayNetwork(frames.pictures.shape[1], frames.tips.mean(0))
-    rng, torch_rng = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
-    steps = epochs * max(1, len(frames.tips) // BATCH)
-    optimizer = torch.optim.AdamW(network.parameters(), LEARNING_RATE, weight_decay=1e-3)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, LEARNING_RATE, total_steps=steps, pct_start=0.15)
-    for epoch in range(epochs):
-        loss = _epoch(network.train(), frames, rng, torch_rng, optimizer, schedule)
-        summary = _validation_summary(network.eval(), validation)
-        print(f"epoch {epoch + 1}/{epochs}: loss {loss:.4f} m{summary}", flush=True)
-    return network.eval()
-
-
-def _epoch(
-    network: RayNetwork,
-    frames: LabelledFrames,
-    rng: Generator,
-    torch_rng: torch.Generator,
-    optimizer: Any,
-    schedule: Any,
-) -> float:
-    """Learns from every frame once; returns the mean loss."""
-    order, losses = rng.permutation(len(frames.tips)), []
-    for batch in np.split(order, range(BATCH, len(order) - BATCH + 1, BATCH)):
-        pictures = vary_exposure(as_input(frames.pictures[batch]), torch_rng)
-        loss = ray_loss(network(pictures), frames, batch)
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
-        schedule.step()
-        losses.append(loss.item())
-    return float(np.mean(losses))
-
-
-def vary_exposure(pictures: Tensor, generator: torch.Generator) -> Tensor:
-    """Returns pictures (M, 3, H, W) with random exposure, white balance and sensor noise (data augmentation)."""
-    m = len(pictures)
-    gain = (0.8 + 0.4 * torch.rand(m, 1, 1, 1, generator=generator)) * (
-        0.93 + 0.14 * torch.rand(m, 3, 1, 1, generator=generator)
-    )
-    noise = torch.randn(pictures.shape, generator=generator) * 0.025 * torch.rand(m, 1, 1, 1, generator=generator)
-    return (pictures * gain + noise).clamp_(0, 1)
-
-
-def ray_loss(rays: tuple[Tensor, Tensor], frames: LabelledFrames, indices: NDArray[np.int64]) -> Tensor:
-    """Returns the loss in metres: the mean error of the fingertips plus that of the directions at LEVER from there.
-
-    Args:
-        rays: fingertips and directions, (M, 3) each.
-        frames: with the true rays.
-        indices: (M,), the frames that the rays belong to.
-    """
-    tips, directions = (torch.from_numpy(each[indices]).float() for each in (frames.tips, frames.directions))
-    return ((rays[0] - tips).norm(dim=1) + LEVER * (rays[1] - directions).norm(dim=1)).mean()
-
-
-@torch.no_grad()
-def _validation_summary(network: RayNetwork, validation: LabelledFrames | None) -> str:
-    if validation is None:
-        return ""
-    parts = [network(as_input(part)) for part in np.array_split(validation.pictures, 8)]
-    tips, directions = (torch.cat(each).numpy().astype(np.float64) for each in zip(*parts, strict=True))
-    return "; people not learned from: " + error_summary(tips, directions, validation.tips, validation.directions)
-
-
-def error_summary(tips: Array, directions: Array, true_tips: Array, true_directions: Array) -> str:
-    """Returns the errors of N rays, arrays (N, 3), in words: medians and 90 % quantiles."""
-    angle, off = angles_between(directions, true_directions), 100 * np.linalg.norm(tips - true_tips, axis=1)
-    return (
-        f"direction {np.median(angle):.2f} degrees off (90 %: {np.quantile(angle, 0.9):.2f}), "
-        f"fingertip {np.median(off):.2f} cm (90 %: {np.quantile(off, 0.9):.2f})"
-    )
-
-
-def angles_between(one: Array, other: Array) -> Array:
-    """Returns the angles (N,) between unit vectors (N, 3), degrees."""
-    return np.degrees(2 * np.arcsin(np.clip(np.linalg.norm(one - other, axis=1) / 2, 0, 1)))
-
-
 VALIDATION_BODIES = 8  # people outside the training set
 VALIDATION_FRAMES = 100  # of each of them
 
@@ -173,7 +97,7 @@ class CameraScene:
 
     @classmethod
     def of(cls, overrides: Sequence[str]) -> CameraScene:
-        """Returns the setup of task=reach_gesture with these overrides. Raises ConfigError."""
+        """Return the setup of task=reach_gesture with these overrides. Raises ConfigError."""
         overrides = ["task=reach_gesture", *overrides]
         check(overrides)
         config = compose(overrides)
@@ -192,7 +116,7 @@ class CameraScene:
 
 
 def train(config: ReaderTraining, setup: CameraScene) -> RayNetwork:
-    """Generates frames, trains a network on them, saves and returns it. Raises ConfigError."""
+    """Generate frames, train a network on them, save and return it. Raises ConfigError."""
     camera = camera_of(setup.human)
     if camera.width != camera.height or camera.width % 16:
         raise ConfigError(f"workspace.human.camera.width={camera.width} must be its height, and a multiple of 16")
@@ -208,7 +132,7 @@ def train(config: ReaderTraining, setup: CameraScene) -> RayNetwork:
 
 
 def _writable(name: str) -> Path:
-    """Returns the path if a file can be written there. Raises ConfigError before the training, not after it."""
+    """Return the path if a file can be written there. Raises ConfigError before the training, not after it."""
     path = Path(name)
     is_new = not path.exists()
     try:
@@ -222,19 +146,111 @@ def _writable(name: str) -> Path:
 
 
 def generate_frames(setup: CameraScene, count: int, rng: Generator, bodies: int | None = None) -> LabelledFrames:
-    """Returns `count` frames of a new pool of random people; bodies: its size."""
-    generator = FrameGenerator(setup.human, setup.furniture, setup.objects.object_area, rng, bodies)
+    """Return `count` frames of a new pool of random people; bodies: its size."""
+    generator = FrameGenerator(setup.human, setup.furniture, area=setup.objects.object_area, rng=rng, bodies=bodies)
     try:
         return generator.frames(count)
     finally:
         generator.close()
 
 
+def fit(frames: LabelledFrames, epochs: int, seed: int, validation: LabelledFrames | None = None) -> RayNetwork:
+    """Train a network and print each epoch's loss.
+
+    Args:
+        frames: to learn from.
+        epochs: passes over the frames.
+        seed: of the initial parameters, the order of frames and the augmentation.
+        validation: other frames, whose errors are printed after each epoch.
+
+    Returns:
+        The network, in evaluation mode.
+    """
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        network = RayNetwork(frames.pictures.shape[1], frames.tips.mean(0))
+    rng, torch_rng = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
+    steps = epochs * max(1, len(frames.tips) // BATCH)
+    optimizer = torch.optim.AdamW(network.parameters(), LEARNING_RATE, weight_decay=1e-3)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, LEARNING_RATE, total_steps=steps, pct_start=0.15)
+    for epoch in range(epochs):
+        loss = _epoch(network.train(), frames, rng, torch_rng, optimizer, schedule)
+        summary = _validation_summary(network.eval(), validation)
+        print(f"epoch {epoch + 1}/{epochs}: loss {loss:.4f} m{summary}", flush=True)
+    return network.eval()
+
+
+def _epoch(
+    network: RayNetwork,
+    frames: LabelledFrames,
+    rng: Generator,
+    torch_rng: torch.Generator,
+    optimizer: Any,
+    schedule: Any,
+) -> float:
+    """Learn from every frame once; return the mean loss."""
+    order, losses = rng.permutation(len(frames.tips)), []
+    for batch in np.split(order, range(BATCH, len(order) - BATCH + 1, BATCH)):
+        pictures = vary_exposure(as_input(frames.pictures[batch]), torch_rng)
+        loss = ray_loss(network(pictures), frames, batch)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        schedule.step()
+        losses.append(loss.item())
+    return float(np.mean(losses))
+
+
+def vary_exposure(pictures: Tensor, generator: torch.Generator) -> Tensor:
+    """Return pictures (M, 3, H, W) with random exposure, white balance and sensor noise (data augmentation)."""
+    m = len(pictures)
+    gain = (0.8 + 0.4 * torch.rand(m, 1, 1, 1, generator=generator)) * (
+        0.93 + 0.14 * torch.rand(m, 3, 1, 1, generator=generator)
+    )
+    noise = torch.randn(pictures.shape, generator=generator) * 0.025 * torch.rand(m, 1, 1, 1, generator=generator)
+    return (pictures * gain + noise).clamp_(0, 1)
+
+
+def ray_loss(rays: tuple[Tensor, Tensor], frames: LabelledFrames, indices: NDArray[np.int64]) -> Tensor:
+    """Return the loss in metres: the mean error of the fingertips plus that of the directions at LEVER from there.
+
+    Args:
+        rays: fingertips and directions, (M, 3) each.
+        frames: with the true rays.
+        indices: (M,), the frames that the rays belong to.
+    """
+    tips, directions = (torch.from_numpy(each[indices]).float() for each in (frames.tips, frames.directions))
+    return ((rays[0] - tips).norm(dim=1) + LEVER * (rays[1] - directions).norm(dim=1)).mean()
+
+
+@torch.no_grad()
+def _validation_summary(network: RayNetwork, validation: LabelledFrames | None) -> str:
+    if validation is None:
+        return ""
+    parts = [network(as_input(part)) for part in np.array_split(validation.pictures, 8)]
+    tips, directions = (torch.cat(each).numpy().astype(np.float64) for each in zip(*parts, strict=True))
+    return "; people not learned from: " + error_summary(tips, directions, validation.tips, validation.directions)
+
+
+def error_summary(tips: Array, directions: Array, true_tips: Array, true_directions: Array) -> str:
+    """Return the errors of N rays, arrays (N, 3), in words: medians and 90 % quantiles."""
+    angle, off = angles_between(directions, true_directions), 100 * np.linalg.norm(tips - true_tips, axis=1)
+    return (
+        f"direction {np.median(angle):.2f} degrees off (90 %: {np.quantile(angle, 0.9):.2f}), "
+        f"fingertip {np.median(off):.2f} cm (90 %: {np.quantile(off, 0.9):.2f})"
+    )
+
+
+def angles_between(one: Array, other: Array) -> Array:
+    """Return the angles (N,) between unit vectors (N, 3), degrees."""
+    return np.degrees(2 * np.arcsin(np.clip(np.linalg.norm(one - other, axis=1) / 2, 0, 1)))
+
+
 # ---- Evaluation
 
 
 def evaluate(config: ReaderEvaluation, setup: CameraScene) -> dict[str, float]:
-    """Lets the person point at objects, and prints and returns how often the camera's ray finds them.
+    """Let the person point at objects; print and return how often the camera's ray finds them.
 
     Returns:
         "camera" and "true_ray": the shares of scenes in which the object nearest to that ray is the referent.
@@ -261,7 +277,7 @@ def evaluate(config: ReaderEvaluation, setup: CameraScene) -> dict[str, float]:
 
 
 def _report(config: ReaderEvaluation, rays: list, correct: list[list[bool]], seconds: float) -> dict[str, float]:
-    """Prints and returns the results of `evaluate`."""
+    """Print and returns the results of `evaluate`."""
     by_camera, by_true_ray = np.mean(correct, axis=0).tolist()
     rate = config.scenes / seconds
     print(error_summary(*(np.stack(each) for each in zip(*rays, strict=True))))
@@ -274,7 +290,7 @@ def _report(config: ReaderEvaluation, rays: list, correct: list[list[bool]], sec
 def _scene(
     config: ReaderEvaluation, setup: CameraScene, camera: PersonCamera, rng: Generator
 ) -> tuple[Array, int, Array]:
-    """Poses the body; returns objects at (K, 3), metres, the referent and the arm's angles (J,). Raises ConfigError."""
+    """Pose the body; return objects at (K, 3), metres, the referent and the arm's angles (J,). Raises ConfigError."""
     while True:
         positions = scatter(setup, config.objects, rng)
         referent: int | None = int(rng.integers(config.objects))
@@ -295,7 +311,7 @@ def _scene(
 
 
 def _pointed_or_none(ray: tuple[Array, Array], positions: Array) -> int | None:
-    """Returns the object that is pointed at, or None."""
+    """Return the object that is pointed at, or None."""
     try:
         return int(pointed_object(*ray, positions))
     except NothingPointedAt:
@@ -303,7 +319,7 @@ def _pointed_or_none(ray: tuple[Array, Array], positions: Array) -> int | None:
 
 
 def scatter(setup: CameraScene, count: int, rng: Generator) -> Array:
-    """Returns centres (count, 3) of objects on the table, metres, at least the spacing apart. Raises ConfigError."""
+    """Return centres (count, 3) of objects on the table, metres, at least the spacing apart. Raises ConfigError."""
     places = spacing.scatter(rng, count, setup.objects.object_area, setup.objects.spacing)
     if places:
         return np.column_stack((places, np.full(count, setup.objects.object_size / 2)))
@@ -319,7 +335,7 @@ COMMANDS: dict[str, tuple[type, Any]] = {"train": (ReaderTraining, train), "eval
 
 
 def main(arguments: Sequence[str]) -> Any:
-    """Runs `train` or `evaluate` with the arguments that follow it. Raises ConfigError."""
+    """Run `train` or `evaluate` with the arguments that follow it. Raises ConfigError."""
     command = arguments[0] if arguments else ""
     if command not in COMMANDS:
         raise ConfigError(f"{command or 'nothing'} is not a command" + did_you_mean(command, COMMANDS))

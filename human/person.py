@@ -38,13 +38,13 @@ class Person:
         self.eyes = self._arm.eyes
 
     def aim(self, target: ArrayLike) -> PointingGesture:
-        """Returns the exact gesture, whose ray goes through target (3,), metres. Raises Unreachable."""
+        """Return the exact gesture, whose ray goes through target (3,), metres. Raises Unreachable."""
         return PointingGesture(*self._arm.aim(target, self.config.style))
 
     def show(
         self, target: ArrayLike, rng: Generator, exact: PointingGesture | None = None, always: bool = False
     ) -> PointingGesture:
-        """Returns a gesture for the target with this person's errors: aiming noise, and sometimes no gesture.
+        """Return a gesture for the target with this person's errors: aiming noise, and sometimes no gesture.
 
         Args:
             target: (3,) metres.
@@ -67,7 +67,7 @@ class Person:
 
 
 def _aim_distance(origin: Array, direction: Array, target: Array) -> float:
-    """Metres along the noisy ray at which the finger is aimed: up to the target's height.
+    """Return metres along the noisy ray at which the finger is aimed: up to the target's height.
 
     The posture depends slightly on the distance of its aim. If that distance were always the target's, the posture
     would reveal which of several objects at one height is the referent, beyond the information in the ray. Rays that do

@@ -1,9 +1,10 @@
-"""Which object a ray refers to. Pure functions of arrays: rays (..., 3), object positions (..., K, 3), metres.
+"""Which object a ray refers to, alone or together with words. Pure functions of arrays: rays (..., 3), metres.
 
 A ray starts at the fingertip, its origin O, and runs along the unit vector v. An object at P lies at (P - O).v along
 the ray; its offset from the ray is the rejection P - O - ((P - O).v) v. Objects behind the fingertip, or MAX_ANGLE or
 more away from the ray, cannot be the referent. All others are compared by their distance to the ray alone
-(`pointed_object`), or by their angle and the known aiming error of the person (`posterior`).
+(`pointed_object`), or by their angle and the known aiming error of the person (`posterior`). `fuse` adds a phrase such
+as "that red one".
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class RayOffsets(NamedTuple):
 
 
 def ray_offsets(origin: ArrayLike, direction: ArrayLike, positions: ArrayLike) -> RayOffsets:
-    """Returns how positions lie relative to rays.
+    """Return how positions lie relative to rays.
 
     Args:
         origin, direction: (..., 3); the direction may have any length but 0.
@@ -55,7 +56,7 @@ def ray_offsets(origin: ArrayLike, direction: ArrayLike, positions: ArrayLike) -
 
 
 def unit(vector: ArrayLike) -> Array:
-    """Returns vectors (..., 3) scaled to length 1. Raises ValueError for length 0 and for non-finite numbers."""
+    """Return vectors (..., 3) scaled to length 1. Raises ValueError for length 0 and for non-finite numbers."""
     array = np.asarray(vector, np.float64)
     length = np.linalg.norm(array, axis=-1, keepdims=True)
     if not (np.isfinite(length) & (length > 0)).all():
@@ -66,7 +67,7 @@ def unit(vector: ArrayLike) -> Array:
 def pointed_object(
     origin: ArrayLike, direction: ArrayLike, positions: ArrayLike, shown: ArrayLike | None = None
 ) -> NDArray[np.int64]:
-    """Returns the index (...) of the object nearest to each ray, among those that can be the referent.
+    """Return the index (...) of the object nearest to each ray, among those that can be the referent.
 
     Args:
         origin, direction: (..., 3).
@@ -92,7 +93,7 @@ def posterior(
     prior: ArrayLike | None = None,
     shown: ArrayLike | None = None,
 ) -> Array:
-    """Returns the probability (..., K) that each object is the referent, given normally distributed aiming errors.
+    """Return the probability (..., K) that each object is the referent, given normally distributed aiming errors.
 
     Args:
         origin, direction: (..., 3).
@@ -119,7 +120,7 @@ def posterior(
 
 
 def visibility(eyes: ArrayLike, positions: ArrayLike, size: float) -> Array:
-    """Returns a prior (..., K) for `posterior`: 1, or HIDDEN_PRIOR where another object hides an object's centre.
+    """Return a prior (..., K) for `posterior`: 1, or HIDDEN_PRIOR where another object hides an object's centre.
 
     Args:
         eyes: (..., 3) metres.
@@ -136,7 +137,7 @@ def visibility(eyes: ArrayLike, positions: ArrayLike, size: float) -> Array:
 
 
 def add_aiming_noise(direction: ArrayLike, noise_deg: float, rng: Generator) -> Array:
-    """Returns directions (..., 3) turned by a normal angle in each of the two directions across them.
+    """Return directions (..., 3) turned by a normal angle in each of the two directions across them.
 
     noise_deg: standard deviation of each angle, degrees.
     """
@@ -149,7 +150,7 @@ def add_aiming_noise(direction: ArrayLike, noise_deg: float, rng: Generator) -> 
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Cross product of arrays (..., 3); np.cross takes three times as long for a single vector."""
+    """Return the cross product of arrays (..., 3); np.cross takes three times as long for a single vector."""
     following, last = [1, 2, 0], [2, 0, 1]
     return a[..., following] * b[..., last] - a[..., last] * b[..., following]
 
@@ -170,7 +171,7 @@ def _nothing_message(offsets: RayOffsets, rows: NDArray[np.bool_]) -> str:
 
 
 def referring_phrase(sentence: str) -> ObjectPhrase:
-    """Returns the phrase that names the object of the sentence's last step.
+    """Return the phrase that names the object of the sentence's last step.
 
     Raises:
         NotUnderstood: the sentence is outside the grammar.
@@ -183,7 +184,7 @@ def referring_phrase(sentence: str) -> ObjectPhrase:
 
 
 def fuse(phrase: ObjectPhrase, scene: Scene, weights: Array) -> Array:
-    """Returns the probability that each object of the scene is the referent, (K,), summing to 1.
+    """Return the probability that each object of the scene is the referent, (K,), summing to 1.
 
     Args:
         phrase: names the object; its determiner ("this", "that") is ignored, since the ray stands for it.

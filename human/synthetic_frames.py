@@ -43,17 +43,18 @@ class LabelledFrames:
 
 
 class FrameGenerator:
-    """Generates frames of a pool of random bodies, with random colours, light, camera pose and gesture."""
+    """Source of frames of a pool of random bodies, with random colours, light, camera pose and gesture."""
 
     def __init__(
         self,
         human: HumanConfig,
         furniture: Sequence[FurnitureBox],
+        *,
         area: Sequence[float],
         rng: Generator,
         bodies: int | None = None,
     ) -> None:
-        """Loads the bodies, each into a PyBullet client of its own.
+        """Load the bodies, each into a PyBullet client of its own.
 
         Args:
             human: where the person and the camera stand.
@@ -73,13 +74,13 @@ class FrameGenerator:
         return [camera.body for camera in self._cameras]
 
     def frames(self, count: int) -> LabelledFrames:
-        """Returns `count` new frames. Raises ConfigError if the person can't point at the object area."""
+        """Return `count` new frames. Raises ConfigError if the person can't point at the object area."""
         samples = [self.sample() for _ in range(count)]
         pictures, tips, directions = (np.stack(each) for each in zip(*samples, strict=True))
         return LabelledFrames(pictures, tips, directions)
 
     def sample(self) -> tuple[Picture, Array, Array]:
-        """Returns a picture (H, W, 3), the fingertip (3,), metres, and the direction (3,) in the camera's frame."""
+        """Return a picture (H, W, 3), the fingertip (3,), metres, and the direction (3,) in the camera's frame."""
         index = int(self._rng.integers(len(self._cameras)))
         person = self._cameras[index]
         self._recolor(index)
@@ -89,7 +90,7 @@ class FrameGenerator:
         return picture, *CameraFrame.of(camera).from_workspace(*person.body.ray())
 
     def _gesture(self, index: int) -> Array:
-        """Joint angles (J,) of a gesture, of an arm in motion between two gestures, or of a jittered gesture."""
+        """Return joint angles (J,) of a gesture, of an arm in motion between two gestures, or of a jittered gesture."""
         body, rng = self._cameras[index].body, self._rng
         joints = self._pointing_joints(body)
         before, self._last[index] = self._last[index], joints
@@ -101,7 +102,7 @@ class FrameGenerator:
         return np.clip(joints, body.low, body.high)
 
     def _pointing_joints(self, body: Body) -> Array:
-        """Joint angles (J,) at which the body points at a random target within reach. Raises ConfigError."""
+        """Return joint angles (J,) at which the body points at a random target within reach. Raises ConfigError."""
         for _ in range(TRIES):
             try:
                 return body.solve(sample_target(self._area, self._rng))
@@ -110,7 +111,7 @@ class FrameGenerator:
         raise ConfigError(f"workspace.object_area={list(self._area)}: the person can't point at any of {TRIES} places")
 
     def _recolor(self, index: int) -> None:
-        """Gives the person and the furniture random colours."""
+        """Give the person and the furniture random colours."""
         camera, new = self._cameras[index], sample_colors(self._rng)
         for link, shape, name in self._shapes[index]:
             camera.paint(link, shape, (*new[name], 1))
@@ -118,19 +119,19 @@ class FrameGenerator:
             camera.paint_furniture(box, self._rng.random(3).tolist())
 
     def close(self) -> None:
-        """Disconnects all clients."""
+        """Disconnect all clients."""
         for camera in self._cameras:
             camera.close()
 
 
 def sample_target(area: Sequence[float], rng: Generator) -> Array:
-    """Returns a point (3,), metres, over the area (x0, x1, y0, y1) extended by MARGIN."""
+    """Return a point (3,), metres, over the area (x0, x1, y0, y1) extended by MARGIN."""
     x0, x1, y0, y1 = area
     return rng.uniform([x0 - MARGIN, y0 - MARGIN, 0.0], [x1 + MARGIN, y1 + MARGIN, MAX_HEIGHT])
 
 
 def sample_proportions(rng: Generator) -> Proportions:
-    """Returns a person 1.6 to 1.9 m tall, whose other lengths vary by some percent around the average."""
+    """Return a person 1.6 to 1.9 m tall, whose other lengths vary by some percent around the average."""
     average = Proportions()
     spread = {"shoulder_height": 0.01, "shoulder_width": 0.05, "upper_arm": 0.04, "forearm": 0.04, "hand": 0.04}
     lengths = {name: getattr(average, name) * (1 + share * _truncated_normal(rng)) for name, share in spread.items()}
@@ -139,12 +140,12 @@ def sample_proportions(rng: Generator) -> Proportions:
 
 
 def _truncated_normal(rng: Generator) -> float:
-    """A standard normal number, clipped to [-2, 2]."""
+    """Return a standard normal number, clipped to [-2, 2]."""
     return float(np.clip(rng.standard_normal(), -2, 2))
 
 
 def perturb_camera(camera: Camera, rng: Generator) -> Camera:
-    """Returns the camera with noise on its pose and field of view (CAMERA_NOISE)."""
+    """Return the camera with noise on its pose and field of view (CAMERA_NOISE)."""
     scalars = ("distance", "yaw", "pitch", "fov")
     moved = {name: getattr(camera, name) + CAMERA_NOISE[name] * _truncated_normal(rng) for name in scalars}
     target = [each + CAMERA_NOISE["target"] * _truncated_normal(rng) for each in camera.target]
@@ -152,7 +153,7 @@ def perturb_camera(camera: Camera, rng: Generator) -> Camera:
 
 
 def sample_light(rng: Generator) -> Light:
-    """Returns a light from above, of random direction, colour temperature and brightness."""
+    """Return a light from above, of random direction, colour temperature and brightness."""
     x, y = rng.uniform(-1.5, 1.5, 2).tolist()
     red, green, blue = rng.uniform(0.8, 1.1, 3).tolist()
     ambient = rng.uniform(0.35, 0.75)
@@ -161,7 +162,7 @@ def sample_light(rng: Generator) -> Light:
 
 
 def sample_colors(rng: Generator) -> dict[str, Color]:
-    """Returns random colours of COLORED_PARTS, RGB in [0, 1]."""
+    """Return random colours of COLORED_PARTS, RGB in [0, 1]."""
     chosen = {name: rng.random(3) for name in COLORED_PARTS}
     share = rng.random()
     chosen["skin"] = (
@@ -172,7 +173,7 @@ def sample_colors(rng: Generator) -> dict[str, Color]:
 
 
 def _paint_background(picture: Picture, background: NDArray[np.bool_], rng: Generator) -> None:
-    """Fills the background with a gradient between two random colours."""
+    """Fill the background with a gradient between two random colours."""
     height, width = background.shape
     across, down = np.meshgrid(np.linspace(0, 1, width), np.linspace(0, 1, height))
     turn = rng.uniform(0, 2 * np.pi)
@@ -182,7 +183,7 @@ def _paint_background(picture: Picture, background: NDArray[np.bool_], rng: Gene
 
 
 def _colored_shapes(camera: PersonCamera) -> list[tuple[int, int, str]]:
-    """(link, index of the shape within the link, part) of all shapes whose colour is that of one of COLORED_PARTS."""
+    """Return (link, index of the shape within it, part) of all shapes that have the colour of one of COLORED_PARTS."""
     average = Proportions()
     parts = [
         (link, index, next((n for n in COLORED_PARTS if np.allclose(rgba[:3], getattr(average, n), atol=1e-3)), None))

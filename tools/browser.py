@@ -31,7 +31,7 @@ PAUSE = "() => new Promise(done => setTimeout(done, 100))"  # milliseconds
 
 
 def free_port() -> str:
-    """A port of the loopback interface that no program listens on."""
+    """Return a port of the loopback interface that no program listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return str(probe.getsockname()[1])
@@ -56,12 +56,12 @@ class PlayServer:
             sys.exit(self._read_errors().strip().splitlines()[-1])
 
     def megabytes(self) -> float:
-        """Resident memory of the process."""
+        """Return resident memory of the process."""
         status = Path(f"/proc/{self.process.pid}/status").read_text()
         return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024  # type: ignore[index]
 
     def close(self) -> str:
-        """Interrupts the process. Returns what it wrote to stderr; its exit code is `process.returncode`."""
+        """Interrupt the process; return what it wrote to stderr; its exit code is `process.returncode`."""
         self.process.send_signal(signal.SIGINT)
         return self._read_errors()
 
@@ -88,22 +88,22 @@ class PageTab:
         self.wait_for_text("clock:")
 
     def field(self, label: str) -> Any:
-        """The input element after a label."""
+        """Return the input element after a label."""
         return self.tab.locator(f'xpath=//*[normalize-space(text())="{label}"]/following::input[1]')
 
     def type_sentence(self, sentence: str) -> None:
-        """Types with pauses: viser's page loses one of typing and Enter if they come within 50 ms."""
+        """Type with pauses: viser's page loses one of typing and Enter if they come within 50 ms."""
         self.tab.evaluate(PAUSE)
         self.field("Say").fill(sentence)
         self.tab.evaluate(PAUSE)
 
     def say(self, sentence: str) -> None:
-        """Types a sentence and presses Enter."""
+        """Type a sentence and presses Enter."""
         self.type_sentence(sentence)
         self.field("Say").press("Enter")
 
     def say_and_wait(self, sentence: str) -> str:
-        """Says a sentence and waits until it has ended. Returns "Done in" or "Not done: ...".
+        """Say a sentence, wait until it has ended, and return "Done in" or "Not done: ...".
 
         Presses Stop first, to clear the status of the sentence before.
         """
@@ -113,41 +113,41 @@ class PageTab:
         return re.search("Done in|Not done: .*", self.wait_for_text("Done in|Not done"))[0]  # type: ignore[index]
 
     def wait_for_text(self, pattern: str) -> str:
-        """Waits until the page contains this pattern. Returns the text of the element that does."""
+        """Wait until the page contains this pattern; return the text of the element that does."""
         found = self.tab.get_by_text(re.compile(pattern)).first
         found.wait_for()
         return found.inner_text()
 
     def press(self, button: str) -> None:
-        """Clicks the button with this text, after a pause: a click can be lost that comes within 50 ms of another."""
+        """Click the button with this text, after a pause: a click can be lost that comes within 50 ms of another."""
         self.tab.evaluate(PAUSE)
         self.tab.get_by_text(button, exact=True).first.click()
 
     def choose(self, label: str, option: str) -> None:
-        """Chooses an option of the drop-down list after a label."""
+        """Choose an option of the drop-down list after a label."""
         self.field(label).click()
         self.tab.get_by_role("option", name=option, exact=True).click()
 
     def download(self, name: str) -> bytes:
-        """The file of this name that the page offers."""
+        """Return the file of this name that the page offers."""
         with self.tab.expect_download() as download:
             self.tab.locator(f'a[download="{name}"]').click()
         return Path(download.value.path()).read_bytes()
 
     def object_names(self) -> list[str]:
-        """The names of the scene's objects (two or more), read from the page's question about an ambiguous sentence."""
+        """Return the names of the scene's objects (two or more), which the page asks after an ambiguous sentence."""
         self.type_sentence("reach the object")
         question = re.search(r"Do you mean (.*)\?", self.wait_for_text("Do you mean"))
         return re.split(" or ", question[1])  # type: ignore[index]
 
     def clock(self) -> float:
-        """The speed of the session's clock, as a share of real time, as the page shows it."""
+        """Return the speed of the session's clock, as a share of real time, as the page shows it."""
         return float(re.search(r"clock: ([\d.]+)", self.wait_for_text("clock:"))[1])  # type: ignore[index]
 
 
 @contextmanager
 def headless_browser() -> Iterator[Any]:
-    """A Chromium without a window."""
+    """Yield a Chromium without a window."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:

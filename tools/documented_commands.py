@@ -71,12 +71,12 @@ class Command:
 
 
 def pages() -> list[Path]:
-    """README.md and every page of docs/."""
+    """Return README.md and every page of docs/."""
     return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def commands_of(page: Path) -> Iterator[Command]:
-    """The commands of a page in order. Raises ValueError for a line of a command block that is not a command."""
+    """Yield the commands of a page in order. Raises ValueError for a line of a command block that is not a command."""
     name = page.relative_to(ROOT).as_posix()
     for language, block in FENCE.findall(page.read_text(encoding="utf-8")):
         if language == "console":
@@ -91,12 +91,12 @@ def commands_of(page: Path) -> Iterator[Command]:
 
 
 def is_command(line: str) -> bool:
-    """Whether a line starts with one of PROGRAMS, after assignments of environment variables."""
+    """Return whether a line starts with one of PROGRAMS, after assignments of environment variables."""
     return re.sub(r"^(?:[A-Z_]+=\S+ )*", "", line).split(" ")[0] in PROGRAMS
 
 
 def apply_diff(text: str, diff: str) -> str:
-    """The text with the change of a diff block. Raises ValueError unless the old lines occur exactly once."""
+    """Return the text with the change of a diff block. Raises ValueError unless the old lines occur exactly once."""
     lines = diff.splitlines()
     before = "".join(f"{line[1:]}\n" for line in lines if line[:1] in (" ", "-"))
     after = "".join(f"{line[1:]}\n" for line in lines if line[:1] in (" ", "+"))
@@ -106,7 +106,7 @@ def apply_diff(text: str, diff: str) -> str:
 
 
 def file_blocks(page: Path) -> Iterator[tuple[str, str, str]]:
-    """The files that a page tells its reader to add or change: (language of the block, path, content or diff)."""
+    """Yield the files that a page tells its reader to add or change: (language of the block, path, content or diff)."""
     for language, block in FENCE.findall(page.read_text(encoding="utf-8")):
         header = FILE_HEADER.match(block)
         if header:
@@ -114,7 +114,7 @@ def file_blocks(page: Path) -> Iterator[tuple[str, str, str]]:
 
 
 def copy_project(folder: Path) -> Path:
-    """Copies the project into the folder, with the files that console blocks show with `cat`. Returns the folder."""
+    """Copy the project into the folder, with the files that console blocks show with `cat`; return the folder."""
     shutil.copytree(ROOT, folder, ignore=NOT_COPIED, dirs_exist_ok=True)
     for page in pages():
         for command in commands_of(page):
@@ -125,7 +125,7 @@ def copy_project(folder: Path) -> Path:
 
 @contextmanager
 def page_applied(page: Path, folder: Path) -> Iterator[None]:
-    """Applies the page's files and diffs to a copy of the project, and restores the copy afterwards.
+    """Apply the page's files and diffs to a copy of the project, and restore the copy afterwards.
 
     Restoring matters: a page that adds a word changes the vocabulary, and the checkpoints of other pages would not fit.
     """
@@ -168,7 +168,7 @@ PLACEHOLDERS = {
 
 
 def shorten(line: str) -> str:
-    """The command as it is run here: placeholders filled in, and with few frames and episodes."""
+    """Return the command as it is run here: placeholders filled in, and with few frames and episodes."""
     line = re.sub(r"^pip install .*?&& ", "", line)
     task = "nl_reach_large" if "splits=" in line else "reach_gesture" if "gesture" in line else "nl_reach"
     line = line.replace("<run dir>", f"prepared/{task}").replace("<run dir or file>", f"prepared/{task}")
@@ -193,7 +193,7 @@ def _shorten_training(line: str) -> str:
 
 
 def with_values(line: str, values: dict[str, str], separator: str) -> str:
-    """The command with these options set. A choice of tasks, robots or controls that it makes itself is kept."""
+    """Return the command with these options set. A choice of tasks, robots or controls that it makes itself is kept."""
     for name, value in values.items():
         given = re.search(rf"(?<= ){re.escape(name)}{separator}\S+", line)
         if given is None:
@@ -204,7 +204,7 @@ def with_values(line: str, values: dict[str, str], separator: str) -> str:
 
 
 def preparation_commands(commands: Iterable[Command]) -> list[Command]:
-    """The commands that make the runs, the sweep and the dataset that placeholders of these commands stand for."""
+    """Return the commands that make the runs, the sweep and the dataset that placeholders of these stand for."""
     runs = [f"python train.py task={task} hydra.run.dir=prepared/{task}" for task in RUN_TASKS]
     sweep = "python train.py -m seed=0 hydra.sweep.dir=prepared/sweep"
     dataset = "python record.py checkpoint=prepared/nl_reach format=lerobot out=prepared/dataset"
@@ -216,7 +216,7 @@ def preparation_commands(commands: Iterable[Command]) -> list[Command]:
 
 
 def run_command(command: Command, folder: Path, environment: dict[str, str], timeout: float) -> tuple[bool, str]:
-    """Whether it ended as its page says, and a line for the report; timeout in seconds."""
+    """Run it; return whether it ended as its page says, and a line for the report; timeout in seconds."""
     start = time.perf_counter()
     line = shorten(command.line)
     try:
@@ -238,7 +238,7 @@ def run_command(command: Command, folder: Path, environment: dict[str, str], tim
 
 
 def make_environment(folder: Path, fresh: bool) -> dict[str, str]:
-    """The environment variables with which commands find python, pip and this copy of the project."""
+    """Return the environment variables with which commands find python, pip and this copy of the project."""
     if fresh:
         subprocess.run([sys.executable, "-m", "venv", str(folder / ".venv")], check=True)
         install = [str(folder / ".venv" / "bin" / "pip"), "install", "--quiet", "-e", ".[test]"]
@@ -252,7 +252,7 @@ def make_environment(folder: Path, fresh: bool) -> dict[str, str]:
 
 
 def run_all(commands: Sequence[Command], fresh: bool, timeout: float) -> int:
-    """Runs the commands, each shortened line once, and prints a line for each. Returns how many failed."""
+    """Run the commands, each shortened line once, print a line for each, and return how many failed."""
     failed = 0
     with tempfile.TemporaryDirectory(prefix="deixis-commands-") as scratch:
         folder = copy_project(Path(scratch) / "project")
@@ -271,7 +271,7 @@ def run_all(commands: Sequence[Command], fresh: bool, timeout: float) -> int:
 
 
 def main() -> None:
-    """Runs or lists the commands. Exits with 1 if any failed."""
+    """Run or lists the commands. Exits with 1 if any failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fresh", action="store_true", help="in a new virtual environment")
     parser.add_argument("--only", default="", help="only commands that match this regular expression")

@@ -19,7 +19,7 @@ Frame = tuple[Image.Image, int]  # and for how many milliseconds it is shown
 
 
 def write_gif(path: Path, frames: Sequence[Frame], samples: Sequence[Image.Image]) -> None:
-    """Writes a GIF.
+    """Write a GIF.
 
     Args:
         path: of the file.
@@ -45,7 +45,7 @@ SAMPLED = 40  # every SAMPLED-th frame contributes to the palette
 
 
 def film(checkpoint: str, seed: int, length: int) -> Iterator[Frame]:
-    """The frames of a chain. Raises RuntimeError if an instruction is not carried out."""
+    """Yield the frames of a chain. Raises RuntimeError if an instruction is not carried out."""
     policy = deixis.load_policy(checkpoint)
     size = {"width": SUPERSAMPLING * WIDTH, "height": SUPERSAMPLING * HEIGHT}
     camera = [f"workspace.camera.{key}={value}" for key, value in (CAMERA | size).items()]
@@ -66,7 +66,7 @@ def film(checkpoint: str, seed: int, length: int) -> Iterator[Frame]:
 
 
 def _frame(picture: NDArray[np.uint8], sentence: str) -> Image.Image:
-    """The room with its subtitle."""
+    """Return the room with its subtitle."""
     image = Image.new("RGB", (WIDTH, HEIGHT + CAPTION), "black")
     image.paste(Image.fromarray(picture).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS), (0, 0))
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=18)
@@ -76,7 +76,7 @@ def _frame(picture: NDArray[np.uint8], sentence: str) -> Image.Image:
 
 
 def main() -> int:
-    """Writes the film."""
+    """Write the film."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--checkpoint", default="anything_kuka", help="a run, a file or a pretrained policy")
     parser.add_argument("--seed", type=int, default=0, help="of the room and its instructions")

@@ -46,7 +46,7 @@ class ProcessResult:
 
 
 def call(function: Callable[[], object], folder: Path | None = None, timeout: float = 60.0) -> ProcessResult:
-    """Calls a function in a forked child.
+    """Call a function in a forked child.
 
     Args:
         function: its SystemExit and its exceptions become an exit status and text, as those of a program do.
@@ -89,7 +89,7 @@ def _run(function: Callable[[], object], folder: Path | None, out: int, err: int
 
 
 def _code(function: Callable[[], object]) -> int:
-    """The exit status that Python gives a program that calls the function."""
+    """Return the exit status that Python gives a program that calls the function."""
     try:
         function()
     except SystemExit as end:
@@ -104,7 +104,7 @@ def _code(function: Callable[[], object]) -> int:
 
 
 def _wait(child: int, deadline: float) -> int:
-    """The exit status of the child, which is killed with its process group at the deadline."""
+    """Return the exit status of the child, which is killed with its process group at the deadline."""
     while time.monotonic() < deadline:
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:

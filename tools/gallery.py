@@ -52,7 +52,7 @@ class Cell:
 
 
 def workspaces(names: Iterable[str], robots: Sequence[str], overrides: Sequence[str] = (), seed: int = 3) -> list[Cell]:
-    """Each workspace with each robot at the start of an episode. Raises ConfigError."""
+    """Return each workspace with each robot at the start of an episode. Raises ConfigError."""
     cells = []
     for name in names:
         for robot in robots:
@@ -65,7 +65,7 @@ def workspaces(names: Iterable[str], robots: Sequence[str], overrides: Sequence[
 
 
 def tasks(names: Iterable[str], overrides: Sequence[str] = (), seed: int = 3) -> list[Cell]:
-    """Each task while the scripted expert acts. Raises ConfigError."""
+    """Return each task while the scripted expert acts. Raises ConfigError."""
     cells = []
     for name in names:
         with closing(make_env([f"task={name}", *overrides], seed)) as env:
@@ -77,14 +77,14 @@ def tasks(names: Iterable[str], overrides: Sequence[str] = (), seed: int = 3) ->
 
 
 def make_env(overrides: Sequence[str], seed: int) -> WorkspaceEnv:
-    """One world with the evaluations' initial states and a camera of higher resolution."""
+    """Return one world with the evaluations' initial states and a camera of higher resolution."""
     config: EnvConfig = read_env(compose(overrides)).without_curriculum()
     camera = replace(config.workspace.camera, width=SUPERSAMPLING * WIDTH, height=SUPERSAMPLING * HEIGHT)
     return WorkspaceEnv(replace(config, workspace=replace(config.workspace, camera=camera)), seed=seed, render=True)
 
 
 def run_expert(env: WorkspaceEnv, steps: int) -> int:
-    """Runs the expert for up to `steps` control steps of an episode. Returns the number of steps taken."""
+    """Run the expert for up to `steps` control steps of an episode; return the number of steps taken."""
     actor, now = expert(env), env.reset()
     for step in range(steps):
         now = env.step(actor(now))["next"]
@@ -94,12 +94,12 @@ def run_expert(env: WorkspaceEnv, steps: int) -> int:
 
 
 def picture_of(env: WorkspaceEnv) -> Picture:
-    """The camera's picture, (HEIGHT, WIDTH, 3)."""
+    """Return the camera's picture, (HEIGHT, WIDTH, 3)."""
     return np.asarray(Image.fromarray(env.render()).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS))
 
 
 def sheet(cells: Sequence[Cell]) -> Image.Image:
-    """The cells in rows, with a caption below each picture."""
+    """Return the cells in rows, with a caption below each picture."""
     font, bold = ImageFont.load_default(size=13), ImageFont.load_default(size=15)
     captions = [textwrap.wrap(cell.sentence, CAPTION_CHARACTERS) for cell in cells]
     wide, high = WIDTH + MARGIN, HEIGHT + (1 + max(map(len, captions))) * LINE + 2 * MARGIN
@@ -116,7 +116,7 @@ def sheet(cells: Sequence[Cell]) -> Image.Image:
 
 
 def main(arguments: list[str]) -> None:
-    """Renders both sheets. Raises ConfigError."""
+    """Render both sheets. Raises ConfigError."""
     own, overrides = split(arguments, [field.name for field in fields(GalleryConfig)], "out=docs/gallery")
     config = read(GalleryConfig, DEFAULTS | own, "")
     check(overrides)

@@ -36,13 +36,13 @@ class Evaluation(NamedTuple):
 
 
 def our_overrides(given: Sequence[str], seed: int) -> list[str]:
-    """The overrides of our side: OUR_OVERRIDES, except for keys that are given, then those given, and the seed."""
+    """Return the overrides of our side: OUR_OVERRIDES without the keys that are given, those given, and the seed."""
     keys = {word.split("=")[0] for word in given}
     return [*(word for word in OUR_OVERRIDES.split() if word.split("=")[0] not in keys), *given, f"seed={seed}"]
 
 
 def read_curve(path: Path) -> list[Evaluation]:
-    """The evaluations in a metrics.csv, ours or the peer's; [] if there is no file."""
+    """Return the evaluations in a metrics.csv, ours or the peer's; [] if there is no file."""
     curve, evaluating = [], 0.0
     for row in read_metrics(path):
         evaluating += row["time/evaluate"]
@@ -55,12 +55,12 @@ def read_curve(path: Path) -> list[Evaluation]:
 
 
 def first_at_target(curve: Iterable[Evaluation], target: float) -> Evaluation | None:
-    """The first evaluation whose confirmed success reaches the target."""
+    """Return the first evaluation whose confirmed success reaches the target."""
     return next((each for each in curve if each.confirmed is not None and each.confirmed >= target), None)
 
 
 def summarize(curve: Sequence[Evaluation], target: float) -> dict[str, Any]:
-    """One side of a pair: the evaluation that reached the target, the last one, and the best success; or None each."""
+    """Return one side of a pair: the evaluation that reached the target, the last, the best success; or None each."""
     reached = first_at_target(curve, target)
     return {
         "reached": reached._asdict() if reached else None,
@@ -70,7 +70,7 @@ def summarize(curve: Sequence[Evaluation], target: float) -> dict[str, Any]:
 
 
 def compare_sides(ours: dict[str, Any], peer: dict[str, Any]) -> dict[str, Any]:
-    """Both sides, and our seconds and frames over the peer's.
+    """Return both sides, and our seconds and frames over the peer's.
 
     If the peer did not reach the target, the ratio to its last evaluation is an upper bound (`at_most`). The ratios are
     None if we did not reach the target, or the peer was never evaluated.
@@ -83,7 +83,7 @@ def compare_sides(ours: dict[str, Any], peer: dict[str, Any]) -> dict[str, Any]:
 
 
 def ratio_line(pair: dict[str, Any]) -> str:
-    """The ratios of one pair, and whether the claim (MAX_RATIO) holds."""
+    """Return the ratios of one pair, and whether the claim (MAX_RATIO) holds."""
     ratio, name = pair["ours_over_peer"], f"{pair['setting']}, seed {pair['seed']}"
     if ratio["seconds"] is None:
         return f"{name}: nothing to compare"
@@ -94,7 +94,7 @@ def ratio_line(pair: dict[str, Any]) -> str:
 
 
 def table(pairs: Sequence[dict[str, Any]], target: float) -> str:
-    """A Markdown table with a row for each side, then a line for each pair."""
+    """Return a Markdown table with a row for each side, then a line for each pair."""
     head = ["peer", "seed", "side", f"seconds to {target:.0%}", "with evaluation", "frames", "best", "frames/s"]
     rows = [_side_row(pair, name) for pair in pairs for name in ("ours", "peer")]
     lines = ["| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *rows)]

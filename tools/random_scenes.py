@@ -8,7 +8,7 @@ from language import COLORS, SHAPES, VIEWPOINTS, Scene
 
 
 def random_scene(count: int, rng: Generator) -> Scene:
-    """Returns `count` random objects of three sizes and several heights, a fifth of them targets.
+    """Return `count` random objects of three sizes and several heights, a fifth of them targets.
 
     The viewpoint is the robot's or the human's.
     """

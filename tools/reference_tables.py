@@ -78,7 +78,7 @@ class EnvironmentSpecs:
 
 
 def specs(config: EnvConfig) -> EnvironmentSpecs:
-    """The specs of an environment with this config."""
+    """Return the specs of an environment with this config."""
     with closing(WorkspaceEnv(config)) as env:
         task = env.task
         flags = task.moves, task.operates, task.grips, task.turns
@@ -86,12 +86,12 @@ def specs(config: EnvConfig) -> EnvironmentSpecs:
 
 
 def option(group: str, name: str) -> EnvConfig:
-    """The default config with this option of a group."""
+    """Return the default config with this option of a group."""
     return read_env(compose([f"{group}={name}"]))
 
 
 def pages() -> dict[str, str]:
-    """File name of each page -> its text."""
+    """Return the text of each page by its file name."""
     tasks = {name: specs(option("task", name)) for name in groups()["task"]}
     robots = {name: option("robot", name).robot for name in groups()["robot"]}
     controls = {name: option("control", name).control for name in groups()["control"]}
@@ -133,7 +133,7 @@ def _tasks_page(tasks: dict[str, EnvironmentSpecs], made: dict[tuple[str, str, s
 
 
 def _object_rows(tasks: dict[str, EnvironmentSpecs]) -> Rows:
-    """The columns of `objects` for each kind of task. The assertion keeps their number equal to the spec's."""
+    """Return the columns of `objects` for each kind of task. The assertion keeps their number equal to the spec's."""
     rows: list[list[Any]] = []
     for some, kinds, title in (
         ("nl_reach", SHAPES, "reach objects"),
@@ -252,7 +252,7 @@ def _table(head: list[str], rows: Rows) -> list[str]:
 
 
 def main(arguments: list[str]) -> None:
-    """Writes the pages, or checks them. Raises ConfigError."""
+    """Write the pages, or checks them. Raises ConfigError."""
     own, rest = split(arguments, [field.name for field in fields(TablesConfig)], "out=docs/reference")
     config = read(TablesConfig, DEFAULTS | own | dict(word.split("=", 1) for word in rest), "")
     folder = Path(config.out) if config.check else out_folder(config.out)

@@ -31,7 +31,7 @@ class PointedScene(NamedTuple):
 
 
 def accuracy_by_cue(episodes: Sequence[EpisodeSpec], person: Person, noise_deg: float, size: float) -> dict[str, Any]:
-    """Accuracy and calibration of the belief from the words, the finger, both, and both with `insider_belief`.
+    """Return accuracy and calibration of the belief from the words, the finger, both, and both with `insider_belief`.
 
     size: of the objects, metres. Every episode has a gesture.
     """
@@ -53,7 +53,7 @@ def accuracy_by_cue(episodes: Sequence[EpisodeSpec], person: Person, noise_deg: 
 
 
 def insider_belief(person: Person, shown: PointedScene, noise_deg: float) -> Array:
-    """(K,) belief of an observer who knows this person's kinematics: an upper bound for all observers.
+    """Return (K,) belief of an observer who knows this person's kinematics: an upper bound for all observers.
 
     `posterior` assumes that the direction is noisy and the fingertip is where it is seen. In fact the noise displaces
     the aim, and the arm is solved again for the displaced aim. So each object is judged from the fingertip that the
@@ -75,12 +75,12 @@ def insider_belief(person: Person, shown: PointedScene, noise_deg: float) -> Arr
 
 
 def calibration(beliefs: Sequence[Array], referents: Sequence[int]) -> dict[str, Any]:
-    """`accuracy` of the likeliest object, and "expected": the accuracy that calibrated beliefs would have."""
+    """Return `accuracy` of the likeliest object, and "expected": the accuracy that calibrated beliefs would have."""
     right = [int(belief.argmax()) == referent for belief, referent in zip(beliefs, referents, strict=True)]
     return {**accuracy(right), "expected": round(float(np.mean([belief.max() for belief in beliefs])), 4)}
 
 
 def accuracy(right: Sequence[bool]) -> dict[str, Any]:
-    """The share that is right, with its 95 % Wilson interval: {"right", "low", "high"}."""
+    """Return the share that is right, with its 95 % Wilson interval: {"right", "low", "high"}."""
     low, high = wilson(sum(right), len(right))
     return {"right": round(sum(right) / len(right), 4), "low": round(low, 4), "high": round(high, 4)}

@@ -22,7 +22,7 @@ class Sentence(NamedTuple):
 
 
 def read_sentences(path: Path, scene: Path | None = None) -> list[Sentence]:
-    """Returns the sentences of a file; `benchmarks/sentences.py` describes the formats.
+    """Return the sentences of a file; `benchmarks/sentences.py` describes the formats.
 
     Args:
         path: of the file.
@@ -71,7 +71,7 @@ def _annotations(text: str, path: Path) -> list[tuple[str, str]]:
 
 
 def judged(sentence: Sentence, world: World, ids: tuple[str, ...]) -> tuple[str, str]:
-    """Returns one of RESULTS, and the outcome in words."""
+    """Return one of RESULTS, and the outcome in words."""
     outcome = interpret(sentence.text, world)
     found, said = _found(outcome, ids)
     kind = {Question: "asked", Refusal: "refused"}.get(type(outcome), "understood")
@@ -86,7 +86,7 @@ def judged(sentence: Sentence, world: World, ids: tuple[str, ...]) -> tuple[str,
 
 
 def _found(outcome: Outcome, ids: tuple[str, ...]) -> tuple[tuple[str, str], str]:
-    """Returns the object and target of the last step that has one, and the outcome in words."""
+    """Return the object and target of the last step that has one, and the outcome in words."""
     if not isinstance(outcome, Understood):
         return ("", ""), getattr(outcome, "text", "")
     last = next((step for step in reversed(outcome.steps) if step.object is not None), None)

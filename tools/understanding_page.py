@@ -157,7 +157,7 @@ To keep it, add it to `language/commands/verb_words.py`, `modifiers.py` or `noun
 
 
 def page() -> str:
-    """Returns the page."""
+    """Return the page."""
     parts = [
         NOTE,
         INTRODUCTION,
@@ -178,7 +178,7 @@ def _costs() -> Iterator[tuple[str, ...]]:
 
 
 def _coverage() -> list[str]:
-    """Returns the section of the measured figures; [] if there are none yet."""
+    """Return the section of the measured figures; [] if there are none yet."""
     if not FIGURES.exists():
         return []
     about = """\
@@ -212,7 +212,7 @@ measurement.
 
 
 def _words() -> Iterator[str]:
-    """Yields a section for each category of words."""
+    """Yield a section for each category of words."""
     kinds = {kind: ", ".join(words) for kind, words in nouns.nouns().items()}
     yield "### Things\n"
     yield _table(("meaning", "understood"), [*kinds.items(), ("stack", nouns.STACKS)])

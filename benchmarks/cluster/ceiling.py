@@ -148,7 +148,7 @@ def ceiling(tries: int, random: Random, folder: Path) -> Outcome:
 
 
 def measured(host: ReplayHost, config: RayCollectorConfig) -> CeilingPoint:
-    """The throughput of the pool, after the first batches."""
+    """Return the throughput of the pool, after the first batches."""
     host.count = config.workers
     specs = [WorkerSpec(i, WORLDS, HORIZON, 0) for i in range(config.workers)]
     pool = WorkerPool(host, specs, config, None)
@@ -166,7 +166,7 @@ def measured(host: ReplayHost, config: RayCollectorConfig) -> CeilingPoint:
 
 
 def draw(curves: Mapping[str, Sequence[CeilingPoint]], path: Path) -> None:
-    """Frames/s, efficiency and the main process's cores over the number of workers."""
+    """Return frames/s, efficiency and the main process's cores over the number of workers."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import ScalarFormatter
 

@@ -71,7 +71,7 @@ class ClusterFault:
         self.node: int | None = None  # the namespace that was lost
 
     def patches(self) -> list[Any]:
-        """The patches, as arguments of `patch.object`."""
+        """Return the patches, as arguments of `patch.object`."""
         collect, replace = WorkerPool.collect, WorkerPool._replace
 
         def collecting(pool: Any, order: Any) -> Any:
@@ -135,7 +135,7 @@ def start_cluster(nodes: Sequence[int], head: bool = True) -> None:
 
 
 def wait_for_nodes(count: int) -> bool:
-    """Whether the cluster gets `count` nodes beside its head in time."""
+    """Return whether the cluster gets `count` nodes beside its head in time."""
     deadline = time.monotonic() + NODE_SECONDS
     while (found := count_nodes()) != count and time.monotonic() < deadline:
         time.sleep(0.5)
@@ -143,7 +143,7 @@ def wait_for_nodes(count: int) -> bool:
 
 
 def count_nodes() -> int:
-    """The nodes of the cluster beside its head."""
+    """Return the nodes of the cluster beside its head."""
     try:
         session = RaySession()
     except ValueError:  # the head is starting
@@ -182,7 +182,7 @@ def faults(tries: int, random: Random, folder: Path) -> Outcome:
 
 
 def actors_left(seconds: float = 10.0) -> int:
-    """Processes of actors in all namespaces, after the seconds that they take to end."""
+    """Return processes of actors in all namespaces, after the seconds that they take to end."""
     deadline = time.monotonic() + seconds
     while True:
         lines = [_title(entry) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
@@ -200,7 +200,7 @@ def _title(entry: Path) -> str:
 
 
 def segments() -> set[str]:
-    """The names in shared memory, without the semaphores of other programs."""
+    """Return the names in shared memory, without the semaphores of other programs."""
     names = {path.name for path in Path("/dev/shm").iterdir()}
     return {name for name in names if not name.startswith("sem.") or name.startswith("sem.mp-deixis-")}
 

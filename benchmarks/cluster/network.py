@@ -64,12 +64,12 @@ class Network:
 
 
 def address(index: int) -> str:
-    """The address of a namespace."""
+    """Return the address of a namespace."""
     return f"{SUBNET}.{index + 1}"
 
 
 def start_node(index: int, cpus: int) -> subprocess.Popen:
-    """Ray in a namespace: the head in deixis-0, otherwise a node that joins it."""
+    """Start Ray in a namespace: the head in deixis-0, otherwise a node that joins it."""
     head = ["--head", f"--port={PORT}", "--include-dashboard=false"]
     place = head if index == 0 else [f"--address={address(0)}:{PORT}"]
     options = [f"--node-ip-address={address(index)}", f"--num-cpus={cpus}", f"--object-store-memory={200 * 2**20}"]
@@ -87,7 +87,7 @@ def start_node(index: int, cpus: int) -> subprocess.Popen:
 
 
 def _listens() -> bool:
-    """Whether the head answers. Called in its namespace."""
+    """Return whether the head answers. Called in its namespace."""
     with suppress(OSError), socket.create_connection((address(0), PORT), 1.0):
         return True
     return False

@@ -66,7 +66,7 @@ def sweep(tries: int, random: Random, folder: Path) -> Outcome:
 
 @row("evaluation", "2,500 episodes for each try, on Ray and in one process, same shards: the same figures", 4)
 def evaluation(tries: int, random: Random, folder: Path) -> Outcome:
-    """One evaluation of 2,500 episodes for each try, in 4 shards: 4 tries are 10,000 episodes."""
+    """Evaluate 2,500 episodes for each try, in 4 shards."""
     outcome, results = Outcome(), {}
     for name in ("local", "ray"):
         out = folder / f"{name}.json"

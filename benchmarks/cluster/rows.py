@@ -19,7 +19,7 @@ ROWS: dict[str, ClusterRow] = {}
 
 
 def row(name: str, text: str, tries: int, isolated: bool = False) -> Callable[[Measure], Measure]:
-    """Registers a function as the row of this name."""
+    """Register a function as the row of this name."""
 
     def register(measure: Measure) -> Measure:
         ROWS[name] = ClusterRow(text, tries, measure, isolated)

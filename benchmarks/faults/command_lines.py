@@ -102,7 +102,7 @@ FIXED = (
 
 @row("commands", "bad command lines: traceback, exit code 0, or no message that names the word", 1000)
 def measure(tries: int, rng: Random, folder: Path) -> Outcome:
-    """Runs every case, or a random choice of `tries`."""
+    """Run every case, or a random choice of `tries`."""
     import trainers.algorithms.build  # noqa: F401  imported once, before the forks
 
     outcome = Outcome()
@@ -114,7 +114,7 @@ def measure(tries: int, rng: Random, folder: Path) -> Outcome:
 
 
 def cases() -> Iterator[tuple[str, ...]]:
-    """Programs with words that they must refuse."""
+    """Yield programs with words that they must refuse."""
     yield from FIXED
     for key in NUMBER_KEYS:
         for value in BAD_VALUES:
@@ -146,7 +146,7 @@ def _failure(program: str, words: list[str], folder: Path) -> str:
 
 
 def _names(message: str, words: list[str]) -> bool:
-    """Whether the message names the key of one of the words, and says more than that."""
+    """Return whether the message names the key of one of the words, and says more than that."""
     keys = [word.partition("=")[0].lstrip("+~-").partition("@")[0].strip() for word in words] or ["checkpoint"]
     return any(
         (key or word) in message and len(message) > len(word) for key, word in zip(keys, words or keys, strict=True)

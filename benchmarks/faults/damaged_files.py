@@ -44,7 +44,7 @@ class Kind:
 
 @row("damaged", "damaged files of every kind, each so many times: silently wrong, or a traceback", 250)
 def measure(tries: int, rng: random.Random, folder: Path) -> Outcome:
-    """Damages each kind of file `tries` times."""
+    """Damage each kind of file `tries` times."""
     outcome = Outcome()
     for kind in KINDS:
         before = len(outcome.failures)
@@ -71,7 +71,7 @@ def _failure(kind: Kind, path: Path, whole: str, damage: str) -> str:
 
 
 def _damaged(content: bytes, rng: random.Random) -> tuple[str, bytes]:
-    """The kind of damage, and the content with it."""
+    """Return the kind of damage, and the content with it."""
     data, at = bytearray(content), rng.randrange(len(content))
     end = min(len(data), at + rng.choice([1, 8, 100, len(content) // 3]))
     kind = rng.choice(
@@ -99,7 +99,7 @@ def _damaged(content: bytes, rng: random.Random) -> tuple[str, bytes]:
 
 
 def _plain(value: Any) -> Any:
-    """The value with tensors as their bytes, and without entries that only describe the file."""
+    """Return the value with tensors as their bytes, and without entries that only describe the file."""
     if isinstance(value, torch.Tensor):
         return (str(value.dtype), tuple(value.shape), hash(value.detach().contiguous().numpy().tobytes()))
     if isinstance(value, torch.nn.Module):
@@ -178,5 +178,5 @@ KINDS = (
 
 
 def _known(values: dict[str, Any], keys: Any) -> str:
-    """The values under these keys, as text: damage of the checksum's own name only adds a key."""
+    """Return the values under these keys, as text: damage of the checksum's own name only adds a key."""
     return json.dumps({str(key): values.get(key) for key in keys}) + yaml.safe_dump("")

@@ -16,7 +16,7 @@ MAX_SECONDS = 20.0  # of CPU time, a task
 
 @row("check_env", "the environment check on every task: findings, or more than 20 s", 1000)
 def measure(tries: int, rng: Random, folder: Path) -> Outcome:
-    """Checks every task, or the first `tries`."""
+    """Check every task, or the first `tries`."""
     outcome = Outcome()
     for task in groups()["task"][:tries]:
         start = time.process_time()

@@ -44,7 +44,7 @@ class Owned:
 
 @row("hostile", "hostile files: executed, beyond 1 s or 200 MB, or others' files touched", 1000)
 def measure(tries: int, rng: Random, folder: Path) -> Outcome:
-    """Reads every hostile file, or the first `tries`, each in a process of its own."""
+    """Read every hostile file, or the first `tries`, each in a process of its own."""
     import trainers.datasets.dataset
     import trainers.reports.report  # noqa: F401  imported once, before the forks
 
@@ -263,7 +263,7 @@ def _resume_sweep(path: Path) -> list[str]:
 
 
 def _run_sweep(path: Path) -> None:
-    """The work of `train.py sweep.resume=` up to the start of the jobs."""
+    """Return the work of `train.py sweep.resume=` up to the start of the jobs."""
     import train
 
     train.check_run(_resume_sweep(path))

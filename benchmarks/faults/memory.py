@@ -25,7 +25,7 @@ SECONDS = 5.0  # between two looks
 
 
 def processes(leader: int) -> list[int]:
-    """The processes of a session."""
+    """Return the processes of a session."""
     ids = (int(path.name) for path in Path("/proc").iterdir() if path.name.isdecimal())
     return [pid for pid in ids if _session(pid) == leader]
 
@@ -38,7 +38,7 @@ def _session(pid: int) -> int:
 
 
 def usage(leader: int) -> tuple[float, int, int]:
-    """MB (a shared page counts once), file descriptors and threads of a session's processes."""
+    """Return MB (a shared page counts once), file descriptors and threads of a session's processes."""
     kilobytes = descriptors = threads = 0
     for pid in processes(leader):
         folder = Path(f"/proc/{pid}")
@@ -53,7 +53,7 @@ def usage(leader: int) -> tuple[float, int, int]:
 
 
 def frames_of(folder: Path) -> float:
-    """How many frames the run has taken."""
+    """Return how many frames the run has taken."""
     try:
         return read_metrics(folder / "metrics.csv")[-1]["frames"]
     except (ValueError, IndexError):

@@ -27,7 +27,7 @@ class Outcome:
     figures: dict[str, Any] = field(default_factory=dict)
 
     def count(self, failure: str = "") -> None:
-        """Counts a try; a text that is not empty says how it failed."""
+        """Count a try; a text that is not empty says how it failed."""
         self.tries += 1
         if failure:
             self.failures.append(failure)
@@ -49,7 +49,7 @@ ROWS: dict[str, Row] = {}
 
 
 def row(name: str, text: str, tries: int) -> Callable[[Measure], Measure]:
-    """Registers a function as the row of this name."""
+    """Register a function as the row of this name."""
 
     def register(measure: Measure) -> Measure:
         ROWS[name] = Row(text, tries, measure)

@@ -31,7 +31,7 @@ START_SECONDS = 600.0  # a run that takes longer counts as one that hangs
 
 
 def command(folder: Path, *words: str) -> list[str]:
-    """The command line of a run in `folder`."""
+    """Return the command line of a run in `folder`."""
     return [sys.executable, str(ROOT / "train.py"), f"hydra.run.dir={folder}", *words]
 
 
@@ -73,7 +73,7 @@ def stop_at(process: subprocess.Popen, folder: Path, rows: int, number: int) -> 
 
 
 def rows_of(folder: Path) -> list[dict[str, float]]:
-    """The rows of metrics.csv without the timings."""
+    """Return the rows of metrics.csv without the timings."""
     try:
         rows = read_metrics(folder / "metrics.csv")
     except ValueError:  # read while it is written
@@ -82,7 +82,7 @@ def rows_of(folder: Path) -> list[dict[str, float]]:
 
 
 def differences(one: Path, other: Path) -> str:
-    """The differences of two finished runs; "" if there are none."""
+    """Return the differences of two finished runs; "" if there are none."""
     if repr(rows_of(one)) != repr(rows_of(other)):
         return "metrics.csv differs"
     a, b = (checkpoint.load(folder / "checkpoints" / "last.pt")["algorithm"] for folder in (one, other))
@@ -90,7 +90,7 @@ def differences(one: Path, other: Path) -> str:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Whether two nested values are equal, bit for bit."""
+    """Return whether two nested values are equal, bit for bit."""
     if isinstance(a, dict):
         return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
     if isinstance(a, list | tuple):
@@ -99,7 +99,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def orphaned_semaphores() -> list[Path]:
-    """Semaphores of runs whose process is gone; other runs may go on beside this one."""
+    """Return semaphores of runs whose process is gone; other runs may go on beside this one."""
     found = ((path, SEMAPHORE_NAME.fullmatch(path.name)) for path in SEMAPHORES.glob("sem.mp-deixis-*"))
     return [path for path, match in found if match and not Path(f"/proc/{match[1]}").exists()]
 
@@ -128,7 +128,7 @@ def resume(tries: int, random: Random, folder: Path) -> Outcome:
 
 
 def stopped_and_resumed(place: Path, words: list[str], how: str, at: int) -> str:
-    """One try. Returns the error, or ""."""
+    """Return one try. Returns the error, or ""."""
     if how == "end":
         wrong = finish(command(place, *words, f"total_frames={BATCH * at}", f"schedule_frames={FRAMES}"))
     else:

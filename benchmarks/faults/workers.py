@@ -62,7 +62,7 @@ def fail(fault: str) -> None:
 
 
 def make_env(config: EnvConfig, trigger: Path, main: int, worlds: int, seed: int) -> WorkspaceEnv:
-    """A module-level function, so that worker processes can unpickle it."""
+    """Return a module-level function, so that worker processes can unpickle it."""
     env = FaultyEnv(config, worlds, seed)
     env.trigger = trigger if os.getpid() != main else None
     return env
@@ -89,11 +89,11 @@ class Fault:
             self.trigger.write_text(self.kind)
 
     def due(self, phase: str, iteration: int) -> bool:
-        """Whether it is to happen now."""
+        """Return whether it is to happen now."""
         return not self.done and self.phase == phase and iteration >= self.iteration and self.pool is not None
 
     def patches(self) -> list[Any]:
-        """The patches, as arguments of `patch.object`."""
+        """Return the patches, as arguments of `patch.object`."""
         collect, replace = WorkerPool.collect, WorkerPool._replace
         update, evaluated = TrainingRun.add_drawn_scenes, Evaluator.request
 

@@ -14,7 +14,7 @@ from envs.tasks.shared.base import register_task
 from envs.tasks.shared.geometry import length, scatter
 from envs.tasks.shared.types import Array, Column, EpisodeSpec, State, TaskConfig
 from human import HumanConfig, Unreachable, read_arm
-from human.arms import JOINTS, OfferingArm
+from human.arms import OFFERING_JOINTS, OfferingArm
 from language import COLORS, HAND, NOUNS, Instruction, Placed, Scene
 
 NUMBER = list(NOUNS).index(HAND)
@@ -167,7 +167,9 @@ def _check_arm(human: HumanConfig, region: Array) -> None:
     """Raises ConfigError unless this person can hold an open hand at all corners of region (2, 3), metres."""
     arm = read_arm(human).model.other
     if arm is None:
-        raise ConfigError(f"workspace.human.urdf={human.urdf} has no left arm with the joints {', '.join(JOINTS)}")
+        raise ConfigError(
+            f"workspace.human.urdf={human.urdf} has no left arm with the joints {', '.join(OFFERING_JOINTS)}"
+        )
     try:
         for corner in np.stack(np.meshgrid(*region.T), axis=-1).reshape(-1, 3):
             OfferingArm(arm).solve(corner)

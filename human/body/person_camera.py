@@ -65,7 +65,7 @@ class PersonCamera:
     def __init__(
         self, human: HumanConfig, furniture: Iterable[FurnitureBox] = (), proportions: Proportions | None = None
     ) -> None:
-        """Loads the person. Raises ConfigError for a person without a camera, or a body that does not load."""
+        """Load the person. Raises ConfigError for a person without a camera, or a body that does not load."""
         self.camera = camera_of(human)
         self.client = bullet.connect(bullet.DIRECT)
         try:
@@ -85,13 +85,13 @@ class PersonCamera:
         return bullet.createMultiBody(0, -1, visual, box.position, physicsClientId=self.client)
 
     def picture(self, joints: Array, camera: Camera | None = None, light: Light | None = None) -> Picture:
-        """Returns a picture (height, width, 3) of the person with the arm at angles (J,)."""
+        """Return a picture (height, width, 3) of the person with the arm at angles (J,)."""
         return self.render(joints, camera, light)[0]
 
     def render(
         self, joints: Array, camera: Camera | None = None, light: Light | None = None
     ) -> tuple[Picture, NDArray[np.bool_]]:
-        """Returns a picture (height, width, 3) and the mask (height, width) of its background.
+        """Return a picture (height, width, 3) and the mask (height, width) of its background.
 
         Args:
             joints: (J,) radians, the arm's posture.
@@ -102,7 +102,7 @@ class PersonCamera:
         return render(self.client, camera or self.camera, light or Light())
 
     def hide_invisible_shapes(self) -> None:
-        """Hides the shapes that `camera` does not see in any posture of the arm, which saves a fifth of the time."""
+        """Hide the shapes that `camera` does not see in any posture of the arm, which saves a fifth of the time."""
         arm, shapes = self._arm(), self.shapes()
         for link, index, _ in shapes:
             if link in arm:
@@ -115,7 +115,7 @@ class PersonCamera:
                 self.paint(link, index, rgba)
 
     def _arm(self) -> set[int]:
-        """The links that pointing moves."""
+        """Return the links that pointing moves."""
         arm = set(self.body.joints)
         for link in range(bullet.getNumJoints(self.body.body, self.client)):  # parents have lower indices
             if bullet.getJointInfo(self.body.body, link, self.client)[16] in arm:
@@ -123,7 +123,7 @@ class PersonCamera:
         return arm
 
     def shapes(self) -> list[tuple[int, int, Rgba]]:
-        """Returns (link, index of the shape within the link, RGBA) of all visual shapes but the cone."""
+        """Return (link, index of the shape within the link, RGBA) of all visual shapes but the cone."""
         counts: Counter[int] = Counter()
         found = []
         for row in bullet.getVisualShapeData(self.body.body, physicsClientId=self.client):
@@ -133,7 +133,7 @@ class PersonCamera:
         return found
 
     def paint(self, link: int, index: int, rgba: Sequence[float]) -> None:
-        """Gives one of the person's shapes this colour; a shape of opacity 0 is not drawn."""
+        """Give one of the person's shapes this colour; a shape of opacity 0 is not drawn."""
         bullet.changeVisualShape(self.body.body, link, index, rgbaColor=rgba, physicsClientId=self.client)
 
     @property
@@ -142,18 +142,18 @@ class PersonCamera:
         return len(self._furniture)
 
     def paint_furniture(self, index: int, color: Sequence[float]) -> None:
-        """Gives box `index` of the furniture an opaque colour, RGB in [0, 1]."""
+        """Give box `index` of the furniture an opaque colour, RGB in [0, 1]."""
         bullet.changeVisualShape(self._furniture[index], -1, rgbaColor=[*color, 1], physicsClientId=self.client)
 
     def close(self) -> None:
-        """Disconnects the client. Idempotent."""
+        """Disconnect the client. Idempotent."""
         if self.client >= 0:
             bullet.disconnect(self.client)
             self.client = -1
 
 
 def render(client: int, camera: Camera, light: Light) -> tuple[Picture, NDArray[np.bool_]]:
-    """Returns a picture (height, width, 3) of a client and the mask (height, width) of its background.
+    """Return a picture (height, width, 3) of a client and the mask (height, width) of its background.
 
     There are no shadows, which alone would take 20 ms.
     """
@@ -178,7 +178,7 @@ def render(client: int, camera: Camera, light: Light) -> tuple[Picture, NDArray[
 
 
 def camera_of(human: HumanConfig) -> Camera:
-    """Returns the camera that sees this person. Raises ConfigError where there is none."""
+    """Return the camera that sees this person. Raises ConfigError where there is none."""
     if human.camera is None:
         raise ConfigError("gesture.source=camera needs workspace.human.camera, which this workspace does not have")
     return human.camera
@@ -205,16 +205,16 @@ class CameraFrame:
         )
 
     def from_workspace(self, points: Array, directions: Array) -> tuple[Array, Array]:
-        """Transforms points and directions (..., 3) from the workspace frame into the camera's."""
+        """Transform points and directions (..., 3) from the workspace frame into the camera's."""
         return _times(points - self.place, self.axes.T), _times(directions, self.axes.T)
 
     def to_workspace(self, points: Array, directions: Array) -> tuple[Array, Array]:
-        """Transforms points and directions (..., 3) from the camera's frame into the workspace frame."""
+        """Transform points and directions (..., 3) from the camera's frame into the workspace frame."""
         return _times(points, self.axes) + self.place, _times(directions, self.axes)
 
 
 def _times(vectors: Array, matrix: Array) -> Array:
-    """Vectors (..., 3) @ matrix (3, 3), with bits that do not depend on the number of vectors.
+    """Return vectors (..., 3) @ matrix (3, 3), with bits that do not depend on the number of vectors.
 
     On some processors those of BLAS do.
     """

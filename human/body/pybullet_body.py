@@ -18,8 +18,8 @@ from core.errors import ConfigError, did_you_mean
 from core.system import suppress_stdout
 from human.arms import (
     FINGERTIP,
-    JOINTS,
     LINE_STARTS,
+    OFFERING_JOINTS,
     ArmModel,
     Array,
     AttachedPoint,
@@ -68,7 +68,7 @@ class Body(PointingArm):
     def __init__(
         self, config: HumanConfig, client: int, visuals: bool = False, proportions: Proportions | None = None
     ) -> None:
-        """Loads the body.
+        """Load the body.
 
         Args:
             config: where the person stands, their URDF and rest posture.
@@ -120,50 +120,52 @@ class Body(PointingArm):
         bullet.changeDynamics(self.body, -1, activationState=ASLEEP, physicsClientId=self.client)
 
     def drawn(self, style: str = "finger") -> tuple[Array, Array]:
-        """Like `ray`, computed from PyBullet's link states."""
+        """Return what `ray` does, from PyBullet's link states."""
         tip, behind = (self._frame(self._links.index(link))[:3, 3] for link in (FINGERTIP, line_start(style)))
         return ray_through(tip, behind)
 
     def offer(self, place: Sequence[float]) -> None:
-        """Holds out the left hand: the middle of its palm at place (3,), metres, palm up. Raises Unreachable."""
+        """Hold out the left hand: the middle of its palm at place (3,), metres, palm up. Raises Unreachable."""
         assert self.model.other is not None
         names = [self._info[i].name for i in self._revolute]
-        at = [names.index(joint) for joint in JOINTS]
+        at = [names.index(joint) for joint in OFFERING_JOINTS]
         self._all_angles[at] = OfferingArm(self.model.other).solve(place)
         self._set_angles(self.angles)
 
     def _read_model(self, rest: Array) -> ArmModel:
-        """Reads the kinematics of the pointing joints, with the other joints at the angles that they keep."""
+        """Read the kinematics of the pointing joints, with the other joints at the angles that they keep."""
         self._set_angles(np.zeros(len(self.joints)))
         points = {link: self._attached_point(link) for link in (FINGERTIP, *LINE_STARTS.values())}
         names = [joint.name for joint in self._info]
-        others = [names.index(joint) for joint in JOINTS if joint in names and names.index(joint) not in self.joints]
-        other = self._chain_of(others) if len(others) == len(JOINTS) else None
+        others = [
+            names.index(joint) for joint in OFFERING_JOINTS if joint in names and names.index(joint) not in self.joints
+        ]
+        other = self._chain_of(others) if len(others) == len(OFFERING_JOINTS) else None
         return ArmModel(self._chain_of(self.joints), rest, points, other)
 
     def _chain_of(self, joints: Sequence[int]) -> PointingChain:
-        """Reads the chain of these joints, which are all at 0."""
+        """Read the chain of these joints, which are all at 0."""
         frames = [self._frame(index) for index in joints]
         parents = [self._carrier(self._info[index].parent, joints) for index in joints]
         steps = [frame if p < 0 else np.linalg.inv(frames[p]) @ frame for p, frame in zip(parents, frames, strict=True)]
         axes, low, high = (np.array([getattr(self._info[i], name) for i in joints]) for name in ("axis", "low", "high"))
-        return PointingChain(parents, np.array(steps), axes, low, high)
+        return PointingChain(parents=parents, steps=np.array(steps), axes=axes, low=low, high=high)
 
     def _carrier(self, link: int, joints: Sequence[int]) -> int:
-        """Returns the position in `joints` of the joint that carries this link; -1: none."""
+        """Return the position in `joints` of the joint that carries this link; -1: none."""
         while link >= 0 and link not in joints:
             link = self._info[link].parent
         return joints.index(link) if link >= 0 else -1
 
     def _attached_point(self, link: str) -> AttachedPoint:
-        """Returns the link's origin relative to its carrier. All pointing joints must be at 0."""
+        """Return the link's origin relative to its carrier. All pointing joints must be at 0."""
         carrier, place = self._carrier(self._links.index(link), self.joints), self._frame(self._links.index(link))
         if carrier >= 0:
             place = np.linalg.inv(self._frame(self.joints[carrier])) @ place
         return AttachedPoint(carrier, place[:3, 3])
 
     def _frame(self, link: int) -> Array:
-        """Returns the link's pose (4, 4) in the workspace frame."""
+        """Return the link's pose (4, 4) in the workspace frame."""
         state = bullet.getLinkState(self.body, link, computeForwardKinematics=True, physicsClientId=self.client)
         frame = np.eye(4)
         frame[:3, :3] = np.reshape(bullet.getMatrixFromQuaternion(state[5]), (3, 3))
@@ -175,7 +177,7 @@ _models: dict[str, ArmModel] = {}
 
 
 def read_arm(config: HumanConfig) -> PointingArm:
-    """Returns the arm of this person, without a body. Raises ConfigError."""
+    """Return the arm of this person, without a body. Raises ConfigError."""
     if repr(config) not in _models:
         client = bullet.connect(bullet.DIRECT)
         try:
@@ -187,7 +189,7 @@ def read_arm(config: HumanConfig) -> PointingArm:
 
 @cache
 def _folder(proportions: Proportions) -> Path:
-    """Writes the person's URDF to a temporary folder, which is removed when the process ends."""
+    """Write the person's URDF to a temporary folder, which is removed when the process ends."""
     folder = Path(tempfile.mkdtemp(prefix="deixis-human-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     write(folder, proportions)

@@ -74,7 +74,7 @@ class WindowKeys:
         return "escape" in self.poll()
 
     def _events(self) -> dict[str, int]:
-        """Returns PyBullet's state bits of each key that was pressed or released since the last call."""
+        """Return PyBullet's state bits of each key that was pressed or released since the last call."""
         events = bullet.getKeyboardEvents(self._client)
         known = {self._names[key]: state for key, state in events.items() if key in self._names}
         if self._page_keys is not None and events.get(UNKNOWN, 0) & bullet.KEY_IS_DOWN:
@@ -83,7 +83,7 @@ class WindowKeys:
         return known
 
     def _is_press(self, key: str, state: int) -> bool:
-        """Returns whether the key counts as pressed: newly pressed, even if released again already, or repeating."""
+        """Return whether the key counts as pressed: newly pressed, even if released again already, or repeating."""
         now, fresh = time.monotonic(), key not in self._since
         since = self._since.setdefault(key, now)
         if state & bullet.KEY_WAS_RELEASED:
@@ -102,7 +102,7 @@ class _X11PageKeys:
         self._keymap = ctypes.create_string_buffer(32)
 
     def down(self) -> list[str]:
-        """Returns the page keys that are down now."""
+        """Return the page keys that are down now."""
         self._x11.XQueryKeymap(self._display, self._keymap)
         bits = self._keymap.raw
         return [name for code, name in self._codes.items() if bits[code // 8] >> code % 8 & 1]
@@ -152,7 +152,7 @@ class WindowDisplay:
             self._beam = None
 
     def _put(self, row: int, line: str) -> None:
-        """Replaces the text of a row; debug items that are added without replacement accumulate."""
+        """Replace the text of a row; debug items that are added without replacement accumulate."""
         replaced = {"replaceItemUniqueId": self._texts[row]} if row < len(self._texts) else {}
         item = bullet.addUserDebugText(
             line,
@@ -165,7 +165,7 @@ class WindowDisplay:
         self._texts[row:] = [item, *self._texts[row + 1 :]]
 
     def _place(self, row: int) -> Array:
-        """Returns the position (3,), metres, at which a row of text begins."""
+        """Return the position (3,), metres, at which a row of text begins."""
         _, _, _, projection, up, ahead, _, _, _, _, distance, target = self._camera
         forward, upward = np.array(ahead), np.array(up)
         eye = np.array(target) - distance * forward

@@ -5,7 +5,7 @@ import pytest
 from demo.session import Session
 from demo.session_config import make_config
 from demo.window_ui import HELP, WindowUI
-from human import RecordingDisplay
+from tests.helpers.keys import RecordingDisplay
 
 
 class Typist:

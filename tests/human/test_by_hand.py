@@ -9,12 +9,11 @@ from human import (
     Body,
     KeyboardPointer,
     NothingPointedAt,
-    RecordingDisplay,
-    ScriptedKeys,
     choose_object,
     pointed_object,
 )
 from tests.helpers.human_cases import step
+from tests.helpers.keys import RecordingDisplay, ScriptedKeys
 
 MIDDLE = (0.45, 0.0, 0.02)
 BOUNDS = (-1.0, 2.0, -1.0, 1.0, -0.1, 1.0)

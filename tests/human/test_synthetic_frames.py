@@ -19,7 +19,7 @@ def test_frames_differ_and_repeat_with_the_seed(camera_setup, frames):
 
 def test_people_differ_in_their_proportions(camera_setup):
     generator = FrameGenerator(
-        camera_setup.human, (), camera_setup.objects.object_area, np.random.default_rng(0), bodies=3
+        camera_setup.human, (), area=camera_setup.objects.object_area, rng=np.random.default_rng(0), bodies=3
     )
     eyes = [body.eyes[2] for body in generator.bodies]
     generator.close()

@@ -14,8 +14,9 @@ from envs import read_env
 from envs.experts import Oracle
 from envs.experts.reach import ReachExpert
 from envs.interactive.by_hand import ByHandEnv, ScenePointer, run_by_hand
-from human import NothingPointedAt, RecordingDisplay, ScriptedKeys
+from human import NothingPointedAt
 from tests.helpers.env_cases import compose
+from tests.helpers.keys import RecordingDisplay, ScriptedKeys
 
 STEPS = (0.10, 0.01)
 
