@@ -17,7 +17,7 @@ import evaluate
 import train
 from core.errors import ConfigError
 from core.overrides import compose
-from tests.helpers.tiny_run import TINY
+from tests.helpers.tiny_run import TINY_RUN
 from tools.forked import call
 from trainers.run.metrics import read_metrics
 
@@ -155,16 +155,8 @@ def test_evaluate_reports_each_split(trained, capsys):
         evaluate.main(short)
 
 
-@pytest.fixture(scope="module")
-def tiny(tmp_path_factory) -> Path:
-    """The folder of a run of 256 frames; tests do not change it."""
-    folder = tmp_path_factory.mktemp("tiny")
-    train.run(compose([*TINY, "seed=5"]), folder)
-    return folder
-
-
-def test_resume_continues_in_the_same_folder(tiny, tmp_path):
-    copied = Path(shutil.copytree(tiny, tmp_path / "run"))
+def test_resume_continues_in_the_same_folder(tiny_run, tmp_path):
+    copied = Path(shutil.copytree(tiny_run, tmp_path / "run"))
     config, folder = train.resumed(str(copied), ["total_frames=320", "eval.episodes=3"])
     assert folder == copied
     assert train.run(config, folder)["frames"] == 320
@@ -173,13 +165,13 @@ def test_resume_continues_in_the_same_folder(tiny, tmp_path):
     assert frames[-1] == 320
 
 
-def test_the_same_seed_gives_the_same_training_bit_for_bit(tiny, tmp_path):
+def test_the_same_seed_gives_the_same_training_bit_for_bit(tiny_run, tmp_path):
     def rows(folder: Path) -> list[dict[str, float]]:
         measured = read_metrics(folder / "metrics.csv")
         return [{k: v for k, v in row.items() if not k.startswith("time/")} for row in measured]
 
-    train.run(compose([*TINY, "seed=5"]), tmp_path)
-    assert str(rows(tiny)) == str(rows(tmp_path))
+    train.run(compose(TINY_RUN), tmp_path)
+    assert str(rows(tiny_run)) == str(rows(tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -239,9 +231,9 @@ def test_bad_input_ends_the_process_with_one_clear_message():
         (["checkpoint={run}", "reader=parrot"], "reader=parrot"),
     ],
 )
-def test_evaluate_refuses_bad_input(tiny, overrides, expected_words):
+def test_evaluate_refuses_bad_input(tiny_run, overrides, expected_words):
     with pytest.raises(ConfigError, match=expected_words):
-        evaluate.main([word.format(run=tiny) for word in overrides])
+        evaluate.main([word.format(run=tiny_run) for word in overrides])
 
 
 def test_help_needs_neither_torch_nor_pybullet():

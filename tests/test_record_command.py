@@ -9,20 +9,10 @@ from pathlib import Path
 import pytest
 
 import record
-import train
 from core.errors import ConfigError
-from core.overrides import compose
-from tests.helpers.tiny_run import TINY
 
 pytestmark = pytest.mark.slow
 ROOT = Path(record.__file__).parent
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("run")
-    train.run(compose([*TINY, "task.max_steps=12"]), folder)
-    return folder
 
 
 @pytest.mark.parametrize(
@@ -42,9 +32,9 @@ def run(tmp_path_factory):
         (["replay={run}", "episodes=3"], "episodes=3: replay=<dir> takes no other key"),
     ],
 )
-def test_record_refuses_bad_input_in_one_line(run, words, said):
+def test_record_refuses_bad_input_in_one_line(tiny_run, words, said):
     with pytest.raises(ConfigError, match=said) as error:
-        record.main([word.format(run=run) for word in words])
+        record.main([word.format(run=tiny_run) for word in words])
     assert "\n" not in str(error.value)
 
 

@@ -14,12 +14,16 @@ FORMATS = ("lerobot", "minari")
 EPISODES, SEED = 3, 5
 
 
-def record_formats(folder: Path, formats: tuple[str, ...] = FORMATS) -> dict[str, Path]:
-    """Record `EPISODES` episodes with a moving gesture in these formats; their directories."""
-    for form in formats:
-        out = f"out={folder / form}-v3"
+def record_formats(folder: Path) -> None:
+    """Record `EPISODES` episodes with a moving gesture in each format."""
+    for form in FORMATS:
+        out = f"out={directory_of(folder, form)}"
         record.main(["expert=true", f"episodes={EPISODES}", f"format={form}", out, f"seed={SEED}", *WITH_GESTURE])
-    return {form: folder / f"{form}-v3" for form in formats}
+
+
+def directory_of(folder: Path, form: str) -> Path:
+    """Return the directory of the recording in this format."""
+    return folder / f"{form}-v3"  # minari wants a version at the end
 
 
 def expected_episodes() -> list[Demonstration]:

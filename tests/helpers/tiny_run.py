@@ -12,3 +12,4 @@ TINY = [
     "eval.video_episodes=0",
     "logger=[]",
 ]
+TINY_RUN = [*TINY, "seed=5", "task.max_steps=12"]  # what the fixture `tiny_run` trains

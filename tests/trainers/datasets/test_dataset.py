@@ -8,28 +8,18 @@ import pytest
 from core.errors import Interrupted
 from envs import make_env
 from envs.experts import expert
-from tests.helpers.recordings import FORMATS, expected_episodes, record_formats
+from tests.helpers.recordings import FORMATS
 from trainers.datasets import dataset
 from trainers.datasets.demonstrations import demonstrate
 
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    return record_formats(tmp_path_factory.mktemp("recorded"))
-
-
-@pytest.fixture(scope="module")
-def episodes():
-    return expected_episodes()
-
-
 @pytest.mark.parametrize("form", FORMATS)
-def test_reading_returns_what_was_recorded(recorded, episodes, form):
-    metadata, recorded_episodes = dataset.read(recorded[form])
+def test_reading_returns_what_was_recorded(recordings, recorded_episodes, form):
+    metadata, read_episodes = dataset.read(recordings[form])
     last = None if form == "minari" else -1  # LeRobot does not store the observation after the last action
-    for read, expected in zip(recorded_episodes, episodes, strict=True):
+    for read, expected in zip(read_episodes, recorded_episodes, strict=True):
         assert (read.seed, read.sentence) == (expected.seed, expected.sentence)
         np.testing.assert_array_equal(read.actions, expected.actions)
         for name in ("observations", "labels", "outcomes"):
@@ -38,9 +28,9 @@ def test_reading_returns_what_was_recorded(recorded, episodes, form):
             for key, value in values.items():
                 wanted = value if name == "outcomes" else value[:last]
                 np.testing.assert_array_equal(read_values[key].reshape(wanted.shape), wanted)
-    assert metadata["episodes"] == len(episodes) == 3
-    assert metadata["steps"] == sum(map(len, episodes))
-    assert metadata["success_at_end"] == np.mean([episode.success for episode in episodes])
+    assert metadata["episodes"] == len(recorded_episodes) == 3
+    assert metadata["steps"] == sum(map(len, recorded_episodes))
+    assert metadata["success_at_end"] == np.mean([episode.success for episode in recorded_episodes])
 
 
 @pytest.mark.parametrize("form", FORMATS)

@@ -8,16 +8,16 @@ import pytest
 from core.spaces import public_keys
 from tests.helpers.fake_env import make_env
 from tests.helpers.fake_expert import EXPERT
-from tests.helpers.recordings import expected_episodes
 from trainers.datasets.demonstrations import demonstrate, replay_episode
 
 
 @pytest.mark.slow
-def test_the_gesture_moves_to_another_object_in_the_recording():
+def test_the_gesture_moves_to_another_object_in_the_recording(recorded_episodes):
     """Otherwise a replay that ignores the movement would not be noticed."""
-    episodes = expected_episodes()
-    assert any(len(np.unique(episode.labels["referent"])) > 1 for episode in episodes)
-    assert {"gesture", "instruction", "robot", "objects", "objects_mask", "hold"} <= episodes[0].observations.keys()
+    assert any(len(np.unique(episode.labels["referent"])) > 1 for episode in recorded_episodes)
+    assert {"gesture", "instruction", "robot", "objects", "objects_mask", "hold"} <= recorded_episodes[
+        0
+    ].observations.keys()
 
 
 def test_observations_are_all_keys_that_a_policy_may_receive():

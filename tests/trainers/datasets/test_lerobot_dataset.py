@@ -8,24 +8,13 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from tests.helpers.recordings import expected_episodes, record_formats
 from trainers.datasets import lerobot_dataset
 
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    return record_formats(tmp_path_factory.mktemp("recorded"), ("lerobot",))
-
-
-@pytest.fixture(scope="module")
-def episodes():
-    return expected_episodes()
-
-
-def test_a_lerobot_dataset_has_the_published_layout(recorded, episodes):
-    folder, steps = recorded["lerobot"], sum(map(len, episodes))
+def test_a_lerobot_dataset_has_the_published_layout(recordings, recorded_episodes):
+    folder, steps = recordings["lerobot"], sum(map(len, recorded_episodes))
     info = json.loads((folder / "meta/info.json").read_text())
     assert (info["codebase_version"], info["fps"], info["robot_type"]) == ("v3.0", 20, "kuka")
     assert (info["total_episodes"], info["total_frames"], info["splits"]) == (3, steps, {"train": "0:3"})
@@ -39,19 +28,21 @@ def test_a_lerobot_dataset_has_the_published_layout(recorded, episodes):
     assert rows["index"] == list(range(steps))
     assert rows["timestamp"][:3] == [0.0, np.float32(0.05), np.float32(0.1)]
     metadata = parquet.read_table(folder / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
-    assert [row["dataset_to_index"] - row["dataset_from_index"] for row in metadata] == list(map(len, episodes))
-    assert [row["tasks"] for row in metadata] == [[episode.sentence] for episode in episodes]
+    assert [row["dataset_to_index"] - row["dataset_from_index"] for row in metadata] == list(
+        map(len, recorded_episodes)
+    )
+    assert [row["tasks"] for row in metadata] == [[episode.sentence] for episode in recorded_episodes]
     tasks = parquet.read_table(folder / "meta/tasks.parquet")
     assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == [tasks.column_names[1]]
     said = dict(zip(*(tasks[i].to_pylist() for i in (0, 1)), strict=True))
     assert [said[task] for task in dict.fromkeys(rows["task_index"])] == list(
-        dict.fromkeys(e.sentence for e in episodes)
+        dict.fromkeys(e.sentence for e in recorded_episodes)
     )
 
 
-def test_the_statistics_cover_all_steps(recorded, episodes):
-    known = json.loads((recorded["lerobot"] / "meta/stats.json").read_text())["action"]
-    actions = np.concatenate([episode.actions for episode in episodes]).astype(np.float64)
+def test_the_statistics_cover_all_steps(recordings, recorded_episodes):
+    known = json.loads((recordings["lerobot"] / "meta/stats.json").read_text())["action"]
+    actions = np.concatenate([episode.actions for episode in recorded_episodes]).astype(np.float64)
     for name, value in (("min", actions.min(0)), ("max", actions.max(0)), ("mean", actions.mean(0))):
         np.testing.assert_allclose(known[name], value)
     np.testing.assert_allclose(known["std"], actions.std(0))
@@ -60,9 +51,9 @@ def test_the_statistics_cover_all_steps(recorded, episodes):
     np.testing.assert_allclose(lerobot_dataset.merge(*parts)["std"], actions.std(0))
 
 
-def test_the_lerobot_library_reads_the_dataset(recorded, episodes):
+def test_the_lerobot_library_reads_the_dataset(recordings, recorded_episodes):
     library = pytest.importorskip("lerobot.datasets.lerobot_dataset")
-    loaded = library.LeRobotDataset("deixis/recorded", root=recorded["lerobot"])
-    assert (loaded.num_episodes, loaded.num_frames) == (3, sum(map(len, episodes)))
-    np.testing.assert_array_equal(loaded[2]["observation.state"].numpy(), episodes[0].observations["robot"][2])
-    assert loaded[0]["task"] == episodes[0].sentence
+    loaded = library.LeRobotDataset("deixis/recorded", root=recordings["lerobot"])
+    assert (loaded.num_episodes, loaded.num_frames) == (3, sum(map(len, recorded_episodes)))
+    np.testing.assert_array_equal(loaded[2]["observation.state"].numpy(), recorded_episodes[0].observations["robot"][2])
+    assert loaded[0]["task"] == recorded_episodes[0].sentence

@@ -10,25 +10,15 @@ import numpy as np
 import pytest
 
 import record
-from tests.helpers.recordings import FORMATS, expected_episodes, record_formats
+from tests.helpers.recordings import FORMATS
 
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    return record_formats(tmp_path_factory.mktemp("recorded"), ("minari",))
-
-
-@pytest.fixture(scope="module")
-def episodes():
-    return expected_episodes()
-
-
-def test_minari_rebuilds_the_environment_and_its_states(recorded, episodes, monkeypatch):
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(recorded["minari"].parent))
+def test_minari_rebuilds_the_environment_and_its_states(recordings, recorded_episodes, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(recordings["minari"].parent))
     loaded = minari.load_dataset("minari-v3")
-    assert (loaded.total_episodes, loaded.total_steps) == (3, sum(map(len, episodes)))
+    assert (loaded.total_episodes, loaded.total_steps) == (3, sum(map(len, recorded_episodes)))
     env = loaded.recover_environment()
     episode_metadata = loaded.storage.get_episode_metadata(range(3))
     for episode, metadata in zip(loaded.iterate_episodes(), episode_metadata, strict=True):

@@ -8,11 +8,8 @@ import h5py
 import pytest
 
 import record
-import train
 from core.errors import ConfigError
-from core.overrides import compose
-from tests.helpers.recordings import FORMATS, record_formats
-from tests.helpers.tiny_run import TINY
+from tests.helpers.recordings import FORMATS
 
 pytestmark = pytest.mark.slow
 
@@ -20,35 +17,23 @@ pytestmark = pytest.mark.slow
 MOVED_OBJECTS = ["task=nl_pick_and_place", "robot=panda"]
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("run")
-    train.run(compose([*TINY, "task.max_steps=12"]), folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    return record_formats(tmp_path_factory.mktemp("recorded"))
-
-
 @pytest.mark.parametrize("form", FORMATS)
-def test_a_replay_is_equal_bit_for_bit(recorded, capsys, form):
-    record.main([f"replay={recorded[form]}"])
+def test_a_replay_is_equal_bit_for_bit(recordings, capsys, form):
+    record.main([f"replay={recordings[form]}"])
     assert "3 episodes" in (said := capsys.readouterr().out)
     assert "all states as recorded, bit for bit" in said
 
 
-def test_recordings_of_a_policy_and_of_moved_objects_replay_bit_for_bit(run, tmp_path, capsys):
-    record.main([f"checkpoint={run}", "episodes=2", "format=lerobot", f"out={tmp_path / 'policy'}"])
+def test_recordings_of_a_policy_and_of_moved_objects_replay_bit_for_bit(tiny_run, tmp_path, capsys):
+    record.main([f"checkpoint={tiny_run}", "episodes=2", "format=lerobot", f"out={tmp_path / 'policy'}"])
     record.main(["expert=true", "episodes=1", "format=minari", f"out={tmp_path / 'placed'}", *MOVED_OBJECTS])
     for name in ("policy", "placed"):
         record.main([f"replay={tmp_path / name}"])
     assert capsys.readouterr().out.count("bit for bit") == 2
 
 
-def test_a_replay_reports_the_greatest_difference(recorded, tmp_path):
-    copy = shutil.copytree(recorded["minari"], tmp_path / "copy")
+def test_a_replay_reports_the_greatest_difference(recordings, tmp_path):
+    copy = shutil.copytree(recordings["minari"], tmp_path / "copy")
     with h5py.File(copy / "data/main_data.hdf5", "a") as file:
         kept = file["episode_1/actions"][0]
         file["episode_1/actions"][0] = -kept

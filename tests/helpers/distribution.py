@@ -1,0 +1,51 @@
+"""Which process runs a test: a file is run by one process, and the files that take longest come first.
+
+Else the fixtures of a module are built twice, and at the end one process waits for the other.
+"""
+
+from __future__ import annotations
+
+import pytest
+from xdist.scheduler.loadscope import LoadScopeScheduling
+
+# Files that share a fixture of the session, each with the name of their group.
+GROUPS = {
+    "tests/trainers/cluster/test_ray_host.py": "ray",
+    "tests/trainers/cluster/test_ray_map.py": "ray",
+    "tests/trainers/cluster/test_ray_sweep.py": "ray",
+    "tests/trainers/datasets/test_dataset.py": "recordings",
+    "tests/trainers/datasets/test_demonstrations.py": "recordings",
+    "tests/trainers/datasets/test_lerobot_dataset.py": "recordings",
+    "tests/trainers/datasets/test_minari_dataset.py": "recordings",
+    "tests/trainers/datasets/test_verify_replay.py": "recordings",
+}
+# Groups, and files without a group, that take more than ten seconds: longest first.
+LONGEST = [
+    "tests/test_command_line.py",
+    "tests/test_package.py",
+    "ray",
+]
+
+
+def group_of(node: str) -> str:
+    """Return the group, or else the file, of a test."""
+    file = node.partition("::")[0]
+    return GROUPS.get(file, file)
+
+
+def sort_longest_first(items: list[pytest.Item]) -> None:
+    """Sort the tests of a group together, and those of `LONGEST` before all others."""
+    groups = dict.fromkeys([*LONGEST, *(group_of(item.nodeid) for item in items)])
+    ranks = {group: rank for rank, group in enumerate(groups)}
+    items.sort(key=lambda item: ranks[group_of(item.nodeid)])
+
+
+class GroupScheduling(LoadScopeScheduling):
+    """Gives each process one group after another, in the order of the tests."""
+
+    def __init__(self, config: pytest.Config, log: object = None) -> None:
+        config.option.loadscopereorder = False
+        super().__init__(config, log)
+
+    def _split_scope(self, nodeid: str) -> str:
+        return group_of(nodeid)
