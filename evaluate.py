@@ -135,7 +135,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
     from trainers.run import checkpoint
 
     path = checkpoint.find(Path(config.checkpoint))
-    saved = checkpoint.load(path)
+    saved = checkpoint.load(path, given=overrides)
     out = check_file("out", config.out or checkpoint.result_file(path))
     if config.robustness:
         return _robustness(config, saved, overrides, path, out)

@@ -155,7 +155,7 @@ def _load_config(config: RecordConfig, overrides: list[str]) -> tuple[dict[str, 
         return None, compose(overrides)
     from trainers.run import checkpoint
 
-    saved = checkpoint.load(checkpoint.find(Path(config.checkpoint)))
+    saved = checkpoint.load(checkpoint.find(Path(config.checkpoint)), given=overrides)
     return saved, apply(saved["config"], overrides)
 
 

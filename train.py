@@ -110,7 +110,7 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
 
     file = find(Path(path), key="resume")
     overrides = [word for word in overrides if not word.startswith("resume=")]
-    config = apply(load(file, to_train=True)["config"], overrides)
+    config = apply(load(file, to_train=True, given=overrides)["config"], overrides)
     config.resume = path
     return config, file.parent.parent if file.parent.name == "checkpoints" else None
 

@@ -8,9 +8,10 @@ from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
-from core.composition import compose_hydra, groups, parse
+from core.composition import compose, compose_hydra, groups, parse
 from core.errors import ConfigError, did_you_mean
 from core.overrides import check, known_keys
+from core.stored_config import UNUSED, config_from_file
 
 
 def split(words: Sequence[str], names: Collection[str], example: str) -> tuple[dict[str, str], list[str]]:
@@ -159,17 +160,17 @@ def check_stored(words: Sequence[str], source: Path) -> None:
 
     Raises:
         ConfigError: a word adds a key, sets another key of Hydra (its callbacks import what they name), or holds an
-            interpolation (`${oc.env:HOME}`).
+            interpolation (`${oc.env:HOME}`), or names a place (`core.stored_config`).
     """
     try:
         check([word for word in words if not word.startswith("hydra")])
         for override in parse(words):
-            _check_stored(override)
+            _check_stored(override, source)
     except ConfigError as error:
         raise ConfigError(f"{source} is refused: {error}; give the overrides on the command line instead") from None
 
 
-def _check_stored(override: Any) -> None:
+def _check_stored(override: Any, source: Path) -> None:
     word, key = override.input_line, override.key_or_group
     if override.is_add() or override.is_force_add() or override.package is not None:
         raise ConfigError(f"{word} adds a key, and a file may only set keys that exist")
@@ -180,6 +181,22 @@ def _check_stored(override: Any) -> None:
             raise ConfigError(f"{word} is not known; choose from {', '.join(STORED_LAUNCHERS)}")
     elif key not in groups() and key not in known_keys(()) and key.split(".")[0] not in groups():
         raise ConfigError(f"{word} is not accepted from a file; its keys are those of the config")
+    else:
+        _check_places(override, source)
+
+
+def _check_places(override: Any, source: Path) -> None:
+    """Raises ConfigError where one of the values of an override, with what its option sets, names a place."""
+    from omegaconf import OmegaConf
+
+    key = override.key_or_group
+    if key in UNUSED:
+        raise ConfigError(f"{override.input_line} is not accepted from a file")
+    values = override.sweep_string_iterator() if override.is_sweep_override() else [override.input_line]
+    for value in values:
+        word = value if value == override.input_line else f"{key}={value}"
+        config: Any = OmegaConf.to_container(compose([word]), resolve=True)
+        config_from_file(config, source, to_train=True)
 
 
 def _without_flags(words: Sequence[str]) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 from core.composition import ROOT, compose, composed, groups, parse
@@ -89,7 +88,6 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
     from omegaconf import OmegaConf
 
     check(overrides)
-    _check_urdf(config, overrides)
     fresh = compose([word for word in overrides if word.split("=")[0] in groups()])
     changed = OmegaConf.create(config)
     for word in overrides:
@@ -113,19 +111,6 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
         if key in groups() and "choices" in changed:
             changed.choices[key] = fresh.choices[key]
     return changed
-
-
-def _check_urdf(config: Any, overrides: Sequence[str]) -> None:
-    """Raises ConfigError if a saved config names a URDF outside of the working directory, unless it is given again."""
-    robot = config.get("robot")
-    if not hasattr(robot, "get") or robot.get("package") != "file":
-        return
-    urdf = str(robot.get("urdf"))
-    if not Path(urdf).resolve().is_relative_to(Path.cwd()) and f"robot.urdf={urdf}" not in overrides:
-        raise ConfigError(
-            f"robot.urdf={urdf} of the checkpoint lies outside of the working directory; if it is the file that you "
-            f"trained with, give it again: robot.urdf={urdf}"
-        )
 
 
 def _update(config: Any, word: str) -> None:

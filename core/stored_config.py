@@ -1,8 +1,8 @@
-"""Configs that come from files: a checkpoint, a policy, a recording, a sweep. Everything that reads one passes it here.
+"""Configs that come from files: of a checkpoint, a policy, a recording or a sweep. Whatever reads one passes it here.
 
-A file may say *what* is computed: the task, a robot of a package, the algorithm, sizes. It may not say *where*, or *with
-what else*: addresses, devices, loggers that send data away, files outside of its own folder. Only the user's command
-line says that. Otherwise somebody's run folder could have this machine connect, read or execute.
+A file may say *what* is computed: the task, a robot of a package, the algorithm, sizes. It may not say *where*, or
+*with what else*: addresses, devices, loggers that send data away, other files. Only the user's command line says that.
+Otherwise somebody's run folder could have this machine connect, read or execute.
 
 `PLACES` lists the keys of the second kind. A key whose value is free text is listed there or in `WORDS`; numbers,
 truth values and choices from a fixed list describe what is computed. A test looks for keys that are in neither table.
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from core.schema import ConfigError
+from core.errors import ConfigError
 
 
 @dataclass(frozen=True)
@@ -46,10 +46,13 @@ PLACES: dict[str, Place] = {
 UNUSED = ("resume", "init", "sweep.resume")  # a run that is resumed or a policy that is loaded needs none of them
 WORDS = (  # keys whose free text names something of the project, its words or a robot's parts
     "algo.adapter",
+    "algo.critic_normalisation",
     "algo.loss",
     "algo.name",
     "algo.options",
+    "algo.target",
     "choices",
+    "collector.mode",
     "control.name",
     "gesture.source",
     "gesture.style",
@@ -62,6 +65,7 @@ WORDS = (  # keys whose free text names something of the project, its words or a
     "robot.grippers",
     "robot.joints",
     "robot.name",
+    "robot.package",
     "robot.tip",
     "task.held_out",
     "task.kinds",
@@ -71,9 +75,10 @@ WORDS = (  # keys whose free text names something of the project, its words or a
     "task.split",
     "task.verbs",
     "task.viewpoint",
+    "workspace.fittings",
     "workspace.name",
 )
-WORD = re.compile(r"[\w .,'+-]{0,200}")  # no slash, colon or backslash: no path and no address
+WORD = re.compile(r"[\w .,'+{}-]{0,200}")  # no slash, colon or backslash: no path and no address
 
 
 def config_from_file(
@@ -90,17 +95,17 @@ def config_from_file(
     Raises:
         ConfigError: the config names a place that the user did not.
     """
-    config = copy.deepcopy(dict(config))
-    for key, value in _leaves(config):
+    checked: dict[str, Any] = copy.deepcopy(dict(config))
+    for key, value in _leaves(checked):
         _check_value(key, value, source)
     for key in UNUSED:
-        _set(config, key, None)
+        _set(checked, key, None)
     named = {word.partition("=")[0].lstrip("+") for word in given}
-    if not to_train and _get(config, "collector.name") not in (None, "local"):
-        config["collector"] = {"name": "local", "worlds": _get(config, "collector.worlds")}
+    if not to_train and _get(checked, "collector.name") not in (None, "local"):
+        checked["collector"] = {"name": "local", "worlds": _get(checked, "collector.worlds")}
     for key, place in PLACES.items():
-        value = _get(config, key)
-        if value is None or value in place.harmless or (key == "robot.urdf" and _is_in_package(config)):
+        value = _get(checked, key)
+        if value is None or value in place.harmless or (key == "robot.urdf" and _is_in_package(checked)):
             continue
         used = to_train or not place.trains_only
         if used and key not in named and key.partition(".")[0] not in named:
@@ -109,8 +114,14 @@ def config_from_file(
                 f"if you want that, give {key}={value} on the command line"
             )
         if place.harmless:
-            _set(config, key, place.harmless[0])
-    return config
+            _set(checked, key, place.harmless[0])
+    return checked
+
+
+def place_overrides(words: Sequence[str]) -> list[str]:
+    """Return the overrides that name places: they are given again where a run is resumed from its file."""
+    keys = {*PLACES, *(key.partition(".")[0] for key in PLACES if key.startswith("collector."))}
+    return [word for word in words if word.partition("=")[0].lstrip("+") in keys]
 
 
 def _check_value(key: str, value: Any, source: Path) -> None:

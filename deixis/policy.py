@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from omegaconf import OmegaConf
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
@@ -87,16 +88,22 @@ class LoadedPolicy(TensorDictModuleBase):
         return f"LoadedPolicy({str(self.path)!r}, {names})"
 
 
-def load_policy(source: str | Path, deterministic: bool = True) -> LoadedPolicy:
+def load_policy(source: str | Path, deterministic: bool = True, overrides: Sequence[str] = ()) -> LoadedPolicy:
     """A trained policy, ready to act.
 
     Args:
         source: the name of a pretrained policy (`nl_reach_kuka`), a run folder, or a file (`last.pt`, `best.pt`,
             `policy.safetensors`).
         deterministic: whether the policy takes its mean action.
+        overrides: of the config that it was trained with, such as `robot.urdf=my_robot.urdf`: a file may not name other
+            files itself.
 
     Raises:
         CheckpointError: where `source` names nothing, or a file that is damaged or made for another version.
+        ConfigError: for an override that does not apply, and where the file's config names places that `overrides` do
+            not.
     """
     path = checkpoint.find(Path(source))
-    return LoadedPolicy(path, checkpoint.load(path), deterministic)
+    payload = checkpoint.load(path, given=overrides)
+    payload["config"] = OmegaConf.to_container(apply(payload["config"], overrides), resolve=True)
+    return LoadedPolicy(path, payload, deterministic)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -108,8 +108,8 @@ def _saved_policy(path: Path, payload: dict[str, Any]) -> SavedPolicy:
     return SavedPolicy(path, config["task"]["name"], config["robot"]["name"], config["control"]["name"])
 
 
-def _load(path: Path) -> dict[str, Any]:
-    return checkpoint.load(checkpoint.find(path))
+def _load(path: Path, given: Sequence[str] = ()) -> dict[str, Any]:
+    return checkpoint.load(checkpoint.find(path), given=given)
 
 
 def check_choices(values: Mapping[str, str]) -> None:
@@ -173,7 +173,7 @@ def _find_policy(config: SessionConfig) -> tuple[dict[str, Any] | None, SessionC
     """The checkpoint's payload or None, the config completed by it, and a note for the person."""
     if config.checkpoint is not None:
         path = Path(config.checkpoint)
-        payload = _load(path)
+        payload = _load(path, config.overrides)
         saved = _saved_policy(path, payload)
         return payload, replace(config, task=saved.task, robot=saved.robot, control=saved.control), ""
     wanted = config.task, config.robot, config.control

@@ -136,7 +136,3 @@ def test_overrides_of_a_checkpoint_that_do_not_fit_are_named(tmp_path, monkeypat
         with pytest.raises(ConfigError, match="^" + word.partition("=")[0].replace(".", r"\.")) as caught:
             apply(saved, [word])
         assert "\n" not in str(caught.value)
-    elsewhere = saved | {"robot": saved["robot"] | {"package": "file", "urdf": "/etc/robot.urdf"}}
-    with pytest.raises(ConfigError, match=r"robot\.urdf=/etc/robot\.urdf of the checkpoint lies outside"):
-        apply(elsewhere, [])
-    assert apply(elsewhere, ["robot.urdf=/etc/robot.urdf"]).robot.urdf == "/etc/robot.urdf"

@@ -10,6 +10,7 @@ from typing import Any
 from torchrl.envs import EnvBase
 
 from core.errors import ConfigError, Interrupted, did_you_mean
+from core.stored_config import config_from_file
 from trainers.datasets.demonstrations import Demonstration
 from trainers.datasets.lerobot_dataset import LeRobotWriter, read_lerobot
 from trainers.datasets.minari_dataset import MinariWriter, read_minari
@@ -84,4 +85,5 @@ def read(folder: Path) -> tuple[dict[str, Any], Iterator[Demonstration]]:
         raise ConfigError(f"{file} is damaged: it has no {', '.join(missing)}")
     if metadata["kind"] not in FORMATS:
         raise ConfigError(f"{file}: kind={metadata['kind']} is not known" + did_you_mean(metadata["kind"], FORMATS))
+    metadata["config"] = config_from_file(metadata["config"], file)
     return metadata, FORMATS[metadata["kind"]][1](folder)

@@ -12,6 +12,7 @@ import torch
 from core.errors import ConfigError
 from core.safe_files import FileError, check_plain
 from core.spaces import public_keys
+from core.stored_config import config_from_file
 from trainers.export import policy_file
 from trainers.utils.files import atomic_file
 from trainers.utils.tensor_archive import read_tensors
@@ -164,12 +165,13 @@ def save(path: Path, payload: dict[str, Any]) -> None:
         torch.save({"format": FORMAT, **payload}, file)
 
 
-def load(path: Path, to_train: bool = False) -> dict[str, Any]:
+def load(path: Path, to_train: bool = False, given: Sequence[str] | None = ()) -> dict[str, Any]:
     """Load a checkpoint or a published policy to the CPU. Nothing in the file is executed.
 
     Args:
         path: of a file that `save` or `trainers.export.publish` wrote.
         to_train: refuse a published policy, which training cannot resume.
+        given: overrides of the user's command line, for `core.stored_config`; None if the caller has another config.
 
     Returns:
         The payload of `save`. That of a published policy has the keys of `POLICY_KEYS`, and of the algorithm only the
@@ -177,6 +179,7 @@ def load(path: Path, to_train: bool = False) -> dict[str, Any]:
 
     Raises:
         CheckpointError: the file is missing, damaged, not a checkpoint, or refused.
+        ConfigError: its config names places that only the user's command line may name.
     """
     if not path.is_file():
         raise CheckpointError(f"checkpoint {path} does not exist")
@@ -186,6 +189,14 @@ def load(path: Path, to_train: bool = False) -> dict[str, Any]:
             f"{path} is a published policy without optimiser and critic, so training cannot resume from it; "
             "give the run's directory: resume=<run dir>"
         )
+    payload = _read(path, is_policy)
+    if given is not None:
+        payload["config"] = config_from_file(payload["config"], path, given, to_train)
+    return payload
+
+
+def _read(path: Path, is_policy: bool) -> dict[str, Any]:
+    """The payload of a file, whose config is not checked. Raises CheckpointError."""
     try:
         if is_policy:
             return _validated(path, policy_file.unpack(path), POLICY_KEYS)

@@ -197,7 +197,7 @@ class TrainingRun:
         Raises:
             CheckpointError: the checkpoint is damaged, of an earlier version, or was trained with another config.
         """
-        payload = checkpoint.load(path, to_train=True)
+        payload = checkpoint.load(path, to_train=True, given=None)
         checkpoint.check_fits(payload, self.vocabulary, self.widths)
         if "rows" not in payload.get("state", {"rows": []}):
             raise checkpoint.CheckpointError(

@@ -15,6 +15,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from core.errors import ConfigError
+from core.stored_config import place_overrides
 from core.system import cores, signal_at_parent_death
 from trainers.config import most_workers, read_collector
 from trainers.sweeps.arguments import NON_JOB_PREFIXES, quote_path
@@ -183,7 +184,7 @@ def job_command(
     """
     words = [f"hydra.run.dir={quote_path(place)}"]
     if any((place / "checkpoints").glob("*.pt")):
-        words.append(f"resume={quote_path(place)}")
+        words += [f"resume={quote_path(place)}", *place_overrides(overrides)]
     else:
         words += overrides
     return [sys.executable, str(program), *words, *core_share(config, share)]
