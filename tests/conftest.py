@@ -19,6 +19,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 def pytest_addoption(parser):
     parser.addoption("--thorough", action="store_true", help="run all random cases, not the same sample each time")
+    parser.addoption("--tries", type=int, help="of each row of tests/faults, in place of its own number")
 
 
 def pytest_configure(config):

@@ -1,15 +1,15 @@
-"""Runs rows of the table of the cluster and prints it: python -m benchmarks.cluster equal faults --tries 4."""
+"""Rows of the table of the cluster: python -m benchmarks.cluster equal faults --tries 4."""
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
 
-import benchmarks.cluster
+from benchmarks.cluster import ceiling, runs  # noqa: F401  they register the rows
 from benchmarks.cluster.network import PORT, SETTINGS, Network, address
-from benchmarks.cluster.rows import ROWS
-from benchmarks.faults.rows import measure, run_table
+from benchmarks.cluster.rows import ROWS, measure
 
 NODES = 4  # namespaces beside the head's
 INSIDE = "DEIXIS_BENCHMARK_INSIDE"  # set in the process that runs in the head's namespace
@@ -17,11 +17,20 @@ INSIDE = "DEIXIS_BENCHMARK_INSIDE"  # set in the process that runs in the head's
 
 def main() -> None:
     """Run the rows that the command line names. Exits with 1 if a try failed."""
-    run_table(benchmarks.cluster, ROWS, str(__doc__), run)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("rows", nargs="*", help=f"of {', '.join(ROWS)}; by default all")
+    parser.add_argument("--tries", type=int, help="of each row; by default as many as the row wants")
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    unknown = [name for name in arguments.rows if name not in ROWS]
+    if unknown:
+        parser.error(f"unknown rows: {', '.join(unknown)}; choose from {', '.join(ROWS)}")
+    failed = [run(name, arguments.tries, arguments.seed) for name in arguments.rows or ROWS]
+    sys.exit(int(any(failed)))
 
 
 def run(name: str, tries: int | None, seed: int) -> int:
-    """Run a row, in the head's network namespace if it needs one. Returns the number of failures."""
+    """Run a row, in the head's network namespace if it needs one; return the number of failures."""
     if INSIDE in os.environ:
         return measure(name, ROWS[name], tries, seed)
     if not ROWS[name].isolated:

@@ -13,8 +13,7 @@ from typing import Any
 
 import torch
 
-from benchmarks.cluster.rows import row
-from benchmarks.faults.rows import Outcome
+from benchmarks.cluster.rows import RowResult, row
 from core.overrides import compose
 from envs.config import read_env
 from language import Tokenizer
@@ -112,9 +111,9 @@ class CeilingPoint:
 
 
 @row("ceiling", f"frames/s of 1 to 256 simulated workers, sync and async, and of an update; draws {PLOT}", 9)
-def ceiling(tries: int, random: Random, folder: Path) -> Outcome:
+def ceiling(tries: int, random: Random, folder: Path) -> RowResult:
     """tries: how many of the counts 1, 2, 4, ... 256 are measured. The plot is drawn if all of them are."""
-    outcome = Outcome()
+    outcome = RowResult()
     config = compose(["collector=ray", f"collector.worlds={UPDATE_FRAMES // HORIZON}", "collector.cpus=0.001"])
     plan, make = read_plan(config), partial(build_env, read_env(config))
     env = make(WORLDS, 0)

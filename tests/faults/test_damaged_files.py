@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pytest
 import torch
 import yaml
 
-from benchmarks.faults.rows import Outcome, row
 from core.errors import ConfigError
 from core.overrides import compose
 from human.ray_reader import SHIPPED_WEIGHTS, load
@@ -30,7 +30,7 @@ SCENE = "- {id: a, noun: cube, color: red, position: [0.5, 0.1, 0.0]}\n"
 
 
 @dataclass(frozen=True)
-class Kind:
+class FileKind:
     """A kind of file. write: makes a whole one in a folder and returns its path. read: gives its values.
 
     checked: whether damage that gives other values is noticed; people write scenes, which have no checksum.
@@ -42,24 +42,7 @@ class Kind:
     checked: bool = True
 
 
-@row("damaged", "damaged files of every kind, each so many times: silently wrong, or a traceback", 250)
-def measure(tries: int, rng: random.Random, folder: Path) -> Outcome:
-    """Damage each kind of file `tries` times."""
-    outcome = Outcome()
-    for kind in KINDS:
-        before = len(outcome.failures)
-        path = kind.write(folder)
-        content, whole = path.read_bytes(), repr(_plain(kind.read(path)))
-        for index in range(tries):
-            damage, damaged = _damaged(content, rng)
-            path.write_bytes(damaged)
-            outcome.count(_failure(kind, path, whole, f"{kind.name} {index}: {damage}"))
-        path.unlink()
-        outcome.figures[kind.name] = f"{len(outcome.failures) - before} of {tries}"
-    return outcome
-
-
-def _failure(kind: Kind, path: Path, whole: str, damage: str) -> str:
+def _failure(kind: FileKind, path: Path, whole: str, damage: str) -> str:
     try:
         value = repr(_plain(kind.read(path)))
     except (ConfigError, LanguageError) as error:
@@ -164,19 +147,30 @@ def _human() -> Any:
     return read_env(compose(["workspace=collabtable"])).workspace.human
 
 
-KINDS = (
-    Kind("last.pt", _write_checkpoint, checkpoint.load),
-    Kind("policy.safetensors", _copy(policy_file.FOLDER / POLICY / "policy.safetensors"), checkpoint.load),
-    Kind("pointing.npz", _copy(SHIPPED_WEIGHTS), lambda path: load(path, _human())),
-    Kind("metrics.csv", _write_metrics, read_metrics),
-    Kind("config.yaml", _write_config, lambda path: _known(read_config(path.parent), compose())),
-    Kind("eval.json", _write_json("eval.json", RESULT), lambda path: _known(read_result(path.parent), RESULT)),
-    Kind("job.json", _write_json("job.json", {"overrides": ["seed=1"]}), lambda path: read_overrides(path.parent)),
-    Kind("sweep.yaml", _write_sweep, lambda path: [start["overrides"] for start in read_starts(path.parent)]),
-    Kind("scene.yaml", _write_scene, read_scene, checked=False),
-)
-
-
 def _known(values: dict[str, Any], keys: Any) -> str:
     """Return the values under these keys, as text: damage of the checksum's own name only adds a key."""
     return json.dumps({str(key): values.get(key) for key in keys}) + yaml.safe_dump("")
+
+
+KINDS = (
+    FileKind("last.pt", _write_checkpoint, checkpoint.load),
+    FileKind("policy.safetensors", _copy(policy_file.FOLDER / POLICY / "policy.safetensors"), checkpoint.load),
+    FileKind("pointing.npz", _copy(SHIPPED_WEIGHTS), lambda path: load(path, _human())),
+    FileKind("metrics.csv", _write_metrics, read_metrics),
+    FileKind("config.yaml", _write_config, lambda path: _known(read_config(path.parent), compose())),
+    FileKind("eval.json", _write_json("eval.json", RESULT), lambda path: _known(read_result(path.parent), RESULT)),
+    FileKind("job.json", _write_json("job.json", {"overrides": ["seed=1"]}), lambda path: read_overrides(path.parent)),
+    FileKind("sweep.yaml", _write_sweep, lambda path: [start["overrides"] for start in read_starts(path.parent)]),
+    FileKind("scene.yaml", _write_scene, read_scene, checked=False),
+)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_a_damaged_file_is_refused_or_read_with_the_same_values(kind, row, tmp_path):
+    path = kind.write(tmp_path)
+    content, whole = path.read_bytes(), repr(_plain(kind.read(path)))
+    for index in range(row.number(sample=5, thorough=250)):
+        damage, damaged = _damaged(content, row.rng)
+        path.write_bytes(damaged)
+        row.count(_failure(kind, path, whole, f"{kind.name} {index}: {damage}"))
+    row.check()

@@ -6,9 +6,9 @@ import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from random import Random
 
-from benchmarks.faults.rows import Outcome, row
+import pytest
+
 from core.overrides import groups
 from tools.forked import call
 from trainers.export import policy_file
@@ -100,21 +100,8 @@ FIXED = (
 )
 
 
-@row("commands", "bad command lines: traceback, exit code 0, or no message that names the word", 1000)
-def measure(tries: int, rng: Random, folder: Path) -> Outcome:
-    """Run every case, or a random choice of `tries`."""
-    import trainers.algorithms.build  # noqa: F401  imported once, before the forks
-
-    outcome = Outcome()
-    (folder / "pretrained").symlink_to(policy_file.FOLDER)
-    every = list(dict.fromkeys(cases()))
-    for program, *words in every if tries >= len(every) else rng.sample(every, tries):
-        outcome.count(_failure(program, words, folder))
-    return outcome
-
-
-def cases() -> Iterator[tuple[str, ...]]:
-    """Yield programs with words that they must refuse."""
+def bad_command_lines() -> Iterator[tuple[str, ...]]:
+    """Yield programs, each with words that they must refuse."""
     yield from FIXED
     for key in NUMBER_KEYS:
         for value in BAD_VALUES:
@@ -159,3 +146,16 @@ def _run(program: str, words: list[str]) -> None:
     sys.argv = [f"{program}.py", *words]
     run: Callable[[list[str]], None] = importlib.import_module(program).cli
     run(list(words))
+
+
+@pytest.mark.slow
+def test_a_bad_command_line_is_refused_in_one_line_that_names_the_word(row, tmp_path):
+    """No traceback, no exit code 0. Each program runs in a fork."""
+    import trainers.algorithms.build  # noqa: F401  imported once, before the forks
+
+    (tmp_path / "pretrained").symlink_to(policy_file.FOLDER)
+    every = list(dict.fromkeys(bad_command_lines()))
+    number = row.number(sample=10, thorough=len(every))
+    for program, *words in every if number >= len(every) else row.rng.sample(every, number):
+        row.count(_failure(program, words, tmp_path))
+    row.check()

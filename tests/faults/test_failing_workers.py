@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -14,14 +13,14 @@ from random import Random
 from typing import Any
 from unittest.mock import patch
 
+import pytest
 from omegaconf import OmegaConf
 
-from benchmarks.faults.rows import Outcome, row
-from benchmarks.faults.runs import ALGORITHMS, SMALL, differences
 from core.overrides import compose
-from envs.config import EnvConfig, read_env
-from envs.workspace_env import WorkspaceEnv
+from envs.config import read_env
 from language import Tokenizer
+from tests.helpers.faulty_env import make_env
+from tools.whole_runs import ALGORITHMS, SMALL, differences
 from trainers.collect.worker_pool import WorkerPool
 from trainers.config import read_plan
 from trainers.run.evaluator import Evaluator
@@ -32,47 +31,11 @@ INSIDE = ("raise", "segfault", "loop")  # faults that a worker causes itself, at
 PHASES = ("collection", "update", "evaluation")
 
 
-class FaultyEnv(WorkspaceEnv):
-    """Fails at its next step as the file `trigger` says, and removes the file: only one worker fails, once.
+class WorkerFault:
+    """A fault that happens once, in one phase of one iteration, and how long it took to be noticed."""
 
-    The file is looked for in worker processes alone.
-    """
-
-    trigger: Path | None = None
-
-    def _step(self, tensordict: Any) -> Any:
-        if self.trigger is not None and self.trigger.exists():
-            fault = self.trigger.read_text()
-            try:
-                self.trigger.rename(self.trigger.with_suffix(".taken"))
-            except FileNotFoundError:  # another worker was faster
-                return super()._step(tensordict)
-            fail(fault)
-        return super()._step(tensordict)
-
-
-def fail(fault: str) -> None:
-    """Fail in this way."""
-    if fault == "raise":
-        raise ArithmeticError("planted")
-    if fault == "segfault":
-        os.kill(os.getpid(), signal.SIGSEGV)
-    while True:
-        pass
-
-
-def make_env(config: EnvConfig, trigger: Path, main: int, worlds: int, seed: int) -> WorkspaceEnv:
-    """Return a module-level function, so that worker processes can unpickle it."""
-    env = FaultyEnv(config, worlds, seed)
-    env.trigger = trigger if os.getpid() != main else None
-    return env
-
-
-class Fault:
-    """Happens once, in one phase of one iteration, and measures how long it took to be noticed."""
-
-    def __init__(self, kind: str, phase: str, iteration: int, trigger: Path, random: Random) -> None:
-        self.kind, self.phase, self.iteration, self.trigger, self.random = kind, phase, iteration, trigger, random
+    def __init__(self, *, kind: str, phase: str, iteration: int, trigger: Path, rng: Random) -> None:
+        self.kind, self.phase, self.iteration, self.trigger, self.rng = kind, phase, iteration, trigger, rng
         self.pool: Any = None
         self.collected = 0  # iteration of the batch that was asked for last
         self.waited_from = 0.0
@@ -83,7 +46,7 @@ class Fault:
         """Cause the fault in a worker."""
         self.done, self.waited_from = True, time.monotonic()
         if self.kind in SIGNALS:
-            process = self.random.choice(self.pool.workers).process
+            process = self.rng.choice(self.pool.workers).process
             os.kill(process.pid, SIGNALS[self.kind])
         else:
             self.trigger.write_text(self.kind)
@@ -100,7 +63,7 @@ class Fault:
         def collecting(pool: Any, order: Any) -> Any:
             self.pool, self.collected = pool, order.iteration
             if self.due("collection", order.iteration):
-                threading.Timer(self.random.uniform(0.0, 0.2), self.happen).start()
+                threading.Timer(self.rng.uniform(0.0, 0.2), self.happen).start()
             if self.done and self.noticed is None:
                 self.waited_from = time.monotonic()
             return collect(pool, order)
@@ -125,8 +88,8 @@ class Fault:
         return called
 
 
-def train(folder: Path, overrides: list[str], fault: Fault | None) -> None:
-    """A run in this process with worker processes."""
+def _train(folder: Path, overrides: list[str], fault: WorkerFault | None) -> None:
+    """Run in this process with worker processes."""
     config = compose(overrides)
     trigger = folder.with_suffix(".trigger") if fault is None else fault.trigger
     make = partial(make_env, read_env(config), trigger, os.getpid())
@@ -141,30 +104,31 @@ def train(folder: Path, overrides: list[str], fault: Fault | None) -> None:
             each.stop()
 
 
-@row("workers", "a worker stops, dies, raises, crashes or loops: the undisturbed run's result", 50)
-def workers(tries: int, random: Random, folder: Path) -> Outcome:
+@pytest.mark.slow
+def test_a_run_whose_worker_fails_has_the_result_of_an_undisturbed_run(row, tmp_path):
     """Each fault in each phase, PPO and SAC in turn."""
-    outcome = Outcome(figures={"noticed after s, at most": 0.0, "never happened": 0})
+    row.figures |= {"noticed after s, at most": 0.0, "never happened": 0}
     whole: dict[str, Path] = {}
-    for index in range(tries):
+    first = 3  # SAC, a segmentation fault in an update
+    for index in range(first, first + row.number(sample=1, thorough=50)):
         algo = ("ppo", "sac")[index % 2]
         overrides = [f"algo={algo}", "collector.workers=2", *SMALL, *ALGORITHMS[algo]]
         if algo not in whole:
-            whole[algo] = folder / algo
-            train(whole[algo], overrides, None)
+            whole[algo] = tmp_path / algo
+            _train(whole[algo], overrides, None)
         kind, phase = (*SIGNALS, *INSIDE)[index % 5], PHASES[index // 2 % 3]
-        place = folder / f"try-{index}"
-        fault = Fault(kind, phase, random.randint(1, 4), place.with_suffix(".trigger"), random)
+        place = tmp_path / f"try-{index}"
+        trigger, iteration = place.with_suffix(".trigger"), row.rng.randint(1, 4)
+        fault = WorkerFault(kind=kind, phase=phase, iteration=iteration, trigger=trigger, rng=row.rng)
         try:
-            train(place, overrides, fault)
+            _train(place, overrides, fault)
             wrong = differences(whole[algo], place)
         except Exception as error:
             wrong = f"{type(error).__name__}: {error}"
-        outcome.tries += 1
-        outcome.figures["never happened"] += fault.noticed is None
-        longest = max(outcome.figures["noticed after s, at most"], round(fault.noticed or 0.0, 2))
-        outcome.figures["noticed after s, at most"] = longest
-        print(f"{algo} {kind} in {phase}: noticed after {fault.noticed} s {wrong}", file=sys.stderr, flush=True)
-        if wrong:
-            outcome.failures.append(f"{algo}, {kind} in {phase}: {wrong}")
-    return outcome
+        row.figures["never happened"] += fault.noticed is None
+        row.figures["noticed after s, at most"] = max(
+            row.figures["noticed after s, at most"], round(fault.noticed or 0.0, 2)
+        )
+        row.count(f"{algo}, {kind} in {phase}: {wrong}" if wrong else "")
+    row.check()
+    assert row.figures["never happened"] < row.tries
