@@ -268,7 +268,7 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
     from trainers.evaluation.instruction_ablations import AblatedInstructions
 
     if config.reader == "oracle":
-        if not env.task.speaks:
+        if not env.task.traits.speaks:
             raise ConfigError(f"reader=oracle needs a task with words; {env.config.task.name} has none")
         return Oracle(env)
     if config.reader == "expert":

@@ -184,7 +184,7 @@ def _about(env: WorkspaceEnv, config: RecordConfig, choices: Mapping[str, str]) 
     joints = [f"{joint}.{of}" for of in ("angle", "speed") for joint in env_config.robot.joints]
     position = [f"gripper.{axis}" for axis in "xyz"]
     orientation = [f"gripper.{column}.{axis}" for column in "xy" for axis in "xyz"]
-    names = [*joints, *position, *orientation, "opening", *(["shut", "holds"] if env.task.grips else [])]
+    names = [*joints, *position, *orientation, "opening", *(["shut", "holds"] if env.task.traits.grips else [])]
     return {
         "config": asdict(env_config),
         "actor": "expert" if config.expert else f"policy of {config.checkpoint}",

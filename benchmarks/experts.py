@@ -32,7 +32,7 @@ def measured(task: str, robot: str, control: str, episodes: int, seed: int, orac
     """Return the result of one expert."""
     config = read_env(compose([f"task={task}", f"robot={robot}", f"control={control}"]))
     with closing(WorkspaceEnv(config.without_curriculum(), WORLDS, seed)) as env:
-        actor = Oracle(env) if oracle and env.task.speaks else expert(env)
+        actor = Oracle(env) if oracle and env.task.traits.speaks else expert(env)
         result = evaluate(env, actor, episodes, seed).as_dict()  # type: ignore[arg-type]
     return {name: result[name] for name in SHOWN}
 

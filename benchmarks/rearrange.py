@@ -111,7 +111,7 @@ def episode(board: Board, grid: Grid, marked: bool = False) -> EpisodeSpec:
     shapes = np.array([SHAPES.index(shape) for *_, shape in blocks])
     start = GripperStart(np.zeros(3), held=True) if board.before.closed else None
     target, everything = len(blocks) - 1 if marked else None, np.ones(len(blocks), bool)
-    return EpisodeSpec(scene, board.moved, 0, "", shapes=shapes, resting=everything, start=start, target=target)
+    return EpisodeSpec(scene=scene, referent=board.moved, shapes=shapes, resting=everything, start=start, target=target)
 
 
 def begin(env: WorkspaceEnv, board: Board, marked: bool = False) -> tuple[Grid, Sequence[int]]:

@@ -116,7 +116,7 @@ def plan(actions: Sequence[commands.Action], env: InteractiveEnv, planner: Plann
 
 def mark(env: InteractiveEnv, place: Sequence[float] | NDArray[np.float64] | None) -> None:
     """Shows a see-through object at a place, metres; None: hides it. Tables keep theirs."""
-    if not env.task.stacks:
+    if not env.task.traits.stacks:
         return
     scene = env.scene()
     for number in np.flatnonzero(scene.targets).tolist():

@@ -51,10 +51,10 @@ def dialogue(env: InteractiveEnv) -> Dialogue:
     A sentence that only names an object means the task's own verb, unless that needs a place. "A bit" is farther than
     the distance within which the task counts an object as being at its place.
     """
-    if env.task.stacks:
+    if env.task.traits.stacks:
         return board.BoardDialogue(env)
     task = env.task
-    default = None if task.places else DOES.get(task.verb, (None,))[0]
+    default = None if task.traits.places else DOES.get(task.verb, (None,))[0]
     little = BIT * env.config.task.radius
     surroundings = {"bounds": tuple(env.config.workspace.object_area), "little": little}
     if task.verbs:
@@ -66,7 +66,7 @@ def names_of(env: InteractiveEnv) -> list[str]:
     """The name of each object."""
     if env.task.verbs:
         return room.names_of(env.scene())
-    return board.object_names(env) if env.task.stacks else object_names(env.scene())
+    return board.object_names(env) if env.task.traits.stacks else object_names(env.scene())
 
 
 def sayable(env: InteractiveEnv) -> list[str]:
@@ -76,7 +76,7 @@ def sayable(env: InteractiveEnv) -> list[str]:
 
 def example(env: InteractiveEnv, planner: Planner) -> str:
     """A sentence that is possible in this scene."""
-    return board.example(env) if env.task.stacks else planner.example()
+    return board.example(env) if env.task.traits.stacks else planner.example()
 
 
 def stops(actions: Sequence[Action]) -> bool:
@@ -101,7 +101,7 @@ def plan(actions: Sequence[Action], planner: Planner, env: InteractiveEnv, for_p
     Raises:
         LanguageError: the task cannot do a step; nothing moves then.
     """
-    if env.task.stacks:
+    if env.task.traits.stacks:
         return board.plan(actions, env, planner if for_policy else None)
     steps = without_takes(actions)
     if env.task.verbs:
@@ -186,7 +186,7 @@ def _moves(steps: Sequence[Action], planner: Planner, env: InteractiveEnv) -> li
     places = [tuple(place) for place in env.scene().positions[:, :2].tolist()]
     moves: list[Move | None] = []
     for action in steps:
-        can = env.task.grips and action.object is not None and action.kind in (*CARRIED, "take")
+        can = env.task.traits.grips and action.object is not None and action.kind in (*CARRIED, "take")
         by_expert = can and not _does_itself(action, planner, env)
         table = _Table(env)
         moves += moves_of([action], places, range(len(places)), table, table.hold) if by_expert else [None]
@@ -199,13 +199,13 @@ def _does_itself(action: Action, planner: Planner, env: InteractiveEnv) -> bool:
     """Whether the task itself does a step: bring something onto the table, onto another object, or neither."""
     if action.kind not in DOES.get(planner.verb, ()):
         return False
-    if env.task.stepwise:
+    if env.task.traits.stepwise:
         scene, at = env.scene(), (*(action.position or (np.inf, np.inf)), action.bottom or 0.0)
         height = (0.0, 0.0, env.config.task.object_size / 2)
         return bool(is_sorted(np.add(at, height), scene.positions[scene.targets.argmax()], env.config.task.object_size))
     if HAND in env.task.fixtures:
         return action.on is not None and env.scene()[action.on].noun == HAND
-    return not env.task.places or ((action.bottom or 0.0) > ON_TABLE) == env.task.real_goals
+    return not env.task.traits.places or ((action.bottom or 0.0) > ON_TABLE) == env.task.traits.real_goals
 
 
 class _Table:
@@ -233,14 +233,14 @@ def put_object(env: InteractiveEnv, planner: Planner, index: int, place: NDArray
     x, y = _within_reach((float(place[0]), float(place[1])), env)
     on_table = x, y, env.config.task.object_size / 2
     planner.own_places.pop(index, None)
-    env.put_object(index, board.free_place(env, index, x, y) if env.task.stacks else on_table)
+    env.put_object(index, board.free_place(env, index, x, y) if env.task.traits.stacks else on_table)
 
 
 def _targets(steps: Sequence[Action], scene: Scene, env: InteractiveEnv) -> list[int | None]:
     """The object that marks the place of each step; None if the task has no places."""
-    if not env.task.places:
+    if not env.task.traits.places:
         return [None] * len(steps)
-    if env.task.stepwise:
+    if env.task.traits.stepwise:
         return [int(scene.targets.argmax())] * len(steps)
     free = [index for index in range(len(scene)) if scene.targets[index]]
     targets: list[int | None] = []
@@ -248,7 +248,7 @@ def _targets(steps: Sequence[Action], scene: Scene, env: InteractiveEnv) -> list
         assert action.object is not None
         if action.position is None:
             raise LanguageError(f"say where {object_name(action.object, scene)} should go")
-        if env.task.real_goals:
+        if env.task.traits.real_goals:
             if action.on is None:
                 raise LanguageError("this task stacks; name the object to put it on, or choose task=nl_pick_and_place")
             targets.append(action.on)

@@ -80,7 +80,7 @@ class Planner:
     @property
     def names_later(self) -> bool:
         """Whether the policy's words for a step are chosen as it begins."""
-        return self._env.task.stepwise
+        return self._env.task.traits.stepwise
 
     def plan(self, understood: Understood) -> list[Subtask]:
         """A subtask for each step. Raises LanguageError for what this task cannot do."""
@@ -175,11 +175,11 @@ class Planner:
 
     def _check_target(self, subtask: Subtask) -> None:
         scene, task = self._env.scene(), self._env.task
-        if task.places and subtask.target is None:
+        if task.traits.places and subtask.target is None:
             raise LanguageError(f"say where {object_name(subtask.referent, scene)} should go")
-        if subtask.target is not None and scene.targets[subtask.target] == task.real_goals:
+        if subtask.target is not None and scene.targets[subtask.target] == task.traits.real_goals:
             name = object_name(subtask.target, scene)
-            if task.real_goals:
+            if task.traits.real_goals:
                 raise LanguageError(f"{name} is see-through; name a real object")
             raise LanguageError(f"{name} is not a target; name one of the see-through objects")
 
@@ -197,7 +197,7 @@ class Planner:
         policy was not trained with, and words that require a gesture or an earlier sentence, are replaced by others
         that name the same object. verb: where the task has several. scene: None: as it is.
         """
-        if not self._env.task.speaks:
+        if not self._env.task.traits.speaks:
             return ""
         scene = self._env.scene() if scene is None else scene
         phrases = [self._policy_phrase(instruction.phrase if instruction else None, referent, scene)]
@@ -237,7 +237,7 @@ class Planner:
         targets = [index for index in range(len(scene)) if scene.targets[index]]
         names = object_names(scene)
         verb = VERBS[self.verb]
-        takes_goal = self._env.task.places and verb.takes_goal
+        takes_goal = self._env.task.traits.places and verb.takes_goal
         template = next(template for template in verb.templates if has_goal(template) == takes_goal)
         base = names[targets[0] if targets and not verb.goal_is_real else movable[-1]]
         sentence = template.replace(OBJECT, names[movable[0]]).replace(BASE, base)

@@ -21,7 +21,7 @@ class Return:
         self._env = env
         self._steps = 0
         self._low = min(float(env.rest_position[2]), env.config.workspace.gripper_box[-1]) - NEAR / 2
-        self._low = self._low if env.task.stacks else LOW
+        self._low = self._low if env.task.traits.stacks else LOW
 
     def start(self) -> None:
         """Starts the return, unless the gripper is at rest already."""

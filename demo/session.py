@@ -155,7 +155,7 @@ class Session:
         referent = self.finger.last_referent
         if referent is None:
             raise LanguageError("point at something first: click an object, or move the finger")
-        if self.env.task.places:
+        if self.env.task.traits.places:
             raise LanguageError("this task needs a target too: click an object, then a target, and say what to do")
         instruction = Instruction(self._planner.verb, ObjectPhrase(determiner="this"))
         sentence = self._planner.policy_sentence(instruction, referent, None)
@@ -215,7 +215,7 @@ class Session:
         self._subtask, self._actor = subtask, None
         self._show_subtask(subtask)
         self._return.start()
-        if is_correction or self.env.task.continues or is_move_of_expert(subtask, self.config.driver):
+        if is_correction or self.env.task.traits.continues or is_move_of_expert(subtask, self.config.driver):
             self._return.skip()
         if self._return.is_over:
             self._begin(subtask)

@@ -68,7 +68,7 @@ def default_workspace(task: str) -> str | None:
     """The workspace of a task, unless a person chooses another one; None: the one that its config chooses."""
     if {*FITTINGS, HAND} & set(TASKS[task].fixtures):
         return None
-    return "board" if TASKS[task].stacks else "collabtable"
+    return "board" if TASKS[task].traits.stacks else "collabtable"
 
 
 def default_task(robot: str) -> str:

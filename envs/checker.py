@@ -86,7 +86,7 @@ def _check_frame(env: EnvBase, frame: TensorDictBase) -> Iterator[str]:
 def _is_reworded(env: EnvBase) -> bool:
     """Whether a policy reads other words than a person says."""
     task = getattr(env, "task", None)
-    return task is not None and (task.config.rephrased or task.stepwise)
+    return task is not None and (task.config.rephrased or task.traits.stepwise)
 
 
 def _check_scene(env: EnvBase, frame: TensorDictBase) -> Iterator[str]:

@@ -62,9 +62,9 @@ def read_env(config: Any) -> EnvConfig:
     gripper.of(robot)
     workspace = workspace.within_reach(robot.reach) if robot.reach else workspace
     kind = TASKS[task.name]
-    if gripper.rod and kind.moves:
+    if gripper.rod and kind.traits.moves:
         robot = gripper.on_rod(robot)
-    if task.devices and not kind.continues:
+    if task.devices and not kind.traits.continues:
         raise ConfigError(f"task.devices={task.devices} must be 0 in task.name={task.name}: take task=anything")
     if task.hand and not task.devices:
         raise ConfigError(f"task.hand=true needs devices, and task.devices={task.devices}: take task=anything")
@@ -73,7 +73,7 @@ def read_env(config: Any) -> EnvConfig:
             f"task.curriculum.off_centre={task.curriculum.off_centre} must be 0 with fingers: only a magnet holds "
             "objects off its middle"
         )
-    if kind.stacks:
+    if kind.traits.stacks:
         _check_board(task, workspace)
     return EnvConfig(
         robot,

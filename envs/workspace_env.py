@@ -83,8 +83,8 @@ def make_chain(config: EnvConfig, task: Task) -> Kinematics:
 
     With a rod, the gripper rests over the middle of the object area, at the greatest allowed height.
     """
-    chain = read_chain(config.robot if task.moves else config.robot.reaching())
-    if not (config.gripper.rod and task.moves):
+    chain = read_chain(config.robot if task.traits.moves else config.robot.reaching())
+    if not (config.gripper.rod and task.traits.moves):
         return chain
     x0, x1, y0, y1 = config.workspace.object_area
     return chain.resting_at(np.array([(x0 + x1) / 2, (y0 + y1) / 2, config.workspace.gripper_box[-1]]))
@@ -93,8 +93,8 @@ def make_chain(config: EnvConfig, task: Task) -> Kinematics:
 def make_world(config: EnvConfig, task: Task, render: bool = False, window: Window | None = None) -> World:
     """One world with all bodies that the task needs."""
     objects = PoolSpec(task.shapes, task.bodies, config.task.object_size)
-    gripper = config.gripper if task.moves else None
-    holds = task.grips or not task.devices
+    gripper = config.gripper if task.traits.moves else None
+    holds = task.traits.grips or not task.devices
     devices = DeviceSpec(task.devices, task.device_width)
     offers = HAND in task.fixtures
     parts = config.robot, config.workspace, config.physics, objects
@@ -103,7 +103,7 @@ def make_world(config: EnvConfig, task: Task, render: bool = False, window: Wind
 
 def gripper_name(config: EnvConfig, task: Task) -> str | None:
     """The gripper on the robot: "magnet" or "fingers"; None if the task moves no objects."""
-    return config.gripper.of(config.robot) if task.moves else None
+    return config.gripper.of(config.robot) if task.traits.moves else None
 
 
 def gripper_box(config: EnvConfig, task: Task) -> Array:
@@ -113,9 +113,9 @@ def gripper_box(config: EnvConfig, task: Task) -> Array:
         ConfigError: the workspace's box ends below the least height that the task allows.
     """
     box = np.reshape(config.workspace.gripper_box, (3, 2)).T.copy()
-    if not task.moves:  # the gripper reaches objects from above, and pushes none
+    if not task.traits.moves:  # the gripper reaches objects from above, and pushes none
         box[0, 2] = max(box[0, 2], config.task.object_size / 2 + reaching_height(config.task, config.robot.clearance))
-    elif gripper_name(config, task) == "magnet" and task.grips:  # a magnet grips objects and presses buttons from above
+    elif gripper_name(config, task) == "magnet" and task.traits.grips:  # it grips and presses from above
         handles = [task.device_width * DEVICES[noun].lowest for noun in task.devices]
         above = config.gripper.gap or -PRESS_DEPTH
         box[0, 2] = max(box[0, 2], min([config.task.object_size + above, *handles]))
@@ -130,9 +130,9 @@ def gripper_box(config: EnvConfig, task: Task) -> Array:
 def make_control(config: EnvConfig, task: Task, chain: Kinematics) -> Control:
     """The control that the config names."""
     speed = np.array(config.robot.max_speed) * (config.physics.time_step * config.physics.substeps)
-    guarded = not task.moves or gripper_name(config, task) == "magnet"
+    guarded = not task.traits.moves or gripper_name(config, task) == "magnet"
     make = CONTROLS[config.control.name]
-    return make(config.control, chain, speed, gripper_box(config, task), guarded, task.turns)
+    return make(config.control, chain, speed, gripper_box(config, task), guarded, task.traits.turns)
 
 
 def make_initial_states(config: EnvConfig, task: Task, chain: Kinematics) -> InitialStates:
@@ -144,8 +144,10 @@ def make_initial_states(config: EnvConfig, task: Task, chain: Kinematics) -> Ini
 
 def make_grips(config: EnvConfig, task: Task, worlds: Sequence[World], state: State) -> GripController:
     """The controller of all worlds' grippers. state: the arrays to which it writes the held slots."""
-    kind = gripper_name(config, task) if task.grips else None
-    return GripController(kind, config.robot, config.task.object_size, worlds, state, task.lag, not task.moves)
+    kind = gripper_name(config, task) if task.traits.grips else None
+    return GripController(
+        kind, config.robot, config.task.object_size, worlds, state, task.release_lag, not task.traits.moves
+    )
 
 
 def next_goals(
@@ -159,12 +161,12 @@ def next_goals(
         slots, held = np.sort(arrays.slots[i]), arrays.state.held[i]
         scene = scene_of_rows(arrays.rows[i, slots], task.config.viewpoint, arrays.state.nouns[i, slots])
         number = NOTHING if held == NOTHING else int(np.searchsorted(slots, held))
-        last = arrays.goals[i].said(slots)
-        said = task.next_instruction(scene, number, generators[i], task.moved(arrays.state)[i, slots], last)
-        if said is not None:
+        last = arrays.goals[i].instruction(slots)
+        given = task.next_instruction(scene, number, generators[i], task.moved(arrays.state)[i, slots], last)
+        if given is not None:
             arrays.said[i] += 1
             arrays.steps[i] = 0
-            yield i, Goal.of_said(said, slots)
+            yield i, Goal.of_instruction(given, slots)
 
 
 RELABELLED = 16  # episodes that are relabelled at once
@@ -279,7 +281,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         for i, goal in self._next_goals(outcome["success"][:, 0]):
             self._set_goal(i, goal)
             outcome["terminated"][i] = False
-            outcome["success"][i] &= not self.task.stepwise
+            outcome["success"][i] &= not self.task.traits.stepwise
         truncated = (self._arrays.steps[:, None] >= self.config.task.most_steps) & ~outcome["terminated"]
         outcome |= {"truncated": truncated, "done": truncated | outcome["terminated"]}
         return {name: torch.from_numpy(values) for name, values in outcome.items()}
@@ -393,7 +395,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
     @property
     def moves_referent(self) -> bool:
         """Whether the task is to move the referent."""
-        return self.task.moves
+        return self.task.traits.moves
 
     def is_reachable(self, place: Tensor) -> bool:
         """Whether a gripper gets within the task's radius of an object at place (3,), metres."""

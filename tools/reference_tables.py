@@ -81,7 +81,7 @@ def specs(config: EnvConfig) -> EnvironmentSpecs:
     """Return the specs of an environment with this config."""
     with closing(WorkspaceEnv(config)) as env:
         task = env.task
-        flags = task.moves, task.operates, task.grips, task.turns
+        flags = task.traits.moves, task.traits.operates, task.traits.grips, task.traits.turns
         return EnvironmentSpecs(config, env.observation_spec, env.action_unit, env.reward_names, *flags)
 
 
@@ -144,7 +144,7 @@ def _object_rows(tasks: dict[str, EnvironmentSpecs]) -> Rows:
         ("nl_open", SHAPES, "have fittings among their objects"),
     ):
         task = TASKS[tasks[some].config.task.name]
-        more = [*OFFSETS, *(column.name for column in task.columns)] if task.moves else []
+        more = [*OFFSETS, *(column.name for column in task.columns)] if task.traits.moves else []
         named = [*COLUMNS, *kinds, "size (m)", "role (1: target)", *more]
         assert len(named) == tasks[some].observed["objects"].shape[-1], some
         rows.append([len(named), ", ".join(named), title])

@@ -12,10 +12,10 @@ from envs.experts.pick_and_place import Fetch, HandOverExpert, LiftExpert, Place
 from envs.experts.reach import ReachExpert
 from envs.tasks import NOTHING, Task
 from envs.tasks.anything import Anything
-from envs.tasks.furniture import NUMBERS
-from envs.tasks.hand_over import NUMBER as PALM
 from envs.tasks.shared.feasible import HANDING
+from envs.tasks.shared.fittings import FITTING_NUMBERS
 from envs.tasks.shared.geometry import length
+from envs.tasks.shared.open_hand import HAND_NUMBER
 from envs.workspace_env import WorkspaceEnv
 
 HOVER = 0.14  # metres above an object at which grippers travel: over stacks of two
@@ -83,7 +83,7 @@ class AnythingExpert(AimingExpert):
         state, gripper = self._env.state, self._env.gripper
         if self._handing == NOTHING:
             return place
-        hands = (state.nouns == PALM) & state.shown
+        hands = (state.nouns == HAND_NUMBER) & state.shown
         palm = self._place(hands.argmax(axis=1))
         near = np.clip((HAND_FAR - length((gripper - palm)[:, :2])) / (HAND_FAR - HAND_NEAR), 0.0, 1.0)
         elsewhere = hands.any(axis=1) & ~(handing & (state.held == state.referent))
@@ -109,6 +109,6 @@ class AnythingExpert(AimingExpert):
         state = self._env.state
         offset = self._env.gripper[:, None] - state.objects
         at = (length(offset[..., :2]) < BESIDE) & (offset[..., 2] < CLEAR) & (offset[..., 2] > -CLEAR) & state.shown
-        at &= np.isin(state.nouns, NUMBERS)
+        at &= np.isin(state.nouns, FITTING_NUMBERS)
         at[self._rows, referent] = False
         return np.any(at, axis=1)

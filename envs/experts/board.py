@@ -114,7 +114,7 @@ class MoveRunner:
     """
 
     def __init__(self, env: WorkspaceEnv, moves: Iterable[Move], max_steps: int = MAX_STEPS) -> None:
-        if len(env.gripper) != 1 or not env.task.grips:
+        if len(env.gripper) != 1 or not env.task.traits.grips:
             raise ConfigError(f"task.name={env.config.task.name}: moves need one world, and a task that grips")
         self._env, self._moves, self._carrier = env, list(moves), Carrier(env)
         self._max_steps, self._steps = max_steps, 0

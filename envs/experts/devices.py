@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from envs.experts.base import OVER, AimingExpert, Array, Slots, choose_rows, register_expert
 from envs.sim.devices import DEVICES, facing
 from envs.tasks import Task
-from envs.tasks.devices import Operate, lever_way, wheel_way
+from envs.tasks.devices import OperateDevice
+from envs.tasks.shared.device_motion import lever_way, wheel_way
 from envs.tasks.shared.geometry import length
 from envs.workspace_env import WorkspaceEnv
 
@@ -35,7 +36,7 @@ class DeviceExpert(AimingExpert):
 
     def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
         super().__init__(env, task)
-        assert isinstance(self._task, Operate)
+        assert isinstance(self._task, OperateDevice)
         self._operated = self._task
 
     def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
@@ -51,7 +52,7 @@ class DeviceExpert(AimingExpert):
     def _operate(self, place: Array, turn: Array, way: Array, before: Array) -> Array:
         """Where the gripper goes (N, 3).
 
-        place, turn, way: (N, 3), (N, 4) and (N,) of the handles. before: (N,) of `Operate.before`.
+        place, turn, way: (N, 3), (N, 4) and (N,) of the handles. before: (N,) of `OperateDevice.before`.
         """
 
     def _down(self, start: Array) -> Array:

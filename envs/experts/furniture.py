@@ -9,7 +9,7 @@ from envs.experts.base import HOVER, UP, AimingExpert, Array, Slots, choose_rows
 from envs.experts.pick_and_place import GRASP, PRESS, StackExpert
 from envs.sim.workspace import HANDLE, Fitting
 from envs.tasks import Task
-from envs.tasks.furniture import Furnished, InOut
+from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.shared.geometry import length
 from envs.workspace_env import WorkspaceEnv
 
@@ -26,11 +26,11 @@ class FittingExpert(AimingExpert):
 
     def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
         super().__init__(env, task)
-        assert isinstance(self._task, Furnished)
-        self._furnished, magnet = self._task, env.below > 0
+        assert self._task.fittings is not None
+        self._fittings, magnet = self._task.fittings, env.below > 0
         self._step = MAGNET_STEP if magnet else FINGER_STEP
         self._tops = {
-            noun: fitting.parts[HANDLE].size[2] / 2 * magnet for noun, fitting in self._furnished.fittings.items()
+            noun: fitting.parts[HANDLE].size[2] / 2 * magnet for noun, fitting in self._fittings.by_noun.items()
         }
 
     def _move_to(self, slots: Slots, end: float) -> tuple[Array, NDArray[np.bool_]]:
@@ -60,7 +60,7 @@ class FittingExpert(AimingExpert):
         state = self._env.state
         nouns, place = state.nouns[self._rows, slots], self._place(slots)
         tops, onward = np.zeros(len(nouns)), place.copy()
-        for noun, fitting in self._furnished.fittings.items():
+        for noun, fitting in self._fittings.by_noun.items():
             which = nouns == noun
             share = fitting.share(place[which])
             step = self._step / (radius(fitting) * (fitting.high - fitting.low))
@@ -76,7 +76,7 @@ class OpenCloseExpert(FittingExpert):
     def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
         end = END[self._task.config.name]
         place, close = self._move_to(referent, end)
-        share = self._furnished.shares(self._env.state.nouns[self._rows, referent], self._place(referent))
+        share = self._fittings.shares(self._env.state.nouns[self._rows, referent], self._place(referent))
         done = np.abs(share - end) < ENOUGH
         return choose_rows(done, self._env.gripper, place), close
 
@@ -109,7 +109,7 @@ class InOutExpert(StackExpert):
         self._beside = fittings_from(env)
 
     def _goal(self, target: Slots) -> Array:
-        assert isinstance(self._task, InOut)
+        assert isinstance(self._task, PickAndPlace)
         return self._task.goal_places(self._env.state)
 
     def _fetch(self, thing: Array) -> tuple[Array, NDArray[np.bool_]]:

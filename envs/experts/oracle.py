@@ -42,7 +42,7 @@ class Oracle:
 
     def _sentence(self, world: int, tensordict: TensorDictBase) -> str:
         """The instruction: of a sentence of several steps, the one that is carried out now."""
-        if not self._env.task.stepwise:
+        if not self._env.task.traits.stepwise:
             return self._env.sentence(world)
         return self._env.tokenizer.decode(tensordict["instruction"][world].tolist())
 
@@ -52,7 +52,7 @@ class Oracle:
         """The slots of the referent and of its target: the referent's own if there is none."""
         viewpoint, slots = self._env.config.task.viewpoint, np.flatnonzero(shown)
         rows, task = objects[shown], self._env.task
-        scene = scene_of_rows(rows, viewpoint, nouns_of_rows(rows, task.operates, task.fixtures))
+        scene = scene_of_rows(rows, viewpoint, nouns_of_rows(rows, task.traits.operates, task.fixtures))
         if len(ray):
             object_ = self._shown(world, sentence, scene, ray)
             slot = int(self._slots[world, 0] if object_ is None else slots[object_])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks import EpisodeSpec, Said
+from envs.tasks import EpisodeSpec, GivenInstruction
 from language import LanguageError, Tokenizer
 
 
@@ -33,17 +33,22 @@ class Goal:
         return cls(int(slots[episode.referent]), int(slots[target]), episode.sentence, sentence, episode.kind)
 
     @classmethod
-    def of_said(cls, said: Said, slots: NDArray[np.int64]) -> Goal:
+    def of_instruction(cls, given: GivenInstruction, slots: NDArray[np.int64]) -> Goal:
         """The goal of an instruction in a scene whose objects stand in these slots (K,)."""
-        target = said.referent if said.target is None else said.target
-        heard = said.sentence if said.heard is None else said.heard
-        return cls(int(slots[said.referent]), int(slots[target]), said.sentence, heard, said.kind)
+        target = given.referent if given.target is None else given.target
+        heard = given.sentence if given.heard is None else given.heard
+        return cls(int(slots[given.referent]), int(slots[target]), given.sentence, heard, given.kind)
 
-    def said(self, slots: NDArray[np.int64]) -> Said:
+    def instruction(self, slots: NDArray[np.int64]) -> GivenInstruction:
         """The instruction, in a scene whose objects stand in these slots (K,) in ascending order."""
         referent, target = np.searchsorted(slots, (self.referent, self.target)).tolist()
-        at = None if target == referent else target
-        return Said(self.kind, referent, at, self.sentence, self.policy_sentence)
+        return GivenInstruction(
+            kind=self.kind,
+            referent=referent,
+            target=None if target == referent else target,
+            sentence=self.sentence,
+            heard=self.policy_sentence,
+        )
 
 
 def policy_sentence(episode: EpisodeSpec) -> str:

@@ -43,7 +43,7 @@ def row_bounds(task: Task, low: Array, high: Array) -> tuple[list, list]:
     rest = OBJECT_WIDTH - 7 - 2
     least: list = [low, -np.ones(4), np.zeros(rest), [0.0, 0.0]]
     greatest: list = [high, np.ones(4), np.ones(rest), [MAX_SIZE, 1.0]]
-    if task.moves:
+    if task.traits.moves:
         limit = np.repeat((NEAR, CLOSE), 3)
         least += [-limit, [column.low for column in task.columns]]
         greatest += [limit, [column.high for column in task.columns]]

@@ -55,7 +55,7 @@ def _workspace(setup: Setup) -> tuple[Array, Array]:
 def _robot_spec(setup: Setup) -> Bounded:
     low, high = _workspace(setup)
     speed, ones = 2 * np.array(setup.robot.max_speed), np.ones(6)  # a joint that is struck can exceed its own speed
-    gripper = 3 if setup.task.grips else 1
+    gripper = 3 if setup.task.traits.grips else 1
     return bounded(
         [setup.chain.low - 0.1, -speed, low, -ones, np.zeros(gripper)],
         [setup.chain.high + 0.1, speed, high, ones, np.ones(gripper)],
@@ -73,7 +73,7 @@ def _gesture_spec(setup: Setup) -> Bounded:
 
 def _goal_spec(setup: Setup) -> Bounded:
     low, high = _workspace(setup)
-    if not setup.task.moves:
+    if not setup.task.traits.moves:
         return bounded([low], [high])
     memory, offset = setup.task.memory[0], NEAR_OFFSET
     return bounded(
@@ -106,7 +106,7 @@ def _robot(source: Source) -> Array:
 def _objects(source: Source) -> Array:
     task, state = source.task, source.state
     rows = source.perturbations.seen(source.worlds.rows, source.worlds.steps)
-    if task.moves:
+    if task.traits.moves:
         offset = offsets(rows[..., :3], source.worlds.pose.position[:, None])
         rows = np.concatenate((rows, offset, task.seen(state)), axis=2)
     return np.where(state.shown[..., None], rows, 0.0)
@@ -116,7 +116,7 @@ def _goal(source: GoalSource) -> Array:
     state = source.state
     each = np.arange(len(state.referent))
     referent = state.objects[each, state.referent]
-    if not source.task.moves:
+    if not source.task.traits.moves:
         return referent
     target = state.objects[each, state.target]
     near = _nearness(state)
@@ -174,7 +174,7 @@ OBSERVATIONS = (
         f"{NEAR} m on; 0 for all others",
         spec=lambda setup: Bounded(0, 1, shape=(setup.task.config.slots,), dtype=torch.float32),
         compute=lambda source: _nearness(source.state),
-        present=lambda task: task.moves,
+        present=lambda task: task.traits.moves,
     ),
     ObservationTerm(
         "instruction",
@@ -221,7 +221,7 @@ OBSERVATIONS = (
         "() int64, where there are targets: the slot of the target",
         spec=_slot,
         compute=lambda source: source.state.target,
-        present=lambda task: task.places,
+        present=lambda task: task.traits.places,
         goal=True,
     ),
     ObservationTerm(
@@ -258,14 +258,14 @@ OBSERVATIONS = (
         "() int64, where objects are moved: the slot of the object that is held, -1 for none",
         spec=lambda setup: Bounded(-1, setup.task.config.slots - 1, shape=(), dtype=torch.int64),
         compute=lambda source: source.state.held,
-        present=lambda task: task.moves,
+        present=lambda task: task.traits.moves,
     ),
     ObservationTerm(
         "privileged/movable",
         "(K,) bool, where objects are moved: which slots show an object that can be moved",
         spec=_flag_each_slot,
         compute=lambda source: source.state.movable,
-        present=lambda task: task.moves,
+        present=lambda task: task.traits.moves,
     ),
     ObservationTerm(
         "privileged/places",
@@ -315,7 +315,7 @@ class SceneSampler:
         rows, shown = np.zeros((count, slots, width)), np.zeros((count, slots), bool)
         instructions, goals = np.zeros((count, self._setup.tokenizer.length), np.int64), np.zeros((count, 3), np.int64)
         low, high = np.reshape(self._setup.workspace.bounds, (3, 2)).T.astype(np.float32)
-        grippers = rng.uniform(low, high, (count, 3)) if task.moves else None
+        grippers = rng.uniform(low, high, (count, 3)) if task.traits.moves else None
         rays = np.zeros((count, RAY_WIDTH))
         columns = np.zeros((count, slots, len(task.columns)))
         for i in range(count):
@@ -331,15 +331,15 @@ class SceneSampler:
         if grippers is not None:
             rows[..., OFFSET] = offsets(rows[..., :3], grippers[:, None])
             rows[..., COLUMNS] = columns
-        if task.marks and not task.speaks:
+        if task.traits.marks and not task.traits.speaks:
             rows[np.arange(count), goals[:, 0], COLUMNS.start] = 1.0
-        if task.operates:
+        if task.traits.operates:
             rows[..., FACING] = np.where(shown[..., None], facing(rows[..., 3:7]), 0.0)
         values = {"objects": rows, "objects_mask": shown, "instruction": instructions}
         if task.points:
             values["gesture"] = rays
         tensors = {key: self._observer.tensor(key, value) for key, value in values.items()}
         referents, targets, kinds = (torch.from_numpy(numbers.copy()) for numbers in goals.T)
-        privileged = {"referent": referents} | ({"target": targets} if task.places else {})
+        privileged = {"referent": referents} | ({"target": targets} if task.traits.places else {})
         privileged |= {"verb": kinds} if task.verbs else {}
         return TensorDict(tensors | {"privileged": TensorDict(privileged, [count])}, [count])

@@ -78,9 +78,9 @@ class Relabeller:
         shown = np.flatnonzero(states.shown[0])
         nouns = nouns_of_rows(rows[0, shown], fixtures=self._task.fixtures)
         scene = scene_of_rows(rows[0, shown], self._task.config.viewpoint, nouns)
-        if self._task.moves:
+        if self._task.traits.moves:
             states.nouns[:, shown] = scene.nouns
-        fixed = ~scene.targets if not self._task.moves else ~scene.targets & ~states.movable[0, shown]
+        fixed = ~scene.targets if not self._task.traits.moves else ~scene.targets & ~states.movable[0, shown]
         try:
             episode = self._task.relabel(Placed(scene, np.zeros(len(scene)), fixed), _select_slots(states, shown), rng)
         except LanguageError:
@@ -90,7 +90,7 @@ class Relabeller:
         moved = (episode.scene.positions != scene.positions).any(1)
         slots, places = shown[moved], episode.scene.positions[moved]
         states.objects[:, slots] = rows[:, slots, :3] = places
-        if self._task.moves:
+        if self._task.traits.moves:
             rows[:, slots, OFFSET] = offsets(states.objects[:, slots], states.gripper[:, None])
         target = episode.referent if episode.target is None else episode.target
         referents, targets = (np.full(len(rows), shown[index]) for index in (episode.referent, target))
@@ -102,14 +102,25 @@ class Relabeller:
         places = np.where(shown[..., None], rows[..., :3], PARKED)
         gripper = self._history(frames, "robot")[:, self._gripper].astype(np.float64)
         referent = self._history(frames, "privileged", "referent")
-        if not self._task.moves:
-            return State(gripper, places, shown, referent)
+        if not self._task.traits.moves:
+            return State(gripper=gripper, objects=places, shown=shown, referent=referent)
         movable, held = (self._history(frames, "privileged", name) for name in ("movable", "held"))
-        target = self._history(frames, "privileged", "target") if self._task.places else referent
-        goals = shown & ((rows[..., OBJECT_WIDTH - 1] > 0.5) != self._task.real_goals)
-        quaternions, nouns = rows[..., 3:7].astype(float), np.zeros(shown.shape, np.int64)
-        known = places, shown, referent, target, movable, goals, quaternions, held, nouns, np.zeros_like(referent)
-        return State(gripper, *known, yaw=np.zeros(shown.shape))  # no relabelled task reads the yaw of placed objects
+        target = self._history(frames, "privileged", "target") if self._task.traits.places else referent
+        goals = shown & ((rows[..., OBJECT_WIDTH - 1] > 0.5) != self._task.traits.real_goals)
+        return State(
+            gripper=gripper,
+            objects=places,
+            shown=shown,
+            referent=referent,
+            target=target,
+            movable=movable,
+            goals=goals,
+            quaternions=rows[..., 3:7].astype(float),
+            held=held,
+            nouns=np.zeros(shown.shape, np.int64),
+            kind=np.zeros_like(referent),
+            yaw=np.zeros(shown.shape),  # no relabelled task reads the yaw of placed objects
+        )
 
     @staticmethod
     def _history(frames: TensorDictBase, *key: str) -> Any:
@@ -141,7 +152,7 @@ class Relabeller:
         """For each step, the episodes as worlds. Ended ones keep their last state; the first fills unused worlds."""
         episodes = [*episodes, *[episodes[0]] * (self._num_episodes - len(episodes))]
         steps = [np.minimum(np.arange(span + 1), len(states.gripper) - 1) for states in episodes]
-        names = STATE_FIELDS if self._task.moves else FIELDS_WITHOUT_MOVING
+        names = STATE_FIELDS if self._task.traits.moves else FIELDS_WITHOUT_MOVING
         histories = {
             name: [getattr(states, name)[at] for states, at in zip(episodes, steps, strict=True)] for name in names
         }

@@ -45,8 +45,20 @@ class WorldState:
         places, quaternions = self.rows[..., :3], self.rows[..., 3:7]
         nouns, self.kind = np.zeros((count, slots), np.int64), np.zeros(count, np.int64)
         yaw = np.zeros((count, slots))
-        seen = places, shown, referent, target, movable, goals, quaternions, held, nouns, self.kind, yaw
-        self.state = State(np.zeros((count, 3)), *seen)
+        self.state = State(
+            gripper=np.zeros((count, 3)),
+            objects=places,
+            shown=shown,
+            referent=referent,
+            target=target,
+            movable=movable,
+            goals=goals,
+            quaternions=quaternions,
+            held=held,
+            nouns=nouns,
+            kind=self.kind,
+            yaw=yaw,
+        )
         self.slots = [np.arange(slots) for _ in range(count)]
         self.goals = [Goal(0, 0, "", "", 0)] * count
         self.instruction = np.zeros((count, tokenizer.length), np.int64)

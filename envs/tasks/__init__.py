@@ -1,24 +1,24 @@
 """The tasks: goals of episodes, reward terms, and ends of episodes.
 
 `TASKS` maps the `name` of each conf/task/*.yaml to its class. Every module of this package is imported here, so that a
-new file registers its task without an edit elsewhere.
+new file registers its task without an edit elsewhere. What tasks share is in `envs.tasks.shared`, which imports none of
+them.
 """
 
 from importlib import import_module
 from pkgutil import iter_modules
 
-from envs.tasks.shared.base import TASKS, Task, register_task
+from envs.tasks.shared.base import TASK_VERBS, TASKS, Task, register_task
+from envs.tasks.shared.task_config import NO_CURRICULUM, CurriculumConfig, RandomizeConfig, TaskConfig
 from envs.tasks.shared.types import (
-    NO_CURRICULUM,
     NOTHING,
-    CurriculumConfig,
     EpisodeSpec,
     GestureSwitch,
-    Outcome,
-    RandomizeConfig,
-    Said,
+    GivenInstruction,
+    GripperStart,
     State,
-    TaskConfig,
+    StepOutcome,
+    TaskTraits,
 )
 
 for _module in iter_modules(__path__, f"{__name__}."):
@@ -28,14 +28,17 @@ __all__ = [
     "NOTHING",
     "NO_CURRICULUM",
     "TASKS",
+    "TASK_VERBS",
     "CurriculumConfig",
     "EpisodeSpec",
     "GestureSwitch",
-    "Outcome",
+    "GivenInstruction",
+    "GripperStart",
     "RandomizeConfig",
-    "Said",
     "State",
+    "StepOutcome",
     "Task",
     "TaskConfig",
+    "TaskTraits",
     "register_task",
 ]

@@ -1,4 +1,4 @@
-"""Draws the first verb of an episode: uniformly, or in proportion to recent failures."""
+"""Anything: every episode draws an instruction among those that are feasible in its room."""
 
 from __future__ import annotations
 
@@ -11,78 +11,45 @@ from numpy.typing import NDArray
 
 from core.errors import ConfigError
 from envs.sim.workspace import Fitting
-from envs.tasks.devices import OperateAmong
+from envs.tasks.devices import DevicesAmongObjects
 from envs.tasks.reach import ReachNext
 from envs.tasks.shared.base import TASKS, Task, register_task
 from envs.tasks.shared.feasible import CARRY, HANDING, Option, Room, options
+from envs.tasks.shared.geometry import lifted
 from envs.tasks.shared.manipulation import SCENES
 from envs.tasks.shared.room_scenes import RoomScenes, shares_of
-from envs.tasks.shared.types import (
-    NO_CURRICULUM,
-    NOTHING,
-    Array,
-    EpisodeSpec,
-    GripperStart,
-    Outcome,
-    Said,
-    State,
-    TaskConfig,
-)
+from envs.tasks.shared.task_config import NO_CURRICULUM, TaskConfig
+from envs.tasks.shared.types import NOTHING, Array, EpisodeSpec, GivenInstruction, GripperStart, State, StepOutcome
 from human import Person
 from language import Placed, Scene
 
 RATE = 0.03  # weight of the last outcome in the running mean
-LEAST = 0.1  # weight of a verb that always succeeds, as a share of that of one that always fails
-
-
-class VerbSampler:
-    """Draws verbs.
-
-    failures: (V,) running mean of the failures of each verb, over all worlds of the process; 1 before any has ended.
-
-    Args:
-        verbs: all of them.
-        automatic: draw each verb in proportion to its failures.
-    """
-
-    def __init__(self, verbs: Sequence[str], automatic: bool) -> None:
-        self._verbs, self._automatic = tuple(verbs), automatic
-        self.failures = np.ones(len(verbs))
-
-    def draw(self, feasible: Sequence[str], rng: Generator) -> str:
-        """One of these verbs."""
-        if not self._automatic:
-            return feasible[int(rng.integers(len(feasible)))]
-        weights = LEAST + self.failures[[self._verbs.index(verb) for verb in feasible]]
-        return feasible[int(rng.choice(len(feasible), p=weights / weights.sum()))]
-
-    def note(self, verbs: NDArray[np.int64], succeeded: NDArray[np.bool_]) -> None:
-        """Takes the outcomes (n,) of instructions with these verbs (n,)."""
-        for verb, success in zip(verbs.tolist(), succeeded.tolist(), strict=True):
-            self.failures[verb] += RATE * ((not success) - self.failures[verb])
-
-
 STACK_RADIUS = 0.02  # metres from the place on top of the base, as in conf/task/nl_stack.yaml
+LEAST = 0.1  # weight of a verb that always succeeds, as a share of that of one that always fails
 
 
 @register_task("anything", verb="pick_and_place")
 class Anything(RoomScenes):
-    """Each episode draws a verb among those that are feasible in its room, and then its referent and target.
+    """Follow an instruction of any verb that is feasible in the room as it is.
 
-    The task of the episode's verb decides about success and failure: `members` has one task for each verb. Reward terms
-    of all members have the same weights. Scenes are drawn so that several verbs are feasible.
+    Each episode draws a verb, and then its referent and target. Scenes are drawn so that several verbs are feasible.
+    The task of the episode's verb decides about success and failure: `members` has one for each verb.
 
-    kind_names: the verbs.
+    Instruction: those of all members, such as "open the drawer".
+    Success: as of the verb's task.
+    Failure: as of the verb's task.
+    Reward terms: progress, approach, grasp, lift, height, transport, release and operate, as of the verb's task;
+        success, wrong_object, wrong_target, failed and time. Terms that several members share have the same weight.
+    Config keys: devices, hand, num_objects counts all fixtures; instructions (one after another), verbs ([]: all),
+        curriculum.automatic; needs workspace=studio, without devices workspace=room.
     """
 
     ends = ("success", "wrong_object", "wrong_target", "failed", "time")
     terms = ("progress", "approach", "grasp", "lift", "height", "transport", "release", "operate", *ends)
-    continues = True
+    traits = replace(RoomScenes.traits, continues=True)
 
-    def __init__(
-        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
-    ) -> None:
-        super().__init__(config, object_area, num_worlds, person)
+    def _configure(self, config: TaskConfig, person: Person | None) -> None:
+        super()._configure(config, person)
         self._verbs = [verb for verb in self.verbs if verb in config.verbs] or list(self.verbs)  # that instructions use
 
     def _allocate(self, worlds: int) -> None:
@@ -92,27 +59,24 @@ class Anything(RoomScenes):
         self.members = [self._member(verb, worlds) for verb in self.verbs]
 
     def _member(self, verb: str, worlds: int) -> Task:
-        """The task of a verb. It only evaluates steps, and draws nothing."""
+        """Make the task of a verb. It only evaluates steps, and draws nothing."""
         name, config = f"nl_{verb}", self.config
-        kind = ReachNext if verb == "reach" else TASKS[name]
+        task = ReachNext if verb == "reach" else TASKS[name]
         targets = config.num_targets if verb == "pick_and_place" else 0
-        return kind(
-            replace(
-                config,
-                name=name,
-                instructions=1,
-                verbs=[],
-                curriculum=NO_CURRICULUM,
-                num_objects=config.slots - targets,
-                min_objects=config.slots - targets,
-                num_targets=targets,
-                radius=STACK_RADIUS if verb == "stack" else config.success_radius,
-                hold_steps=config.success_steps,
-                reward={term: config.reward[term] for term in kind.terms},
-            ),
-            self._area,
-            worlds,
+        own = replace(
+            config,
+            name=name,
+            instructions=1,
+            verbs=[],
+            curriculum=NO_CURRICULUM,
+            num_objects=config.slots - targets,
+            min_objects=config.slots - targets,
+            num_targets=targets,
+            radius=STACK_RADIUS if verb == "stack" else config.success_radius,
+            hold_steps=config.success_steps,
+            reward={term: config.reward[term] for term in task.terms},
         )
+        return task(own, self._area, worlds)
 
     def furnish(self, fittings: Mapping[str, Fitting]) -> None:
         super().furnish(fittings)
@@ -122,27 +86,26 @@ class Anything(RoomScenes):
     # ---- evaluating
 
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
-        """Begins new episodes in these worlds, or continues with another instruction."""
         super().reset(worlds, state)
         self._steps[worlds] = 0
         for member in self.members:
             member.reset(worlds, state)
 
-    def step(self, state: State) -> Outcome:
-        """Evaluates one control step of all worlds, each by the member of its verb."""
+    def step(self, state: State) -> StepOutcome:
+        """Evaluate one control step of all worlds, each by the member of its verb."""
         outcomes = [member.step(state) for member in self.members]
         never = np.zeros(len(self._rows))
 
-        def said(values: Iterable[Array | NDArray[np.bool_] | None]) -> Array:
+        def chosen(values: Iterable[Array | NDArray[np.bool_] | None]) -> Array:
             each = np.stack([never if value is None else value for value in values])
             return np.asarray(each[state.kind, self._rows], np.float64)
 
         flags = {
-            name: said(getattr(each, name) for each in outcomes).astype(bool)
+            name: chosen(getattr(each, name) for each in outcomes).astype(bool)
             for name in ("success", "wrong_object", "at_goal", "wrong_target", "failed")
         }
-        terms = {name: said(each.terms.get(name) for each in outcomes) for name in self.terms}
-        outcome = Outcome(terms, **flags)
+        terms = {name: chosen(each.terms.get(name) for each in outcomes) for name in self.terms}
+        outcome = StepOutcome(terms=terms, **flags)
         self._steps += 1
         ended = outcome.terminated | (self._steps >= self.config.most_steps)
         self._sampler.note(state.kind[ended], outcome.success[ended])
@@ -155,7 +118,7 @@ class Anything(RoomScenes):
 
     def travel(self, state: State) -> Array:
         member = self.members[self.verbs.index("press")]
-        assert isinstance(member, OperateAmong)  # any of these members gives the travel of all devices
+        assert isinstance(member, DevicesAmongObjects)  # any of these members gives the travel of all devices
         return member.travel(state)
 
     # ---- drawing
@@ -169,9 +132,9 @@ class Anything(RoomScenes):
         self._sampler.failures[:] = [state.get(verb, 1.0) for verb in self.verbs]
 
     def next_instruction(
-        self, scene: Scene, held: int, rng: Generator, moved: Array | None = None, last: Said | None = None
-    ) -> Said | None:
-        """An instruction that is feasible in the scene as it is: first a verb is drawn, then its referent and target.
+        self, scene: Scene, held: int, rng: Generator, moved: Array | None = None, last: GivenInstruction | None = None
+    ) -> GivenInstruction | None:
+        """Draw an instruction that is feasible in the scene as it is: first its verb, then its referent and target.
 
         Args:
             scene: the objects.
@@ -189,63 +152,72 @@ class Anything(RoomScenes):
         verbs = sorted({each.verb for each in feasible})
         verb = verbs[rng.integers(len(verbs))]
         chosen = [each for each in feasible if each.verb == verb]
-        return self._said(scene, chosen[rng.integers(len(chosen))], rng)
+        return self._instruction(scene, chosen[rng.integers(len(chosen))], rng)
 
     def _sayable(self, room: Room, held: int = NOTHING, verb: str | None = None) -> list[Option]:
-        """The feasible instructions of one verb, or of all verbs in use, whose objects words can name."""
+        """Return the feasible instructions of one verb, or of all verbs in use, whose objects words can name."""
         verbs = self._verbs if verb is None else (verb,)
         feasible = [each for each in options(room, held) if each.verb in verbs]
         if not feasible:
             return []
-        named = self._describer.nameable(room.scene)
+        named = self._sentences.nameable(room.scene)
         return [each for each in feasible if named[each.referent] and (_needs_no_name(each) or named[each.target])]
 
-    def _said(self, scene: Scene, option: Option, rng: Generator) -> Said:
+    def _instruction(self, scene: Scene, option: Option, rng: Generator) -> GivenInstruction:
+        """Say a feasible instruction in words."""
         verb, referent, target = option
-        sentence, _ = self._sentence(verb, scene, referent, None if verb == HANDING else target, rng)
-        return Said(self.verbs.index(verb), referent, target, sentence, self._heard(sentence))
+        sentence, _ = self._sentences.instruct(verb, scene, referent, None if verb == HANDING else target, rng)
+        return GivenInstruction(
+            kind=self.verbs.index(verb),
+            referent=referent,
+            target=target,
+            sentence=sentence,
+            heard=self._sentences.heard(sentence),
+        )
 
     def _draw(self, rng: Generator) -> EpisodeSpec:
-        """Draws a verb, scenes until it is feasible, and where the gripper begins."""
+        """Draw a verb, scenes until it is feasible, and where the gripper begins."""
         verb = self._sampler.draw(self._verbs, rng)
         for _ in range(SCENES):
-            placed, room = self._furnished(rng)
+            placed, room = self._draw_room(rng)
             chosen = self._sayable(room, verb=verb)
             if chosen:
                 return self._episode_of(placed, room, chosen[rng.integers(len(chosen))], rng)
         raise ConfigError(f"task.name={self.config.name}: no scene was found in which '{verb}' can be said")
 
     def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
-        placed, room = self._furnished(rng)
-        said = [self._said(placed.scene, option, rng) for option in self._sayable(room)]
+        placed, room = self._draw_room(rng)
+        said = [self._instruction(placed.scene, option, rng) for option in self._sayable(room)]
         return [self._pointed(self._spoken(placed, room, each), rng) for each in said]
 
     def _episode_of(self, placed: Placed, room: Room, option: Option, rng: Generator) -> EpisodeSpec:
-        """The episode, which the curriculum may begin with the object held, or with the gripper elsewhere."""
+        """Return the episode, which the curriculum may begin with the object held, or with the gripper elsewhere."""
         curriculum, chance, start = self.config.curriculum, rng.random(), None
         if chance < curriculum.near:
             start = GripperStart(self._elsewhere_offset(room, option.referent, rng), held=False)
         elif chance < curriculum.near + curriculum.held and option.verb in CARRY:
-            held = self._held_scene(placed.scene, option.referent, None, rng)
-            lifted = None if held is None else self.room(held, room.moved)
-            if lifted is not None and option in self._sayable(lifted, option.referent, option.verb):
-                placed, room = placed._replace(scene=lifted.scene), lifted
+            config = self.config
+            held = lifted(placed.scene, option.referent, None, self._area, config.object_size, config.spacing, rng)
+            after = None if held is None else self.room(held, room.moved)
+            if after is not None and option in self._sayable(after, option.referent, option.verb):
+                placed, room = placed._replace(scene=after.scene), after
                 start = GripperStart(np.zeros(3), held=True)
-        return replace(self._spoken(placed, room, self._said(placed.scene, option, rng)), start=start)
+        return replace(self._spoken(placed, room, self._instruction(placed.scene, option, rng)), start=start)
 
-    def _spoken(self, placed: Placed, room: Room, said: Said) -> EpisodeSpec:
-        scene, count = placed.scene, len(placed.scene)
+    def _spoken(self, placed: Placed, room: Room, given: GivenInstruction) -> EpisodeSpec:
+        """Return the episode with this instruction."""
+        scene = placed.scene
         shares = np.where(room.devices, shares_of(scene.nouns, room.moved), room.shares)
         return EpisodeSpec(
-            scene,
-            said.referent,
-            said.kind,
-            said.sentence,
-            said.heard,
-            placed.yaw,
-            placed.fixed,
-            target=said.target,
-            goals=np.ones(count, bool),
+            scene=scene,
+            referent=given.referent,
+            kind=given.kind,
+            sentence=given.sentence,
+            heard=given.heard,
+            yaw=placed.yaw,
+            fixed=placed.fixed,
+            target=given.target,
+            goals=np.ones(len(scene), bool),
             resting=np.any(room.upon, axis=1),
             shares=np.clip(shares, 0.0, 1.0),
         )
@@ -254,3 +226,30 @@ class Anything(RoomScenes):
 def _needs_no_name(option: Option) -> bool:
     """Whether words need not name the target: there is none, or it is the only hand."""
     return option.target is None or option.verb == HANDING
+
+
+class VerbSampler:
+    """Draws verbs.
+
+    failures: (V,) running mean of the failures of each verb, over all worlds of the process; 1 before any has ended.
+
+    Args:
+        verbs: all of them.
+        automatic: draw each verb in proportion to its failures.
+    """
+
+    def __init__(self, verbs: Sequence[str], automatic: bool) -> None:
+        self._verbs, self._automatic = tuple(verbs), automatic
+        self.failures = np.ones(len(verbs))
+
+    def draw(self, feasible: Sequence[str], rng: Generator) -> str:
+        """Draw one of these verbs."""
+        if not self._automatic:
+            return feasible[int(rng.integers(len(feasible)))]
+        weights = LEAST + self.failures[[self._verbs.index(verb) for verb in feasible]]
+        return feasible[int(rng.choice(len(feasible), p=weights / weights.sum()))]
+
+    def note(self, verbs: NDArray[np.int64], succeeded: NDArray[np.bool_]) -> None:
+        """Take the outcomes (n,) of instructions with these verbs (n,)."""
+        for verb, success in zip(verbs.tolist(), succeeded.tolist(), strict=True):
+            self.failures[verb] += RATE * ((not success) - self.failures[verb])

@@ -1,4 +1,4 @@
-"""Objects in the cells of a board, on top of each other."""
+"""Rearrange: move an object of the stacks on a board to another cell, or onto another stack."""
 
 from __future__ import annotations
 
@@ -14,12 +14,24 @@ from envs.tasks.pick_and_place import CLEAR, LIFT, PickAndPlace
 from envs.tasks.shared.base import register_task
 from envs.tasks.shared.geometry import funnel, length, tops_on_the_way, with_object_at
 from envs.tasks.shared.manipulation import SCENES
-from envs.tasks.shared.types import NOTHING, Array, Column, EpisodeSpec, GripperStart, State, TaskConfig
+from envs.tasks.shared.task_config import TaskConfig
+from envs.tasks.shared.types import NOTHING, Array, Column, EpisodeSpec, GripperStart, State
 from human import Person
 from language import COLORS, NOUNS, Placed, Scene
 
 ROUNDING = 1e-6  # of a cell
 MOST_STACKED = 0.8  # greatest share of objects that are put on others as long as there are free cells
+SHAPES = ("cube", "pyramid")
+PYRAMIDS = 0.15  # share of the objects on top of stacks that are pyramids, where no words name the objects
+IN_THE_AIR = 0.25  # share of the targets that are in the air, where no words name the objects
+STRAIGHT_UP = 0.5  # share of those that are over the object itself
+HEIGHTS = (0.1, 0.02)  # metres at which the observed height over what is on the way is clipped: far and near
+OFFSETS = 0.012  # ... and the offset from where the gripper would hold an object
+CLEARANCE = 0.012  # metres between a carried object and the tops of stacks
+LEAST_HEIGHT = 0.03  # metres above its end at which a way over the board is rewarded, at least
+MOUTH, SLOPE = 0.005, 6.0  # of the funnels: between stacks only straight up and down
+BESIDE = 0.003  # metres beside its object at which an episode begins over it, at most
+LOWERED = 0.4  # share of the episodes with a held object in which it is straight over its target, at any height
 
 
 @dataclass(frozen=True)
@@ -91,35 +103,26 @@ def above(positions: Array, size: float) -> NDArray[np.bool_]:
     return (np.abs(offset[..., :2]).max(-1) < size) & (offset[..., 2] > size / 2)
 
 
-SHAPES = ("cube", "pyramid")
-PYRAMIDS = 0.15  # share of the objects on top of stacks that are pyramids, where no words name the objects
-IN_THE_AIR = 0.25  # share of the targets that are in the air, where no words name the objects
-STRAIGHT_UP = 0.5  # share of those that are over the object itself
-HEIGHTS = (0.1, 0.02)  # metres at which the observed height over what is on the way is clipped: far and near
-OFFSETS = 0.012  # ... and the offset from where the gripper would hold an object
-CLEARANCE = 0.012  # metres between a carried object and the tops of stacks
-LEAST_HEIGHT = 0.03  # metres above its end at which a way over the board is rewarded, at least
-MOUTH, SLOPE = 0.005, 6.0  # of the funnels: between stacks only straight up and down
-BESIDE = 0.003  # metres beside its object at which an episode begins over it, at most
-LOWERED = 0.4  # share of the episodes with a held object in which it is straight over its target, at any height
-
-
 @register_task("rearrange", "nl_rearrange", verb="pick_and_place")
 class Rearrange(PickAndPlace):
-    """Any object on top of a stack goes to any free place of the board: an empty cell, or the top of another stack.
+    """Bring an object on top of a stack to a free place of the board: an empty cell, or the top of another stack.
 
-    A see-through target marks the place. Without words, a column of the objects marks the referent, and
-    some targets are in the air: an object is brought there and not released.
+    A see-through target marks the place. Without words, a column of the objects marks the referent, and some targets
+    are in the air: an object is brought there and not released.
+
+    Instruction: "pick the red cube and place it to the same position as the transparent green cube"; or none.
     Success: the referent has been held, and lies within half a cell of its target along x and along y, at the same
-    level, released (in the air: held) and at rest, for `hold_steps` steps. An episode ends as `wrong_object` once
-    another object has moved by half a cell.
-    Potentials: those of pick and place, along funnels over the highest stack of the board.
+        level, released (in the air: held) and at rest, for `hold_steps` steps.
+    Failure: wrong_object, once another object has been moved by half a cell; wrong_target, once it was left at another
+        target.
+    Reward terms: approach, grasp, lift, transport and release as of `PickAndPlace`, along funnels over the highest
+        stack of the board; success, wrong_object, wrong_target and time.
+    Config keys: num_objects, min_objects, num_targets, levels, spacing (of cells), kinds; needs workspace=board.
     """
 
+    traits = replace(PickAndPlace.traits, stacks=True, marks=True)
     nouns = ("cube",)
     shapes = SHAPES
-    stacks = True
-    marks = True
     columns = (
         Column("is the one to be moved; 0 where words say it", 0.0, 1.0),
         Column("is in the air", 0.0, 1.0),
@@ -128,12 +131,10 @@ class Rearrange(PickAndPlace):
         *(Column(f"metres along {axis} from where the gripper would hold it", -OFFSETS, OFFSETS) for axis in "xyz"),
     )
 
-    def __init__(
-        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
-    ) -> None:
+    def _configure(self, config: TaskConfig, person: Person | None) -> None:
         self.disturbed = config.spacing / 2
-        self._grid = Grid(object_area, config.spacing, config.object_size)
-        super().__init__(config, object_area, num_worlds, person)
+        self._grid = Grid(self._area, config.spacing, config.object_size)
+        super()._configure(config, person)
 
     def _allocate(self, worlds: int) -> None:
         super()._allocate(worlds)
@@ -146,7 +147,7 @@ class Rearrange(PickAndPlace):
         ways = state.gripper[:, :2], state.objects[..., :2]
         others = free[:, None] & (slots != slots[:, None])
         height = state.gripper[:, 2:] - tops_on_the_way(state.objects, others, *ways, size)
-        marked = (slots == state.referent[:, None]) & (not self.speaks)
+        marked = (slots == state.referent[:, None]) & (not self.traits.speaks)
         flags = marked, _is_in_the_air(state.objects, free, size), height, height - CLEARANCE - size / 2
         offset = state.objects - state.gripper[:, None] + [0.0, 0.0, size / 2]
         return np.concatenate((np.stack(flags, axis=2), offset), axis=2)
@@ -187,9 +188,9 @@ class Rearrange(PickAndPlace):
 
     def _scene(self, rng: Generator) -> Scene:
         config = self.config
-        count = int(rng.integers(config.min_objects, config.num_objects + 1))
+        count = self._draw_count(rng)
         places = self._grid.draw(rng, count, config.num_targets, config.levels)
-        if not self.speaks and config.levels > 1 and rng.random() < IN_THE_AIR:
+        if not self.traits.speaks and config.levels > 1 and rng.random() < IN_THE_AIR:
             places[count:, 2] += rng.integers(1, config.levels, size=config.num_targets) * config.object_size
             places[count:, 2] = np.minimum(places[count:, 2], self._grid.place(0, 0, config.levels - 1)[2])
         colors = rng.integers(len(COLORS), size=len(places))
@@ -198,11 +199,11 @@ class Rearrange(PickAndPlace):
         return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
 
     def _draw(self, rng: Generator) -> EpisodeSpec:
-        """As in other tasks, but some objects are only to be taken up: their target is over them, in the air."""
+        """Draw as in other tasks, but some objects are only to be taken up: their target is over them, in the air."""
         episode = super()._draw(rng)
         scene, referent, target = episode.scene, episode.referent, episode.target
         begins_there = episode.start is None or not episode.start.held
-        if self.speaks or target is None or not begins_there or rng.random() >= STRAIGHT_UP:
+        if self.traits.speaks or target is None or not begins_there or rng.random() >= STRAIGHT_UP:
             return episode
         others = ~scene.targets & (np.arange(len(scene)) != referent)
         if not _is_in_the_air(scene.positions[None], others[None], self.config.object_size)[0, target]:
@@ -212,10 +213,12 @@ class Rearrange(PickAndPlace):
         return replace(episode, scene=with_object_at(scene, target, place)) if higher else episode
 
     def _draw_scene(self, rng: Generator) -> tuple[Placed, NDArray[np.bool_]]:
-        """As in other tasks, but only one object that can be moved and its target need a name."""
+        """Draw as in other tasks, but only one object that can be moved and its target need a name."""
         for _ in range(SCENES):
             placed = self._placed(rng)
-            nameable = self._describer.nameable(placed.scene) if self.speaks else np.ones(len(placed.scene), bool)
+            nameable = np.ones(len(placed.scene), bool)
+            if self.traits.speaks:
+                nameable = self._sentences.nameable(placed.scene)
             if (self._movable(placed) & nameable).any() and (self._possible_goals(placed) & nameable).any():
                 return placed, nameable
         raise ConfigError(f"task.kinds={list(self.config.kinds)} names no object on top of a stack, and no target")
@@ -228,8 +231,8 @@ class Rearrange(PickAndPlace):
         return bool(self._movable(placed).any())
 
     def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> EpisodeSpec:
-        """As in other tasks. Where there are no words, some objects on top of stacks are pyramids."""
-        pyramids = self._movable(placed) & (rng.random(len(placed.scene)) < (0.0 if self.speaks else PYRAMIDS))
+        """Return the episode as in other tasks. Without words, some objects on top of stacks are pyramids."""
+        pyramids = self._movable(placed) & (rng.random(len(placed.scene)) < (0.0 if self.traits.speaks else PYRAMIDS))
         shapes = np.where(pyramids, SHAPES.index("pyramid"), SHAPES.index("cube"))
         episode = super().episode(placed, referent, target, rng)
         return replace(episode, shapes=shapes, resting=np.ones(len(placed.scene), bool))
@@ -237,7 +240,7 @@ class Rearrange(PickAndPlace):
     def _draw_start(
         self, placed: Placed, referent: int, target: int | None, rng: Generator
     ) -> tuple[GripperStart | None, Scene]:
-        """As in other tasks, but nothing begins released in the air."""
+        """Draw as in other tasks, but nothing begins released in the air."""
         start, scene = super()._draw_start(placed, referent, target, rng)
         released = start is not None and not start.held and scene is not placed.scene
         others = ~scene.targets & (np.arange(len(scene)) != referent)
@@ -246,7 +249,7 @@ class Rearrange(PickAndPlace):
         return start, scene
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
-        """As in other tasks; the target is moved to the level where the object was left, too."""
+        """Relabel as in other tasks; the target is moved to the level where the object was left, too."""
         episode = super().relabel(placed, moments, rng)
         if episode is None or episode.target is None:
             return None
@@ -264,7 +267,7 @@ class Rearrange(PickAndPlace):
         return rng.uniform([-BESIDE, -BESIDE, 0.0], [BESIDE, BESIDE, most])
 
     def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
-        """Over all stacks, or straight over the target."""
+        """Return the scene with the referent over all stacks, or straight over the target."""
         highest = self._over_all(scene, referent)
         place = rng.uniform(self._low, self._high)
         place[2] = highest

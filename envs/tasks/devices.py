@@ -1,10 +1,10 @@
-"""How far devices have been moved, and from where a gripper moves them, by the poses of their handles."""
+"""Press, switch and turn: operate the device that the words name, alone with its like or among other objects."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
@@ -13,123 +13,50 @@ from numpy.typing import NDArray
 from core.errors import ConfigError
 from envs.sim.devices import DEVICES, facing, turned
 from envs.tasks.shared.base import register_task
+from envs.tasks.shared.device_motion import (
+    DEVICE_COLUMNS,
+    DEVICE_NUMBERS,
+    MOTION_COLUMNS,
+    MOTIONS,
+    SPRUNG,
+    WIDTHS,
+    device_columns,
+    moved,
+)
+from envs.tasks.shared.feasible import DEVICE_VERBS
 from envs.tasks.shared.geometry import length
 from envs.tasks.shared.manipulation import Manipulation
-from envs.tasks.shared.types import Array, Column, EpisodeSpec, State, TaskConfig
+from envs.tasks.shared.task_config import TaskConfig
+from envs.tasks.shared.types import Array, Column, EpisodeSpec, State
 from human import Person
 from language import COLORS, NOUNS, LanguageError, ObjectSpec, Placed, Scene, from_all
 
-BEHIND = 0.035  # metres from a lever's knob to the middle of a gripper that is about to push it
-BESIDE = 0.035  # metres from a wheel's peg to the middle of a gripper that is about to push it
-OVER = 0.5  # share of its way from which a lever counts as switched, and is switched back
-OFF_CENTRE = 0.15  # share of its way from which a wheel is turned back: the other way may be too short
-
-
-class Motion(NamedTuple):
-    """How devices of one noun move.
-
-    measure: maps positions (..., 3), metres, and quaternions (..., 4) of handles to joint values (...), metres or
-        radians, with an arbitrary zero.
-    start: returns where a gripper begins to move each device, (N, 3) metres, given the positions (N, 3) and quaternions
-        (N, 4) of handles, the grippers (N, 3), and how far the devices were moved before the instruction (N,).
-    """
-
-    measure: Callable[[Array, Array], Array]
-    start: Callable[[Array, Array, Array, Array], Array]
-
-
-def _depth(places: Array, quaternions: Array) -> Array:
-    return -places[..., 2]
-
-
-def _lean(places: Array, quaternions: Array) -> Array:
-    """(...) radians by which levers lean in the direction that they face."""
-    x, y, z, w = np.moveaxis(quaternions, -1, 0)
-    return np.arctan2(2 * (y * w - x * z), 1 - 2 * (x * x + y * y))
-
-
-def _direction(places: Array, quaternions: Array) -> Array:
-    ahead = facing(quaternions)
-    return np.arctan2(ahead[..., 1], ahead[..., 0])
-
-
-def _on_top(places: Array, quaternions: Array, grippers: Array, before: Array) -> Array:
-    return places
-
-
-def _behind(places: Array, quaternions: Array, grippers: Array, before: Array) -> Array:
-    """Behind the knob; in front of it where the lever is over."""
-    ahead = facing(quaternions) * lever_way(before)[:, None]
-    return places - BEHIND * np.column_stack((ahead, np.zeros(len(ahead))))
-
-
-def _nearer_side(places: Array, quaternions: Array, grippers: Array, before: Array) -> Array:
-    """The side of the peg nearer to the gripper; for a turned wheel, the side from which it is turned back."""
-    out = facing(quaternions)
-    along = BESIDE * np.stack((-out[:, 1], out[:, 0], np.zeros(len(out))), axis=1)
-    nearer = length(places + along - grippers) < length(places - along - grippers)
-    onward = wheel_way(before)
-    nearer = np.where(onward == 0, nearer, onward < 0)
-    return np.where(nearer[:, None], places + along, places - along)
-
-
-def lever_way(before: Array) -> Array:
-    """(N,) 1 or -1: the direction in which to switch levers, given the shares of their way moved before, (N,)."""
-    return np.where(before > OVER, -1.0, 1.0)
-
-
-def wheel_way(before: Array) -> Array:
-    """(N,) the direction in which to turn wheels, given the shares of their way moved before, (N,); 0: either."""
-    return np.where(np.abs(before) > OFF_CENTRE, -np.sign(before), 0.0)
-
-
-def moved(state: State, width: float) -> Array:
-    """(N, K) in [-1, 1]: how far devices are from their start, in shares of their way; 0 for other objects."""
-    found = np.zeros(state.nouns.shape)
-    for noun, device in DEVICES.items():
-        which = state.shown & (state.nouns == list(NOUNS).index(noun))
-        start = {"button": -device.grip(width)[2], "lever": 0.0, "wheel": state.yaw[which]}[noun]
-        now = MOTIONS[noun].measure(state.objects[which], state.quaternions[which])
-        found[which] = device.travelled(width, start, now)
-    return found
-
-
-MOTIONS = {
-    "button": Motion(_depth, _on_top),
-    "lever": Motion(_lean, _behind),
-    "wheel": Motion(_direction, _nearer_side),
-}
-
-
 OPERATED = 0.8  # share of its range at which a device is operated
 OTHER_OPERATED = 0.3  # share of its range at which another device counts as the wrong object
-SPRUNG = [list(NOUNS).index(noun) for noun, device in DEVICES.items() if device.spring]
 MARGIN = 0.05  # metres from the border of the object area to the handles, so that a gripper reaches every side
+AMONG_MARGIN = 0.065  # ... to where devices stand among other objects
+ALIKE, OTHERS = 2, 1  # devices of the verb's noun among other objects, and of another noun
 
 
-class Operate(Manipulation):
-    """The referent is a device of one noun. The pose of a device is that of its handle.
+class OperateDevice(Manipulation):
+    """The referent is a device of the verb's noun. The pose of a device is that of its handle.
 
     Success: the referent has travelled `OPERATED` of its range, for `hold_steps` steps. Another device that has
     travelled `OTHER_OPERATED` of its range ends the episode as `wrong_object`.
-    Potentials: approach (metres from the gripper to where it operates the referent from, negative) and operate (the
-    travelled share of what success requires).
     """
 
-    noun: str
-    columns: tuple[Column, ...] = (
-        Column("faces x", -1.0, 1.0),
-        Column("faces y", -1.0, 1.0),
-        Column("share of its way since the instruction was given", -1.0, 1.0),
-    )
+    columns: tuple[Column, ...] = MOTION_COLUMNS
     potentials = ("approach", "operate")
 
-    def __init__(
-        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
-    ) -> None:
+    def _configure(self, config: TaskConfig, person: Person | None) -> None:
         if len(config.objects):
             raise ConfigError(f"task.objects must be empty in task.name={config.name}: its devices are drawn")
-        super().__init__(config, object_area, num_worlds, person)
+        super()._configure(config, person)
+
+    @property
+    def noun(self) -> str:
+        """The noun of the devices that the verb operates."""
+        return DEVICE_VERBS[self.verb]
 
     # ---- evaluating
 
@@ -185,16 +112,26 @@ class Operate(Manipulation):
         return None
 
 
-class OperateAlone(Operate):
-    """All objects are devices of that noun."""
+@register_task("press", verb="press")
+@register_task("switch", verb="switch")
+@register_task("turn", verb="turn")
+class DevicesAlone(OperateDevice):
+    """Operate one of several devices of the same noun.
 
-    operates = True
+    Instruction: "press the red button", "switch the blue lever", "turn the green wheel".
+    Success: the device has travelled `OPERATED` of its range, for `hold_steps` steps. A lever and a wheel stay where
+        they are left; a button springs back.
+    Failure: wrong_object, once another device has travelled `OTHER_OPERATED` of its range.
+    Reward terms: approach (metres from the gripper to where it operates the device from, negative) and operate (the
+        travelled share of what success requires); success, wrong_object, wrong_target (always 0) and time.
+    Config keys: num_objects devices of task.nouns, object_size (metres across a device).
+    """
 
-    def __init__(
-        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
-    ) -> None:
+    traits = replace(OperateDevice.traits, operates=True)
+
+    def _configure(self, config: TaskConfig, person: Person | None) -> None:
         self.nouns = (self.noun,)
-        super().__init__(config, object_area, num_worlds, person)
+        super()._configure(config, person)
 
     @property
     def bodies(self) -> tuple[int, int, int]:
@@ -205,7 +142,7 @@ class OperateAlone(Operate):
         return (self.noun,) * self.config.num_objects
 
     def _placed(self, rng: Generator) -> Placed:
-        """Devices with random yaw."""
+        """Draw devices with random yaw."""
         placed = super()._placed(rng)
         positions = placed.scene.positions.copy()
         positions[:, 2] = DEVICES[self.noun].grip(self.device_width)[2]
@@ -218,35 +155,37 @@ class OperateAlone(Operate):
         return bool(((places >= [x0 + MARGIN, y0 + MARGIN]) & (places <= [x1 - MARGIN, y1 - MARGIN])).all())
 
 
-WIDTHS = 1.4  # width of a device, in widths of a loose object
-ALIKE, OTHERS = 2, 1  # devices of the verb's noun in a scene, and of another noun
-AMONG_MARGIN = 0.065  # metres from the border of the object area to where devices stand, so that a gripper reaches them
-NUMBERS = np.array([list(NOUNS).index(noun) for noun in DEVICES])
-COLUMNS = (*(Column(f"is a {noun}", 0.0, 1.0) for noun in DEVICES), *Operate.columns)
+@register_task("nl_press", verb="press")
+@register_task("nl_switch", verb="switch")
+@register_task("nl_turn", verb="turn")
+class DevicesAmongObjects(OperateDevice):
+    """Operate one of two devices of the same noun, among another device and loose objects.
 
+    The gripper can hold things, although nothing is to be held. Loose objects are never the referent.
 
-class OperateAmong(Operate):
-    """Two devices of the verb's noun, another device, and loose objects, which are never the referent.
-
-    `num_objects` counts the devices, too. A loose object that is moved is the wrong object, like another device that
-    is operated. The gripper can hold things, although nothing is to be held.
+    Instruction: "press the red button", "switch the blue lever", "turn the green wheel".
+    Success: the device has travelled `OPERATED` of its range, for `hold_steps` steps.
+    Failure: wrong_object, once another device has travelled `OTHER_OPERATED` of its range, or a loose object was moved.
+    Reward terms: approach (metres from the gripper to where it operates the device from, negative) and operate (the
+        travelled share of what success requires); success, wrong_object, wrong_target (always 0) and time.
+    Config keys: num_objects and min_objects count the devices; spacing; object_size (of loose objects; devices are
+        `WIDTHS` times as wide).
     """
 
+    traits = replace(OperateDevice.traits, grips=True)
     fixtures = tuple(DEVICES)
-    grips = True
-    columns = COLUMNS
+    columns = DEVICE_COLUMNS
 
-    def __init__(
-        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
-    ) -> None:
+    def _configure(self, config: TaskConfig, person: Person | None) -> None:
         if config.min_objects < ALIKE + OTHERS:
             raise ConfigError(
                 f"task.min_objects={config.min_objects} must be at least {ALIKE + OTHERS} in task.name={config.name}: "
                 f"{ALIKE + OTHERS} devices are among them"
             )
-        super().__init__(config, object_area, num_worlds, person)
-        self._grips = np.zeros((len(NOUNS), 3))  # of a device of each noun, from where it stands to its handle
-        self._grips[NUMBERS] = [device.grip(self.device_width) for device in DEVICES.values()]
+        super()._configure(config, person)
+        # metres from where a device of each noun stands to its handle
+        self._handle_offsets = np.zeros((len(NOUNS), 3))
+        self._handle_offsets[DEVICE_NUMBERS] = [device.grip(self.device_width) for device in DEVICES.values()]
 
     @property
     def device_width(self) -> float:
@@ -262,6 +201,7 @@ class OperateAmong(Operate):
         return (*(self.noun,) * ALIKE, *self._other_nouns() * OTHERS)
 
     def _other_nouns(self) -> tuple[str, ...]:
+        """The nouns of devices that the verb does not operate."""
         return tuple(noun for noun in DEVICES if noun != self.noun)
 
     # ---- evaluating
@@ -269,7 +209,7 @@ class OperateAmong(Operate):
     def _of_each_noun(self, nouns: NDArray[np.int64], values: Callable[[str, NDArray[np.bool_]], Array]) -> Array:
         """(...) values(noun, which) for the devices of each noun, which `which` (...) marks; 0 for other objects."""
         found = np.zeros(nouns.shape)
-        for noun, number in zip(DEVICES, NUMBERS, strict=True):
+        for noun, number in zip(DEVICES, DEVICE_NUMBERS, strict=True):
             which = nouns == number
             found[which] = values(noun, which)
         return found
@@ -292,12 +232,12 @@ class OperateAmong(Operate):
         return super()._disturbed(state) | Manipulation._disturbed(self, state)
 
     def seen(self, state: State) -> Array:
-        return columns_of(state.nouns, facing(state.quaternions), self.travel(state))
+        return device_columns(state.nouns, facing(state.quaternions), self.travel(state))
 
     def described(self, episode: EpisodeSpec) -> Array:
         scene = episode.scene
         yaw = np.zeros(len(scene)) if episode.yaw is None else episode.yaw
-        return columns_of(scene.nouns, np.column_stack((np.cos(yaw), np.sin(yaw))), np.zeros(len(scene)))
+        return device_columns(scene.nouns, np.column_stack((np.cos(yaw), np.sin(yaw))), np.zeros(len(scene)))
 
     # ---- drawing
 
@@ -313,18 +253,17 @@ class OperateAmong(Operate):
 
     def _handles(self, placed: Placed) -> Array:
         """(K, 3) metres: where the handles of devices are that stand at the scene's places, and other objects."""
-        return placed.scene.positions + turned(self._grips[placed.scene.nouns], placed.yaw)
+        return placed.scene.positions + turned(self._handle_offsets[placed.scene.nouns], placed.yaw)
 
     def _specs(self, rng: Generator) -> list[ObjectSpec]:
-        """Devices with random yaw, and loose objects, all in random colours."""
-        config = self.config
-        count = int(rng.integers(config.min_objects, config.num_objects + 1))
+        """Draw devices with random yaw, and loose objects, all in random colours."""
+        count = self._draw_count(rng)
         nouns = [self.noun] * ALIKE + rng.choice(self._other_nouns(), OTHERS).tolist()
-        nouns += rng.choice(config.nouns, count - len(nouns)).tolist()
+        nouns += rng.choice(self.config.nouns, count - len(nouns)).tolist()
         return [self._spec(noun, color) for noun, color in zip(nouns, rng.choice(list(COLORS), count), strict=True)]
 
     def _spec(self, noun: str, color: str) -> ObjectSpec:
-        """A device or a loose object of this noun and colour."""
+        """Return a device or a loose object of this noun and colour."""
         x0, x1, y0, y1 = self._area
         if noun in DEVICES:
             stand = [x0 + AMONG_MARGIN, x1 - AMONG_MARGIN, y0 + AMONG_MARGIN, y1 - AMONG_MARGIN, 0.0, 0.0]
@@ -339,51 +278,3 @@ class OperateAmong(Operate):
     def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
         """None: devices are not held."""
         return None
-
-
-def columns_of(nouns: NDArray[np.int64], ahead: Array, travel: Array) -> Array:
-    """(..., C) the values of `COLUMNS`. nouns, travel: (...). ahead: (..., 2) where devices face."""
-    marks = nouns[..., None] == NUMBERS
-    return np.concatenate((marks, np.where(marks.any(-1)[..., None], ahead, 0.0), travel[..., None]), axis=-1)
-
-
-@register_task("press", verb="press")
-class PressButton(OperateAlone):
-    """ "press the red button"."""
-
-    noun = "button"
-
-
-@register_task("nl_press", verb="press")
-class PressButtonAmong(OperateAmong):
-    """ "press the red button", among other objects."""
-
-    noun = "button"
-
-
-@register_task("switch", verb="switch")
-class SwitchLever(OperateAlone):
-    """ "switch the blue lever". It stays where it is left."""
-
-    noun = "lever"
-
-
-@register_task("nl_switch", verb="switch")
-class SwitchLeverAmong(OperateAmong):
-    """ "switch the blue lever", among other objects."""
-
-    noun = "lever"
-
-
-@register_task("turn", verb="turn")
-class TurnWheel(OperateAlone):
-    """ "turn the green wheel". It stays where it is left."""
-
-    noun = "wheel"
-
-
-@register_task("nl_turn", verb="turn")
-class TurnWheelAmong(OperateAmong):
-    """ "turn the green wheel", among other objects."""
-
-    noun = "wheel"

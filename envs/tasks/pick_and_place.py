@@ -1,8 +1,9 @@
-"""Grasp: grip an object and hold it."""
+"""Grasp, lift, pick and place, pick and rotate: tasks of one object that is gripped from above."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,19 +11,31 @@ from numpy.typing import NDArray
 from envs.tasks.shared.base import register_task
 from envs.tasks.shared.geometry import funnel, length
 from envs.tasks.shared.manipulation import Manipulation
-from envs.tasks.shared.types import NOTHING, Array, Outcome, State
+from envs.tasks.shared.types import NOTHING, Array, State, StepOutcome
 from language import LIFTED
+
+LIFT = 0.02  # metres above the table at which a held object counts as picked up
+MOUTH = 0.02  # metres: a funnel's radius at its lower end
+ABOVE, OVER_ALL = 0.06, 0.09  # metres: heights of the funnels to the object, and with it over others to its target
+CLEAR = 0.08  # metres over the table up to which lifting is rewarded: objects held there pass over others
+TURNED = math.radians(45)  # about the vertical
+UPRIGHT = 0.97  # cosine of the angle by which it may lean: 14 degrees
+DOWN = 0.01  # metres above the table at which it counts as put down
 
 
 @register_task("nl_grasp", verb="grasp")
 class Grasp(Manipulation):
-    """ "grasp the red cube".
+    """Grip an object and hold it.
 
-    Success: the referent is held for `hold_steps` steps. Another object taken and held for as long is the wrong object.
-    Potentials: approach (metres from gripper to object, negative; 0 while it is held) and grasp (1 while it is held).
+    Instruction: "grasp the red cube".
+    Success: the referent is held for `hold_steps` steps.
+    Failure: wrong_object, once another object has been held for as long, or moved.
+    Reward terms: approach (metres from gripper to object, negative; 0 while it is held) and grasp (1 while it is held);
+        success, wrong_object, wrong_target (always 0) and time.
+    Config keys: num_objects, kinds, hold_steps.
     """
 
-    grips = True
+    traits = replace(Manipulation.traits, grips=True)
     potentials: tuple[str, ...] = ("approach", "grasp")
 
     def _allocate(self, worlds: int) -> None:
@@ -53,10 +66,14 @@ class Grasp(Manipulation):
 
 @register_task("nl_lift", verb="lift")
 class Lift(Grasp):
-    """ "lift the red cube".
+    """Grip an object and raise it.
 
+    Instruction: "lift the red cube".
     Success: the referent is held `LIFTED` metres above where it stood, for `hold_steps` steps.
-    Potentials: approach, grasp, and height (metres above where it stood, up to that).
+    Failure: wrong_object, once another object has been held for as long, or moved.
+    Reward terms: approach and grasp as of `Grasp`, and height (metres above where it stood, up to `LIFTED`); success,
+        wrong_object, wrong_target (always 0) and time.
+    Config keys: num_objects, kinds, hold_steps.
     """
 
     potentials = ("approach", "grasp", "height")
@@ -86,27 +103,24 @@ class Lift(Grasp):
         return super()._potentials(state) | {"height": np.clip(self._height(state), 0.0, LIFTED)}
 
 
-LIFT = 0.02  # metres above the table at which a held object counts as picked up
-MOUTH = 0.02  # metres: a funnel's radius at its lower end
-ABOVE, OVER_ALL = 0.06, 0.09  # metres: heights of the funnels to the object, and with it over others to its target
-CLEAR = 0.08  # metres over the table up to which lifting is rewarded: objects held there pass over others
-
-
 @register_task("pick_and_place", "nl_pick_and_place", verb="pick_and_place")
 class PickAndPlace(Manipulation):
-    """Such as "pick the green cube and place it to the same position as the transparent red cube".
+    """Pick an object up and put it down at its target, which is see-through.
 
+    Instruction: "pick the green cube and place it to the same position as the transparent red cube".
     Success: the referent has been picked up, and lies within `radius` of its target, released and at rest, for
-    `hold_steps` steps. Pushing it there does not count.
-    Potentials: approach (metres from gripper to object along a funnel above it, negative; 0 while it is held or
-    placed), grasp (1 while it is held or placed), lift (the greatest height at which it has been held, in units of
-    `CLEAR`, at most 1), transport (metres from object to target along a higher funnel, negative) and release (1 while
-    it is placed: picked up, near its target, and released).
-    From the term of transport is taken what the object was carried sideways, in metres, times the share of `CLEAR` by
-    which it was lower. It is no potential: a way near the table costs more than one above the other objects.
+        `hold_steps` steps. Pushing it there does not count.
+    Failure: wrong_object, once another object has been moved; wrong_target, once it was left at another target.
+    Reward terms: approach (metres from gripper to object along a funnel above it, negative; 0 while it is held or
+        placed), grasp (1 while it is held or placed), lift (the greatest height at which it has been held, in units of
+        `CLEAR`, at most 1), transport (metres from object to target along a higher funnel, negative) and release (1
+        while it is placed: picked up, near its target, and released); success, wrong_object, wrong_target and time.
+        From transport is taken what the object was carried sideways, in metres, times the share of `CLEAR` by which it
+        was lower. It is no potential: a way near the table costs more than one above the other objects.
+    Config keys: num_objects, num_targets (at least 1), kinds ([]: one object and one target), radius, curriculum.
     """
 
-    grips = True
+    traits = replace(Manipulation.traits, grips=True)
     potentials = ("approach", "grasp", "lift", "transport", "release")
 
     def _allocate(self, worlds: int) -> None:
@@ -131,7 +145,7 @@ class PickAndPlace(Manipulation):
     def _update_memory(self, state: State) -> None:
         self._raised = np.maximum(self._raised, self._held_height(state))
 
-    def _outcome(self, state: State) -> Outcome:
+    def _outcome(self, state: State) -> StepOutcome:
         outcome = super()._outcome(state)
         low = (1.0 - self._held_height(state)) * (state.held == state.referent)
         outcome.terms["transport"] -= low * length(self._motion[:, :2])
@@ -172,24 +186,21 @@ class PickAndPlace(Manipulation):
         return funnel(self._referent(state) - self._goal(state), OVER_ALL, MOUTH)
 
 
-TURNED = math.radians(45)  # about the vertical
-UPRIGHT = 0.97  # cosine of the angle by which it may lean: 14 degrees
-DOWN = 0.01  # metres above the table at which it counts as put down
-
-
 @register_task("pick_and_rotate", verb="pick_and_rotate")
 class PickAndRotate(Manipulation):
-    """ "pick the red cube and rotate it".
+    """Pick an object up and put it down turned.
 
+    Instruction: "pick the red cube and rotate it".
     Success: the referent has been picked up and stands on the table again, turned about the vertical by `TURNED` or
-    more from its initial yaw, released and at rest, for `hold_steps` steps.
-    Potentials: approach (metres from gripper to object, negative; 0 while it is held or done), grasp (1 while it is
-    held or done), lift (1 once it has been picked up), turn (the share of `TURNED`) and release (1 while it is done:
-    picked up, turned, put down and released).
+        more from its initial yaw, released and at rest, for `hold_steps` steps.
+    Failure: wrong_object, once another object has been moved.
+    Reward terms: approach (metres from gripper to object, negative; 0 while it is held or done), grasp (1 while it is
+        held or done), lift (1 once it has been picked up), turn (the share of `TURNED`) and release (1 while it is
+        done: picked up, turned, put down and released); success, wrong_object, wrong_target (always 0) and time.
+    Config keys: num_objects, kinds, hold_steps.
     """
 
-    grips = True
-    turns = True
+    traits = replace(Manipulation.traits, grips=True, turns=True)
     potentials = ("approach", "grasp", "lift", "turn", "release")
 
     def _allocate(self, worlds: int) -> None:

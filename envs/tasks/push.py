@@ -1,6 +1,8 @@
-"""Push: move an object over the table to its target without gripping it."""
+"""Push, swipe, poke and throw: tasks of one object that moves over the table, or through the air."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
@@ -19,6 +21,7 @@ from envs.tasks.shared.manipulation import Manipulation
 from envs.tasks.shared.types import NOTHING, Array, Column, State
 from language import Placed, Scene
 
+# push
 MARGIN = 0.06  # metres from the border of the object area to pushed objects, so that a gripper fits behind them
 BEHIND = 0.02  # metres from an object's side to the centre of a gripper that is about to push it
 NEAR = 0.05  # greatest further distance, and height over the object's middle, at which a gripper begins, metres
@@ -27,20 +30,35 @@ LOST = 0.02  # metres beyond that border at which no gripper can push an object 
 SLACK = 0.04  # further metres that a gripper may be behind: pushed objects slide ahead of it
 # Height in metres of the gripper on its way to behind the object, by its horizontal distance: it must pass above.
 MOUTH, SLOPE, ABOVE = 0.015, 2.0, 0.08
+# swipe
+LINE = 0.04  # metres that the object may deviate from the line
+LIFT = 0.015  # metres that it may rise above the table
+# poke
+MOVED = 0.02  # least displacement in metres: more than an arm that brushes past causes
+PUSHED = 0.12  # greatest displacement in metres: beyond it, the object has been pushed
+AWAY = 0.1  # metres between the centres of gripper and object at success: 5 cm from contact
+# throw
+SHORT = 0.15  # least horizontal distance in metres from the target at the release
+HIGH = 0.03  # least height above the table in metres at the release
+LANDED = 0.1  # metres from the target within which the object must come to rest
 
 
 @register_task("push", "nl_push", verb="push")
 class Push(Manipulation):
-    """ "push the green cube to the same position as the transparent red cube".
+    """Push an object over the table to its target, without gripping it.
 
-    Success: the referent lies within `radius` of its target, at rest, for `hold_steps` steps. The episode fails
-    once the referent is `LOST`: no gripper can push it back.
-    Potentials: approach (metres that the gripper has to go, up, over and down, to the place behind the object, as seen
-    from its target, negative; 0 once the object is there), transport (metres from object to target, negative) and rest
-    (the share of `success_steps` that it has lain there).
+    Instruction: "push the green cube to the same position as the transparent red cube".
+    Success: the referent lies within `radius` of its target, at rest, for `hold_steps` steps.
+    Failure: wrong_object, once another object has been moved; wrong_target, once it was left at another target; failed,
+        once the referent is `LOST`: no gripper can push it back.
+    Reward terms: approach (metres that the gripper has to go, up, over and down, to the place behind the object, as
+        seen from its target, negative; 0 once the object is there), transport (metres from object to target, negative)
+        and rest (the share of `success_steps` that it has lain there); success, wrong_object, wrong_target, failed and
+        time.
+    Config keys: num_objects, num_targets (at least 1), kinds ([]: one object and one target), radius, hold_steps.
     """
 
-    fails = True
+    traits = replace(Manipulation.traits, fails=True)
     columns = (
         Column("slid x (m)", -FASTEST, FASTEST),
         Column("slid y (m)", -FASTEST, FASTEST),
@@ -113,24 +131,23 @@ class Push(Manipulation):
         return up * np.array([0.0, 0.0, 1.0]) - (self._behind() + back) * way
 
 
-LINE = 0.04  # metres that the object may deviate from the line
-LIFT = 0.015  # metres that it may rise above the table
-
-
 @register_task("swipe", verb="swipe")
 class Swipe(Manipulation):
-    """ "swipe the red cube along the line to the transparent blue cube".
+    """Grip an object and drag it over the table along the straight line to its target.
 
+    Instruction: "swipe the red cube along the line to the transparent blue cube".
     Success: the referent has been gripped, lies within `radius` of its target, released and at rest, for `hold_steps`
-    steps. It fails where the referent leaves the straight line from where it stood to its target by more than `LINE`,
-    or the table by more than `LIFT`.
-    Potentials: approach (metres from gripper to object, negative; 0 while it is held or there), grasp (1 while it is
-    held or there), transport (metres from object to target, negative) and release (1 while it is there: near its
-    target, released, and gripped before).
+        steps.
+    Failure: wrong_object, once another object has been moved; wrong_target, once it was left at another target; failed,
+        where the referent leaves the straight line from where it stood to its target by more than `LINE`, or the table
+        by more than `LIFT`.
+    Reward terms: approach (metres from gripper to object, negative; 0 while it is held or there), grasp (1 while it is
+        held or there), transport (metres from object to target, negative) and release (1 while it is there: near its
+        target, released, and gripped before); success, wrong_object, wrong_target, failed and time.
+    Config keys: num_objects, num_targets (at least 1), kinds, radius, hold_steps.
     """
 
-    grips = True
-    fails = True
+    traits = replace(Manipulation.traits, grips=True, fails=True)
     potentials = ("approach", "grasp", "transport", "release")
 
     def _allocate(self, worlds: int) -> None:
@@ -184,23 +201,22 @@ class Swipe(Manipulation):
         return with_object_at(scene, referent, scene.positions[referent] + 0.9 * rng.random() * way)
 
 
-MOVED = 0.02  # least displacement in metres: more than an arm that brushes past causes
-PUSHED = 0.12  # greatest displacement in metres: beyond it, the object has been pushed
-AWAY = 0.1  # metres between the centres of gripper and object at success: 5 cm from contact
-
-
 @register_task("poke", verb="poke")
 class Poke(Manipulation):
-    """ "poke the red cube".
+    """Touch an object briefly, so that it moves a little, and move away.
 
+    Instruction: "poke the red cube".
     Success: the referent lies, at rest, between `MOVED` and `PUSHED` from where it stood, and the gripper is `AWAY`
-    from it, for `hold_steps` steps. It fails where the object is displaced by more than `PUSHED`.
-    Potentials: approach (metres from gripper to object, negative; 0 once it has been moved), touch (the share of
-    `MOVED` by which it is displaced) and withdraw (once it has been moved, the share of `AWAY` that the gripper is from
-    it).
+        from it, for `hold_steps` steps.
+    Failure: wrong_object, once another object has been moved; failed, where the referent is displaced by more than
+        `PUSHED`.
+    Reward terms: approach (metres from gripper to object, negative; 0 once it has been moved), touch (the share of
+        `MOVED` by which it is displaced) and withdraw (once it has been moved, the share of `AWAY` that the gripper is
+        from it); success, wrong_object, wrong_target (always 0), failed and time.
+    Config keys: num_objects, kinds, hold_steps.
     """
 
-    fails = True
+    traits = replace(Manipulation.traits, fails=True)
     potentials = ("approach", "touch", "withdraw")
 
     def _allocate(self, worlds: int) -> None:
@@ -236,24 +252,23 @@ class Poke(Manipulation):
         }
 
 
-SHORT = 0.15  # least horizontal distance in metres from the target at the release
-HIGH = 0.03  # least height above the table in metres at the release
-LANDED = 0.1  # metres from the target within which the object must come to rest
-
-
 @register_task("throw", verb="throw")
 class Throw(Manipulation):
-    """ "throw the red cube to the same position as the transparent blue cube".
+    """Throw an object to its target: let go of it in the air, so that it lands there.
 
+    Instruction: "throw the red cube to the same position as the transparent blue cube".
     Success: the referent, released in the air (`HIGH`) and at least `SHORT` from its target, lies within `LANDED` of
-    it, at rest, for `hold_steps` steps. If it is gripped again, it no longer counts as thrown.
-    Potentials: approach (metres from gripper to object, negative; 0 while it is held or thrown), grasp (1 while it is
-    held or thrown), lift (1 while it is held in the air or thrown), transport (metres over the table from object to
-    where it counts as landed, negative) and release (1 while it is thrown).
+        it, at rest, for `hold_steps` steps. If it is gripped again, it no longer counts as thrown.
+    Failure: wrong_object, once another object has been moved; wrong_target, once it was left at another target.
+    Reward terms: approach (metres from gripper to object, negative; 0 while it is held or thrown), grasp (1 while it is
+        held or thrown), lift (1 while it is held in the air or thrown), transport (metres over the table from object to
+        where it counts as landed, negative) and release (1 while it is thrown); success, wrong_object, wrong_target and
+        time.
+    Config keys: num_objects, num_targets (at least 1), kinds, hold_steps.
     """
 
-    grips = True
-    lag = 3  # an arm is fastest early in a control step, and nearly at rest at its beginning
+    traits = replace(Manipulation.traits, grips=True)
+    release_lag = 3  # an arm is fastest early in a control step, and nearly at rest at its beginning
     potentials = ("approach", "grasp", "lift", "transport", "release")
 
     def _allocate(self, worlds: int) -> None:

@@ -1,4 +1,4 @@
-"""Spots at a marked place, for the objects that are brought to it."""
+"""Sort: bring all objects of a colour to a marked place, one by one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from envs.tasks.shared.base import register_task
 from envs.tasks.shared.free_places import FINE_COLUMNS, LEVEL, stands_apart, ways_to
 from envs.tasks.shared.geometry import length
 from envs.tasks.shared.manipulation import SCENES
-from envs.tasks.shared.types import Array, EpisodeSpec, Said, State, TaskConfig
+from envs.tasks.shared.task_config import TaskConfig
+from envs.tasks.shared.types import Array, EpisodeSpec, GivenInstruction, State
 from human import Person
 from language import COLORS, NOUNS, Instruction, ObjectPhrase, Placed, Scene
 from language.spacing import keep_apart
@@ -27,6 +28,12 @@ ANGLES = np.radians([90, 270, 30, 150, 210, 330])  # of them, from x
 SPOTS = np.concatenate((np.zeros((1, 2)), ASIDE * np.stack((np.cos(ANGLES), np.sin(ANGLES)), axis=1)))
 APART = 0.09  # metres between the middle of a free spot and all other objects
 OUTSIDE = 100.0  # ... for which it is worth to lie where objects may stand
+ALIKE = (2, 3)  # least and greatest number of objects that have the colour that is said
+AROUND = 0.2  # metres between the marked place and all objects as an episode begins
+BEGUN = 0.5  # share of the episodes with a curriculum that begin with some of the objects sorted
+SPREAD = 0.01  # metres about its spot, standard deviation, at which such an object lies
+DRAWN = 60  # places that are drawn for the objects of a scene
+FARTHEST = "farthest from"  # names what is left to be sorted, where the task's kinds of phrases do not
 
 
 class Spots:
@@ -64,42 +71,34 @@ def is_sorted(places: Array, marks: Array, size: float) -> NDArray[np.bool_]:
     return level & (length((places - marks)[..., :2]) <= SORTED)
 
 
-ALIKE = (2, 3)  # least and greatest number of objects that have the colour that is said
-AROUND = 0.2  # metres between the marked place and all objects as an episode begins
-BEGUN = 0.5  # share of the episodes with a curriculum that begin with some of the objects sorted
-SPREAD = 0.01  # metres about its spot, standard deviation, at which such an object lies
-DRAWN = 60  # places that are drawn for the objects of a scene
-FARTHEST = "farthest from"  # names what is left to be sorted, where the task's kinds of phrases do not
-
-
 @register_task("nl_sort", verb="sort")
 class Sort(PickAndPlace):
-    """ "sort every red cube to the transparent green cube": an episode is a chain of steps, one for each red cube.
+    """Bring every object of a colour to a marked place, one by one.
 
-    The policy is given the step: "sort the leftmost red cube to the transparent green cube". After its success the next
-    object is named, in the world as it is, until all of the colour have been brought.
+    The policy is given a step at a time: "sort the leftmost red cube to the transparent green cube". After its success
+    the next object is named, in the world as it is, until all of the colour have been brought.
 
-    Success of a step: the referent has been picked up and lies on the table, within `SORTED` of the marked place and
-    beside all others, released and at rest, for `hold_steps` steps. That of the episode: all steps.
-    Potentials: those of pick and place. The target is the nearest of `Spots` that was free as the step began, which is
-    observed.
+    Instruction: "sort every red cube to the transparent green cube".
+    Success: of a step: the referent has been picked up and lies on the table, within `SORTED` of the marked place and
+        beside all others, released and at rest, for `hold_steps` steps. That of the episode: all steps.
+    Failure: wrong_object, once another object has been moved.
+    Reward terms: approach, grasp, lift, transport and release as of `PickAndPlace`, with the nearest of `Spots` that
+        was free as the step began, and is observed, as the target; success (of each step), wrong_object,
+        wrong_target and time.
+    Config keys: num_objects and min_objects (at least 3), num_targets (1), kinds, max_steps (of each step).
     """
 
+    traits = replace(PickAndPlace.traits, continues=True, stepwise=True)
     columns = FINE_COLUMNS
-    potentials = PickAndPlace.potentials
-    continues = True
-    stepwise = True
 
-    def __init__(
-        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
-    ) -> None:
+    def _configure(self, config: TaskConfig, person: Person | None) -> None:
         if len(config.objects) or config.min_objects < ALIKE[1] or config.num_targets != 1:
             raise ConfigError(
                 f"task.min_objects={config.min_objects} must be at least {ALIKE[1]}, "
                 f"task.num_targets={config.num_targets} must be 1, and task.objects empty, in task.name={config.name}"
             )
-        self._spots = Spots(object_area, config.object_size)
-        super().__init__(config, object_area, num_worlds, person)
+        self._spots = Spots(self._area, config.object_size)
+        super()._configure(config, person)
 
     @property
     def most_instructions(self) -> int:
@@ -140,9 +139,9 @@ class Sort(PickAndPlace):
     # ---- drawing
 
     def _scene(self, rng: Generator) -> Scene:
-        """Loose objects, some of the same colour, and as the last one what marks the place, in a colour of its own."""
+        """Draw loose objects, some of the same colour, and last what marks the place, in a colour of its own."""
         config = self.config
-        count = int(rng.integers(config.min_objects, config.num_objects + 1))
+        count = self._draw_count(rng)
         alike = int(rng.integers(ALIKE[0], ALIKE[1] + 1))
         said, marked, *rest = rng.permutation(len(COLORS)).tolist()
         colors = [*[said] * alike, *rng.choice(rest, size=count - alike).tolist(), marked]
@@ -168,12 +167,12 @@ class Sort(PickAndPlace):
         )
 
     def _draw_scene(self, rng: Generator) -> tuple[Placed, NDArray[np.bool_]]:
-        """A scene in which a first step can be said; others need not be nameable yet."""
+        """Draw a scene in which a first step can be said; others need not be nameable yet."""
         for _ in range(SCENES):
             placed = self._placed(rng)
             if self.config.curriculum.share > 0 and rng.random() < BEGUN:
                 placed = placed._replace(scene=self._begun_scene(placed, rng))
-            nameable = self._describer.nameable(placed.scene)
+            nameable = self._sentences.nameable(placed.scene)
             if nameable[placed.scene.targets].all() and (self._movable(placed) & nameable).any():
                 return placed, nameable
         raise ConfigError(f"task.kinds={list(self.config.kinds)} cannot name what task.name={self.config.name} sorts")
@@ -196,17 +195,19 @@ class Sort(PickAndPlace):
         return left & ((loose & (colors[:, None] == colors)).sum(1) >= ALIKE[0])
 
     def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> EpisodeSpec:
+        """Return the episode that sorts every object of the referent's colour, the referent first."""
         assert target is not None
-        step, instruction = self._sentence(self.verb, placed.scene, referent, target, rng)
+        step, instruction = self._sentence(placed.scene, referent, target, rng)
         whole = replace(instruction, phrase=_every(placed.scene, referent))
-        episode = self._episode(placed, referent, self.kind_names.index(instruction.kind), self._say(whole, rng))
-        heard = self._heard(step) or step
+        kind, sentence = self.kind_names.index(instruction.kind), self._sentences.write(whole, rng)
+        episode = self._episode(placed, referent=referent, kind=kind, sentence=sentence)
+        heard = self._sentences.heard(step) or step
         return replace(episode, heard=heard, target=target, goals=self._possible_goals(placed))
 
     def next_instruction(
-        self, scene: Scene, held: int, rng: Generator, moved: Array | None = None, last: Said | None = None
-    ) -> Said | None:
-        """The step for another object of the colour of the last one, which is not at the marked place yet."""
+        self, scene: Scene, held: int, rng: Generator, moved: Array | None = None, last: GivenInstruction | None = None
+    ) -> GivenInstruction | None:
+        """Return the step for another object of the colour of the last one, which is not at the marked place yet."""
         assert last is not None
         assert last.target is not None
         left = _alike(scene, last.referent) & ~is_sorted(
@@ -214,20 +215,21 @@ class Sort(PickAndPlace):
         )
         if not left.any():
             return None
-        named = left & self._describer.nameable(scene)
+        named = left & self._sentences.nameable(scene)
         if named.any():
             referent = self._one_of(named, rng)
-            step, instruction = self._sentence(self.verb, scene, referent, last.target, rng)
+            step, instruction = self._sentence(scene, referent, last.target, rng)
         else:
             away = length((scene.positions - scene.positions[last.target])[:, :2])
             referent = int(np.where(left, away, 0.0).argmax())
             instruction = self._farthest(scene, referent, last.target)
-            step = self._say(instruction, rng)
+            step = self._sentences.write(instruction, rng)
         kind = self.kind_names.index(instruction.kind)
-        return Said(kind, referent, last.target, last.sentence, self._heard(step) or step)
+        heard = self._sentences.heard(step) or step
+        return GivenInstruction(kind=kind, referent=referent, target=last.target, sentence=last.sentence, heard=heard)
 
     def _farthest(self, scene: Scene, referent: int, target: int) -> Instruction:
-        """The step for what stands farthest from the marked place, whose colour no other object has."""
+        """Return the step for what stands farthest from the marked place, whose colour no other object has."""
         goal = ObjectPhrase(color=list(COLORS)[scene.colors[target]])
         colour = list(COLORS)[scene.colors[referent]]
         return Instruction(self.verb, ObjectPhrase(color=colour, relation=FARTHEST, anchors=(goal,)), goal)

@@ -1,8 +1,7 @@
-"""Stack: pick an object up, put it on top of another one, and release it there."""
+"""Stack and unstack: put an object on top of another one, and take one down."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,30 +12,35 @@ from core.errors import ConfigError
 from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.shared.achieved_goal import first_moved
 from envs.tasks.shared.base import register_task
-from envs.tasks.shared.free_places import COLUMNS, ToTable
+from envs.tasks.shared.free_places import FREE_COLUMNS, FreeTable
 from envs.tasks.shared.geometry import length, places_in_air, with_object_at
 from envs.tasks.shared.manipulation import DISTURBED
-from envs.tasks.shared.types import NOTHING, Array, EpisodeSpec, State, TaskConfig
+from envs.tasks.shared.task_config import TaskConfig
+from envs.tasks.shared.types import NOTHING, Array, EpisodeSpec, State
 from human import Person
 from language import Placed, Scene
 
 BASE_MOVED = 0.05  # metres over the table that the base may be moved
 BASE_LEANS = 0.9  # cosine of the angle to the vertical that the base may lean by: 26 degrees
 CLEARANCE = 0.01  # metres between a held object and the tops of others at the start of an episode
+STACKS = 2  # in an episode of Unstack
 
 
 @register_task("nl_stack", verb="stack")
 class Stack(PickAndPlace):
-    """ "stack the red cube on the blue cube": the goal is a real object, the base.
+    """Put an object on top of another one, the base.
 
+    Instruction: "stack the red cube on the blue cube".
     Success: the referent has been picked up and lies on the base, its centre within `radius` of the place above the
-    base's centre, released and at rest, for `hold_steps` steps. On top of another object, it is at the wrong target.
-    The episode fails where the base is moved by more than `BASE_MOVED`, or leans by more than `BASE_LEANS` allows.
-    Potentials: those of pick and place, with the place on top of the base as the target.
+        base's centre, released and at rest, for `hold_steps` steps.
+    Failure: wrong_object, once another object has been moved; wrong_target, once it was left on top of another object;
+        failed, where the base is moved by more than `BASE_MOVED`, or leans by more than `BASE_LEANS` allows.
+    Reward terms: approach, grasp, lift, transport and release as of `PickAndPlace`, with the place on top of the base
+        as the target; success, wrong_object, wrong_target, failed and time.
+    Config keys: num_objects (at least 2), kinds, radius, hold_steps.
     """
 
-    fails = True
-    real_goals = True
+    traits = replace(PickAndPlace.traits, real_goals=True, fails=True)
 
     def _goals(self, state: State) -> Array:
         return state.objects + [0.0, 0.0, self.config.object_size]
@@ -48,9 +52,9 @@ class Stack(PickAndPlace):
         return moved | (1 - 2 * (x * x + y * y) < BASE_LEANS)
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
-        """The object that was put on top of another one is named, and that one as its base.
+        """Name the object that was put on top of another one, and that one as its base.
 
-        Where nothing was stacked, an object that was moved is named in place of the referent, with any base.
+        Where nothing was stacked, name an object that was moved in place of the referent, with any base.
         """
         pair = stacked_pair(moments, self._goals(moments), self.config.success_radius)
         if pair is None:
@@ -64,7 +68,7 @@ class Stack(PickAndPlace):
         return self.episode(placed, *pair, rng)
 
     def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
-        """On a line from anywhere above the table to the top of the base, beside or above all objects."""
+        """Return the scene with the referent on a line from above the table to the top of the base, clear of others."""
         assert target is not None
         size = self.config.object_size
         goal = scene.positions[target] + [0.0, 0.0, size]
@@ -81,7 +85,7 @@ class Stack(PickAndPlace):
 
 
 def stacked_pair(moments: State, tops: Array, radius: float) -> tuple[int, int] | None:
-    """The last object that was put on another one in an episode and released, and its base.
+    """Return the last object that was put on another one in an episode and released, and its base.
 
     Args:
         moments: the T + 1 states of one episode.
@@ -100,28 +104,56 @@ def stacked_pair(moments: State, tops: Array, radius: float) -> tuple[int, int] 
     return int(things[-1]), int(bases[-1])
 
 
-STACKS = 2  # in an episode
-
-
 @register_task("nl_unstack", verb="unstack")
-class Unstack(ToTable):
-    """ "unstack the red cube": several stacks of two, whose upper objects can be asked for.
+class Unstack(PickAndPlace):
+    """Take an object down from another one. There are several stacks of two, whose upper objects can be asked for.
 
+    Instruction: "unstack the red cube".
     Success: the referent has been picked up and stands on the table, beside all other objects, released and at rest,
-    for `hold_steps` steps. A base that is moved is the wrong object.
+        for `hold_steps` steps.
+    Failure: wrong_object, once another object, such as the base, has been moved.
+    Reward terms: approach, grasp, lift, transport and release as of `PickAndPlace`, with a place of the table that was
+        free as the episode began, and is observed, as the target; success, wrong_object, wrong_target (always 0) and
+        time.
+    Config keys: num_objects (at least 4), kinds, hold_steps.
     """
 
-    columns = COLUMNS
+    columns = FREE_COLUMNS
 
-    def __init__(
-        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
-    ) -> None:
+    def _configure(self, config: TaskConfig, person: Person | None) -> None:
         if len(config.objects) or config.min_objects < 2 * STACKS:
             raise ConfigError(
                 f"task.min_objects={config.min_objects} must be at least {2 * STACKS} in task.name={config.name}, and "
                 f"task.objects empty: {STACKS} stacks of two are drawn"
             )
-        super().__init__(config, object_area, num_worlds, person)
+        super()._configure(config, person)
+
+    # ---- evaluating
+
+    def _allocate(self, worlds: int) -> None:
+        super()._allocate(worlds)
+        self._table = FreeTable(self._area, self.config.object_size, worlds, self.config.slots)
+
+    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
+        self._table.note(worlds, state)
+        super()._reset_memory(worlds, state)
+        self._raised[worlds] = (state.held == state.referent)[worlds]  # also an object on the table is to be lifted
+
+    def seen(self, state: State) -> Array:
+        return self._table.offsets(state)[..., :2]
+
+    def described(self, episode: EpisodeSpec) -> Array:
+        return self._table.described(episode)[:, :2]
+
+    def free_places(self) -> Array:
+        """(N, K, 3) where the table was free for each object as the episode began, metres."""
+        return self._table.places
+
+    def _goal(self, state: State) -> Array:
+        return self._table.places[self._rows, state.referent]
+
+    def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
+        return self._table.stands(state)
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
         """None: an object that was moved by mistake did not stand on another one."""
@@ -130,7 +162,7 @@ class Unstack(ToTable):
     # ---- drawing
 
     def _scene(self, rng: Generator) -> Scene:
-        """The first objects stand on the next ones."""
+        """Draw a scene whose first objects stand on the next ones."""
         scene = super()._scene(rng)
         places = scene.positions.copy()
         places[:STACKS] = places[STACKS : 2 * STACKS] + [0.0, 0.0, self.config.object_size]
@@ -141,6 +173,6 @@ class Unstack(ToTable):
         return super()._movable(placed) & (placed.scene.positions[:, 2] > self.config.object_size)
 
     def episode(self, placed: Placed, referent: int, target: int | None, rng: Generator) -> EpisodeSpec:
-        """As in other tasks. Objects on others are at rest."""
+        """Return the episode as in other tasks. Objects on others are at rest."""
         episode = super().episode(placed, referent, target, rng)
         return replace(episode, resting=np.ones(len(placed.scene), bool))

@@ -218,9 +218,9 @@ def constant_elements(env):
     task, joints = env.config.task, len(env.config.robot.joints)
     columns = [14] if task.num_targets else [10, 14, 15]  # size; without targets opacity and role too
     columns += [11, 12, 13] * (len(task.nouns) == 1)
-    if env.task.operates:  # levers tilt, and wheels stay as high as they are
+    if env.task.traits.operates:  # levers tilt, and wheels stay as high as they are
         columns += {"press": [3, 4], "turn": [2, 3, 4]}.get(task.name, [])
-    columns += own_columns(env, MARK, IN_THE_AIR) if env.task.speaks else []
+    columns += own_columns(env, MARK, IN_THE_AIR) if env.task.traits.speaks else []
     columns += own_columns(env, "lies at a target")  # random pokes bring none there: see test_push.py
     rows = {f"objects[{k},{d}]" for k in range(task.slots) for d in columns}
     gripper = {f"robot[{2 * joints + 9}]"}  # fingers that grip nothing stay as they are
@@ -241,7 +241,7 @@ def constant_so_far(env, seen):
         values = torch.stack([each[key] for each in seen]).flatten(0, 1)
         for place in np.argwhere((values == values[0]).all(0).numpy()).tolist():
             constant.add(f"{key}[{','.join(map(str, place))}]")
-    few = own_columns(env, "slid x (m)", "slid y (m)", MARK, IN_THE_AIR, *[MOVED_SINCE] * env.task.continues)
+    few = own_columns(env, "slid x (m)", "slid y (m)", MARK, IN_THE_AIR, *[MOVED_SINCE] * env.task.traits.continues)
     for column in (*range(3, 7), *few):
         each = {f"objects[{slot},{column}]" for slot in range(env.config.task.slots)}
         constant -= each if each - constant else set()
@@ -253,7 +253,7 @@ def test_every_element_of_the_observation_varies(env):
     allowed = constant_elements(env)
     # They cannot turn every object over, or take one up, in this time.
     # kuka's magnet stays over what it is only to reach, and nothing else wakes an object.
-    above = env.config.robot.name == "kuka" and not env.task.grips
+    above = env.config.robot.name == "kuka" and not env.task.traits.grips
     if above or env.config.robot.name in ("jaco", *BARE_FLANGES):
         allowed |= {f"objects[{k},{d}]" for k in range(env.config.task.slots) for d in range(2, 7)}
         allowed.add(f"robot[{2 * len(env.config.robot.joints) + 11}]")

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from envs.tasks import NOTHING, TASKS, State
-from envs.tasks.devices import Operate
-from envs.tasks.furniture import Furnished
+from envs.tasks.devices import OperateDevice
 from envs.tasks.hand_over import HandOver
 from envs.tasks.shared.manipulation import Manipulation
 from envs.tasks.sort import Sort
@@ -19,7 +18,9 @@ AWAY, UP = np.array([0.4, 0.0, 0.3]), np.array([0.0, 0.0, 1.0])
 MOVING = sorted(
     name
     for name, kind in TASKS.items()
-    if issubclass(kind, Manipulation) and not issubclass(kind, Operate | Furnished | HandOver | Sort)
+    if issubclass(kind, Manipulation)
+    and kind.fitting_starts is None
+    and not issubclass(kind, OperateDevice | HandOver | Sort)
 )
 
 
@@ -56,7 +57,7 @@ WITH_TARGETS = ("pick_and_place", "nl_pick_and_place", "push", "nl_push", "swipe
 
 def four(name, *overrides):
     """The task with two objects and two goals, where it has any; success takes three steps, within `radius`."""
-    real = 4 if TASKS[name].real_goals or name == "nl_unstack" else 2
+    real = 4 if TASKS[name].traits.real_goals or name == "nl_unstack" else 2
     more = ["task.hold_steps=3", f"task.num_objects={real}", "task.kinds=[color]", "task.curriculum.radius=0"]
     return task_of(name, *more, *["task.num_targets=2"] * (name in WITH_TARGETS), *overrides)
 
@@ -64,7 +65,7 @@ def four(name, *overrides):
 def state_for(task, state):
     """The state without the targets where the task has none; where its goals are real, with objects for targets."""
     slots = task.config.slots
-    if task.real_goals:
+    if task.traits.real_goals:
         state = replace(state, movable=state.shown, goals=state.shown)
     per_object = ("objects", "shown", "movable", "goals", "quaternions")
     return replace(state, **{name: getattr(state, name)[:, :slots] for name in per_object})

@@ -82,7 +82,7 @@ def success_in_turn(env: Any, policy: Any, scenes: int, seed: int) -> dict[str, 
     Raises:
         ConfigError: the task has no instructions.
     """
-    if not env.task.speaks:
+    if not env.task.traits.speaks:
         raise ConfigError(f"in_turn needs a task with words; {env.config.task.name} has none")
     successes: list[bool] = []
     worlds = env.batch_size[0]

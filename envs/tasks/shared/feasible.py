@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks.hand_over import lies_on_palm
 from envs.tasks.shared.free_places import BESIDE, LEVEL
 from envs.tasks.shared.geometry import length
+from envs.tasks.shared.open_hand import lies_on_palm
 from envs.tasks.shared.types import NOTHING, Array
 from language import HAND, NOUNS, Scene
 

@@ -7,22 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.tasks.pick_and_place import PickAndPlace
 from envs.tasks.shared.geometry import length
-from envs.tasks.shared.types import Array, Column, EpisodeSpec, State, TaskConfig
-from human import Person
+from envs.tasks.shared.types import Array, Column, EpisodeSpec, State
 
 APART = 0.12  # metres between the middle of a free place and all other objects
 BESIDE = 1.3  # widths between two objects that stand apart
 LEVEL = 0.01  # metres above the table up to which an object stands on it
 FREE = 0.3  # metres at which the observed offset to a free place is clipped
+CLOSE = 0.04  # metres at which a second copy of that offset is clipped, as of the offsets from the gripper
 GRID = (4, 9)  # places along x and y that are considered
 WORST = 10.0  # a metre of missing clearance counts like this many metres of way
-COLUMNS = (
+FREE_COLUMNS = (
     Column("metres along x to where the table is free for it", -FREE, FREE),
     Column("metres along y to where the table is free for it", -FREE, FREE),
 )
-CLOSE = 0.04  # metres at which a second copy of that offset is clipped, as of the offsets from the gripper
 FINE_COLUMNS = tuple(
     Column(f"metres along {axis} to where the table is free for it, clipped at {limit:g}", -limit, limit)
     for limit in (FREE, CLOSE)
@@ -31,75 +29,49 @@ FINE_COLUMNS = tuple(
 
 
 class FreeTable:
-    """Places of a table in a grid.
+    """Places of a table in a grid, and for each object one that was free as the instruction was given.
+
+    Attributes:
+        places: (N, K, 3) where the table was free for each object, metres.
 
     Args:
         area: x0, x1, y0, y1 of the objects' centres, metres.
         size: of an object, metres.
+        worlds, slots: N and K.
     """
 
-    def __init__(self, area: Sequence[float], size: float) -> None:
+    def __init__(self, area: Sequence[float], size: float, worlds: int, slots: int) -> None:
         x0, x1, y0, y1 = area
         xs, ys = (np.linspace(low, high, count) for low, high, count in zip((x0, y0), (x1, y1), GRID, strict=True))
-        self._places = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
-        self._height = size / 2
+        self._grid = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+        self._size = size
+        self.places = np.zeros((worlds, slots, 3))
 
     def nearest(self, objects: Array, shown: NDArray[np.bool_]) -> Array:
-        """For each object, a place near it that is free of all others.
+        """(N, K, 3) for each object, a place near it that is free of all others, metres.
 
-        Args:
-            objects: (N, K, 3) positions, metres.
-            shown: (N, K) which slots hold an object.
-
-        Returns:
-            (N, K, 3) metres.
+        objects: (N, K, 3) positions, metres. shown: (N, K) which slots hold an object.
         """
-        best = self._places[ways_to(self._places, objects, shown, APART).argmin(2)]
-        return np.concatenate((best, np.full((*best.shape[:2], 1), self._height)), axis=2)
+        best = self._grid[ways_to(self._grid, objects, shown, APART).argmin(2)]
+        return np.concatenate((best, np.full((*best.shape[:2], 1), self._size / 2)), axis=2)
 
+    def note(self, worlds: NDArray[np.int64], state: State) -> None:
+        """Find the places anew in these worlds, where an instruction begins."""
+        self.places[worlds] = self.nearest(state.objects[worlds], state.shown[worlds])
 
-class ToTable(PickAndPlace):
-    """The referent is put down anywhere on the table beside all other objects. The reward leads to a free place.
-
-    Potentials: those of pick and place, with the nearest place of the table that was free as the episode began, which
-    is observed, as the target.
-    """
-
-    def __init__(
-        self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
-    ) -> None:
-        self._table = FreeTable(object_area, config.object_size)
-        super().__init__(config, object_area, num_worlds, person)
-
-    def _allocate(self, worlds: int) -> None:
-        super()._allocate(worlds)
-        self._free = np.zeros((worlds, self.config.slots, 3))  # where the table is free for each object
-
-    def _reset_memory(self, worlds: NDArray[np.int64], state: State) -> None:
-        self._free[worlds] = self._table.nearest(state.objects[worlds], state.shown[worlds])
-        super()._reset_memory(worlds, state)
-        self._raised[worlds] = (state.held == state.referent)[worlds]  # also an object on the table is to be lifted
-
-    def seen(self, state: State) -> Array:
-        return np.concatenate((super().seen(state), (self._free - state.objects)[..., :2]), axis=-1)
+    def offsets(self, state: State) -> Array:
+        """(N, K, 3) metres from each object to its place."""
+        return self.places - state.objects
 
     def described(self, episode: EpisodeSpec) -> Array:
-        return np.concatenate((super().described(episode), described_free(self._table, episode)[:, :2]), axis=-1)
+        """(K, 3) metres from each object to where the table is free for it, as the episode begins."""
+        places = episode.scene.positions
+        return self.nearest(places[None], np.ones((1, len(places)), bool))[0] - places
 
-    def free_places(self) -> Array:
-        """(N, K, 3) where the table was free for each object as the episode began, metres."""
-        return self._free
-
-    def _goal(self, state: State) -> Array:
-        return self._free[self._rows, state.referent]
-
-    def _is_near_goal(self, state: State) -> NDArray[np.bool_]:
-        """(N,) whether the referent stands on the table, beside all others."""
-        level = self._referent(state)[:, 2] < self.config.object_size / 2 + LEVEL
-        return level & stands_apart(state, state.shown, self.config.object_size)
-
-    def _misplaced(self, state: State) -> NDArray[np.bool_]:
-        return np.zeros(len(self._rows), bool)
+    def stands(self, state: State) -> NDArray[np.bool_]:
+        """(N,) whether the referents stand on the table, beside all other objects."""
+        heights = state.objects[np.arange(len(state.referent)), state.referent, 2]
+        return (heights < self._size / 2 + LEVEL) & stands_apart(state, state.shown, self._size)
 
 
 def ways_to(places: Array, objects: Array, real: NDArray[np.bool_], clearance: float) -> Array:
@@ -129,9 +101,3 @@ def stands_apart(state: State, real: NDArray[np.bool_], size: float) -> NDArray[
     place = state.objects[rows, state.referent]
     apart = length((state.objects - place[:, None])[..., :2]).min(1, where=others, initial=np.inf)
     return apart >= BESIDE * size
-
-
-def described_free(table: FreeTable, episode: EpisodeSpec) -> Array:
-    """(K, 3) metres from each object to where the table is free for it, as the episode begins."""
-    places = episode.scene.positions
-    return table.nearest(places[None], np.ones((1, len(places)), bool))[0] - places

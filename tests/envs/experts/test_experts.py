@@ -45,7 +45,7 @@ def test_the_expert_solves_the_task_without_touching_the_table(combination):
     while len(solved) < EPISODES:
         td = act(env, td, actor(td.clone())["action"])
         lowest, steps = min(lowest, env.gripper[:, 2].min()), steps + 1
-        assert env.task.operates or not arm_touches_furniture(env), f"step {steps}"  # a device is to be touched
+        assert env.task.traits.operates or not arm_touches_furniture(env), f"step {steps}"  # a device is to be touched
         over = np.flatnonzero(td["done"][:, 0].numpy())
         solved += td["success"][over, 0].tolist()
         if len(over):

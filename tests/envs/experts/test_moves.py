@@ -33,7 +33,7 @@ def begin(env, cells, pyramids=(), held=None):
     shapes = np.array([SHAPES.index("pyramid" if i in pyramids else "cube") for i in range(len(cells))])
     start = None if held is None else GripperStart(np.zeros(3), held=True)
     everything = np.ones(len(cells), bool)
-    env.start([EpisodeSpec(scene, held or 0, 0, "", shapes=shapes, resting=everything, start=start)], seed=1)
+    env.start([EpisodeSpec(scene=scene, referent=held or 0, shapes=shapes, resting=everything, start=start)], seed=1)
     shown = env.state.objects[0, env.state.shown[0]]
     return np.linalg.norm(shown[None] - places[:, None], axis=2).argmin(1)
 

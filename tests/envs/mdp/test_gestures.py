@@ -49,7 +49,8 @@ def test_an_episode_without_a_gesture_shows_none_after_one_with_a_gesture():
     env = make("kuka", "step", "nl_reach_gesture", "gesture.switch=1", worlds=1)
     env.reset()
     drawn = env.task.draw(np.random.default_rng(0))
-    td = env.start([EpisodeSpec(drawn.scene, drawn.referent, drawn.kind, drawn.sentence)], seed=0)
+    bare = EpisodeSpec(scene=drawn.scene, referent=drawn.referent, kind=drawn.kind, sentence=drawn.sentence)
+    td = env.start([bare], seed=0)
     for _ in range(20):
         assert (td["gesture"] == 0).all()
         assert td["privileged", "referent"][0] == env._state.referent[0]

@@ -12,7 +12,6 @@ from core.overrides import compose
 from envs import read_env
 from envs.experts import expert
 from envs.tasks import RandomizeConfig
-from envs.tasks.shared.types import draw_randomized
 from envs.workspace_env import WorkspaceEnv
 from tests.helpers.env_cases import act
 from trainers.evaluation.evaluation import evaluate
@@ -39,9 +38,9 @@ ACTIONS = np.random.default_rng(0).uniform(-1, 1, (12, 3))
 @pytest.mark.parametrize("config", [RandomizeConfig(), RandomizeConfig(mass=[0.5, 2.0], delay=[0, 3])])
 def test_scenes_do_not_depend_on_what_is_drawn(config):
     rng, same = np.random.default_rng(3), np.random.default_rng(3)
-    drawn = [draw_randomized(config, rng)]
+    drawn = [config.draw(rng)]
     assert rng.random() == same.random()
-    drawn.append(draw_randomized(config, rng))
+    drawn.append(config.draw(rng))
     assert drawn == [None, None] if not config.is_on else drawn[0] != drawn[1]
 
 

@@ -64,7 +64,7 @@ def at_another(env):
             drive.referent = drive.target = others(td, False, td["privileged", "referent"].numpy())
             if moves(td):
                 target = td["privileged", "target"].numpy()
-                drive.target = others(td, not env.task.real_goals, target, drive.referent)
+                drive.target = others(td, not env.task.traits.real_goals, target, drive.referent)
         return guide.act(drive.referent, drive.target)
 
     return drive
@@ -101,9 +101,9 @@ def let_go_on_the_way(env):
 
 
 def drivers(env):
-    if env.task.real_goals:
+    if env.task.traits.real_goals:
         return [at_another, on_another_base]
-    return [at_another, let_go_on_the_way] if env.task.moves else [at_another]
+    return [at_another, let_go_on_the_way] if env.task.traits.moves else [at_another]
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +184,7 @@ def test_the_new_sentence_names_the_new_objects_in_the_new_scene(env, relabelled
         step = parse(asked.sentence, asked.scene).steps[-1]
         assert asked.sentence != episode.sentence or asked.scene is not episode.scene
         assert (relabelled["instruction"] == torch.tensor(env.tokenizer.encode(asked.sentence).tolist())).all()
-        if env.task.moves:
+        if env.task.traits.moves:
             assert (step.init, step.goal) == (asked.referent, asked.target)
         else:
             assert step.goal == asked.referent

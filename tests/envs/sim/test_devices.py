@@ -222,9 +222,18 @@ def test_a_wheel_can_be_turned_in_both_directions():
         turns[0, :, 2], turns[0, :, 3] = np.sin([angle / 2, 0.0]), np.cos([angle / 2, 0.0])
         places, shown = np.zeros((1, 2, 3)), np.ones((1, 2), bool)
         none = np.zeros((1, 2), bool)
-        known = places, shown, np.zeros(1, int), np.zeros(1, int), shown, none, turns
-        wheels = np.full((1, 2), list(NOUNS).index("wheel"))
-        return State(np.zeros((1, 3)), *known, nouns=wheels, yaw=np.zeros((1, 2)))
+        return State(
+            gripper=np.zeros((1, 3)),
+            objects=places,
+            shown=shown,
+            referent=np.zeros(1, int),
+            target=np.zeros(1, int),
+            movable=shown,
+            goals=none,
+            quaternions=turns,
+            nouns=np.full((1, 2), list(NOUNS).index("wheel")),
+            yaw=np.zeros((1, 2)),
+        )
 
     for start in (0.0, 3.1):
         for degrees, far in ((59, False), (61, True), (-59, False), (-61, True)):

@@ -9,8 +9,8 @@ from core.errors import ConfigError
 from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS
-from envs.tasks.hand_over import NUMBER, lies_on_palm
 from envs.tasks.shared.feasible import DEVICE_VERBS, HANDING, VERBS
+from envs.tasks.shared.open_hand import HAND_NUMBER, lies_on_palm
 from envs.tasks.shared.types import NOTHING
 from language import DEVICES, FITTINGS, HAND, parse
 from tests.helpers.env_cases import act, begun, config_of, make, succeed_in_all, task_of
@@ -31,7 +31,7 @@ def env(request):
 def on_hand(env):
     """(N, K) which objects lie on the hand."""
     state, half = env.state, env.config.task.object_size / 2
-    hands = np.argmax(state.nouns == NUMBER, axis=1)
+    hands = np.argmax(state.nouns == HAND_NUMBER, axis=1)
     offset = state.objects - state.objects[np.arange(len(hands)), hands][:, None] - [0.0, 0.0, half]
     return lies_on_palm(offset) & state.movable & state.shown
 
@@ -40,7 +40,7 @@ def test_a_hand_is_the_last_object_and_held_out_where_the_person_reaches():
     task, rng, places = task_of("anything"), np.random.default_rng(0), []
     for _ in range(60):
         episode = task.draw(rng)
-        hands = np.flatnonzero(episode.scene.nouns == NUMBER)
+        hands = np.flatnonzero(episode.scene.nouns == HAND_NUMBER)
         assert hands.tolist() == [len(episode.scene) - 1]
         assert episode.fixed[hands[0]]
         places.append(episode.scene.positions[hands[0]])
@@ -55,7 +55,7 @@ def test_the_policy_observes_which_object_is_the_hand(env):
     at = [column.name for column in env.task.columns].index("is the hand")
     assert at == len(FITTINGS) + len(DEVICES)  # after the other marks
     marks = td["objects"][..., COLUMNS.start + at].numpy()
-    assert (marks == (env.state.shown & (env.state.nouns == NUMBER))).all()
+    assert (marks == (env.state.shown & (env.state.nouns == HAND_NUMBER))).all()
     drawn = env.draw_scenes(20, seed=1)
     assert (drawn["objects"][..., COLUMNS.start + at].sum(1) == 1).all()
 
@@ -102,7 +102,7 @@ def test_without_a_hand_there_are_the_verbs_and_columns_of_before():
     assert task.verbs == (*VERBS, *DEVICE_VERBS)
     assert [column for column in all_of_it.columns if column.name != "is the hand"] == list(task.columns)
     assert HAND not in task.fixtures
-    assert (task.draw(np.random.default_rng(0)).scene.nouns != NUMBER).all()
+    assert (task.draw(np.random.default_rng(0)).scene.nouns != HAND_NUMBER).all()
 
 
 def test_a_hand_needs_a_person_and_devices():

@@ -8,7 +8,8 @@ import pytest
 from core.errors import ConfigError
 from envs.experts import Oracle, expert
 from envs.tasks import NOTHING
-from envs.tasks.hand_over import AROUND, NUMBER, PUSHED
+from envs.tasks.hand_over import AROUND, PUSHED
+from envs.tasks.shared.open_hand import HAND_NUMBER
 from human import Body
 from language import parse
 from tests.helpers.env_cases import act, make, partial_reset, succeed_in_all, task_of
@@ -33,8 +34,8 @@ def test_the_sentence_names_a_loose_object_and_the_hand_is_its_goal():
         episode = task.draw(rng)
         step = parse(episode.sentence, episode.scene).steps[-1]
         assert (step.task, step.init, step.goal) == ("hand_over", episode.referent, episode.target)
-        assert episode.scene.nouns[episode.target] == NUMBER
-        assert episode.fixed.tolist() == (episode.scene.nouns == NUMBER).tolist()
+        assert episode.scene.nouns[episode.target] == HAND_NUMBER
+        assert episode.fixed.tolist() == (episode.scene.nouns == HAND_NUMBER).tolist()
         hand = episode.scene.positions[episode.target]
         others = np.delete(episode.scene.positions, episode.target, axis=0)
         assert (np.linalg.norm((others - hand)[:, :2], axis=1) >= AROUND).all()

@@ -8,7 +8,7 @@ import pytest
 from core.errors import ConfigError
 from envs.experts import expert
 from envs.tasks import NOTHING
-from envs.tasks.furniture import OPEN
+from envs.tasks.shared.fittings import OPEN
 from language import FITTINGS, parse
 from tests.helpers.env_cases import make, partial_reset, succeed_in_all, task_of
 
@@ -37,7 +37,7 @@ def test_the_sentence_names_a_loose_object_and_an_open_fitting(name):
         assert f"nl_{parse(episode.sentence).task}" == name
         assert (step.init, step.goal) == (episode.referent, episode.target)
         assert episode.shares[episode.target] > OPEN
-        inside = task._inside(episode.scene.nouns, episode.scene.positions)
+        inside = task.fittings.inside(episode.scene.nouns, episode.scene.positions)
         assert inside[episode.referent, episode.target] == (name == "nl_take_out")
         named.add(episode.scene[episode.target].noun)
     assert named == {*FITTINGS}
@@ -66,14 +66,14 @@ def test_the_other_fitting_is_the_wrong_target_and_a_pushed_one_a_failure():
     td, state, task = env.reset(), env.state, env.task
     while state.goals.sum() < 2:  # until both are open
         td = partial_reset(env, td, [0])
-    fits, referent, target = task.middles(state.nouns, state.objects)[0], state.referent[0], state.target[0]
+    fits, referent, target = task.fittings.middles(state.nouns, state.objects)[0], state.referent[0], state.target[0]
     other = next(slot for slot in np.flatnonzero(state.goals[0]) if slot != target)
     state.objects[0, referent] = fits[other]
     outcomes = [task.step(state) for _ in range(3)]
     assert outcomes[-1].wrong_target[0]
     assert not outcomes[-1].success[0]
     task.reset(np.array([0]), state)
-    fitting = task.fittings[int(state.nouns[0, target])]
+    fitting = task.fittings.by_noun[int(state.nouns[0, target])]
     state.objects[0, target] = fitting.handle_at(fitting.value(0.6))
     assert task.step(state).failed[0]
     env.close()

@@ -123,7 +123,7 @@ def test_without_listed_objects_the_draws_are_unchanged():
 def only(env, kind, height=0.025):
     """Begin an episode of one cube in front of the gripper, of this kind."""
     scene = Scene([Object("cube", "red", (0.45, 0.0, height), role="target" if kind == TARGET else "real")])
-    env.task.draw = lambda rng: EpisodeSpec(scene, 0, 0, "", fixed=np.array([kind == FIXED]))
+    env.task.draw = lambda rng: EpisodeSpec(scene=scene, referent=0, fixed=np.array([kind == FIXED]))
     return env.reset()
 
 

@@ -10,7 +10,7 @@ from core.overrides import compose
 from envs import read_env
 from envs.experts.furniture import OpenCloseExpert
 from envs.mdp.object_rows import COLUMNS, nouns_of_rows
-from envs.tasks.furniture import OPEN, SHUT
+from envs.tasks.shared.fittings import OPEN, SHUT
 from language import FITTINGS, NOUNS, ground, parse
 from tests.helpers.env_cases import act, begun, check_same_bits, make, partial_reset, task_of
 
@@ -101,7 +101,7 @@ def test_the_expert_moves_what_is_meant_and_nothing_else_and_it_stays(env):
     assert (done > OPEN).all() if env.config.task.name == "nl_open" else (done < SHUT).all()
     assert (env.state.held == env.state.referent).all()
     np.testing.assert_allclose(after[each, other], before[each, other], atol=1e-3)
-    loose = ~np.isin(env.state.nouns, list(env.task.fittings))
+    loose = ~np.isin(env.state.nouns, list(env.task.fittings.by_noun))
     np.testing.assert_allclose(env.state.objects[loose], things[loose], atol=1e-3)
     for step in range(14):  # let go, and away
         up = env.gripper + [0.0, 0.0, 0.03 * (step > 3)]
@@ -117,7 +117,7 @@ def test_the_expert_moves_what_is_meant_and_nothing_else_and_it_stays(env):
 def test_another_fitting_ends_the_episode_as_the_wrong_object(env):
     td = begun(env, seed=5)
     rows = np.arange(WORLDS)
-    fits = np.isin(env.state.nouns, list(env.task.fittings))
+    fits = np.isin(env.state.nouns, list(env.task.fittings.by_noun))
     fits[rows, env.state.referent] = False
     end = env.config.task.name == "nl_open"
     alike = np.abs(shares(env)[rows, 1 - meant(env)] - (not end)) < 0.2  # worlds where the other one can be moved, too

@@ -16,7 +16,12 @@ TARGET, OTHER = np.array([0.4, 0.2, 0.025]), np.array([0.4, -0.2, 0.025])
 
 def state(gripper, objects=(TARGET, OTHER), shown=None, referent=0):
     shown = [True] * len(objects) if shown is None else shown
-    return State(np.array([gripper]), np.array([objects]), np.array([shown]), np.array([referent]))
+    return State(
+        gripper=np.array([gripper]),
+        objects=np.array([objects]),
+        shown=np.array([shown]),
+        referent=np.array([referent]),
+    )
 
 
 def judged(task, places, **more):
@@ -68,7 +73,8 @@ def test_leaving_the_referent_restarts_the_count(place, elsewhere, flag):
 def test_a_reset_restarts_the_count_in_its_own_world_only():
     task = task_of("nl_reach", "task.hold_steps=4", worlds=2)
     both = state(TARGET)
-    both = State(*(np.concatenate((a, a)) for a in (both.gripper, both.objects, both.shown, both.referent)))
+    names = ("gripper", "objects", "shown", "referent")
+    both = State(**{name: np.concatenate((getattr(both, name),) * 2) for name in names})
     task.reset(np.array([0, 1]), both)
     for _ in range(3):
         task.step(both)

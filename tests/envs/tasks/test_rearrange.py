@@ -203,8 +203,8 @@ def test_phrases_are_drawn_again_until_the_sentence_is_short_enough(monkeypatch)
     lengths = [count_words(task.draw(rng).sentence) for _ in range(20)]
     most = int(np.median(lengths))
     assert max(lengths) > most
-    monkeypatch.setattr("envs.tasks.shared.base.MAX_WORDS", most)
+    monkeypatch.setattr("envs.tasks.shared.sentences.MAX_WORDS", most)
     assert max(count_words(task.draw(rng).sentence) for _ in range(20)) <= most
-    monkeypatch.setattr("envs.tasks.shared.base.MAX_WORDS", 3)
+    monkeypatch.setattr("envs.tasks.shared.sentences.MAX_WORDS", 3)
     with pytest.raises(ConfigError, match="only sentences of more than 3 words"):
         task.draw(rng)

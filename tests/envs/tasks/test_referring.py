@@ -8,7 +8,7 @@ from envs.tasks.shared.manipulation import Manipulation
 from language import parse
 from tests.helpers.env_cases import TASKS, act, make, partial_reset, task_of
 
-SPOKEN = [name for name in TASKS if isinstance(task_of(name), Manipulation) and task_of(name).speaks]
+SPOKEN = [name for name in TASKS if isinstance(task_of(name), Manipulation) and task_of(name).traits.speaks]
 SAID = {
     "nl_grasp": "grasp the ",
     "nl_lift": "lift the ",
@@ -35,7 +35,7 @@ def test_each_sentence_names_the_task_what_is_moved_and_where_to(name, more):
     task, rng = task_of(name, *more), np.random.default_rng(0)
     for _ in range(40):
         episode = task.draw(rng)
-        said = episode.heard if task.stepwise else episode.sentence
+        said = episode.heard if task.traits.stepwise else episode.sentence
         step = parse(said, episode.scene).steps[-1]
         assert step.task == (task.verbs[episode.kind] if task.verbs else task.verb)
         assert [index for index in (step.init, step.goal) if index is not None] == [

@@ -8,7 +8,7 @@ import pytest
 from core.errors import ConfigError
 from envs.experts import Oracle, expert
 from envs.interactive.interactive_env import InteractiveEnv
-from envs.tasks import NOTHING, Said
+from envs.tasks import NOTHING, GivenInstruction
 from envs.tasks.sort import APART, AROUND, SORTED, Spots, is_sorted
 from language import parse
 from tests.helpers.env_cases import act, config_of, make, task_of
@@ -18,6 +18,7 @@ NAME = "nl_sort"
 PLAIN = "task.curriculum={near: 0, held: 0, placed: 0}"
 AREA = [0.32, 0.56, -0.3, 0.3]
 SIZE = 0.05
+GIVEN = ("kind", "referent", "target", "sentence", "heard")
 
 
 def alike(scene, referent):
@@ -44,13 +45,17 @@ def test_the_sentence_names_every_object_of_a_colour_and_the_policy_hears_the_fi
     assert counts == {(2, 3), (3, 3), (2, 4), (3, 4), (2, 5), (3, 5)}
 
 
+def first_step(episode):
+    return GivenInstruction(**{field: getattr(episode, field) for field in GIVEN})
+
+
 def test_steps_go_on_until_all_have_been_brought_and_each_names_one_object():
     task, rng = task_of(NAME, PLAIN), np.random.default_rng(1)
     for _ in range(30):
         episode = task.draw(rng)
         scene, spots = episode.scene, Spots(AREA, SIZE)
         left = set(alike(scene, episode.referent).tolist())
-        said = Said(episode.kind, episode.referent, episode.target, episode.sentence, episode.heard)
+        said = first_step(episode)
         while said is not None:
             assert said.sentence == episode.sentence
             assert parse(said.heard, scene).steps[0].init == said.referent
@@ -70,7 +75,7 @@ def test_what_was_moved_away_again_is_sorted_once_more():
     mark, members = episode.scene.positions[episode.target], alike(episode.scene, episode.referent)
     places = episode.scene.positions.copy()
     places[members] = mark + [[0.0, 0.1 * i - 0.1, 0.0] for i in range(len(members))]
-    last = Said(episode.kind, episode.referent, episode.target, episode.sentence, episode.heard)
+    last = first_step(episode)
     assert task.next_instruction(episode.scene.moved(places), NOTHING, rng, last=last) is None
     places[members[0]] = mark + [0.0, SORTED + 0.01, 0.0]
     assert task.next_instruction(episode.scene.moved(places), NOTHING, rng, last=last).referent == members[0]
@@ -79,7 +84,7 @@ def test_what_was_moved_away_again_is_sorted_once_more():
 def test_what_no_superlative_names_is_said_to_be_the_farthest_from_the_marked_place():
     task, rng = task_of(NAME, PLAIN, "task.kinds=[color]"), np.random.default_rng(1)
     scene = task_of(NAME, PLAIN).draw(rng)
-    last = Said(0, scene.referent, scene.target, scene.sentence, scene.heard)
+    last = first_step(scene)
     said = task.next_instruction(scene.scene, NOTHING, rng, last=last)
     assert "farthest from" in said.heard
     assert parse(said.heard, scene.scene).steps[0].init == said.referent
