@@ -17,6 +17,7 @@ from language import LanguageError
 Request = Callable[[Session], object]
 USER_ERRORS = (ConfigError, LanguageError, Unreachable, NothingPointedAt)  # errors that a person can correct
 MAX_REQUESTS = 256  # in the queue; further ones are dropped
+REQUEST_SHARE = 0.5  # of a control step, after which further requests wait for the next one
 RATE_STEPS = 40  # control steps over which the rate is measured
 
 
@@ -82,10 +83,13 @@ class RealTimeLoop:
     def _serve_requests(self) -> None:
         with self._lock:
             requests, self._latest = list(self._latest.values()), {}
-        while not self._requests.empty():
-            requests.append(self._requests.get_nowait())
         for request in requests:
             self._call(request)
+        end = time.monotonic() + REQUEST_SHARE * self.session.period
+        while not self._requests.empty():
+            self._call(self._requests.get_nowait())
+            if time.monotonic() > end:
+                return
 
     def _call(self, request: Request) -> None:
         """Calls with the session. An error becomes a message: a failed request must not end the loop."""

@@ -156,8 +156,10 @@ def _at_height(height: float, eye: ArrayLike, through: ArrayLike) -> Array | Non
     """(3,) metres: where the line from an eye through a point reaches this height; None if it does not."""
     start = np.asarray(eye, np.float64)
     direction = np.asarray(through, np.float64) - start
-    share = (height - start[2]) / direction[2] if direction[2] else -1.0
-    return start + share * direction if share > 0 else None
+    with np.errstate(over="ignore", invalid="ignore"):
+        share = (height - start[2]) / direction[2] if direction[2] else -1.0
+        place = start + share * direction
+    return place if share > 0 and np.isfinite(place).all() else None
 
 
 def _place(ring: Any, position: Array | None) -> None:
