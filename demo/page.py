@@ -20,8 +20,9 @@ from demo.recording_panel import RecordingPanel
 from demo.room import MOST_SAID
 from demo.scene_view import SceneView
 from demo.session import Session
-from demo.session_config import DRIVERS, MOST_OBJECTS, SessionConfig, pretrained_policies
+from demo.session_config import DRIVERS, MOST_OBJECTS, SessionConfig, check_run, pretrained_policies
 from demo.splash_page import set_camera
+from language import LanguageError
 
 Array = NDArray[np.float64]
 AUTO = "the one that fits"
@@ -34,6 +35,7 @@ DIRECTIONS = {  # of keys, as the person sees them, who stands opposite the robo
     "pagedown": (0, 0, -1),
 }
 LISTED = (222, 235, 250)  # RGB of the buttons that list feasible instructions
+MAX_SENTENCE = 500  # characters
 SPEEDS = (0.1, 1.0)  # range of the clock's speed; 1 is real time
 HELP_BY_HAND = "Choose 'Driven by: hand'. Arrow and page keys move the gripper too."
 
@@ -143,6 +145,8 @@ class Page:
         self._show_message("")
         if not sentence.strip():
             return
+        if len(sentence) > MAX_SENTENCE:  # the parser takes longer than a control step for some
+            raise LanguageError(f"that is too long: a sentence has at most {MAX_SENTENCE} characters")
         result = interpret(sentence)
         self._put("interpretation", self._interpretation, html.interpretation(result, session.object_names()))
 
@@ -223,6 +227,8 @@ class Page:
 
         def change(session: Session) -> None:
             self._show_message("One moment.")
+            if folder:
+                check_run(folder)
             objects = int(self._objects.value)
             unchanged = objects == self._shown_objects(session)  # then another task keeps its own number
             values["objects"] = session.config.objects if unchanged else objects

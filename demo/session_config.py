@@ -23,6 +23,7 @@ from trainers.run import checkpoint
 DRIVERS = ("policy", "expert", "hand")  # who drives the robot
 GROUPS = ("task", "robot", "control", "workspace")  # config groups that a person chooses
 MOST_OBJECTS = 6  # that a person can choose
+NOT_A_RUN = "the run folder is not a folder of a run that can be read here"
 DEFAULTS: dict[str, Any] = {
     "task": "nl_reach",
     "robot": "kuka",
@@ -110,6 +111,14 @@ def _saved_policy(path: Path, payload: dict[str, Any]) -> SavedPolicy:
 
 def _load(path: Path, given: Sequence[str] = ()) -> dict[str, Any]:
     return checkpoint.load(checkpoint.find(path), given=given)
+
+
+def check_run(folder: str) -> None:
+    """Raises ConfigError, with one sentence whatever else is there: the page does not tell which files exist."""
+    try:
+        _saved_policy(Path(folder), _load(Path(folder)))
+    except (ConfigError, LookupError, OSError, TypeError, ValueError):
+        raise ConfigError(NOT_A_RUN) from None
 
 
 def check_choices(values: Mapping[str, str]) -> None:
