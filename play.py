@@ -1,6 +1,6 @@
 """Talk to a robot and point at things: a page in the browser shows the robot, which does what you say.
 
-    python play.py                                      # http://127.0.0.1:8080, with a pretrained policy
+    python play.py                                      # prints the address of the page; with a pretrained policy
     python play.py robot=panda task=nl_pick_and_place   # another robot, another task
     python play.py checkpoint=outputs/<run>             # a policy of your own
     python play.py --gui                                # PyBullet's own window and the keyboard, no page
@@ -13,7 +13,6 @@ overrides the environment's config, as in train.py. The page requires pip instal
 from __future__ import annotations
 
 import argparse
-import ipaddress
 import signal
 import socket
 import sys
@@ -43,7 +42,8 @@ def parser() -> argparse.ArgumentParser:
     )
     options.add_argument("overrides", nargs="*", metavar="key=value")
     options.add_argument("--port", type=int, default=8080)
-    options.add_argument("--host", default="127.0.0.1", help="any address but loopback lets others in, with a token")
+    options.add_argument("--host", default="127.0.0.1", help="any address but loopback lets other machines in")
+    options.add_argument("--origin", action="append", default=[], help="address of a server or tunnel before the page")
     options.add_argument("--seed", type=int, default=0, help="of the scenes")
     options.add_argument("--gui", action="store_true", help="no page: PyBullet's own window, with the keyboard")
     options.add_argument("--headless", type=Path, metavar="VIDEO", help="no page: do what --say says, and write an mp4")
@@ -116,20 +116,22 @@ def serve_page(args: argparse.Namespace) -> None:
     if find_spec("viser") is None or find_spec("trimesh") is None:
         raise ConfigError('the page requires viser, which is not installed: pip install -e ".[play]"')
     _check_address(args.host, args.port)
+    from demo.client_messages import MessageCheck
+    from demo.page_gate import PageGate, is_loopback
     from demo.splash_page import open_splash_page
 
-    shared = not _is_loopback(args.host)
-    server = open_splash_page("127.0.0.1" if shared else args.host, _free_port() if shared else args.port)
-    gate, address = None, f"http://{args.host}:{args.port}"
+    gate, check = PageGate(args.host, args.port, args.origin), MessageCheck()
+    server = open_splash_page(args.host, args.port, gate, check)
     try:
-        if shared:
-            from demo.token_gate import TokenGate
-
-            gate = TokenGate(args.host, args.port, server.get_port())
-            address += f"/?token={gate.token}"
-            print(f"warning: --host={args.host}: anyone with this address can drive the robot", file=sys.stderr)
+        if server.get_port() != args.port:  # else the token would be sent to who has taken the port meanwhile
+            raise ConfigError(f"--port={args.port} has been taken; try another --port")
+        if not is_loopback(args.host):
+            there = gate.with_token(f"http://{socket.gethostname()}:{args.port}")
+            print(f"warning: anyone with the address can drive the robot; other machines use {there}", file=sys.stderr)
         with _on_interrupt(lambda: sys.exit(0)):
-            print(f"{address} (press Ctrl-C to stop)", flush=True)
+            print(f"{gate.address} (press Ctrl-C to stop)", flush=True)
+            for origin in args.origin:
+                print(f"or {gate.with_token(origin)}", flush=True)
             with closing(make_session(args)) as session:
                 from demo.page import Page
 
@@ -137,9 +139,9 @@ def serve_page(args: argparse.Namespace) -> None:
                     print(f"it is ready; try: {session.example()}", flush=True)
                     page.loop.run()
     finally:
-        if gate is not None:
-            gate.close()
         server.stop()
+        if check.dropped:
+            print(f"{check.dropped} messages that the page never sends were dropped", file=sys.stderr)
 
 
 @contextmanager
@@ -151,20 +153,6 @@ def _on_interrupt(action: Callable[[], object]) -> Iterator[None]:
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
-def _free_port() -> int:
-    """A port of this machine that nobody listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def _check_address(host: str, port: int) -> None:

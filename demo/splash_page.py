@@ -7,6 +7,10 @@ from typing import Any
 import numpy as np
 import viser
 
+from demo.client_messages import MessageCheck
+from demo.guarded_server import open_guarded_server
+from demo.page_gate import PageGate
+
 CAMERA, LOOK_AT = (1.25, -1.9, 0.9), (1.2, 0.0, 0.3)  # metres: shows robot, table and person left of the panel
 VIEWS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {  # from near by, by workspace
     "board": ((0.72, -0.8, 0.6), (0.68, 0.0, 0.12)),
@@ -25,9 +29,9 @@ def set_camera(server: viser.ViserServer, workspace: str) -> None:
         camera.position, camera.look_at = position, look_at
 
 
-def open_splash_page(host: str, port: int) -> viser.ViserServer:
+def open_splash_page(host: str, port: int, gate: PageGate, check: MessageCheck) -> viser.ViserServer:
     """Starts a server whose page shows a message and the camera's view; `Page` replaces the content later."""
-    server = viser.ViserServer(host, port, label="Deixis", verbose=False)
+    server = open_guarded_server(host, port, gate, check, label="Deixis")
     gui: Any = server.gui
     gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
     camera = server.initial_camera

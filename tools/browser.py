@@ -78,7 +78,7 @@ class PageTab:
     """
 
     def __init__(self, browser: Any, address: str, sharp: bool = False, blank: bool = False) -> None:
-        scale, size, url = (1, WIDE, f"{address}/?fixedDpr=1") if sharp else (LOW_RESOLUTION, SIZE, address)
+        scale, size, url = (1, WIDE, f"{address}&fixedDpr=1") if sharp else (LOW_RESOLUTION, SIZE, address)
         self.tab = browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale)
         self.tab.set_default_timeout(1000 * TIMEOUT)
         if blank:
@@ -146,11 +146,11 @@ class PageTab:
 
 
 @contextmanager
-def headless_browser() -> Iterator[Any]:
+def headless_browser(*switches: str) -> Iterator[Any]:
     """Yield a Chromium without a window."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE_RENDERING)
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=[*SOFTWARE_RENDERING, *switches])
         yield browser
         browser.close()
