@@ -194,10 +194,10 @@ def _evaluate(
 
     from envs.config import read_env
     from train import build_env
-    from trainers.algorithms.build import fitted_policy
     from trainers.cluster.ray_map import evaluate_shards
     from trainers.collect.worker import derive_seed
     from trainers.evaluation.video import record_video
+    from trainers.run.checkpoint import fitted_policy
     from trainers.utils.files import atomic_path
 
     if config.by_hand or config.in_turn or config.chains:
@@ -223,9 +223,9 @@ def _evaluate_shard(
     """The episodes of a shard (its number and how many they are), and the names of the kinds. Runs on any machine."""
     from envs.config import read_env
     from train import build_env
-    from trainers.algorithms.build import fitted_policy
     from trainers.collect.worker import derive_seed
     from trainers.evaluation.evaluation import run_episodes
+    from trainers.run.checkpoint import fitted_policy
 
     cfg = apply(saved["config"], overrides)
     number, episodes = shard
@@ -243,10 +243,10 @@ def _in_this_process(config: EvaluateConfig, saved: dict[str, Any], cfg: Any) ->
     from envs.config import read_env
     from envs.interactive.by_hand import ByHandEnv
     from train import build_env
-    from trainers.algorithms.build import fitted_policy
     from trainers.collect.worker import derive_seed
     from trainers.evaluation.chains import run_chains, summarize_chains
     from trainers.evaluation.instruction_ablations import success_in_turn
+    from trainers.run.checkpoint import fitted_policy
 
     env_config, seed = read_env(cfg).without_curriculum(), derive_seed(config.seed, SEED_INDEX, evaluation=True)
     worlds = cfg["task"]["num_objects"] * max(1, cfg["task"].get("num_targets", 0))

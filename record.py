@@ -172,7 +172,7 @@ def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None
         from envs.experts import expert
 
         return expert(env)
-    from trainers.algorithms.build import fitted_policy
+    from trainers.run.checkpoint import fitted_policy
 
     return fitted_policy(saved, whole, env).act
 

@@ -63,34 +63,34 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     from envs.config import read_env
     from language import Tokenizer
     from trainers.collect import fork_server
-    from trainers.config import read_plan, uses_processes
+    from trainers.config import read_training, uses_processes
     from trainers.run.progress import Progress
 
-    env_config, plan = read_env(config), read_plan(config)
-    if uses_processes(plan.collector):
+    env_config, training = read_env(config), read_training(config)
+    if uses_processes(training.collector):
         fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process imports
-    with Progress(plan.run.total_frames) as progress:
+    with Progress(training.run.total_frames) as progress:
         import_training()
-        from trainers.algorithms.build import find_device
+        from trainers.algorithms.algorithm import find_device
         from trainers.run.checkpoint import find
         from trainers.run.run_folder import FolderLock, name_semaphores
         from trainers.run.train_loop import fit
         from trainers.utils.files import write_checked_yaml
 
-        find_device(plan.run.device)
+        find_device(training.run.device)
         name_semaphores()
         with FolderLock(folder):
             write_checked_yaml(folder / "config.yaml", OmegaConf.to_yaml(config, resolve=True))
             return fit(
-                plan,
-                make_env=partial(build_env, env_config, labelled=plan.algo.imitates),
+                training,
+                make_env=partial(build_env, env_config, labelled=training.algo.imitates),
                 make_eval_env=partial(build_env, env_config.without_curriculum()),
                 folder=folder,
                 config=cast(Any, OmegaConf.to_container(config, resolve=True)),
                 vocabulary=list(Tokenizer.default().vocabulary),
                 resume=find(Path(config.resume)) if config.resume else None,
-                init=find(Path(plan.run.init), key="init") if plan.run.init and not config.resume else None,
-                make_video_env=partial(build_env, env_config.without_curriculum(), 1, plan.run.seed, True),
+                init=find(Path(training.run.init), key="init") if training.run.init and not config.resume else None,
+                make_video_env=partial(build_env, env_config.without_curriculum(), 1, training.run.seed, True),
                 progress=progress,
                 on_result=lambda result: print(summary(result, folder), flush=True),
             )

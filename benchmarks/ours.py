@@ -20,10 +20,10 @@ import torch
 from core.overrides import compose
 from envs import make_env, read_env
 from train import build_env
-from trainers.algorithms.build import build_algorithm
+from trainers.algorithms.algorithm import build_algorithm
 from trainers.algorithms.sac import SAC
-from trainers.collect.collection import Rollouts
-from trainers.config import read_plan
+from trainers.collect.rollouts import Rollouts
+from trainers.config import read_training
 from trainers.run.train_loop import fit
 from trainers.utils.matrix_products import fast_products
 
@@ -111,12 +111,12 @@ def _recording(drive: Callable[[Any], None], targets: list[Any]) -> Callable[[An
 def collector(steps: int, overrides: Sequence[str], workers: int) -> dict[str, Any]:
     """Measure frames a second of TorchRL's collector with the default policy and a weight update for each batch."""
     config = compose(overrides)
-    plan = read_plan(config)
+    training = read_training(config)
     make = partial(build_env, read_env(config))
     env = make(1, 0)
-    policy, _ = build_algorithm(plan, env.observation_spec, env.action_unit)
+    policy, _ = build_algorithm(training, env.observation_spec, env.action_unit)
     horizon = 64
-    rollouts = Rollouts(make, policy, replace(plan.collector, workers=workers, worlds=WORLDS * workers), horizon, 0)
+    rollouts = Rollouts(make, policy, replace(training.collector, workers=workers, worlds=WORLDS * workers), horizon, 0)
     batches = max(steps // (WORLDS * horizon * workers), 1)
 
     def work() -> None:
@@ -137,9 +137,9 @@ def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
     The networks are those of stable-baselines3's defaults; the other hyperparameters are ours.
     """
     config = compose([*overrides, *FEW, f"total_frames={steps}", "eval.interval=100_000_000"])
-    plan = read_plan(config)
+    training = read_training(config)
     with tempfile.TemporaryDirectory() as folder:
-        fit(plan, partial(build_env, read_env(config)), Path(folder), {}, [])
+        fit(training, partial(build_env, read_env(config)), Path(folder), {}, [])
         rows = [line.split(",") for line in (Path(folder) / "metrics.csv").read_text().splitlines()]
     columns = [rows[0].index(name) for name in ("time/collect", "time/update")]
     seconds = sum(float(row[column]) for row in rows[2:] for column in columns)
@@ -150,11 +150,11 @@ def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
 def sac_gradient_steps(steps: int) -> dict[str, Any]:
     """Measure SAC updates a second on a filled buffer, with batch 256 and networks of 256 x 256."""
     config = compose(["task=reach", "robot=panda", "algo=sac", *SB3_SAC, "algo.batch=256"])
-    plan = read_plan(config)
+    training = read_training(config)
     env = build_env(read_env(config), WORLDS, 0)
-    policy, sac = build_algorithm(plan, env.observation_spec, env.action_unit)
+    policy, sac = build_algorithm(training, env.observation_spec, env.action_unit)
     assert isinstance(sac, SAC)
-    alone = replace(plan.collector, workers=1, worlds=WORLDS)
+    alone = replace(training.collector, workers=1, worlds=WORLDS)
     rollouts = Rollouts(partial(build_env, read_env(config)), policy, alone, 128, 0)
     sac.replay.extend(rollouts.next())
     rollouts.close()
@@ -173,7 +173,7 @@ def sac_products(steps: int) -> dict[str, Any]:
     torch.set_num_threads(len(os.sched_getaffinity(0)))
     config = compose(["task=reach", "robot=panda", "algo=sac", *SB3_SAC])
     env = build_env(read_env(config), 1, 0)
-    policy, sac = build_algorithm(read_plan(config), env.observation_spec, env.action_unit)
+    policy, sac = build_algorithm(read_training(config), env.observation_spec, env.action_unit)
     assert isinstance(sac, SAC)
     actor, critic = (
         [layer.weight for layer in module.modules() if isinstance(layer, torch.nn.Linear)]
@@ -213,11 +213,11 @@ def memory_per_world(worlds: int) -> dict[str, Any]:
 def _peak_memory(worlds: int) -> float:
     """Measure the MiB of a training run with `worlds` in each of two workers, after its third batch."""
     config = compose([f"collector.worlds={2 * worlds}", "collector.workers=2", "algo.minibatch=16"])
-    plan = read_plan(config)
+    training = read_training(config)
     make = partial(build_env, read_env(config))
     env = make(1, 0)
-    policy, algorithm = build_algorithm(plan, env.observation_spec, env.action_unit)
-    rollouts = Rollouts(make, policy, plan.collector, plan.algo.horizon, 0)
+    policy, algorithm = build_algorithm(training, env.observation_spec, env.action_unit)
+    rollouts = Rollouts(make, policy, training.collector, training.algo.horizon, 0)
     try:
         for _ in range(3):
             algorithm.update(rollouts.next(), 0.0)

@@ -148,7 +148,7 @@ def _evaluate(model: Any, env: Any, seeds: Iterator[int], target: float) -> dict
     if success >= target:
         confirmed = success_of(model, env, itertools.islice(seeds, CONFIRMATION_EPISODES))
     seconds = time.perf_counter() - start
-    return {"eval/success_at_end": success, "eval/confirmed": confirmed, "time/evaluate": seconds}
+    return {"eval/success_at_end": success, "eval/confirmed": confirmed, "time/evaluation_wait": seconds}
 
 
 # ---- Both sides

@@ -15,8 +15,8 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 from core.overrides import apply
 from envs.config import read_env
 from envs.workspace_env import WorkspaceEnv
-from trainers.algorithms.build import fitted_policy
 from trainers.run import checkpoint
+from trainers.run.checkpoint import fitted_policy
 
 
 class LoadedPolicy(TensorDictModuleBase):

@@ -16,9 +16,9 @@ from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.window import Window
 from envs.tasks import TASKS
 from language import FITTINGS, HAND
-from trainers.algorithms.build import fitted_policy
 from trainers.export import policy_file
 from trainers.run import checkpoint
+from trainers.run.checkpoint import fitted_policy
 
 DRIVERS = ("policy", "expert", "hand")  # who drives the robot
 GROUPS = ("task", "robot", "control", "workspace")  # config groups that a person chooses

@@ -84,13 +84,11 @@ def test_without_the_words_a_trained_policy_falls_to_chance(trained):
 
 def restored(folder: Path):
     from envs import read_env
-    from trainers.algorithms.build import restore_policy
-    from trainers.config import read_plan
     from trainers.run import checkpoint
 
     saved = checkpoint.load(checkpoint.find(folder))
     env = train.build_env(read_env(saved["config"]), 40, 77)
-    return env, restore_policy(read_plan(saved["config"]), env.observation_spec, env.action_unit, saved).act
+    return env, checkpoint.fitted_policy(saved, saved["config"], env).act
 
 
 @torch.no_grad()

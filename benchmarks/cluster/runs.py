@@ -25,11 +25,10 @@ from envs.config import read_env
 from language import Tokenizer
 from tools.whole_runs import ROOT, SMALL, command, differences, finish, rows_of
 from train import build_env
-from trainers.algorithms.build import build_algorithm
+from trainers.algorithms.algorithm import build_algorithm
 from trainers.cluster.ray_session import RaySession
-from trainers.collect.collection import Rollouts
-from trainers.collect.worker_pool import WorkerPool
-from trainers.config import read_plan
+from trainers.collect.rollouts import Rollouts, WorkerPool
+from trainers.config import read_training
 from trainers.run.metrics import read_metrics
 from trainers.run.train_loop import fit
 
@@ -115,7 +114,7 @@ def train(folder: Path, fault: ClusterFault | None) -> None:
     for each in patches:
         each.start()
     try:
-        fit(read_plan(config), _maker(config), folder, plain, list(Tokenizer.default().vocabulary))
+        fit(read_training(config), _maker(config), folder, plain, list(Tokenizer.default().vocabulary))
     finally:
         for each in patches:
             each.stop()
@@ -219,10 +218,10 @@ def node_added(tries: int, random: Random, folder: Path) -> RowResult:
     for _ in range(tries):
         start_cluster(NODES[:1], head=False)
         config = compose([*RUN, "collector.cpus=0.5"])
-        plan, env = read_plan(config), _maker(config)(1, 0)
+        training, env = read_training(config), _maker(config)(1, 0)
         words = list(Tokenizer.default().vocabulary)
-        policy, _ = build_algorithm(plan, env.observation_spec, env.action_unit, words, env.hindsight)
-        rollouts = Rollouts(_maker(config), policy, plan.collector, 64, 0)
+        policy, _ = build_algorithm(training, env.observation_spec, env.action_unit, words, env.hindsight)
+        rollouts = Rollouts(_maker(config), policy, training.collector, 64, 0)
         rollouts.next()
         start_node(2, cpus=1)
         pool: Any = rollouts.pool

@@ -11,7 +11,7 @@ from core.composition import composed, composed_by_hydra
 from core.errors import ConfigError
 from core.overrides import apply, check, compose, groups
 from envs import read_env
-from trainers.config import read_plan
+from trainers.config import read_training
 
 FOLDER = Path(conf.__file__).parent
 OPTIONS = sorted((path.parent.name, path.stem) for path in FOLDER.glob("*/*.yaml"))
@@ -83,10 +83,10 @@ def test_config_yaml_names_every_group():
 def test_every_option_reads_into_its_dataclass(group, option):
     needed = ["robot=panda"] if option == "fingers" else []  # others have none
     config = compose([f"{group}={option}", *needed])
-    environment, plan = read_env(config), read_plan(config)
+    environment, training = read_env(config), read_training(config)
     if group == "scenario":
         return  # values of other groups
-    holder = environment if hasattr(environment, group) else plan
+    holder = environment if hasattr(environment, group) else training
     values = getattr(holder, group)
     if hasattr(values, "name"):
         # A larger nl_reach is the same task with other values; PPO with a rising discount factor is PPO.
@@ -94,8 +94,8 @@ def test_every_option_reads_into_its_dataclass(group, option):
 
 
 def test_every_key_of_the_config_is_declared(default):
-    environment, plan = read_env(default), read_plan(default)
-    declared = {*vars(environment), *vars(plan), *vars(plan.run), "choices", "resume", "run", "sweep"}
+    environment, training = read_env(default), read_training(default)
+    declared = {*vars(environment), *vars(training), *vars(training.run), "choices", "resume", "run", "sweep"}
     assert set(default) <= declared
 
 
@@ -122,7 +122,7 @@ NEWER = {
 def test_dataclasses_of_the_config_have_no_defaults():
     """A dataclass that declares a value has no default beside it, but for configs that are older than the key."""
     config = compose()
-    for holder in (read_env(config), read_plan(config)):
+    for holder in (read_env(config), read_training(config)):
         for part in vars(holder).values():
             fields = type(part).__dataclass_fields__.values()
             assert {field.name for field in fields if field.default is not field.default_factory} <= NEWER, type(part)
@@ -179,7 +179,7 @@ def test_overrides_apply_to_a_saved_config(default):
     assert read_env(changed).task.max_steps == 7
     assert read_env(changed).task.reward["time"] == -1
     assert read_env(changed).physics.sleeping is False
-    assert read_plan(changed).run.total_frames == 5000
+    assert read_training(changed).run.total_frames == 5000
     assert read_env(apply(kept, ["task=reach"])).task.name == "reach"
     assert kept == OmegaConf.to_container(default, resolve=True)
     with pytest.raises(ConfigError, match=r"did you mean 'task\.max_steps'"):

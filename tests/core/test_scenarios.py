@@ -7,7 +7,7 @@ from core.composition import quoted
 from core.errors import ConfigError
 from core.overrides import apply, check, compose
 from envs import read_env
-from trainers.config import read_plan
+from trainers.config import read_training
 
 SCENARIOS = {
     1: ("kuka", "absolute", "ppo"),
@@ -26,12 +26,12 @@ OWN = {
 @pytest.mark.parametrize("number", SCENARIOS)
 def test_a_scenario_sets_robot_control_algorithm_and_task(number):
     config = compose([f"scenario={number}"])
-    environment, plan = read_env(config), read_plan(config)
-    assert (environment.robot.name, environment.control.name, plan.algo.name) == SCENARIOS[number]
+    environment, training = read_env(config), read_training(config)
+    assert (environment.robot.name, environment.control.name, training.algo.name) == SCENARIOS[number]
     task = environment.task
     assert (task.name, task.num_objects, task.num_targets) == ("nl_pick_and_place", 2, 2)
     assert environment.gripper.of(environment.robot) == ("fingers" if number == 4 else "magnet")
-    assert plan.run.total_frames <= 1_000_000
+    assert training.run.total_frames <= 1_000_000
     assert config.scenario == number
 
 
@@ -51,7 +51,7 @@ def test_scenarios_of_one_algorithm_share_their_hyperparameters():
 @pytest.mark.parametrize("algo", ["ppo", "sac", "bc"])
 def test_another_algorithm_replaces_all_of_a_scenarios_own(algo):
     assert compose(["scenario=3", f"algo={algo}"]).algo == compose([f"algo={algo}"]).algo
-    assert read_plan(compose(["scenario=3", f"algo={algo}"])).algo.name == algo
+    assert read_training(compose(["scenario=3", f"algo={algo}"])).algo.name == algo
 
 
 def test_scenario_none_changes_nothing():

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.helpers.fake_env import WORDS, make_env
-from tests.helpers.plans import config, plan
+from tests.helpers.training_configs import config, training
 from trainers.collect.worker import MakeEnv
 from trainers.run.metrics import read_metrics
 from trainers.run.train_loop import fit
@@ -22,7 +22,7 @@ def train(
     **options: Any,
 ) -> dict[str, Any]:
     """Train in `folder` and return the values of eval.json. options: of `fit`."""
-    small = plan(algo, policy, tuple(overrides))
+    small = training(algo, policy, tuple(overrides))
     return fit(small, make, folder, config(algo, policy, tuple(overrides)), WORDS, **options)
 
 

@@ -1,8 +1,4 @@
-"""Independent parts of a gradient step, each on a core of its own.
-
-The networks are small. With two threads, each of a step's hundreds of operations waits for the other thread, and waits
-long if another process uses one of the cores. Two losses on a thread each wait for each other once per step.
-"""
+"""The base of all algorithms, and what they share: the grounding loss, checks of numbers, and gradient steps."""
 
 from __future__ import annotations
 
@@ -12,150 +8,65 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import torch
 import torch.nn.functional as F
 from tensordict import TensorDictBase
 from torch import Tensor, nn
-from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
+from torchrl.data import Composite, LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 
-from core.errors import RunError
-from core.spaces import public_keys
-from trainers.algorithms.registry import AlgorithmConfig
+from core.errors import ConfigError, RunError
+from trainers.algorithms.settings import PACKAGE, AlgorithmConfig
+from trainers.config import TrainingConfig
+from trainers.environment import Relabel
 from trainers.models.critics import Specs
 from trainers.models.grounding import grounding_loss
-from trainers.models.policy import ExpertMixture, Policy
+from trainers.models.policy import ExpertMixture, MoveBounds, Policy, build_policy
 
-Part = Callable[[], dict[str, Tensor]]
-
-
-def run_parts(parts: Sequence[Part]) -> dict[str, Tensor]:
-    """Run the parts, and return their measured values together.
-
-    They run at the same time if torch may use several threads, each on one thread; otherwise one after another. So
-    they must not depend on each other, and at most one of them may draw random numbers. A single part has all threads.
-
-    Args:
-        parts: the longest first.
-    """
-    threads = torch.get_num_threads()
-    if threads == 1 or len(parts) == 1:
-        results = [part() for part in parts]
-    else:
-        with one_thread():
-            running = [_pool(threads).submit(part) for part in parts]
-            wait(running)  # all of them, even if one raises: none is left running
-        results = [each.result() for each in running]
-    return {name: value for result in results for name, value in result.items()}
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Within this block torch uses one thread: more would wait for each other longer than small operations take."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
-
-
-@cache
-def _pool(threads: int) -> ThreadPoolExecutor:
-    """Threads that use one core each: the number is a setting of each thread."""
-    return ThreadPoolExecutor(threads, "gradients", initializer=torch.set_num_threads, initargs=(1,))
-
-
-METRICS = ("loss/grounding", "grounding/accuracy")
+GROUNDING_METRICS = ("loss/grounding", "grounding/accuracy")
 LEAST_SHARE = 1 / 8  # least share of gradient steps with scenes, however small the error
+OTHERS = ("privileged", "reward", "reward_terms")  # keys of a step that are no observation
 SMOOTHING = 0.5  # weight of the latest batch in the error
 
+Part = Callable[[], dict[str, Tensor]]  # a part of a gradient step: adds gradients, and returns the measured values
 
-class GroundingSupervision:
-    """Keeps scenes and computes the grounding loss on samples of them.
 
-    A batch of PPO holds a hundred or two scenes, each at many steps. Relations learned from the latest batch alone
-    reached 92 % of fresh sentences; learned from all scenes of the run they reach more than 99 %.
+def build_algorithm(
+    training: TrainingConfig,
+    observation_spec: Composite,
+    action_unit: Sequence[float],
+    vocabulary: Sequence[str] = (),
+    relabel: Relabel | None = None,
+) -> tuple[Policy, Algorithm]:
+    """Networks on run.device and the algorithm that trains them.
 
-    Attributes:
-        active: False if the weight is 0 or the policy has no attention; then the words are learned from reward alone.
-        gain: the share of gradient steps with scenes, divided by the error; None: all steps have scenes.
-        error: running mean of the attention's error rate on fresh scenes; 1 before the first batch.
+    Args:
+        training: of the run.
+        observation_spec: of the environment.
+        action_unit: of the environment.
+        vocabulary: the tokenizer's words, which only policy.encoder=sentence reads.
+        relabel: the environment's `hindsight`, which only off-policy algorithms use.
     """
-
-    def __init__(self, config: AlgorithmConfig, policy: Policy, device: torch.device) -> None:
-        self.config, self.policy = config, policy
-        self.active = config.grounding_weight > 0 and policy.attends
-        self.keys = [*policy.encoder_keys, *policy.label_keys]
-        self.scenes = TensorDictReplayBuffer(storage=LazyTensorStorage(config.grounding_memory, device=device))
-        self.gain: float | None = None
-        self.error = 1.0
-
-    @property
-    def share(self) -> float:
-        """The share of gradient steps with scenes: in proportion to the error, between LEAST_SHARE and 1."""
-        return 1.0 if self.gain is None else min(1.0, max(LEAST_SHARE, self.gain * self.error))
-
-    @property
-    def scenes_per_update(self) -> int:
-        """How many unsimulated scenes are added before each update."""
-        return math.ceil(self.share * self.config.grounding_scenes) if self.active else 0
-
-    def add(self, scenes: TensorDictBase) -> None:
-        """Keep scenes (count,). Those that are simulated may have fewer slots than those that were drawn first."""
-        slots = self.scenes[:1]["objects"].shape[1] if len(self.scenes) else 0
-        self.scenes.extend(with_slots(scenes, slots))
-
-    def sample(self, count: int = 1) -> Sequence[TensorDictBase]:
-        """`count` batches of scenes (grounding_batch,), drawn evenly with replacement in one draw."""
-        return self.scenes.sample(count * self.config.grounding_batch).split(self.config.grounding_batch)
-
-    def paired(
-        self, parts: Iterable[TensorDictBase], count: int, share: float
-    ) -> Iterator[tuple[TensorDictBase, TensorDictBase | None]]:
-        """Pairs each of `count` parts with a batch of scenes for the same gradient step, or with None.
-
-        A pass over scenes costs more than one over frames, and fewer passes suffice. So only a share of the parts,
-        evenly spaced, has scenes; none has if the words are not supervised. All scenes are drawn at once.
-        """
-        chosen = math.ceil(count * share) if self.active else 0
-        drawn = self.sample(chosen) if chosen else ()
-        scenes = {i * count // chosen: each for i, each in enumerate(drawn)}
-        for i, part in enumerate(parts):
-            yield part, scenes.get(i)
-
-    def measure_fresh(self, scenes: TensorDictBase) -> float:
-        """The accuracy on scenes (count,) that no step has learned from yet. Updates `error`."""
-        accuracy = float(self.measure(scenes)["grounding/accuracy"])
-        self.error += SMOOTHING * (1 - accuracy - self.error)
-        return accuracy
-
-    def measure(self, scenes: TensorDictBase) -> dict[str, Tensor]:
-        """The loss, before its weight, and the accuracy on scenes (count,), under the names of METRICS."""
-        return dict(zip(METRICS, grounding_loss(self.policy.encode(scenes)), strict=True))
+    device = find_device(training.run.device)
+    bounds = MoveBounds(squash=training.algo.squashes, clip=training.algo.clips)
+    policy = build_policy(training.policy, observation_spec, action_unit, bounds, vocabulary).to(device)
+    specs = Specs(training.policy, observation_spec, device, relabel)
+    module, _, name = training.algo.algorithm.rpartition(".")
+    cls: type[Algorithm] = getattr(import_module(f"{PACKAGE}.{module}"), name)
+    return policy, cls.build(training.algo, policy, specs)
 
 
-def with_slots(scenes: TensorDictBase, slots: int) -> TensorDictBase:
-    """The scenes (count,) with at least so many slots: those that are added show nothing."""
-    missing = slots - scenes["objects"].shape[1]
-    if missing <= 0:
-        return scenes
-    rows = {"objects": (0, 0, 0, missing), "objects_mask": (0, missing)}
-    return scenes.copy().update({key: F.pad(scenes[key], padding) for key, padding in rows.items()})
-
-
-def first_steps(batch: TensorDictBase, starts: Tensor) -> Tensor:
-    """(worlds, steps) bool: whether a frame is the first one of its episode. starts: (worlds, 1) of the first step."""
-    return torch.cat([starts, batch["next", "done"][:, :-1, 0]], 1)
-
-
-class DivergedError(RunError):
-    """A loss, reward or observation is not finite. batch: the frames in which it was found."""
-
-    def __init__(self, message: str, batch: TensorDictBase) -> None:
-        super().__init__(message)
-        self.batch = batch
+def find_device(name: str) -> torch.device:
+    """The torch device of run.device. Raises ConfigError if it is not available."""
+    try:
+        device = torch.device(name)
+        torch.ones(1, device=device).item()
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).splitlines()[0]
+        raise ConfigError(f"device={name} cannot be used: {reason}; choose cpu, or cuda where there is a GPU") from None
+    return device
 
 
 class Algorithm(ABC):
@@ -255,6 +166,92 @@ class Algorithm(ABC):
         """Continue from `running_state`, with the same worlds."""
 
 
+class DivergedError(RunError):
+    """A loss, reward or observation is not finite. batch: the frames in which it was found."""
+
+    def __init__(self, message: str, batch: TensorDictBase) -> None:
+        super().__init__(message)
+        self.batch = batch
+
+
+class GroundingSupervision:
+    """Keeps scenes and computes the grounding loss on samples of them.
+
+    A batch of PPO holds a hundred or two scenes, each at many steps. Relations learned from the latest batch alone
+    reached 92 % of fresh sentences; learned from all scenes of the run they reach more than 99 %.
+
+    Attributes:
+        active: False if the weight is 0 or the policy has no attention; then the words are learned from reward alone.
+        gain: the share of gradient steps with scenes, divided by the error; None: all steps have scenes.
+        error: running mean of the attention's error rate on fresh scenes; 1 before the first batch.
+    """
+
+    def __init__(self, config: AlgorithmConfig, policy: Policy, device: torch.device) -> None:
+        self.config, self.policy = config, policy
+        self.active = config.grounding_weight > 0 and policy.attends
+        self.keys = [*policy.encoder_keys, *policy.label_keys]
+        self.scenes = TensorDictReplayBuffer(storage=LazyTensorStorage(config.grounding_memory, device=device))
+        self.gain: float | None = None
+        self.error = 1.0
+
+    @property
+    def share(self) -> float:
+        """The share of gradient steps with scenes: in proportion to the error, between LEAST_SHARE and 1."""
+        return 1.0 if self.gain is None else min(1.0, max(LEAST_SHARE, self.gain * self.error))
+
+    @property
+    def scenes_per_update(self) -> int:
+        """How many unsimulated scenes are added before each update."""
+        return math.ceil(self.share * self.config.grounding_scenes) if self.active else 0
+
+    def add(self, scenes: TensorDictBase) -> None:
+        """Keep scenes (count,). Those that are simulated may have fewer slots than those that were drawn first."""
+        slots = self.scenes[:1]["objects"].shape[1] if len(self.scenes) else 0
+        self.scenes.extend(with_slots(scenes, slots))
+
+    def sample(self, count: int = 1) -> Sequence[TensorDictBase]:
+        """`count` batches of scenes (grounding_batch,), drawn evenly with replacement in one draw."""
+        return self.scenes.sample(count * self.config.grounding_batch).split(self.config.grounding_batch)
+
+    def paired(
+        self, parts: Iterable[TensorDictBase], count: int, share: float
+    ) -> Iterator[tuple[TensorDictBase, TensorDictBase | None]]:
+        """Pairs each of `count` parts with a batch of scenes for the same gradient step, or with None.
+
+        A pass over scenes costs more than one over frames, and fewer passes suffice. So only a share of the parts,
+        evenly spaced, has scenes; none has if the words are not supervised. All scenes are drawn at once.
+        """
+        chosen = math.ceil(count * share) if self.active else 0
+        drawn = self.sample(chosen) if chosen else ()
+        scenes = {i * count // chosen: each for i, each in enumerate(drawn)}
+        for i, part in enumerate(parts):
+            yield part, scenes.get(i)
+
+    def measure_fresh(self, scenes: TensorDictBase) -> float:
+        """The accuracy on scenes (count,) that no step has learned from yet. Updates `error`."""
+        accuracy = float(self.measure(scenes)["grounding/accuracy"])
+        self.error += SMOOTHING * (1 - accuracy - self.error)
+        return accuracy
+
+    def measure(self, scenes: TensorDictBase) -> dict[str, Tensor]:
+        """The loss, before its weight, and the accuracy on scenes (count,), under the names of GROUNDING_METRICS."""
+        return dict(zip(GROUNDING_METRICS, grounding_loss(self.policy.encode(scenes)), strict=True))
+
+
+def with_slots(scenes: TensorDictBase, slots: int) -> TensorDictBase:
+    """The scenes (count,) with at least so many slots: those that are added show nothing."""
+    missing = slots - scenes["objects"].shape[1]
+    if missing <= 0:
+        return scenes
+    rows = {"objects": (0, 0, 0, missing), "objects_mask": (0, missing)}
+    return scenes.copy().update({key: F.pad(scenes[key], padding) for key, padding in rows.items()})
+
+
+def first_steps(batch: TensorDictBase, starts: Tensor) -> Tensor:
+    """(worlds, steps) bool: whether a frame is the first one of its episode. starts: (worlds, 1) of the first step."""
+    return torch.cat([starts, batch["next", "done"][:, :-1, 0]], 1)
+
+
 class ExplorationSchedule:
     """Lowers the upper bound of a policy's exploration noise linearly to `final_std`.
 
@@ -276,7 +273,7 @@ class ExplorationSchedule:
 def check_batch(batch: TensorDictBase) -> None:
     """Raise DivergedError if an observation, reward or action is not finite. The message names it."""
     after = batch["next"]
-    floats = [key for key in public_keys(after) if after[key].is_floating_point()]
+    floats = [key for key in after.keys() if key not in OTHERS and after[key].is_floating_point()]
     before = [key for key in (*floats, "action") if key in batch.keys()]
     for key in (*before, *(("next", key) for key in floats), ("next", "reward")):
         if not torch.isfinite(batch[key].sum()) and not batch[key].isfinite().all():
@@ -341,3 +338,40 @@ def averages(rows: list[dict[str, Tensor]]) -> dict[str, float]:
     """The mean of each measured name over those gradient steps of an update that measured it."""
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: torch.stack([row[name] for row in rows if name in row]).mean().item() for name in names}
+
+
+def run_parts(parts: Sequence[Part]) -> dict[str, Tensor]:
+    """Run the parts, and return their measured values together.
+
+    They run at the same time if torch may use several threads, each on one thread; otherwise one after another. So
+    they must not depend on each other, and at most one of them may draw random numbers. A single part has all threads.
+
+    Args:
+        parts: the longest first.
+    """
+    threads = torch.get_num_threads()
+    if threads == 1 or len(parts) == 1:
+        results = [part() for part in parts]
+    else:
+        with one_thread():
+            running = [_pool(threads).submit(part) for part in parts]
+            wait(running)  # all of them, even if one raises: none is left running
+        results = [each.result() for each in running]
+    return {name: value for result in results for name, value in result.items()}
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Within this block torch uses one thread: more would wait for each other longer than small operations take."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Threads that use one core each: the number is a setting of each thread."""
+    return ThreadPoolExecutor(threads, "gradients", initializer=torch.set_num_threads, initargs=(1,))

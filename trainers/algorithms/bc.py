@@ -15,8 +15,8 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 
-from trainers.algorithms.algorithm import METRICS, Algorithm, averages, check_batch, descend, first_steps
-from trainers.algorithms.own_config import BCConfig
+from trainers.algorithms.algorithm import GROUNDING_METRICS, Algorithm, averages, check_batch, descend, first_steps
+from trainers.algorithms.settings import BCConfig
 from trainers.models.critics import Specs
 from trainers.models.policy import ExpertMixture, Policy, expert_move, parameters
 
@@ -28,7 +28,7 @@ WIDTH = 0.1  # of a move: the loss is quadratic in smaller errors and linear in 
 class BC(Algorithm):
     """Collects with a mixture of policy and expert; learns from all frames collected so far."""
 
-    metrics = ("loss/imitation", "expert_share", "updates", "lr", *METRICS)
+    metrics = ("loss/imitation", "expert_share", "updates", "lr", *GROUNDING_METRICS)
 
     def __init__(self, config: BCConfig, policy: Policy) -> None:
         super().__init__(config, policy)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -12,7 +12,7 @@ from torch import Tensor
 from torchrl.data import ReplayBuffer
 
 from trainers.algorithms.algorithm import (
-    METRICS,
+    GROUNDING_METRICS,
     Algorithm,
     Part,
     apply_gradients,
@@ -25,8 +25,8 @@ from trainers.algorithms.algorithm import (
     run_parts,
     total_loss,
 )
-from trainers.algorithms.registry import OffPolicyConfig
 from trainers.algorithms.replay import ExpertFrames, Relabel, Relabelling, Replay
+from trainers.algorithms.settings import OffPolicyConfig
 from trainers.models.policy import ExpertMixture, Policy, parameters
 from trainers.utils.matrix_products import fast_products
 
@@ -39,10 +39,9 @@ class OffPolicyAlgorithm(Algorithm):
     Args:
         critic_key: the key that the critic reads beside robot and move.
         relabel: the environment's `hindsight`; None: no relabelling.
-        priority: exponents (alpha, beta) of prioritised replay; alpha 0 draws evenly.
     """
 
-    metrics: tuple[str, ...] = ("updates", "relabelled", *METRICS)
+    metrics: tuple[str, ...] = ("updates", "relabelled", *GROUNDING_METRICS)
 
     def __init__(
         self,
@@ -50,12 +49,11 @@ class OffPolicyAlgorithm(Algorithm):
         policy: Policy,
         critic_key: str | tuple[str, str],
         relabel: Relabel | None = None,
-        priority: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         super().__init__(config, policy)
         self.config, self.critic_key = config, critic_key
         self.actor_parameters = parameters(policy)
-        self.replay = Replay(policy, critic_key, config.buffer, self.device, self.grounding.active, *priority)
+        self.replay = Replay(policy, critic_key, config.buffer, self.device, self.grounding.active)
         self.demonstrations: ExpertFrames | None = None
         if config.demonstrations:
             self.demonstrations = ExpertFrames(policy, critic_key, config, self.device, self.grounding.active)
@@ -75,10 +73,9 @@ class OffPolicyAlgorithm(Algorithm):
 
     def running_state(self) -> dict[str, Any]:
         counts = {"pending_steps": self.pending_steps, "steps_taken": self.steps_taken}
-        priorities = self.replay.frames.sampler.state_dict() if self.replay.prioritised else {}
         episodes = {"starts": self.starts, "unfinished": self.relabelling.state_dict()}
         shown = {} if self.demonstrations is None else self.demonstrations.running_state()
-        return counts | episodes | {"priorities": priorities} | shown
+        return counts | episodes | shown
 
     def load_running_state(self, state: dict[str, Any]) -> None:
         self.pending_steps, self.steps_taken = state["pending_steps"], state["steps_taken"]
@@ -86,8 +83,6 @@ class OffPolicyAlgorithm(Algorithm):
         self.relabelling.load_state_dict(state["unfinished"])
         if self.demonstrations is not None:
             self.demonstrations.load_running_state(state)
-        if self.replay.prioritised:
-            self.replay.frames.sampler.load_state_dict(state["priorities"])
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
         """Add a batch (worlds, steps) to the replay buffer, then take the gradient steps that are due.
@@ -127,18 +122,11 @@ class OffPolicyAlgorithm(Algorithm):
                 self.grounding.add(scenes.select(*self.grounding.keys))
 
     def learn(self, steps: int) -> list[dict[str, Tensor]]:
-        """Take gradient steps. Scenes, and frames without priorities, are drawn once for all of them."""
+        """Take gradient steps. Frames and scenes are drawn once for all of them, which saves overhead."""
         with fast_products(self.config.batch * max(each.numel() for each in self.learned)):
-            return self._learn(steps)
-
-    def _learn(self, steps: int) -> list[dict[str, Tensor]]:
-        frames: Iterable[TensorDictBase]
-        if self.replay.prioritised:  # drawn one by one: priorities change with every step
-            frames = (self.replay.sample(self.config.batch) for _ in range(steps))
-        else:
             frames = self.sample(steps).split(self.config.batch)
-        pairs = self.grounding.paired(frames, steps, 1 / self.config.grounding_every)
-        return [self.step(part, scenes) for part, scenes in pairs]
+            pairs = self.grounding.paired(frames, steps, 1 / self.config.grounding_every)
+            return [self.step(part, scenes) for part, scenes in pairs]
 
     def sample(self, steps: int) -> TensorDictBase:
         """The frames of `steps` batches, one after another; half of each are demonstrations, where there are any."""
@@ -191,4 +179,4 @@ class OffPolicyAlgorithm(Algorithm):
         """The scalars that a gradient step on frames (B,) measures; the sum of those named loss/... is minimised."""
 
     def after_step(self, frames: TensorDictBase) -> None:
-        """Called after each gradient step on frames (B,): moves target networks, updates priorities."""
+        """Called after each gradient step on frames (B,): moves target networks."""

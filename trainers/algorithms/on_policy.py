@@ -18,7 +18,7 @@ from torch import Tensor
 from torchrl.objectives.value.functional import generalized_advantage_estimate
 
 from trainers.algorithms.algorithm import (
-    METRICS,
+    GROUNDING_METRICS,
     Algorithm,
     ExplorationSchedule,
     averages,
@@ -27,7 +27,7 @@ from trainers.algorithms.algorithm import (
     first_steps,
     total_loss,
 )
-from trainers.algorithms.registry import OnPolicyConfig
+from trainers.algorithms.settings import OnPolicyConfig
 from trainers.models.policy import Policy, parameters
 
 
@@ -47,7 +47,7 @@ class OnPolicyAlgorithm(Algorithm):
         super().__init__(config, policy)
         self.config, self.critic = config, critic
         self.grounding.gain = config.grounding_gain
-        self.metrics = (*measured, "std", "lr", "explained_variance", *METRICS)
+        self.metrics = (*measured, "std", "lr", "explained_variance", *GROUNDING_METRICS)
         self.parameters = parameters(policy, critic)
         self.clipped = parameters(policy.encoder), parameters(policy.actor), parameters(critic)
         self.optimizer = self.make_optimizer(self.parameters)

@@ -15,7 +15,7 @@ from torch import Tensor
 from torchrl.objectives import ClipPPOLoss
 
 from trainers.algorithms.on_policy import OnPolicyAlgorithm
-from trainers.algorithms.own_config import PPOConfig
+from trainers.algorithms.settings import PPOConfig
 from trainers.algorithms.torchrl_losses import loss_outputs
 from trainers.models.critics import Specs
 from trainers.models.networks import normal_log_prob

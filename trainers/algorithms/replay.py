@@ -1,103 +1,22 @@
-"""Prioritised experience replay, Schaul et al. 2016 (arXiv:1511.05952), with proportional priorities.
-
-TorchRL's `PrioritizedSampler` keeps its priorities in a C++ extension, which does not load with every release of torch.
-This sampler needs none. It sums the whole buffer at each draw: 2.5 ms for 200,000 frames on a busy core.
-"""
+"""Replay of frames for off-policy algorithms: what is kept, relabelled with achieved goals, or shown by an expert."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
-from torchrl.data.replay_buffers.samplers import Sampler
-from torchrl.data.replay_buffers.storages import Storage
 
-from trainers.algorithms.registry import OffPolicyConfig
+from trainers.algorithms.settings import OffPolicyConfig
 from trainers.environment import Relabel
 from trainers.models.grounding import REFERENT
 from trainers.models.policy import LABEL, ExpertMixture, Policy
-from trainers.utils.tensor_archive import read_tensors
-
-WEIGHT = "priority_weight"  # where TorchRL's losses look for the importance weights
-MIN_PRIORITY = 1e-8  # added to each error, so that every frame can be drawn
-
-
-class ProportionalSampler(Sampler):
-    """Draws each frame with a probability proportional to (its error + MIN_PRIORITY) ** alpha.
-
-    New frames get the greatest priority so far.
-
-    Args:
-        capacity: frames of the buffer.
-        alpha: exponent of the priorities.
-        beta: exponent of the importance weights, which are at most 1.
-        device: of the buffer.
-    """
-
-    def __init__(self, capacity: int, alpha: float, beta: float, device: torch.device) -> None:
-        self.alpha, self.beta = alpha, beta
-        self.priorities = torch.zeros(capacity, dtype=torch.float64, device=device)  # to the power of alpha
-        self._greatest = 1.0
-
-    def sample(self, storage: Storage, batch_size: int) -> tuple[Tensor, dict[str, Tensor]]:
-        """Indices (batch_size,), and the importance weight of each."""
-        held = self.priorities[: len(storage)]
-        sums = held.cumsum(0)
-        places = torch.rand(batch_size, dtype=torch.float64, generator=self._rng).to(sums.device) * sums[-1]
-        index = torch.searchsorted(sums, places, right=True).clamp_max(len(held) - 1)
-        weight = (held.min() / held[index]) ** self.beta
-        return index, {WEIGHT: weight.float()}
-
-    def add(self, index: int) -> None:
-        """Give a new frame the greatest priority so far."""
-        self.priorities[index] = self._greatest
-
-    def extend(self, index: Tensor) -> None:
-        """Give new frames (B,) the greatest priority so far."""
-        self.priorities[index] = self._greatest
-
-    def update_priority(self, index: Any, priority: Any, *, storage: Storage | None = None) -> None:
-        """Set priorities.
-
-        Args:
-            index: (B,) int64, the frames.
-            priority: (B,) absolute errors.
-            storage: ignored.
-        """
-        powers = (torch.as_tensor(priority).detach().double().abs() + MIN_PRIORITY) ** self.alpha
-        self.priorities[index] = powers.to(self.priorities.device)
-        self._greatest = max(self._greatest, powers.max().item())
-
-    def state_dict(self) -> dict[str, Any]:
-        return {"priorities": self.priorities.clone(), "greatest": self._greatest}
-
-    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        self.priorities.copy_(state_dict["priorities"])
-        self._greatest = state_dict["greatest"]
-
-    def dumps(self, path: str | Path) -> None:
-        """Write the state to a directory."""
-        Path(path).mkdir(parents=True, exist_ok=True)
-        torch.save(self.state_dict(), Path(path) / "priorities.pt")
-
-    def loads(self, path: str | Path) -> None:
-        """Read the state that `dumps` wrote."""
-        self.load_state_dict(read_tensors(Path(path) / "priorities.pt"))
-
-    def _empty(self) -> None:
-        self.priorities.zero_()
-        self._greatest = 1.0
-
-
-PRIORITY = "td_error"
 
 
 class Replay:
-    """Frames with their "next", drawn evenly or by priority.
+    """Frames with their "next", drawn evenly.
 
     Supervised words are not stored. The frames then hold the rows of the labelled slots, so they stay valid while the
     words are being learned. Unsupervised words are stored and encoded again at each gradient step.
@@ -108,8 +27,6 @@ class Replay:
         capacity: frames.
         device: of the buffer.
         supervised: whether the grounding loss trains the words.
-        alpha: exponent of the priorities; 0 draws evenly.
-        beta: exponent of the importance weights.
     """
 
     def __init__(
@@ -119,16 +36,12 @@ class Replay:
         capacity: int,
         device: torch.device,
         supervised: bool,
-        alpha: float = 0.0,
-        beta: float = 0.0,
     ) -> None:
-        self.policy, self.supervised, self.prioritised = policy, supervised, alpha > 0
+        self.policy, self.supervised = policy, supervised
         context = [policy.context_key] if supervised else list(policy.encoder.scene_keys)
         critic = [] if critic_key == policy.context_key else [critic_key]
         self.state_keys = list(dict.fromkeys([*policy.actor_keys, *context, *critic]))
-        storage = LazyTensorStorage(capacity, device=device)
-        sampler = ProportionalSampler(capacity, alpha, beta, device) if self.prioritised else None
-        self.frames = TensorDictReplayBuffer(storage=storage, sampler=sampler)
+        self.frames = TensorDictReplayBuffer(storage=LazyTensorStorage(capacity, device=device))
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -151,11 +64,6 @@ class Replay:
     def sample(self, count: int) -> TensorDictBase:
         """Frames (count,)."""
         return self.frames.sample(count)
-
-    def update_priorities(self, frames: TensorDictBase) -> None:
-        """Take the temporal-difference errors of sampled frames as their priorities, where frames are drawn by them."""
-        if self.prioritised:
-            self.frames.update_priority(frames["index"], frames[PRIORITY].flatten())
 
 
 class Relabelling:

@@ -18,10 +18,10 @@ import torch.nn.functional as F
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from trainers.algorithms.algorithm import METRICS, Part, backward
+from trainers.algorithms.algorithm import GROUNDING_METRICS, Part, backward
 from trainers.algorithms.off_policy import OffPolicyAlgorithm
-from trainers.algorithms.own_config import SACConfig
 from trainers.algorithms.replay import Relabel
+from trainers.algorithms.settings import SACConfig
 from trainers.algorithms.torchrl_losses import TorchRLOffPolicy
 from trainers.models.critics import Specs
 from trainers.models.networks import Critic, normal_log_prob
@@ -40,7 +40,7 @@ class SAC(OffPolicyAlgorithm):
         "q",
         "updates",
         "relabelled",
-        *METRICS,
+        *GROUNDING_METRICS,
     )
     saved = ("policy", "critic", "target", "optimizer")
 

@@ -16,10 +16,10 @@ from torchrl.objectives import HardUpdate, LossModule, SoftUpdate
 from torchrl.objectives.utils import TargetNetUpdater
 
 from core.errors import ConfigError, did_you_mean
-from trainers.algorithms.algorithm import METRICS, ExplorationSchedule
+from trainers.algorithms.algorithm import GROUNDING_METRICS, ExplorationSchedule
 from trainers.algorithms.off_policy import OffPolicyAlgorithm
 from trainers.algorithms.on_policy import OnPolicyAlgorithm
-from trainers.algorithms.torchrl_config import TorchRLOffPolicyConfig, TorchRLOnPolicyConfig
+from trainers.algorithms.settings import TorchRLOffPolicyConfig, TorchRLOnPolicyConfig
 from trainers.models.critics import Specs
 from trainers.models.policy import Policy, deterministic_actor, parameters, stochastic_actor
 
@@ -85,12 +85,11 @@ class TorchRLOffPolicy(OffPolicyAlgorithm):
     saved = ("policy", "loss", "optimizer")
 
     def __init__(self, config: TorchRLOffPolicyConfig, policy: Policy, specs: Specs) -> None:
-        priority = (config.priority_alpha, config.priority_beta)
-        super().__init__(config, policy, specs.critic_key(policy), specs.relabel, priority)
+        super().__init__(config, policy, specs.critic_key(policy), specs.relabel)
         self.config: TorchRLOffPolicyConfig = config
         self.loss = build_off_policy_loss(config, policy, specs)
         self.outputs = {key: name for key, name in OFF_POLICY_OUTPUTS.items() if key in self.loss.out_keys}
-        self.metrics = (*self.outputs.values(), "std", "updates", "relabelled", *METRICS)
+        self.metrics = (*self.outputs.values(), "std", "updates", "relabelled", *GROUNDING_METRICS)
         self.updater = build_target_updater(config, self.loss)
         self.exploration = ExplorationSchedule(policy, config.final_std) if config.final_std else None
         learned = parameters(policy, self.loss)
@@ -118,7 +117,6 @@ class TorchRLOffPolicy(OffPolicyAlgorithm):
     def after_step(self, frames: TensorDictBase) -> None:
         if self.updater is not None:
             self.updater.step()
-        self.replay.update_priorities(frames)
 
     def running_state(self) -> dict[str, Any]:
         counter = self.updater.counter if isinstance(self.updater, HardUpdate) else 0

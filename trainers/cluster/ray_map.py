@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from core.errors import ConfigError, Interrupted, RunError
 from trainers.cluster.ray_session import RaySession
-from trainers.collect.worker_pool import raised
+from trainers.collect.worker import raised
 from trainers.evaluation.evaluation import EpisodeOutcome, quotas, summarize
 
 EPISODES = 500  # of a shard on a cluster, if their number is not given

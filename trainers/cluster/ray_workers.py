@@ -15,8 +15,16 @@ from tensordict import TensorDict, TensorDictBase
 
 from core.errors import ConfigError
 from trainers.cluster.ray_session import RaySession, difference, versions
-from trainers.collect.worker import Beginning, Episodes, MakeEnv, Worker, WorkerSpec
-from trainers.collect.worker_pool import Failure, RequestClock, WorkerLostError
+from trainers.collect.worker import (
+    Beginning,
+    Episodes,
+    Failure,
+    MakeEnv,
+    RequestClock,
+    Worker,
+    WorkerLostError,
+    WorkerSpec,
+)
 from trainers.config import RayCollectorConfig, most_workers
 from trainers.models.policy import ExpertMixture, Policy
 

@@ -15,4 +15,4 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal_at_parent_death(signal.SIGKILL)
 
 with paused_collector():
-    import trainers.collect.worker_process  # noqa: F401  # the slow part, with torch's compiler: collecting imports it
+    import trainers.collect.worker  # noqa: F401  # the slow part, with torch's compiler: collecting imports it

@@ -11,9 +11,9 @@ from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 
 from core.errors import ConfigError
-from trainers.algorithms.build import fitted_policy
 from trainers.environment import TrainingEnv
 from trainers.run import checkpoint
+from trainers.run.checkpoint import fitted_policy
 from trainers.sweeps.runs import find_runs
 
 

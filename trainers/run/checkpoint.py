@@ -1,4 +1,7 @@
-"""Checks of a checkpoint's content: a file can be whole and still not be a checkpoint of this project."""
+"""Checkpoints: saving, loading and finding them, and policies that are built from them.
+
+A file can be whole and still not be a checkpoint of this project, so its content is checked when it is read.
+"""
 
 from __future__ import annotations
 
@@ -13,132 +16,19 @@ from core.errors import ConfigError
 from core.safe_files import FileError, check_plain
 from core.spaces import public_keys
 from core.stored_config import config_from_file
+from trainers.config import read_training
+from trainers.environment import TrainingEnv
 from trainers.export import policy_file
+from trainers.models.policy import MoveBounds, Policy, build_policy
 from trainers.utils.files import atomic_file
 from trainers.utils.tensor_archive import read_tensors
 
-MAX_WORDS = 100_000
-
-
-def check_content(payload: Mapping[str, Any]) -> None:
-    """Checks the type and the values of each known key of a payload. Other keys are not looked at.
-
-    Raises:
-        FileError: a sentence that the file's path begins; it names the key and what it must be.
-    """
-    for key, check in CHECKS.items():
-        if key in payload:
-            check(payload[key])
-
-
-def _check_config(config: Any) -> None:
-    if not isinstance(config, dict):
-        raise _wrong("config", config, "a group of keys")
-    check_plain(config)
-
-
-def _check_words(words: Any) -> None:
-    good = isinstance(words, list) and 0 < len(words) <= MAX_WORDS and all(isinstance(word, str) for word in words)
-    if not good or len(set(words)) != len(words):
-        raise _wrong("vocabulary", words, "a list of distinct words")
-
-
-def _check_widths(widths: Any) -> None:
-    good = isinstance(widths, dict) and all(
-        isinstance(name, str) and isinstance(shape, list) and all(type(width) is int and width >= 0 for width in shape)
-        for name, shape in widths.items()
-    )
-    if not good:
-        raise _wrong("widths", widths, "a list of whole numbers for each observation")
-
-
-def _check_algorithm(algorithm: Any) -> None:
-    policy = algorithm.get("policy") if isinstance(algorithm, dict) else None
-    if not isinstance(policy, dict) or not policy:
-        raise _wrong("algorithm", algorithm, "a group with the networks of policy")
-    for name, value in policy.items():
-        if not isinstance(name, str) or not isinstance(value, torch.Tensor):
-            raise _wrong(f"algorithm.policy.{name}", value, "a tensor")
-    _check_finite("algorithm", algorithm)
-
-
-def _check_finite(key: str, value: Any) -> None:
-    if isinstance(value, torch.Tensor):
-        if value.is_floating_point() and not value.isfinite().all():
-            raise FileError(
-                f"holds a number that is not finite in {key}: training had diverged; take an earlier checkpoint"
-            )
-    elif isinstance(value, dict):
-        for name, inner in value.items():
-            _check_finite(f"{key}.{name}", inner)
-    elif isinstance(value, list | tuple):
-        for index, inner in enumerate(value):
-            _check_finite(f"{key}.{index}", inner)
-
-
-def _check_counters(counters: Any) -> None:
-    frames = counters.get("frames") if isinstance(counters, dict) else None
-    if type(frames) is not int or frames < 0:
-        raise _wrong("counters", counters, "a group with the number of frames")
-    check_plain(counters)
-
-
-def _check_rng(state: Any) -> None:
-    try:
-        torch.Generator().set_state(state)
-    except (TypeError, RuntimeError):
-        raise _wrong("rng", state, "the state of torch's generator") from None
-
-
-def _wrong(key: str, value: Any, wanted: str) -> FileError:
-    shown = repr(value)
-    if len(shown) > 40 and isinstance(value, dict | list | torch.Tensor):
-        shown = f"<{type(value).__name__}>"
-    return FileError(f"is not a checkpoint of this project: {key}={shown[:80]} must be {wanted}")
-
-
-CHECKS = {
-    "config": _check_config,
-    "vocabulary": _check_words,
-    "widths": _check_widths,
-    "algorithm": _check_algorithm,
-    "counters": _check_counters,
-    "rng": _check_rng,
-}
-
-
-UNKNOWN_ROW = 1  # the embedding of words that are not in the vocabulary
-
-
-def extend_vocabulary(payload: dict[str, Any], vocabulary: Sequence[str]) -> dict[str, Any]:
-    """The payload of a checkpoint, with its policy's word embeddings extended to a vocabulary that begins with its own.
-
-    The policy reads the added words as unknown ones, and all others as before. Returns the payload itself where its
-    vocabulary is not a proper beginning of this one.
-    """
-    known = list(payload["vocabulary"])
-    if len(known) >= len(vocabulary) or known != list(vocabulary[: len(known)]):
-        return payload
-    weights = {
-        name: _extended(weight, len(vocabulary)) if _is_word_embedding(name, weight, len(known)) else weight
-        for name, weight in payload["algorithm"]["policy"].items()
-    }
-    return payload | {"vocabulary": list(vocabulary), "algorithm": payload["algorithm"] | {"policy": weights}}
-
-
-def _is_word_embedding(name: str, weight: torch.Tensor, words: int) -> bool:
-    return name.endswith("word_embedding.weight") and len(weight) == words
-
-
-def _extended(weight: torch.Tensor, words: int) -> torch.Tensor:
-    return torch.cat((weight, weight[UNKNOWN_ROW].expand(words - len(weight), -1)))
-
-
-FORMAT = 2
-OLDEST_FORMAT = 2  # format 1 has other names for the parameters
+FORMAT = 2  # of the files; format 1 has other names for the parameters
 POLICY_KEYS = ("config", "vocabulary", "widths", "algorithm")  # of a published policy
 KEYS = (*POLICY_KEYS, "counters", "rng")  # of a checkpoint that training can resume
 MIN_FREE_BYTES = 64 * 2**20  # left free on the disk after writing a checkpoint
+MAX_WORDS = 100_000
+UNKNOWN_ROW = 1  # the embedding of words that are not in the vocabulary
 
 
 class CheckpointError(ConfigError):
@@ -297,17 +187,77 @@ def _check_vocabulary(theirs: list[str], ours: list[str]) -> None:
     raise CheckpointError(f"the checkpoint was trained with another vocabulary: {what}")
 
 
+def fitted_policy(payload: dict[str, Any], config: Any, env: TrainingEnv) -> Policy:
+    """The policy of a checkpoint for this environment, to act on the CPU, built by `config`.
+
+    Raises CheckpointError if it does not fit the environment.
+    """
+    payload = extend_vocabulary(payload, env.tokenizer.vocabulary)
+    check_fits(payload, list(env.tokenizer.vocabulary), widths(env.observation_spec, env.action_spec))
+    training = read_training(config)
+    bounds = MoveBounds(squash=training.algo.squashes, clip=training.algo.clips)
+    policy = build_policy(training.policy, env.observation_spec, env.action_unit, bounds, payload["vocabulary"])
+    policy.load_state_dict(payload["algorithm"]["policy"])
+    return policy
+
+
+def start_from(path: Path, policy: Policy, vocabulary: Sequence[str], widths: dict[str, list[int]]) -> None:
+    """Give a policy the networks of a checkpoint or of a published policy. It keeps its own exploration noise.
+
+    Args:
+        path: of the file.
+        policy: of the new run.
+        vocabulary: of its tokenizer.
+        widths: of its environment, from `widths`.
+
+    Raises:
+        CheckpointError: the networks are others, or were trained for other observations or actions.
+    """
+    payload = extend_vocabulary(load(path), vocabulary)
+    try:
+        check_fits(payload, list(vocabulary), widths)
+    except CheckpointError as error:
+        raise CheckpointError(f"init={path} cannot be begun with: {error}") from None
+    noise = {name: value for name, value in policy.state_dict().items() if name.endswith("log_std")}
+    try:
+        policy.load_state_dict(payload["algorithm"]["policy"] | noise)
+    except RuntimeError as error:
+        text = str(error).splitlines()[-1].strip()
+        raise CheckpointError(
+            f"init={path} has other networks than this run: {text}; take the values of policy that it was trained with"
+        ) from None
+
+
+def extend_vocabulary(payload: dict[str, Any], vocabulary: Sequence[str]) -> dict[str, Any]:
+    """The payload of a checkpoint, with its policy's word embeddings extended to a vocabulary that begins with its own.
+
+    The policy reads the added words as unknown ones, and all others as before. Returns the payload itself where its
+    vocabulary is not a proper beginning of this one.
+    """
+    known = list(payload["vocabulary"])
+    if len(known) >= len(vocabulary) or known != list(vocabulary[: len(known)]):
+        return payload
+    weights = {
+        name: _extended(weight, len(vocabulary)) if _is_word_embedding(name, weight, len(known)) else weight
+        for name, weight in payload["algorithm"]["policy"].items()
+    }
+    return payload | {"vocabulary": list(vocabulary), "algorithm": payload["algorithm"] | {"policy": weights}}
+
+
+def _is_word_embedding(name: str, weight: torch.Tensor, words: int) -> bool:
+    return name.endswith("word_embedding.weight") and len(weight) == words
+
+
+def _extended(weight: torch.Tensor, words: int) -> torch.Tensor:
+    return torch.cat((weight, weight[UNKNOWN_ROW].expand(words - len(weight), -1)))
+
+
 def _validated(path: Path, payload: Any, keys: Sequence[str] = KEYS) -> dict[str, Any]:
     """The payload, if it has a known format and all keys with good values. Raises CheckpointError or FileError."""
     if not isinstance(payload, dict) or not isinstance(payload.get("format"), int):
         raise CheckpointError(f"{path} is not a checkpoint of this project")
-    if payload["format"] > FORMAT:
-        raise CheckpointError(f"{path} has format {payload['format']}; this version reads up to {FORMAT}")
-    if payload["format"] < OLDEST_FORMAT:
-        raise CheckpointError(
-            f"{path} has format {payload['format']}, that of an older version; this one reads from {OLDEST_FORMAT}: "
-            "train again"
-        )
+    if payload["format"] != FORMAT:
+        raise CheckpointError(f"{path} has format {payload['format']}; this version reads format {FORMAT}")
     missing = [key for key in keys if key not in payload]
     if missing:
         raise CheckpointError(f"{path} is not a checkpoint of this project: it lacks {', '.join(missing)}")
@@ -325,3 +275,90 @@ def _size_in_bytes(value: Any) -> int:
 
 def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
+def check_content(payload: Mapping[str, Any]) -> None:
+    """Checks the type and the values of each known key of a payload. Other keys are not looked at.
+
+    Raises:
+        FileError: a sentence that the file's path begins; it names the key and what it must be.
+    """
+    for key, check in CHECKS.items():
+        if key in payload:
+            check(payload[key])
+
+
+def _check_config(config: Any) -> None:
+    if not isinstance(config, dict):
+        raise _wrong("config", config, "a group of keys")
+    check_plain(config)
+
+
+def _check_words(words: Any) -> None:
+    good = isinstance(words, list) and 0 < len(words) <= MAX_WORDS and all(isinstance(word, str) for word in words)
+    if not good or len(set(words)) != len(words):
+        raise _wrong("vocabulary", words, "a list of distinct words")
+
+
+def _check_widths(widths: Any) -> None:
+    good = isinstance(widths, dict) and all(
+        isinstance(name, str) and isinstance(shape, list) and all(type(width) is int and width >= 0 for width in shape)
+        for name, shape in widths.items()
+    )
+    if not good:
+        raise _wrong("widths", widths, "a list of whole numbers for each observation")
+
+
+def _check_algorithm(algorithm: Any) -> None:
+    policy = algorithm.get("policy") if isinstance(algorithm, dict) else None
+    if not isinstance(policy, dict) or not policy:
+        raise _wrong("algorithm", algorithm, "a group with the networks of policy")
+    for name, value in policy.items():
+        if not isinstance(name, str) or not isinstance(value, torch.Tensor):
+            raise _wrong(f"algorithm.policy.{name}", value, "a tensor")
+    _check_finite("algorithm", algorithm)
+
+
+def _check_finite(key: str, value: Any) -> None:
+    if isinstance(value, torch.Tensor):
+        if value.is_floating_point() and not value.isfinite().all():
+            raise FileError(
+                f"holds a number that is not finite in {key}: training had diverged; take an earlier checkpoint"
+            )
+    elif isinstance(value, dict):
+        for name, inner in value.items():
+            _check_finite(f"{key}.{name}", inner)
+    elif isinstance(value, list | tuple):
+        for index, inner in enumerate(value):
+            _check_finite(f"{key}.{index}", inner)
+
+
+def _check_counters(counters: Any) -> None:
+    frames = counters.get("frames") if isinstance(counters, dict) else None
+    if type(frames) is not int or frames < 0:
+        raise _wrong("counters", counters, "a group with the number of frames")
+    check_plain(counters)
+
+
+def _check_rng(state: Any) -> None:
+    try:
+        torch.Generator().set_state(state)
+    except (TypeError, RuntimeError):
+        raise _wrong("rng", state, "the state of torch's generator") from None
+
+
+def _wrong(key: str, value: Any, wanted: str) -> FileError:
+    shown = repr(value)
+    if len(shown) > 40 and isinstance(value, dict | list | torch.Tensor):
+        shown = f"<{type(value).__name__}>"
+    return FileError(f"is not a checkpoint of this project: {key}={shown[:80]} must be {wanted}")
+
+
+CHECKS = {
+    "config": _check_config,
+    "vocabulary": _check_words,
+    "widths": _check_widths,
+    "algorithm": _check_algorithm,
+    "counters": _check_counters,
+    "rng": _check_rng,
+}

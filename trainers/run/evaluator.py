@@ -19,9 +19,8 @@ from torch import Tensor
 from torchrl.envs import EnvBase
 
 from core.errors import Interrupted
-from trainers.collect.worker import MakeEnv, derive_seed
-from trainers.collect.worker_pool import CollectionError, Failure, raised
-from trainers.collect.worker_process import ChildProcess, detach
+from trainers.collect.rollouts import CollectionError
+from trainers.collect.worker import ChildProcess, Failure, MakeEnv, derive_seed, detach, raised
 from trainers.evaluation.evaluation import EvalResult, evaluate
 from trainers.evaluation.video import record_video
 from trainers.models.policy import Policy

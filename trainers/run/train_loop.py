@@ -1,11 +1,15 @@
-"""How many frames a run still has, and after which of them it is evaluated."""
+"""The training loop: collect a batch, update the networks, evaluate now and then, and write the report at the end.
+
+`fit` runs it. `TrainingRun.train` repeats `TrainingRun.iterate`, one iteration, and `TrainingRun.complete_rows`, which
+takes the results of evaluations.
+"""
 
 from __future__ import annotations
 
 import copy
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
@@ -17,157 +21,118 @@ from torchrl.envs import EnvBase
 from core.errors import Interrupted
 from core.platform_tuning import import_compiler
 from core.system import StopSignal, cores
-from trainers.algorithms.algorithm import DivergedError
-from trainers.algorithms.build import build_algorithm
-from trainers.collect.collection import EpisodeStatistics, Rollouts
-from trainers.collect.collection import columns as collector_columns
+from trainers.algorithms.algorithm import DivergedError, build_algorithm
+from trainers.collect.rollouts import CollectionError, EpisodeStatistics, Rollouts, collector_columns
 from trainers.collect.worker import MakeEnv, derive_seed
-from trainers.collect.worker_pool import CollectionError
-from trainers.config import Plan, frames_per_batch, uses_processes
+from trainers.config import TrainingConfig, frames_per_batch, uses_processes
 from trainers.evaluation.evaluation import EvalResult
-from trainers.models.policy import Policy
 from trainers.run import checkpoint
-from trainers.run.checkpoint import extend_vocabulary
+from trainers.run.checkpoint import start_from
 from trainers.run.evaluator import Evaluator, VideoTask
 from trainers.run.metrics import EVALUATION_NAMES, MetricsWriter
 from trainers.run.progress import Progress
 from trainers.run.saving import CheckpointWriter, MemoryFiles
 from trainers.utils.files import WriteError, write_checked_json
 
-
-class FrameBudget:
-    """The frames of a run's plan: of the run, which may stop early, and of its schedule. All worlds step together."""
-
-    def __init__(self, plan: Plan) -> None:
-        self._plan, self._batch = plan, frames_per_batch(plan)
-
-    def left_of_schedule(self, frames: int) -> int:
-        """Frames of whole steps of all worlds until the end of the schedule. frames: used so far."""
-        return self._left(self._plan.schedule_frames, frames)
-
-    def exhausted(self, frames: int) -> bool:
-        """Whether another batch would exceed total_frames. The last one of the schedule is shortened to fit."""
-        batch = min(self._batch, self.left_of_schedule(frames))
-        return not 0 < batch <= self._left(self._plan.run.total_frames, frames)
-
-    def evaluation_due(self, frames: int) -> bool:
-        """Whether to evaluate now: once every eval.interval frames, but not just before the final evaluation."""
-        interval = self._plan.eval.interval
-        return frames // interval > (frames - self._batch) // interval and self.left_of_schedule(frames) > 0
-
-    def _left(self, most: int, frames: int) -> int:
-        worlds = self._plan.collector.worlds
-        return max(0, most - frames) // worlds * worlds
+# evaluation_wait: seconds spent waiting for evaluations. evaluated: seconds of the run until the row's evaluation was
+# known.
+TIMINGS = ("time/collect", "time/update", "time/evaluation_wait", "time/evaluated", "time/total", "time/frames_per_s")
+MOST_PENDING = 2  # evaluations: with fewer, training waits for those of early policies, whose episodes are long
+SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn scenes
 
 
-def write_report(
-    run: TrainingRun,
-    metrics: MetricsWriter,
-    stop: StopSignal,
-    progress: Progress,
-    make_video_env: Callable[[], EnvBase] | None,
+def fit(
+    training: TrainingConfig,
+    make_env: MakeEnv,
+    folder: Path,
+    config: dict[str, Any],
+    vocabulary: list[str],
+    resume: Path | None = None,
+    init: Path | None = None,
+    make_video_env: Callable[[], EnvBase] | None = None,
+    progress: Progress | None = None,
+    make_eval_env: MakeEnv | None = None,
     on_result: Callable[[dict[str, Any]], None] | None = None,
 ) -> dict[str, Any]:
-    """Evaluate the last policy on eval.episodes episodes, and write the report into the run's folder.
-
-    This evaluation is also that of the last row of a schedule that has ended.
+    """Train a policy and write its report.
 
     Args:
-        run: that has ended.
-        metrics: where the last row is written.
-        stop: a signal asked to stop.
-        progress: where the evaluation is shown.
+        training: the validated parameters.
+        make_env: `make_env(worlds, seed)` builds the environment; picklable, also called in worker processes.
+        folder: of the run; created if missing.
+        config: the composed config as plain values, saved in checkpoints.
+        vocabulary: the tokenizer's words.
+        resume: a checkpoint file to continue from.
+        init: a checkpoint file whose policy a new run begins with.
         make_video_env: builds an environment of one world that renders. None for no video.
-        on_result: given the result before anything is written, so that a full disk does not lose it.
+        progress: where the rows of metrics.csv are shown; None: nowhere.
+        make_eval_env: like `make_env`, for evaluations; by default `make_env`.
+        on_result: given the values of eval.json before any file of the report is written.
 
     Returns:
         The values of eval.json.
-    """
-    from trainers.reports.plots import learning_curve  # matplotlib is slow to import
-
-    config, video = run.plan.eval, None
-    if make_video_env is not None and config.video_episodes:
-        video = VideoTask(make_video_env, run.folder / "evaluation.mp4", config.video_episodes)
-        run.evaluator.request_video(run.policy.state_dict(), video)
-    evaluation = run.evaluator.evaluate(run.policy, config.episodes, 0, stop)
-    frames, seconds = run.counters["frames"], run.seconds()
-    result = evaluation.as_dict() | {"frames": frames, "wall_s": seconds, "frames_per_s": frames / max(seconds, 1e-9)}
-    result["seed"] = run.plan.run.seed
-    if run.rows:
-        run.enter_evaluation(evaluation, frames, progress)
-    if on_result is not None:
-        on_result(result)
-    if run.rows:
-        run.finish(evaluation, metrics)
-    write_checked_json(run.folder / "eval.json", result)
-    learning_curve(run.folder / "metrics.csv", run.folder / "learning_curve.png")
-    if video is not None:
-        run.evaluator.finish_video()
-    return result
-
-
-def start_from(path: Path, policy: Policy, vocabulary: Sequence[str], widths: dict[str, list[int]]) -> None:
-    """Give a policy the networks of a checkpoint or of a published policy. It keeps its own exploration noise.
-
-    Args:
-        path: of the file.
-        policy: of the new run.
-        vocabulary: of its tokenizer.
-        widths: of its environment, from `checkpoint.widths`.
 
     Raises:
-        CheckpointError: the networks are others, or were trained for other observations or actions.
+        SystemExit: after a signal, with status 128 + signal; "last" is saved and the workers have ended.
+        DivergedError: a loss, reward or observation is not finite; the batch is saved.
+        CollectionError: more worker processes were lost than collector.restarts; "last" is saved.
+        CheckpointError: a checkpoint cannot be resumed, begun with or written.
     """
-    payload = extend_vocabulary(checkpoint.load(path), vocabulary)
-    try:
-        checkpoint.check_fits(payload, list(vocabulary), widths)
-    except checkpoint.CheckpointError as error:
-        raise checkpoint.CheckpointError(f"init={path} cannot be begun with: {error}") from None
-    noise = {name: value for name, value in policy.state_dict().items() if name.endswith("log_std")}
-    try:
-        policy.load_state_dict(payload["algorithm"]["policy"] | noise)
-    except RuntimeError as error:
-        text = str(error).splitlines()[-1].strip()
-        raise checkpoint.CheckpointError(
-            f"init={path} has other networks than this run: {text}; take the values of policy that it was trained with"
-        ) from None
-
-
-# evaluate: seconds spent waiting for evaluations. evaluated: seconds of the run until the row's evaluation was known.
-TIMINGS = ("time/collect", "time/update", "time/evaluate", "time/evaluated", "time/total", "time/frames_per_s")
-MOST_PENDING = 2  # evaluations: with fewer, training waits for those of early policies, whose episodes are long
-SCENE_SEEDS = 2**30  # added to an iteration: index of the seed of its drawn scenes
+    folder.mkdir(parents=True, exist_ok=True)
+    run = TrainingRun(training, make_env, folder, config, vocabulary, make_eval_env)
+    with closing(run), progress or Progress(training.run.total_frames, shown=False) as shown:
+        _begin(run, shown, resume, init)
+        metrics = MetricsWriter(folder, run.columns, training.run.logger, run.kept_frames)
+        with closing(metrics), StopSignal() as stop:
+            try:
+                run.train(metrics, stop, shown)
+                return write_report(run, metrics, stop, shown, make_video_env, on_result)
+            except Exception as error:
+                _write_waiting_rows(run, metrics)
+                _save_after_error(run, error, stop)
+                raise
 
 
 class TrainingRun:
     """One training run: the state that the steps of `fit` share.
 
-    env: one world, for specs, unsimulated scenes and relabelling.
-    counters: plain numbers that a resumed run continues from. rows: of metrics.csv, those of the latest iterations that
-    are not written yet. pending: the checkpoints to evaluate for these rows, the oldest of which is being evaluated.
-    consistent: whether no update is half done, so that the run can be saved.
+    Args:
+        training: its settings.
+        make_env: builds the environment of collection.
+        folder: of the run.
+        config: the composed config as plain values, saved in checkpoints.
+        vocabulary: the tokenizer's words.
+        make_eval_env: builds the environment of evaluations; None for `make_env`.
+
+    Attributes:
+        env: one world, for specs, drawn scenes and relabelling.
+        counters: plain numbers that a resumed run continues from.
+        rows: of metrics.csv, those of the latest iterations that are not written yet.
+        pending: the checkpoints to evaluate for these rows, the oldest of which is being evaluated.
+        consistent: whether no update is half done, so that the run can be saved.
     """
 
     def __init__(
         self,
-        plan: Plan,
+        training: TrainingConfig,
         make_env: MakeEnv,
         folder: Path,
         config: dict[str, Any],
         vocabulary: list[str],
         make_eval_env: MakeEnv | None = None,
     ) -> None:
-        self.plan, self.make_env, self.folder, self.budget = plan, make_env, folder, FrameBudget(plan)
+        self.training, self.make_env, self.folder = training, make_env, folder
+        self.budget, self.update_threads = FrameBudget(training), training.run.update_threads or cores()
         self.config, self.vocabulary = config, vocabulary
         self.counters: dict[str, Any] = {"frames": 0, "iteration": 0, "evaluations": 0, "best": -1.0, "seconds": 0.0}
         self.start_time, self.earlier_seconds = time.perf_counter(), 0.0
-        torch.manual_seed(plan.run.seed)
+        torch.manual_seed(training.run.seed)
         make_eval_env = make_eval_env or make_env
-        self.env = make_eval_env(1, derive_seed(plan.run.seed, 0, evaluation=True))
-        spec = self.env.observation_spec
-        self.policy, self.algorithm = build_algorithm(plan, spec, self.env.action_unit, vocabulary, self.env.hindsight)
-        beside = plan.eval.overlap and uses_processes(plan.collector)
-        self.evaluator = Evaluator(make_eval_env, self.policy, plan.eval.worlds, plan.run.seed, beside)
+        self.env = make_eval_env(1, derive_seed(training.run.seed, 0, evaluation=True))
+        spec, relabel = self.env.observation_spec, self.env.hindsight
+        self.policy, self.algorithm = build_algorithm(training, spec, self.env.action_unit, vocabulary, relabel)
+        beside = training.eval.overlap and uses_processes(training.collector)
+        self.evaluator = Evaluator(make_eval_env, self.policy, training.eval.worlds, training.run.seed, beside)
         self.widths = checkpoint.widths(spec, self.env.action_spec)
         self.statistics = EpisodeStatistics(self.env.reward_names)
         self.rows: list[dict[str, float]] = []
@@ -177,7 +142,7 @@ class TrainingRun:
         self.kept_frames: int | None = None  # of the last row of metrics.csv that a resumed run keeps
         self.resumed: dict[str, Any] = {}  # what the first batch after a resume depends on
         memories = MemoryFiles(folder / "checkpoints" / "memory", self.algorithm.memories)
-        self.writer = CheckpointWriter(folder / "checkpoints", plan.checkpoint, memories)
+        self.writer = CheckpointWriter(folder / "checkpoints", training.checkpoint, memories)
 
     def close(self) -> None:
         """End the worlds of this process."""
@@ -188,7 +153,7 @@ class TrainingRun:
     def columns(self) -> tuple[str, ...]:
         """The columns of metrics.csv."""
         evaluation = (f"eval/{name}" for name in EVALUATION_NAMES)
-        timings = (*TIMINGS, *collector_columns(self.plan.collector))
+        timings = (*TIMINGS, *collector_columns(self.training.collector))
         return ("frames", *self.statistics.metrics, *self.algorithm.metrics, *evaluation, *timings)
 
     def resume(self, path: Path) -> None:
@@ -199,11 +164,6 @@ class TrainingRun:
         """
         payload = checkpoint.load(path, to_train=True, given=None)
         checkpoint.check_fits(payload, self.vocabulary, self.widths)
-        if "rows" not in payload.get("state", {"rows": []}):
-            raise checkpoint.CheckpointError(
-                f"{path} was saved by an earlier version, whose running episodes this one cannot go on with; "
-                f"resume={path.with_name('best.pt')} goes on from its best networks, with new episodes"
-            )
         try:
             self.algorithm.load_state_dict(payload["algorithm"])
         except (KeyError, RuntimeError, ValueError) as error:
@@ -233,11 +193,10 @@ class TrainingRun:
         """Continue from `running_state` and the memory files. With other numbers of worlds, new episodes begin."""
         known = self.columns  # the checkpoint's collector may have had others
         self.rows = [{name: value for name, value in row.items() if name in known} for row in state["rows"]]
-        pending = state["pending"]  # earlier versions had at most one
-        self.pending = pending if isinstance(pending, list) else [pending] if pending else []
+        self.pending = state["pending"]
         self.writer.memories.load(state["memories"])
         rollouts = state["rollouts"]
-        if rollouts is not None and len(rollouts["episodes"]["beginnings"]) == self.plan.collector.worlds:
+        if rollouts is not None and len(rollouts["episodes"]["beginnings"]) == self.training.collector.worlds:
             self.resumed["rollouts"] = rollouts
             self.statistics.load_state_dict(state["statistics"])
             self.algorithm.load_running_state(state["algorithm"])
@@ -272,12 +231,12 @@ class TrainingRun:
             self.request_evaluation()
         if self.rows:
             self.complete_rows(metrics, stop, progress)
-        progress.say(f"building {self.plan.collector.worlds} worlds")
+        progress.say(f"building {self.training.collector.worlds} worlds")
         first, state = self.counters["iteration"], self.resumed.get("rollouts")
-        seed = derive_seed(self.plan.run.seed, first)
-        behaviour, horizon = self.algorithm.behaviour, self.plan.algo.horizon
-        steps = self.budget.left_of_schedule(self.counters["frames"]) // self.plan.collector.worlds
-        self.rollouts = Rollouts(self.make_env, behaviour, self.plan.collector, horizon, seed, first, state, steps)
+        seed = derive_seed(self.training.run.seed, first)
+        behaviour, horizon = self.algorithm.behaviour, self.training.algo.horizon
+        steps = self.budget.left_of_schedule(self.counters["frames"]) // self.training.collector.worlds
+        self.rollouts = Rollouts(self.make_env, behaviour, self.training.collector, horizon, seed, first, state, steps)
         with closing(self.rollouts):
             import_compiler()  # while the workers build their worlds
             if self.resumed:
@@ -299,8 +258,8 @@ class TrainingRun:
         batch = rollouts.next(stop)
         collected = time.perf_counter()
         self.consistent = False
-        torch.set_num_threads(self.plan.run.update_threads or cores())  # the workers are idle during the update
-        progress = self.counters["frames"] / self.plan.schedule_frames
+        torch.set_num_threads(self.update_threads)  # the workers are idle during the update
+        progress = self.counters["frames"] / self.budget.schedule
         self.add_drawn_scenes()
         update_metrics = self.algorithm.update(batch, min(progress, 1.0))
         updated = time.perf_counter()
@@ -309,7 +268,7 @@ class TrainingRun:
         self.counters["iteration"] += 1
         self.counters["seconds"] = self.seconds()
         row = {"frames": self.counters["frames"], **self.statistics.measure(batch), **update_metrics}
-        row |= {"time/collect": collected - start, "time/update": updated - collected, "time/evaluate": 0.0}
+        row |= {"time/collect": collected - start, "time/update": updated - collected, "time/evaluation_wait": 0.0}
         row |= {"time/frames_per_s": batch.numel() / (updated - start), "time/total": self.counters["seconds"]}
         self.rows.append(row | rollouts.measures())
         self.consistent = True
@@ -329,7 +288,7 @@ class TrainingRun:
                 self.request_evaluation()
         taken = self.take_evaluations(0 if wait else MOST_PENDING, stop, progress)
         self.counters["seconds"] = self.seconds()
-        self.rows[-1]["time/evaluate"] += time.perf_counter() - start
+        self.rows[-1]["time/evaluation_wait"] += time.perf_counter() - start
         self.rows[-1]["time/total"] = self.counters["seconds"]
         if taken or self.writer.due():
             self.save_last()
@@ -346,7 +305,7 @@ class TrainingRun:
     def add_drawn_scenes(self) -> None:
         """Give the algorithm generated, unsimulated scenes to learn grounding from; they use no frames."""
         if self.algorithm.scenes_per_update:
-            seed = derive_seed(self.plan.run.seed, SCENE_SEEDS + self.counters["iteration"])
+            seed = derive_seed(self.training.run.seed, SCENE_SEEDS + self.counters["iteration"])
             self.algorithm.add_scenes(self.env.draw_scenes(self.algorithm.scenes_per_update, seed))
 
     def schedule_ended(self) -> bool:
@@ -363,7 +322,7 @@ class TrainingRun:
     def request_evaluation(self) -> None:
         """Ask for the evaluation of the oldest pending checkpoint's policy."""
         weights, index = self.pending[0]["algorithm"]["policy"], self.pending[0]["counters"]["evaluations"]
-        self.evaluator.request(weights, self.plan.eval.interval_episodes, index)
+        self.evaluator.request(weights, self.training.eval.interval_episodes, index)
 
     def take_evaluations(self, most: int, stop: StopSignal, progress: Progress) -> bool:
         """Put the evaluations that are done into their rows, and wait until at most `most` are pending.
@@ -400,56 +359,79 @@ class TrainingRun:
         self.save_last()
 
 
-def fit(
-    plan: Plan,
-    make_env: MakeEnv,
-    folder: Path,
-    config: dict[str, Any],
-    vocabulary: list[str],
-    resume: Path | None = None,
-    init: Path | None = None,
-    make_video_env: Callable[[], EnvBase] | None = None,
-    progress: Progress | None = None,
-    make_eval_env: MakeEnv | None = None,
+class FrameBudget:
+    """The frames of a run: until its end, which may be early, and until the end of its schedule.
+
+    All worlds step together, so only multiples of their number are used.
+    """
+
+    def __init__(self, training: TrainingConfig) -> None:
+        self.total, self.schedule = training.run.total_frames, training.schedule_frames
+        self.worlds, self.batch = training.collector.worlds, frames_per_batch(training)
+        self.interval = training.eval.interval
+
+    def left_of_schedule(self, frames: int) -> int:
+        """Frames of whole steps of all worlds until the end of the schedule. frames: used so far."""
+        return self._left(self.schedule, frames)
+
+    def exhausted(self, frames: int) -> bool:
+        """Whether another batch would exceed total_frames. The last one of the schedule is shortened to fit."""
+        batch = min(self.batch, self.left_of_schedule(frames))
+        return not 0 < batch <= self._left(self.total, frames)
+
+    def evaluation_due(self, frames: int) -> bool:
+        """Whether to evaluate now: once every eval.interval frames, but not just before the final evaluation."""
+        before = frames - self.batch
+        return frames // self.interval > before // self.interval and self.left_of_schedule(frames) > 0
+
+    def _left(self, most: int, frames: int) -> int:
+        return max(0, most - frames) // self.worlds * self.worlds
+
+
+def write_report(
+    run: TrainingRun,
+    metrics: MetricsWriter,
+    stop: StopSignal,
+    progress: Progress,
+    make_video_env: Callable[[], EnvBase] | None,
     on_result: Callable[[dict[str, Any]], None] | None = None,
 ) -> dict[str, Any]:
-    """Train a policy and write its report.
+    """Evaluate the last policy on eval.episodes episodes, and write the report into the run's folder.
+
+    This evaluation is also that of the last row of a schedule that has ended.
 
     Args:
-        plan: the validated parameters.
-        make_env: `make_env(worlds, seed)` builds the environment; picklable, also called in worker processes.
-        folder: of the run; created if missing.
-        config: the composed config as plain values, saved in checkpoints.
-        vocabulary: the tokenizer's words.
-        resume: a checkpoint file to continue from.
-        init: a checkpoint file whose policy a new run begins with.
+        run: that has ended.
+        metrics: where the last row is written.
+        stop: a signal asked to stop.
+        progress: where the evaluation is shown.
         make_video_env: builds an environment of one world that renders. None for no video.
-        progress: where the rows of metrics.csv are shown; None: nowhere.
-        make_eval_env: like `make_env`, for evaluations; by default `make_env`.
-        on_result: given the values of eval.json before any file of the report is written.
+        on_result: given the result before anything is written, so that a full disk does not lose it.
 
     Returns:
         The values of eval.json.
-
-    Raises:
-        SystemExit: after a signal, with status 128 + signal; "last" is saved and the workers have ended.
-        DivergedError: a loss, reward or observation is not finite; the batch is saved.
-        CollectionError: more worker processes were lost than collector.restarts; "last" is saved.
-        CheckpointError: a checkpoint cannot be resumed, begun with or written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    run = TrainingRun(plan, make_env, folder, config, vocabulary, make_eval_env)
-    with closing(run), progress or Progress(plan.run.total_frames, shown=False) as shown:
-        _begin(run, shown, resume, init)
-        metrics = MetricsWriter(folder, run.columns, plan.run.logger, run.kept_frames)
-        with closing(metrics), StopSignal() as stop:
-            try:
-                run.train(metrics, stop, shown)
-                return write_report(run, metrics, stop, shown, make_video_env, on_result)
-            except Exception as error:
-                _write_waiting_rows(run, metrics)
-                _save_after_error(run, error, stop)
-                raise
+    from trainers.reports.plots import learning_curve  # matplotlib is slow to import
+
+    config, video = run.training.eval, None
+    if make_video_env is not None and config.video_episodes:
+        video = VideoTask(make_video_env, run.folder / "evaluation.mp4", config.video_episodes)
+        run.evaluator.request_video(run.policy.state_dict(), video)
+    evaluation = run.evaluator.evaluate(run.policy, config.episodes, 0, stop)
+    frames, seconds = run.counters["frames"], run.seconds()
+    result = evaluation.as_dict() | {"frames": frames, "wall_s": seconds, "frames_per_s": frames / max(seconds, 1e-9)}
+    result["seed"] = run.training.run.seed
+    if run.rows:
+        run.enter_evaluation(evaluation, frames, progress)
+    if on_result is not None:
+        on_result(result)
+    if run.rows:
+        run.finish(evaluation, metrics)
+    write_checked_json(run.folder / "eval.json", result)
+    learning_curve(run.folder / "metrics.csv", run.folder / "learning_curve.png")
+    if video is not None:
+        run.evaluator.finish_video()
+    return result
 
 
 def _begin(run: TrainingRun, shown: Progress, resume: Path | None, init: Path | None) -> None:

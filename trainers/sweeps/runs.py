@@ -19,7 +19,6 @@ from core.errors import ConfigError
 from core.overrides import compose, groups
 from core.safe_files import FileError, check_plain, read_bytes
 from core.system import system_info
-from trainers.config import without_former_keys
 from trainers.run.metrics import read_metrics
 from trainers.utils.files import read_checked_json, read_checked_yaml, write_checked_yaml
 
@@ -77,13 +76,13 @@ def overrides_of(config: Mapping[str, Any]) -> list[str]:
         raise ConfigError("the config was saved by an earlier version, which did not record the options of its groups")
     words: list[str] = []
     for group in (*FIRST, *(name for name in groups() if name not in FIRST)):
-        if group not in config or group not in config["choices"]:  # a group of keys became one of options later
+        if group not in config:  # the groups of an environment alone
             continue
         option = config["choices"][group]
         if _composed(words)["choices"][group] != option:
             words.append(f"{group}={option}")
     defaults = dict(flatten(_composed(words)))
-    values = flatten(without_former_keys(config))
+    values = flatten(config)
     return words + [f"{key}={_hydra_value(value)}" for key, value in values if defaults.get(key, ...) != value]
 
 

@@ -8,10 +8,9 @@ from torchrl.objectives import ClipPPOLoss, SACLoss
 from torchrl.objectives.value import GAE
 
 from tests.helpers.fake_env import make_env
-from tests.helpers.plans import plan
 from tests.helpers.short_training import train, untimed_rows
-from trainers.algorithms.algorithm import total_loss
-from trainers.algorithms.build import build_algorithm
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import build_algorithm, total_loss
 from trainers.algorithms.ppo import MEASURED
 
 TOLERANCE = {"atol": 1e-5, "rtol": 1e-5}
@@ -21,7 +20,7 @@ def learner(algo, *overrides):
     """The algorithm in double precision, and frames (8, 40) of its policy. The same seed gives the same weights."""
     env = make_env(8, 0)
     torch.manual_seed(0)
-    policy, algorithm = build_algorithm(plan(algo, overrides=overrides), env.observation_spec, env.action_unit)
+    policy, algorithm = build_algorithm(training(algo, overrides=overrides), env.observation_spec, env.action_unit)
     with torch.no_grad():
         batch = env.rollout(40, policy.act, break_when_any_done=False)
         for part in (policy, *(getattr(algorithm, name, None) for name in ("critic", "target", "loss"))):

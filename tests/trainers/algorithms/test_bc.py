@@ -5,15 +5,14 @@ import torch
 
 from core.errors import ConfigError
 from tests.helpers.labelled_fake_env import LABEL, make_labelled
-from tests.helpers.plans import plan
-from trainers.algorithms.algorithm import DivergedError
-from trainers.algorithms.build import build_algorithm
-from trainers.collect.collection import Rollouts
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import DivergedError, build_algorithm
+from trainers.collect.rollouts import Rollouts
 from trainers.evaluation.evaluation import evaluate
 
 
 def build(*overrides, policy="grounded"):
-    small = plan("bc", policy, overrides=overrides)
+    small = training("bc", policy, overrides=overrides)
     env = make_labelled(8, 0)
     torch.manual_seed(0)
     return small, *build_algorithm(small, env.observation_spec, env.action_unit)
@@ -117,4 +116,4 @@ def test_a_label_that_is_not_finite_stops_the_run(batch):
 
 def test_a_buffer_that_holds_no_batch_is_refused():
     with pytest.raises(ConfigError, match=r"algo\.buffer=100 must hold a batch of 128 frames"):
-        plan("bc", overrides=("algo.buffer=100", "algo.horizon=16"))
+        training("bc", overrides=("algo.buffer=100", "algo.horizon=16"))

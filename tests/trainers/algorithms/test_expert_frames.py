@@ -5,9 +5,9 @@ import torch
 
 from core.errors import ConfigError
 from tests.helpers.labelled_fake_env import LABEL, make_labelled
-from tests.helpers.plans import plan
-from trainers.algorithms.build import build_algorithm
-from trainers.collect.collection import Rollouts
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import build_algorithm
+from trainers.collect.rollouts import Rollouts
 
 SHOWN, BATCH = 256, 32
 OVERRIDES = (f"algo.demonstrations={SHOWN}", "algo.updates_per_frame=0.1", "algo.horizon=8")
@@ -15,7 +15,7 @@ OVERRIDES = (f"algo.demonstrations={SHOWN}", "algo.updates_per_frame=0.1", "algo
 
 def collected(algo, count, *more):
     """The algorithm, and the batches that it was given."""
-    small, env = plan(algo, overrides=(*OVERRIDES, *more)), make_labelled(8, 0)
+    small, env = training(algo, overrides=(*OVERRIDES, *more)), make_labelled(8, 0)
     torch.manual_seed(0)
     _, algorithm = build_algorithm(small, env.observation_spec, env.action_unit)
     rollouts, batches = Rollouts(make_labelled, algorithm.behaviour, small.collector, 8, 0), []
@@ -54,12 +54,8 @@ def test_half_of_each_batch_is_drawn_from_the_demonstrations():
     [
         (("algo.demonstrations=8",), "algo.demonstrations=8 must be 0, or at least a batch: 32 frames"),
         (("algo.demonstrations=512",), "algo.demonstrations=512 must be less than total_frames=512"),
-        (
-            ("algo.demonstrations=128", "algo.priority_alpha=0.5"),
-            "demonstrations=128 needs priority_alpha=0: they are drawn evenly",
-        ),
     ],
 )
 def test_bad_numbers_of_demonstrations_are_refused(overrides, message):
     with pytest.raises(ConfigError, match=message):
-        plan("td3", overrides=overrides)
+        training("td3", overrides=overrides)

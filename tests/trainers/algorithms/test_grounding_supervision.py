@@ -7,21 +7,21 @@ import torch
 
 from tests.helpers.env_cases import make
 from tests.helpers.fake_env import make_env
-from tests.helpers.plans import plan
-from trainers.algorithms.build import build_algorithm
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import build_algorithm
 
 
 def learner(*overrides):
     env = make_env(8, 0)
     torch.manual_seed(0)
-    return build_algorithm(plan(overrides=overrides), env.observation_spec, env.action_unit)[1]
+    return build_algorithm(training(overrides=overrides), env.observation_spec, env.action_unit)[1]
 
 
 @pytest.mark.slow
 def test_unsimulated_scenes_train_the_attention():
     env = make_env(8, 0)
     torch.manual_seed(0)
-    policy, learner = build_algorithm(plan(), env.observation_spec, env.action_unit)
+    policy, learner = build_algorithm(training(), env.observation_spec, env.action_unit)
     learner.add_scenes(env.draw_scenes(500, 1))
     held_out = env.draw_scenes(200, 2)
     optimizer = torch.optim.Adam(policy.parameters(), lr=3e-3)
@@ -65,7 +65,7 @@ def test_the_error_follows_the_scenes_that_were_not_learned_from():
 def test_simulated_scenes_are_kept_beside_drawn_ones_with_more_slots_and_read_alike():
     env = make("kuka", "step", "nl_reach", worlds=4)
     torch.manual_seed(0)
-    policy, learner = build_algorithm(plan(), env.observation_spec, env.action_unit)
+    policy, learner = build_algorithm(training(), env.observation_spec, env.action_unit)
     grounding = learner.grounding
     grounding.add(env.draw_scenes(8, 0).select(*grounding.keys))
     simulated = env.reset().select(*grounding.keys)

@@ -3,12 +3,11 @@ import torch
 from tensordict import TensorDict
 
 from tests.helpers.fake_env import make_env
-from tests.helpers.plans import plan
-from trainers.algorithms.algorithm import DivergedError
-from trainers.algorithms.build import build_algorithm
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import DivergedError, build_algorithm
 from trainers.algorithms.on_policy import OnPolicyAlgorithm, advantages
 from trainers.algorithms.ppo import MAX_WEIGHT
-from trainers.collect.collection import Rollouts
+from trainers.collect.rollouts import Rollouts
 
 GAMMA, LMBDA = 0.9, 0.8
 
@@ -37,11 +36,11 @@ def test_advantages_equal_those_computed_by_hand(truncated):
 def learner(*overrides):
     env = make_env(8, 0)
     torch.manual_seed(0)
-    return build_algorithm(plan(overrides=overrides), env.observation_spec, env.action_unit)
+    return build_algorithm(training(overrides=overrides), env.observation_spec, env.action_unit)
 
 
 def batch_of(policy):
-    rollouts = Rollouts(make_env, policy, plan().collector, 16, 0)
+    rollouts = Rollouts(make_env, policy, training().collector, 16, 0)
     try:
         return rollouts.next().clone()
     finally:

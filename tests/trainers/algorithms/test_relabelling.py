@@ -4,17 +4,17 @@ import pytest
 import torch
 
 from tests.helpers.fake_env import NEAR, make_env
-from tests.helpers.plans import plan
 from tests.helpers.short_training import train
-from trainers.algorithms.build import build_algorithm
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import build_algorithm
 from trainers.algorithms.replay import Relabelling
-from trainers.collect.collection import Rollouts
+from trainers.collect.rollouts import Rollouts
 from trainers.run.metrics import read_metrics
 
 
 @pytest.fixture
 def batches():
-    env, small = make_env(8, 0), plan("sac")
+    env, small = make_env(8, 0), training("sac")
     torch.manual_seed(0)
     policy, _ = build_algorithm(small, env.observation_spec, env.action_unit)
     rollouts = Rollouts(make_env, policy, small.collector, 6, 0)
@@ -62,7 +62,7 @@ def test_each_episode_is_relabelled_the_configured_number_of_times(batches, copi
 
 @pytest.mark.slow
 def test_relabelled_episodes_enter_replay_and_scenes(batches):
-    env, small = make_env(8, 0), plan("sac")
+    env, small = make_env(8, 0), training("sac")
     _, sac = build_algorithm(small, env.observation_spec, env.action_unit, relabel=env.hindsight)
     expected = [episode for batch in batches for episode in Relabelling(env.hindsight, 1.0)(batch)]
     for batch in batches:

@@ -5,15 +5,15 @@ import torch
 from torchrl.modules import TanhNormal
 
 from tests.helpers.fake_env import make_env
-from tests.helpers.plans import plan
-from trainers.algorithms.build import build_algorithm
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import build_algorithm
 from trainers.algorithms.sac import sample_tanh_normal
-from trainers.collect.collection import Rollouts
+from trainers.collect.rollouts import Rollouts
 
 
 @pytest.fixture
 def learned():
-    env, small = make_env(8, 0), plan("sac")
+    env, small = make_env(8, 0), training("sac")
     torch.manual_seed(0)
     policy, sac = build_algorithm(small, env.observation_spec, env.action_unit)
     rollouts = Rollouts(make_env, policy, small.collector, 16, 0)
@@ -94,7 +94,7 @@ def test_parts_of_a_step_that_run_at_the_same_time_give_the_same_bits(learned):
 def test_unsupervised_words_are_trained_by_the_actor_loss():
     env = make_env(8, 0)
     policy, sac = build_algorithm(
-        plan("sac", overrides=("algo.grounding_weight=0.0",)), env.observation_spec, env.action_unit
+        training("sac", overrides=("algo.grounding_weight=0.0",)), env.observation_spec, env.action_unit
     )
     with torch.no_grad():
         sac.replay.extend(env.rollout(5, policy.act))

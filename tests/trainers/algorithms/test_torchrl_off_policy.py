@@ -1,4 +1,4 @@
-"""The adapter trains with TorchRL's off-policy loss modules: replay, targets, priorities, grounding and checkpoints."""
+"""The adapter trains with TorchRL's off-policy loss modules: replay, targets, grounding and checkpoints."""
 
 import copy
 
@@ -7,8 +7,8 @@ import torch
 
 from core.errors import ConfigError
 from tests.helpers.fake_env import make_env
-from tests.helpers.plans import plan
-from trainers.algorithms.build import build_algorithm
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import build_algorithm
 
 ALGOS = ("crossq", "redq", "td3", "tqc")
 SMALL = ("algo.batch=16", "algo.learning_starts=16", "algo.updates_per_frame=0.1", "policy.critic_hidden=[16,16]")
@@ -18,7 +18,7 @@ def learner(algo, *overrides, policy="grounded"):
     env = make_env(8, 0)
     torch.manual_seed(0)
     made, algorithm = build_algorithm(
-        plan(algo, policy, (*SMALL, *overrides)), env.observation_spec, env.action_unit, relabel=env.hindsight
+        training(algo, policy, (*SMALL, *overrides)), env.observation_spec, env.action_unit, relabel=env.hindsight
     )
     with torch.no_grad():
         batch = env.rollout(5, made.act, break_when_any_done=False)
@@ -84,16 +84,6 @@ def test_the_actor_is_trained_on_every_second_step_only():
     algorithm.replay.extend(batch)
     measured = [algorithm.step(algorithm.replay.sample(16)) for _ in range(2)]
     assert ["loss/actor" in each for each in measured] == [True, False]
-
-
-def test_frames_with_larger_errors_get_higher_priority():
-    _, algorithm, batch = learner("td3", "algo.priority_alpha=0.7")
-    algorithm.replay.extend(batch)
-    frames = algorithm.replay.sample(16)
-    algorithm.step(frames)
-    priorities = algorithm.replay.frames.sampler.priorities[frames["index"]]
-    order = frames["td_error"].argsort()
-    assert priorities[order][-1] > priorities[order][0]
 
 
 def test_a_deterministic_policy_explores_within_bounds_and_its_noise_declines():

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from tests.helpers.fake_env import make_env
-from tests.helpers.plans import plan
-from trainers.algorithms.build import build_algorithm
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import build_algorithm
 
 
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
@@ -14,7 +14,7 @@ def test_an_update_trains_actor_and_critic(policy, loss):
     env = make_env(8, 0)
     torch.manual_seed(0)
     overrides = (f"algo.loss={loss}", "algo.minibatch=40")
-    made, algorithm = build_algorithm(plan("a2c", policy, overrides), env.observation_spec, env.action_unit)
+    made, algorithm = build_algorithm(training("a2c", policy, overrides), env.observation_spec, env.action_unit)
     with torch.no_grad():
         batch = env.rollout(5, made.act, break_when_any_done=False)
     before = [p.clone() for p in (*made.actor.parameters(), *algorithm.critic.parameters())]

@@ -12,9 +12,9 @@ import torch
 
 from core.errors import ConfigError
 from tests.helpers.fake_env import make_crashing, make_env
-from tests.helpers.plans import plan
 from tests.helpers.ray_cases import listening, own_ray
-from trainers.collect.collection import CollectionError, Rollouts
+from tests.helpers.training_configs import training
+from trainers.collect.rollouts import CollectionError, Rollouts
 from trainers.collect.worker import Worker, WorkerSpec
 from trainers.config import RayCollectorConfig
 from trainers.models.policy import build_policy
@@ -42,7 +42,7 @@ def ray():
 
 def policy_of(env):
     torch.manual_seed(0)
-    return build_policy(plan().policy, env.observation_spec, env.action_unit)
+    return build_policy(training().policy, env.observation_spec, env.action_unit)
 
 
 def same(one, other):

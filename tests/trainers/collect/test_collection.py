@@ -14,9 +14,9 @@ import torch
 
 from core.errors import Interrupted
 from tests.helpers.fake_env import make_crashing, make_env
-from tests.helpers.plans import plan
 from tests.helpers.processes import parent_of
-from trainers.collect.collection import CollectionError, Rollouts
+from tests.helpers.training_configs import training
+from trainers.collect.rollouts import CollectionError, Rollouts
 from trainers.collect.worker import Worker, WorkerSpec
 from trainers.models.policy import build_policy
 
@@ -25,11 +25,11 @@ HORIZON = 4
 
 def policy_of(env):
     torch.manual_seed(0)
-    return build_policy(plan().policy, env.observation_spec, env.action_unit)
+    return build_policy(training().policy, env.observation_spec, env.action_unit)
 
 
 def two_workers(make, policy, *overrides):
-    return Rollouts(make, policy, plan(overrides=("collector.workers=2", *overrides)).collector, HORIZON, 0)
+    return Rollouts(make, policy, training(overrides=("collector.workers=2", *overrides)).collector, HORIZON, 0)
 
 
 def expected(policy, batches):
@@ -116,7 +116,7 @@ def test_the_exception_of_a_worker_is_in_the_message():
 
 
 def test_an_exception_in_this_process_is_in_the_message_too():
-    rollouts = Rollouts(make_crashing, policy_of(make_env(4, 0)), plan().collector, HORIZON, 0)
+    rollouts = Rollouts(make_crashing, policy_of(make_env(4, 0)), training().collector, HORIZON, 0)
     rollouts.next()
     with pytest.raises(CollectionError, match="collecting a batch raised ArithmeticError: the arm is on fire"):
         rollouts.next()
@@ -162,7 +162,7 @@ def test_a_batch_that_was_asked_for_before_a_resume_has_the_weights_of_then():
             rollouts.sync(moved(policy, k))
             rollouts.next()
         state = copy.deepcopy(rollouts.state_dict())
-    config = plan(overrides=("collector.workers=2", "collector.overlap=true")).collector
+    config = training(overrides=("collector.workers=2", "collector.overlap=true")).collector
     with closing(Rollouts(make_env, moved(policy, 3), config, HORIZON, 0, iteration=3, state=state)) as resumed:
         for k in (3, 4):
             resumed.sync(moved(policy, k))

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from tests.helpers.fake_env import make_env
-from trainers.collect.collection import EpisodeStatistics
+from trainers.collect.rollouts import EpisodeStatistics
 
 
 def test_episodes_continue_from_batch_to_batch():

@@ -16,13 +16,13 @@ from trainers.collect import fork_server
 SCRIPT = """
 from functools import partial
 from tests.helpers.fake_env import FakeEnv
-from tests.helpers.plans import plan
+from tests.helpers.training_configs import training
 from trainers.models.policy import build_policy
-from trainers.collect.collection import Rollouts
+from trainers.collect.rollouts import Rollouts
 if __name__ == "__main__":
     env = FakeEnv(4, 0)
-    policy = build_policy(plan().policy, env.observation_spec, env.action_unit)
-    rollouts = Rollouts(partial(FakeEnv, nap=0.01), policy, plan(overrides=["collector.workers=2"]).collector, 4, 0)
+    policy = build_policy(training().policy, env.observation_spec, env.action_unit)
+    rollouts = Rollouts(partial(FakeEnv, nap=0.01), policy, training(overrides=["collector.workers=2"]).collector, 4, 0)
     rollouts.next()
     print(*(process.pid for process in rollouts.processes), flush=True)
     while True:

@@ -9,13 +9,12 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from tests.helpers.plans import plan
-from trainers.collect.collection import CollectionError
+from tests.helpers.training_configs import training
+from trainers.collect.rollouts import CollectionError, Order, WorkerPool
 from trainers.collect.worker import WorkerSpec
-from trainers.collect.worker_pool import Order, WorkerPool
 
 TIMEOUT = 0.2  # seconds
-CONFIG = replace(plan().collector, workers=4, worlds=4, timeout=TIMEOUT, restarts=0)
+CONFIG = replace(training().collector, workers=4, worlds=4, timeout=TIMEOUT, restarts=0)
 
 
 class SlowToRead:

@@ -15,10 +15,10 @@ import evaluate
 from core.errors import ConfigError
 from envs import read_env
 from envs.workspace_env import WorkspaceEnv
-from trainers.algorithms.build import fitted_policy
 from trainers.evaluation.chains import run_chains
 from trainers.evaluation.specialists import Specialists, load_specialists
 from trainers.run import checkpoint
+from trainers.run.checkpoint import fitted_policy
 
 POLICY = checkpoint.find(Path("anything_kuka"))
 

@@ -121,7 +121,7 @@ def test_training_cannot_resume_from_a_published_policy(policy, tmp_path):
     with pytest.raises(CheckpointError, match="a published policy without optimiser and critic"):
         train.resumed(str(policy), [])
     from tests.helpers.fake_env import FakeEnv
-    from tests.helpers.plans import plan
+    from tests.helpers.training_configs import training
 
     with pytest.raises(CheckpointError, match="a published policy"):
-        fit(plan(), FakeEnv, tmp_path, {}, [], resume=checkpoint.find(policy))
+        fit(training(), FakeEnv, tmp_path, {}, [], resume=checkpoint.find(policy))

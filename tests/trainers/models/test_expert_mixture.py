@@ -4,9 +4,9 @@ import pytest
 import torch
 
 from tests.helpers.labelled_fake_env import LABEL, make_labelled
-from tests.helpers.plans import plan
-from trainers.algorithms.build import build_algorithm
-from trainers.collect.collection import Rollouts
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import build_algorithm
+from trainers.collect.rollouts import Rollouts
 from trainers.models.policy import ExpertMixture
 
 
@@ -14,7 +14,7 @@ from trainers.models.policy import ExpertMixture
 def policy_and_state():
     env = make_labelled(256, 0)
     torch.manual_seed(0)
-    policy, _ = build_algorithm(plan("bc"), env.observation_spec, env.action_unit)
+    policy, _ = build_algorithm(training("bc"), env.observation_spec, env.action_unit)
     return policy, env.reset()
 
 
@@ -34,7 +34,7 @@ def test_what_the_policy_wrote_is_kept_where_the_expert_acts(policy_and_state):
 
 @pytest.mark.slow
 def test_worker_processes_are_told_the_share():
-    env, small = make_labelled(8, 0), plan("bc", overrides=("collector.workers=2",))
+    env, small = make_labelled(8, 0), training("bc", overrides=("collector.workers=2",))
     _, bc = build_algorithm(small, env.observation_spec, env.action_unit)
     rollouts = Rollouts(make_labelled, bc.behaviour, small.collector, 4, 0)
     try:

@@ -6,7 +6,7 @@ import torch
 
 from envs import make_env
 from human import ray_offsets
-from tests.helpers.plans import plan
+from tests.helpers.training_configs import training
 from trainers.models.grounding import grounding_loss, ray_features
 from trainers.models.policy import build_policy
 
@@ -28,9 +28,9 @@ def accuracy(policy, scenes):
 @pytest.mark.parametrize("name", ["grounded", "mlp"])
 def test_a_policy_reads_the_gesture_only_where_there_is_one(name, scenes):
     spec, unit, _, _ = scenes
-    assert "gesture" in build_policy(plan(policy=name).policy, spec, unit).act.in_keys
+    assert "gesture" in build_policy(training(policy=name).policy, spec, unit).act.in_keys
     wordy = make_env(["task=nl_reach"], num_worlds=1)
-    assert "gesture" not in build_policy(plan(policy=name).policy, wordy.observation_spec, unit).act.in_keys
+    assert "gesture" not in build_policy(training(policy=name).policy, wordy.observation_spec, unit).act.in_keys
     wordy.close()
 
 
@@ -38,7 +38,7 @@ def test_a_policy_reads_the_gesture_only_where_there_is_one(name, scenes):
 def test_another_ray_changes_the_action(name, scenes):
     spec, unit, known, _ = scenes
     torch.manual_seed(0)
-    policy = build_policy(plan(policy=name).policy, spec, unit)
+    policy = build_policy(training(policy=name).policy, spec, unit)
     frames = known[:8].clone()
     turned = frames.clone()
     turned["gesture"][:, 4] += 0.3
@@ -68,7 +68,7 @@ def test_ray_features_are_zero_without_a_ray():
 def test_the_encoder_learns_to_combine_words_and_ray(scenes):
     spec, unit, known, fresh = scenes
     torch.manual_seed(0)
-    policy = build_policy(plan(policy="grounded").policy, spec, unit)
+    policy = build_policy(training(policy="grounded").policy, spec, unit)
     optimizer = torch.optim.Adam(policy.encoder.parameters(), lr=3e-3)
     for _ in range(300):
         loss = grounding_loss(policy.encode(known[torch.randint(len(known), (128,))]))[0]

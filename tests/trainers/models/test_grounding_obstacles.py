@@ -8,7 +8,7 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from envs import make_env
 from envs.mdp.object_rows import NEAR, OFFSET
-from tests.helpers.plans import plan
+from tests.helpers.training_configs import training
 from trainers.models.policy import build_policy
 
 
@@ -18,7 +18,7 @@ def scene():
     overrides = ["task=nl_pick_and_place", "task.num_objects=3", "task.curriculum={near: 1.0, held: 0.0, placed: 0.0}"]
     with closing(make_env(overrides, num_worlds=8, seed=4)) as env:
         torch.manual_seed(0)
-        yield env.reset(), build_policy(plan(policy="grounded").policy, env.observation_spec, env.action_unit)
+        yield env.reset(), build_policy(training(policy="grounded").policy, env.observation_spec, env.action_unit)
 
 
 @pytest.mark.slow

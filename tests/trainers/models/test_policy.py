@@ -4,8 +4,8 @@ from torchrl.data import Bounded
 from torchrl.envs.utils import ExplorationType, check_env_specs, set_exploration_type
 
 from tests.helpers.fake_env import make_env
-from tests.helpers.plans import plan
-from trainers.algorithms.build import build_algorithm
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import build_algorithm
 from trainers.models.grounding import grounding_loss
 from trainers.models.networks import Normalise
 from trainers.models.policy import FlatEncoder, MoveBounds, build_policy, stochastic_actor
@@ -18,7 +18,9 @@ def env():
 
 def make(env, policy="grounded", squash=False):
     torch.manual_seed(0)
-    return build_policy(plan(policy=policy).policy, env.observation_spec, env.action_unit, MoveBounds(squash=squash))
+    return build_policy(
+        training(policy=policy).policy, env.observation_spec, env.action_unit, MoveBounds(squash=squash)
+    )
 
 
 def test_the_fake_environment_passes_check_env_specs(env):
@@ -93,7 +95,7 @@ def test_the_grounding_loss_is_zero_for_attention_on_the_referent(env):
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 def test_an_unprivileged_critic_reads_no_goal_and_trains_no_words(env, algo, policy):
-    small = plan(algo, policy, ("policy.privileged_critic=false",))
+    small = training(algo, policy, ("policy.privileged_critic=false",))
     made, learner = build_algorithm(small, env.observation_spec, env.action_unit)
     state = made.encode(env.reset().exclude("privileged"))
     aim = state[made.context_key]

@@ -4,13 +4,13 @@ import torch
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from tests.helpers.fake_env import make_env
-from tests.helpers.plans import plan
+from tests.helpers.training_configs import training
 from trainers.models.policy import build_policy
 
 
 def test_the_deterministic_policy_attends_to_a_single_object():
     env = make_env(8, 0)
-    policy = build_policy(plan().policy, env.observation_spec, env.action_unit)
+    policy = build_policy(training().policy, env.observation_spec, env.action_unit)
     state = env.reset()
     with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
         out = policy.act(state)

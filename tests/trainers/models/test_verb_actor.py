@@ -7,7 +7,7 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from core.errors import ConfigError
 from tests.helpers.fake_env import make_env
-from tests.helpers.plans import plan
+from tests.helpers.training_configs import training
 from trainers.models.grounding import VERB, VERB_LOGITS
 from trainers.models.networks import GaussianActor, Normalise, VerbActor
 from trainers.models.policy import build_policy
@@ -50,7 +50,7 @@ def test_verbs_are_weighed_by_their_probabilities(actor):
 def test_a_policy_has_one_network_for_each_verb_and_acts_with_that_of_the_likeliest(env):
     spec = env.observation_spec.clone()
     spec[VERB] = Categorical(VERBS, shape=(8,), dtype=torch.int64)
-    policy = build_policy(plan(overrides=("policy.by_verb=true",)).policy, spec, env.action_unit)
+    policy = build_policy(training(overrides=("policy.by_verb=true",)).policy, spec, env.action_unit)
     assert len(policy.log_stds) == VERBS
     with set_exploration_type(ExplorationType.DETERMINISTIC), torch.no_grad():
         frames = policy.act(env.reset())
@@ -65,9 +65,9 @@ def rows_of(frames, verbs):
 
 def test_a_task_with_one_verb_is_refused(env):
     with pytest.raises(ConfigError, match=r"policy\.by_verb=true needs a task that has several verbs"):
-        build_policy(plan(overrides=("policy.by_verb=true",)).policy, env.observation_spec, env.action_unit)
+        build_policy(training(overrides=("policy.by_verb=true",)).policy, env.observation_spec, env.action_unit)
 
 
 def test_networks_for_stages_and_for_verbs_are_refused():
     with pytest.raises(ConfigError, match=r"policy\.by_verb=true needs networks=1"):
-        plan(overrides=("policy.by_verb=true", "policy.networks=2"))
+        training(overrides=("policy.by_verb=true", "policy.networks=2"))

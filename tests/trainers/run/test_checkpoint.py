@@ -94,7 +94,7 @@ def test_loading_executes_nothing_in_the_file(tmp_path, monkeypatch, zipped):
     [
         ([1], "not a checkpoint of this project"),
         ({"format": 99}, "format 99"),
-        ({"format": 1}, "older version"),
+        ({"format": 1}, "this version reads format 2"),
         ({"format": 2}, "lacks config"),
     ],
 )

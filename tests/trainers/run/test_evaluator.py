@@ -12,9 +12,9 @@ import torch
 
 from core.errors import Interrupted
 from tests.helpers.fake_env import WORDS, FakeEnv, make_env
-from tests.helpers.plans import plan
-from trainers.algorithms.build import build_algorithm
-from trainers.collect.worker_pool import CollectionError
+from tests.helpers.training_configs import training
+from trainers.algorithms.algorithm import build_algorithm
+from trainers.collect.rollouts import CollectionError
 from trainers.run.evaluator import EpisodesTask, Evaluator, VideoTask
 from trainers.utils.files import WriteError
 
@@ -35,7 +35,7 @@ def blind_env(worlds, seed):
 def policy():
     torch.manual_seed(0)
     env = make_env(1, 0)
-    return build_algorithm(plan(), env.observation_spec, env.action_unit, WORDS, env.hindsight)[0]
+    return build_algorithm(training(), env.observation_spec, env.action_unit, WORDS, env.hindsight)[0]
 
 
 @pytest.fixture

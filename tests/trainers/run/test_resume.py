@@ -10,8 +10,8 @@ import torch
 
 from tests.helpers.fake_env import WORDS, FakeEnv, make_env
 from tests.helpers.labelled_fake_env import make_labelled
-from tests.helpers.plans import config, plan
 from tests.helpers.short_training import train, untimed_rows
+from tests.helpers.training_configs import config, training
 from trainers.collect.worker import Worker
 from trainers.evaluation.evaluation import evaluate
 from trainers.run import checkpoint
@@ -184,29 +184,8 @@ def slow_env(worlds, seed):
 
 
 def test_a_row_that_another_collector_measured_is_resumed_without_its_own_columns(tmp_path):
-    run = TrainingRun(plan(), make_env, tmp_path, config(), WORDS)
+    run = TrainingRun(training(), make_env, tmp_path, config(), WORDS)
     row = {"frames": 128.0, "time/restarts": 1.0, "time/batch_age": 0.0}
     run.load_running_state({**run.running_state(), "rows": [row], "memories": {}})
     run.close()
     assert run.rows == [{"frames": 128.0}]
-
-
-@pytest.mark.parametrize("one", [None, {"counters": {"frames": 128}}])
-def test_the_one_pending_evaluation_of_an_earlier_version_is_resumed(tmp_path, one):
-    run = TrainingRun(plan(), make_env, tmp_path, config(), WORDS)
-    run.load_running_state({**run.running_state(), "pending": one, "memories": {}})
-    run.close()
-    assert run.pending == ([] if one is None else [one])
-
-
-def test_a_run_of_an_earlier_version_is_refused_in_one_line(tmp_path):
-    """Its running state has another form; best.pt has none, and can be resumed."""
-    folder = tmp_path / "earlier"
-    train(folder, overrides=["total_frames=256"])
-    path = checkpoint.find(folder)
-    saved = checkpoint.load(path, to_train=True)
-    saved["state"] = {name: value for name, value in saved["state"].items() if name not in ("rows", "pending")}
-    checkpoint.save(path, {name: value for name, value in saved.items() if name != "format"})
-    with pytest.raises(checkpoint.CheckpointError, match=r"earlier version.*resume=.*best\.pt"):
-        train(folder, overrides=["total_frames=512"], resume=path)
-    train(folder, overrides=["total_frames=512"], resume=folder / "checkpoints" / "best.pt")

@@ -18,7 +18,7 @@ from core.errors import ConfigError
 from tests.helpers.fake_env import FakeEnv, make_env
 from tests.helpers.short_training import train, untimed_rows
 from trainers.algorithms.algorithm import DivergedError
-from trainers.collect.worker_pool import CollectionError
+from trainers.collect.rollouts import CollectionError
 from trainers.evaluation.evaluation import evaluate
 from trainers.run import checkpoint
 from trainers.run.metrics import read_metrics
@@ -161,13 +161,13 @@ SCRIPT = """
 from pathlib import Path
 from functools import partial
 from tests.helpers.fake_env import WORDS, FakeEnv
-from tests.helpers.plans import config, plan
+from tests.helpers.training_configs import config, training
 from trainers.run.train_loop import fit
 def make(worlds, seed):
     return FakeEnv(worlds, seed, nap=0.002)
 if __name__ == "__main__":
     o = ("total_frames=1000000", "collector.workers=2")
-    fit(plan(overrides=o), make, Path("out"), config(overrides=o), WORDS)
+    fit(training(overrides=o), make, Path("out"), config(overrides=o), WORDS)
 """
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from core.errors import ConfigError
 from core.overrides import compose
-from tests.helpers.plans import config, plan
-from trainers.config import frames_per_batch, read_plan, workers
+from tests.helpers.training_configs import config, training
+from trainers.config import frames_per_batch, read_training, workers
 
 ROOM = Path(__file__).parents[2] / "trainers"
 
@@ -16,7 +16,7 @@ ROOM = Path(__file__).parents[2] / "trainers"
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 def test_every_yaml_is_read(algo, policy):
-    assert plan(algo, policy).algo.name == algo
+    assert training(algo, policy).algo.name == algo
 
 
 def test_values_are_checked_before_torch_is_loaded():
@@ -49,18 +49,18 @@ def test_trainers_import_no_environment_language_or_human(path):
 )
 def test_a_wrong_value_is_named(override, message):
     with pytest.raises(ConfigError, match=message.replace("[", r"\[")):
-        read_plan(config(overrides=(override,)))
+        read_training(config(overrides=(override,)))
 
 
 def test_frames_of_a_batch():
-    assert frames_per_batch(plan()) == 8 * 16
+    assert frames_per_batch(training()) == 8 * 16
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("cores", "count"), [(1, 1), (2, 2), (3, 2), (6, 4), (64, 8)])
 def test_a_batch_is_the_same_on_any_number_of_cores(cores, count, monkeypatch):
     monkeypatch.setattr("trainers.config.cores", lambda: cores)
-    plans = [plan(), plan(overrides=("collector.workers=0",)), plan(overrides=("collector.workers=4",))]
+    plans = [training(), training(overrides=("collector.workers=0",)), training(overrides=("collector.workers=4",))]
     assert [frames_per_batch(each) for each in plans] == [8 * 16] * 3
     assert [workers(each.collector) for each in plans] == [1, count, 4]
 
@@ -70,4 +70,11 @@ def test_a_missing_ray_is_told_before_anything_is_built(monkeypatch):
     with pytest.raises(
         ConfigError, match=r'collector=ray needs ray, which is not installed: pip install -e "\.\[cluster'
     ):
-        read_plan(compose(["collector=ray"]))
+        read_training(compose(["collector=ray"]))
+
+
+def test_a_config_that_lacks_a_group_is_refused_by_name():
+    saved = config()
+    del saved["checkpoint"]
+    with pytest.raises(ConfigError, match="the config lacks checkpoint"):
+        read_training(saved)

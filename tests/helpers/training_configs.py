@@ -7,7 +7,7 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from trainers.config import Plan, read_plan
+from trainers.config import TrainingConfig, read_training
 
 CONF = Path(__file__).parents[2] / "conf"
 
@@ -41,5 +41,5 @@ def config(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ..
     return OmegaConf.to_container(merged)  # type: ignore[return-value]
 
 
-def plan(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ...] = ()) -> Plan:
-    return read_plan(config(algo, policy, overrides))
+def training(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ...] = ()) -> TrainingConfig:
+    return read_training(config(algo, policy, overrides))

@@ -1,0 +1,276 @@
+"""The settings of each algorithm, by the name that they are registered under.
+
+This file imports no torch, so that a wrong value is refused at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, ClassVar, TypeVar
+
+from core.errors import ConfigError, did_you_mean
+from core.schema import Checked, one_of, read, within
+
+PACKAGE = "trainers.algorithms"  # of the algorithms and, with dotted names, of losses
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlgorithmConfig(Checked):
+    """The settings of every algorithm; `register` names those of one algorithm."""
+
+    algorithm: ClassVar[str]  # <module>.<class> in `PACKAGE`, set by `register`
+    on_policy: ClassVar[bool]  # whether an update learns from the latest batch alone
+
+    name: str
+    anneal_lr: bool  # linearly to zero over the run
+    horizon: int = within(1, 4096)  # steps of each world between updates
+    lr: float = within(1e-7, 1.0)
+    max_grad_norm: float = within(1e-3)
+    grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
+    grounding_lr: float = within(1e-7, 1.0)  # of the parameters that only the grounding loss trains; annealed like lr
+    grounding_batch: int = within(1)  # scenes of one gradient step of the grounding loss
+    grounding_memory: int = within(1)  # latest scenes, on which the grounding loss is computed
+    grounding_scenes: int = within(0)  # scenes added at each update that are drawn and described but never simulated
+
+    @property
+    def squashes(self) -> bool:
+        """Whether a move is the tanh of a normal sample."""
+        return False
+
+    @property
+    def clips(self) -> bool:
+        """Whether a move is a deterministic mean with exploration noise, clipped to [-1, 1]."""
+        return False
+
+    @property
+    def imitates(self) -> bool:
+        """Whether the worlds must observe the actions of the task's expert."""
+        return False
+
+    def check_batch(self, frames: int) -> None:
+        """Raise ConfigError if batches of this number of frames do not fit the other settings."""
+
+
+C = TypeVar("C", bound=type[AlgorithmConfig])
+_CLASSES: dict[str, type[AlgorithmConfig]] = {}
+
+
+def register(name: str, builds: str) -> Callable[[C], C]:
+    """Return a decorator for a class of settings.
+
+    Args:
+        name: `algo.adapter` of the configs that it reads, or else their `algo.name`.
+        builds: <module>.<class> in `PACKAGE`, the algorithm with these settings. It is named rather than imported, so
+            that settings are read without torch.
+    """
+
+    def add(cls: C) -> C:
+        cls.algorithm = builds
+        if _CLASSES.setdefault(name, cls) is not cls:
+            raise ValueError(f"two algorithms are registered as {name!r}: {_CLASSES[name]} and {cls}")
+        return cls
+
+    return add
+
+
+def read_algorithm(node: Any) -> AlgorithmConfig:
+    """Return the key `algo` of a composed config. Raises ConfigError."""
+    get = getattr(node, "get", lambda key: None if key == "adapter" else node)
+    key = "adapter" if get("adapter") else "name"
+    name = str(get(key))
+    if name not in _CLASSES and name.isidentifier() and find_spec(f"{PACKAGE}.{name}"):
+        import_module(f"{PACKAGE}.{name}")  # of an algorithm that registers its settings in its own file
+    if name not in _CLASSES:
+        raise ConfigError(f"algo.{key}={name} is not known" + did_you_mean(name, _CLASSES))
+    return read(_CLASSES[name], node, "algo")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnPolicyConfig(AlgorithmConfig):
+    """Epochs of minibatches over the latest batch, with generalised advantages."""
+
+    on_policy = True
+
+    horizon: int = within(2, 4096)  # steps of each world between updates
+    epochs: int = within(1, 100)
+    gamma: float = within(0.0, 1.0)
+    minibatch: int = within(2)
+    lmbda: float = within(0.0, 1.0)
+    # Discount factor at the end of the run, after a linear change; None: gamma.
+    final_gamma: float | None = within(0.0, 1.0, default=None)
+    final_std: float = within(0.01, 2.0)  # upper bound of the exploration noise at the end, after a linear decline
+    # Share of the run, at its beginning, in which the actor does not learn.
+    critic_warmup: float = within(0.0, 1.0, default=0.0)
+    # Share of gradient steps and of added scenes for the grounding loss: this times the attention's error on fresh
+    # scenes, at most 1 and at least 1/8. None = all.
+    grounding_gain: float | None = within(0.0)
+
+    def discount(self, progress: float) -> float:
+        """The discount factor after this share of the run."""
+        last = self.gamma if self.final_gamma is None else self.final_gamma
+        return self.gamma + (last - self.gamma) * progress
+
+    def check_batch(self, frames: int) -> None:
+        if self.minibatch > frames:
+            raise ConfigError(
+                f"algo.minibatch={self.minibatch} is more than the {frames} frames of a batch: "
+                "lower it, or raise algo.horizon or collector.worlds"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffPolicyConfig(AlgorithmConfig):
+    """Gradient steps on frames drawn from a replay buffer, with hindsight relabelling."""
+
+    on_policy = False
+
+    batch: int = within(2)
+    gamma: float = within(0.0, 1.0)
+    updates_per_frame: float = within(0.0, 100.0)  # gradient steps per collected frame
+    buffer: int = within(100)  # capacity of the replay buffer in frames
+    learning_starts: int = within(0)  # frames collected before the first gradient step
+    grounding_every: int = within(1)  # gradient steps for each one that includes the grounding loss
+    hindsight: float = within(0.0, 100.0)  # relabelled copies of each episode; 0 = none, a fraction is a probability
+    # First frames in which the task's expert acts. Half of each batch is drawn from them: RLPD, Ball et al. 2023
+    # (arXiv:2302.02948).
+    demonstrations: int = within(0, default=0)
+
+    @property
+    def imitates(self) -> bool:
+        return self.demonstrations > 0
+
+    def check_batch(self, frames: int) -> None:
+        _check_buffer(self.buffer, frames, self.batch)
+        if 0 < self.demonstrations < frames:
+            raise ConfigError(
+                f"algo.demonstrations={self.demonstrations} must be 0, or at least a batch: {frames} frames"
+            )
+
+
+@register("ppo", builds="ppo.PPO")
+@dataclass(frozen=True, kw_only=True)
+class PPOConfig(OnPolicyConfig):
+    """Proximal policy optimisation, Schulman et al. 2017 (arXiv:1707.06347)."""
+
+    name: str = one_of("ppo")
+    loss: str = one_of("own", "torchrl")  # TorchRL's ClipPPOLoss gives the same numbers and takes longer
+    clip: float = within(1e-3, 1.0)
+    entropy: float = within(0.0, 1.0)  # weight of the entropy bonus
+    critic_weight: float = within(0.0, 100.0)
+    target_kl: float = within(0.0)  # an update ends early beyond 1.5 times this; 0 = never
+
+
+@register("sac", builds="sac.SAC")
+@dataclass(frozen=True, kw_only=True)
+class SACConfig(OffPolicyConfig):
+    """Soft actor-critic with automatic temperature, Haarnoja et al. 2018 (arXiv:1812.05905)."""
+
+    name: str = one_of("sac")
+    loss: str = one_of("own", "torchrl")  # TorchRL's SACLoss gives the same numbers and takes longer
+    tau: float = within(1e-5, 1.0)  # part of the way that the target critics move towards the critics at each step
+    initial_alpha: float = within(1e-4, 10.0)  # temperature
+    target_entropy: float = within(-10.0, 10.0)  # nats for each dimension of the action
+
+    @property
+    def squashes(self) -> bool:
+        return True
+
+    def for_torchrl(self, actions: int) -> TorchRLOffPolicyConfig:
+        """The settings with which TorchRL's SACLoss computes what SAC computes. actions: width of a move."""
+        return TorchRLOffPolicyConfig(
+            **{field.name: getattr(self, field.name) for field in fields(OffPolicyConfig)},
+            adapter="torchrl_off_policy",
+            loss="SACLoss",
+            options={
+                "loss_function": "l2",
+                "alpha_init": self.initial_alpha,
+                "target_entropy": self.target_entropy * actions,
+            },
+            deterministic=False,
+            final_std=None,
+            critics=2,
+            quantiles=1,
+            critic_normalisation="none",
+            target="soft",
+            tau=self.tau,
+            target_interval=1,
+            actor_every=1,
+            adam_beta1=0.9,
+        )
+
+
+@register("bc", builds="bc.BC")
+@dataclass(frozen=True, kw_only=True)
+class BCConfig(AlgorithmConfig):
+    """Behaviour cloning on states that the policy meets: DAgger, Ross et al. 2011 (arXiv:1011.0686)."""
+
+    on_policy = False
+
+    name: str = one_of("bc")
+    batch: int = within(2)
+    updates_per_frame: float = within(0.0, 100.0)  # gradient steps per collected frame
+    buffer: int = within(100)  # labelled frames that are kept, the latest ones
+    grounding_every: int = within(1)  # gradient steps for each one that includes the grounding loss
+    std: float = within(0.01, 2.0)  # exploration noise of the policy's moves
+    expert_until: float = within(0.0, 1.0)  # share of the run over which the expert's share of the steps falls to 0
+
+    @property
+    def imitates(self) -> bool:
+        return True
+
+    def check_batch(self, frames: int) -> None:
+        _check_buffer(self.buffer, frames, self.batch)
+
+
+@register("torchrl_on_policy", builds="torchrl_losses.TorchRLOnPolicy")
+@dataclass(frozen=True, kw_only=True)
+class TorchRLOnPolicyConfig(OnPolicyConfig):
+    """An on-policy loss of TorchRL: A2CLoss, PPOLoss, ClipPPOLoss, ..."""
+
+    adapter: str = one_of("torchrl_on_policy")
+    loss: str  # a class of torchrl.objectives, or <module>.<class> of trainers.algorithms
+    options: dict[str, Any]  # keyword arguments of the loss
+
+
+@register("torchrl_off_policy", builds="torchrl_losses.TorchRLOffPolicy")
+@dataclass(frozen=True, kw_only=True)
+class TorchRLOffPolicyConfig(OffPolicyConfig):
+    """An off-policy loss of TorchRL: TD3Loss, SACLoss, CrossQLoss, TQCLoss, REDQLoss, DDPGLoss, ..."""
+
+    adapter: str = one_of("torchrl_off_policy")
+    loss: str  # a class of torchrl.objectives, or <module>.<class> of trainers.algorithms
+    options: dict[str, Any]  # keyword arguments of the loss
+    deterministic: bool  # the actor writes the move itself, and exploration noise of policy.initial_std is added
+    final_std: float | None = within(0.01, 2.0)  # deterministic: exploration noise at the end, after a linear decline
+    critics: int = within(1, 100)
+    quantiles: int = within(1, 1000)  # outputs of each critic; 1 = the expected return
+    critic_normalisation: str = one_of("none", "layer", "batch_renorm")
+    target: str = one_of("none", "soft", "hard")  # how the target networks follow
+    tau: float = within(1e-5, 1.0)  # soft: part of the way at each step
+    target_interval: int = within(1)  # hard: gradient steps between two copies
+    actor_every: int = within(1)  # gradient steps of the critics for each one of actor and temperature
+    adam_beta1: float = within(0.0, 0.999)
+
+    @property
+    def squashes(self) -> bool:
+        return not self.deterministic
+
+    @property
+    def clips(self) -> bool:
+        return self.deterministic
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.deterministic != (self.final_std is not None):
+            needed = "a number" if self.deterministic else "null"
+            raise ConfigError(f"final_std={self.final_std} must be {needed} with deterministic={self.deterministic}")
+
+
+def _check_buffer(buffer: int, frames: int, batch: int) -> None:
+    """Raise ConfigError unless the buffer holds the collected and the drawn batch."""
+    needed = max(frames, batch)
+    if buffer < needed:
+        raise ConfigError(f"algo.buffer={buffer} must hold a batch of {needed} frames")
