@@ -151,7 +151,7 @@ def _run(program: str, words: list[str]) -> None:
 @pytest.mark.slow
 def test_a_bad_command_line_is_refused_in_one_line_that_names_the_word(row, tmp_path):
     """No traceback, no exit code 0. Each program runs in a fork."""
-    import trainers.algorithms.build  # noqa: F401  imported once, before the forks
+    import trainers.algorithms.algorithm  # noqa: F401  imported once, before the forks
 
     (tmp_path / "pretrained").symlink_to(policy_file.FOLDER)
     every = list(dict.fromkeys(bad_command_lines()))

@@ -14,8 +14,8 @@ from envs.config import read_env
 from envs.workspace_env import WorkspaceEnv
 from language import Tokenizer
 from tests.helpers.thorough import cases
-from trainers.collect.collection import Rollouts
-from trainers.config import read_plan
+from trainers.collect.rollouts import Rollouts
+from trainers.config import read_training
 from trainers.run.train_loop import TrainingRun
 
 FRAMES, STEPS = 200_000, 16  # of the buffer, and of each world in the recorded batch
@@ -25,16 +25,16 @@ FRAMES, STEPS = 200_000, 16  # of the buffer, and of each world in the recorded 
 def test_a_checkpoint_of_a_full_replay_buffer_is_hardly_larger_than_it_and_soon_written(row, tmp_path):
     """The first try writes the whole buffer, later ones the frames since the last one, as by default."""
     config = compose(["algo=sac", "collector.workers=1", f"algo.horizon={STEPS}"])
-    env_config, plan = read_env(config), read_plan(config)
-    run = TrainingRun(plan, partial(WorkspaceEnv, env_config), tmp_path, {}, list(Tokenizer.default().vocabulary))
+    env_config, training = read_env(config), read_training(config)
+    run = TrainingRun(training, partial(WorkspaceEnv, env_config), tmp_path, {}, list(Tokenizer.default().vocabulary))
     algorithm: Any = run.algorithm
-    run.rollouts = Rollouts(run.make_env, run.policy, plan.collector, STEPS, 0)
+    run.rollouts = Rollouts(run.make_env, run.policy, training.collector, STEPS, 0)
     batch = run.rollouts.next()
     algorithm.relabelling.episodes(batch)  # frames of unfinished episodes are saved too
     algorithm.add_batch_scenes(batch, [])
     row.figures |= {"buffer MB": 0.0, "seconds": [], "MB on disk": []}
     for index in range(row.number(sample=2, thorough=4)):
-        for _ in range((FRAMES if index == 0 else plan.eval.interval) // batch.numel() + 1):
+        for _ in range((FRAMES if index == 0 else training.eval.interval) // batch.numel() + 1):
             algorithm.replay.extend(batch)
         start = time.perf_counter()
         run.save_last()

@@ -21,8 +21,8 @@ from envs.config import read_env
 from language import Tokenizer
 from tests.helpers.faulty_env import make_env
 from tools.whole_runs import ALGORITHMS, SMALL, differences
-from trainers.collect.worker_pool import WorkerPool
-from trainers.config import read_plan
+from trainers.collect.rollouts import WorkerPool
+from trainers.config import read_training
 from trainers.run.evaluator import Evaluator
 from trainers.run.train_loop import TrainingRun, fit
 
@@ -98,7 +98,7 @@ def _train(folder: Path, overrides: list[str], fault: WorkerFault | None) -> Non
         each.start()
     try:
         plain: Any = OmegaConf.to_container(config, resolve=True)
-        fit(read_plan(config), make, folder, plain, list(Tokenizer.default().vocabulary))
+        fit(read_training(config), make, folder, plain, list(Tokenizer.default().vocabulary))
     finally:
         for each in patches:
             each.stop()
