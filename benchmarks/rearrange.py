@@ -32,10 +32,10 @@ from pathlib import Path
 import numpy as np
 from tensordict import TensorDict
 
-from benchmarks import rearrange_policy
 from benchmarks.treebank import world_of
 from benchmarks.treebank_data import PARTS, Block, Item, World, read
-from core.overrides import compose
+from core.overrides import apply, compose
+from core.schema import ConfigError
 from deixis.policy import LoadedPolicy, load_policy
 from envs import read_env
 from envs.experts.board import Move, carry_out, moves_of
@@ -51,6 +51,8 @@ SIZES = (16, 40, 120)  # blocks: a world is made for as many, since parked ones 
 SETTLING = 10  # control steps after the move
 NEAREST = {"magenta": "purple", "white": "pink"}  # colours that the language lacks; physics does not see them
 ENOUGH, ENOUGH_OF_POLICY = 0.97, 0.90
+TASK = "rearrange"
+CURRICULUM = "task.curriculum={near: 0, held: 1, placed: 0}"  # lets an episode begin with a block held
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ def error(env: WorkspaceEnv, job: Job, policy: LoadedPolicy | None = None) -> st
     grid, order = begin(env, job.board, marked=policy is not None)
     try:
         if policy is not None:
-            rearrange_policy.carry_out(env, policy)
+            _act(env, policy)
         else:
             carry_out(env, moves(job, grid, order))
     except LanguageError as problem:
@@ -163,16 +165,38 @@ def difference(env: WorkspaceEnv, job: Job, grid: Grid, order: Sequence[int]) ->
     return "the block" if wrong[board.moved] else f"{wrong.sum()} other blocks" if wrong.any() else ""
 
 
+def most_blocks(name: str) -> int:
+    """Return the most blocks of the policy's task. Raises ConfigError for a policy of another task than `rearrange`."""
+    config = load_policy(name).config
+    if (task := config["task"]["name"]) != TASK:
+        raise ConfigError(f"--policy {name} was trained with task={task}: choose one of task={TASK}")
+    return int(config["task"]["num_objects"])
+
+
+def policy_env(policy: LoadedPolicy) -> WorkspaceEnv:
+    """Return one world as the policy was trained in."""
+    return WorkspaceEnv(read_env(apply(policy.config, [CURRICULUM])))
+
+
+def _act(env: WorkspaceEnv, policy: LoadedPolicy) -> bool:
+    """Have the policy act until the episode that has begun ends; return whether in success."""
+    hold = env.towards(env.commanded_gripper)
+    observed = env.step(TensorDict({"action": hold}, env.batch_size))["next"]  # `begin` keeps no observation
+    while not observed["done"]:
+        observed = env.step(policy(observed))["next"]
+    return bool(observed["success"])
+
+
 def results_of_policy(given: Sequence[Job], name: str) -> Iterator[tuple[Job, str]]:
     """Yield each job with its error. name: of a policy or its checkpoint."""
     policy = load_policy(name)
-    with closing(rearrange_policy.make_env(policy)) as env:
+    with closing(policy_env(policy)) as env:
         yield from ((job, error(env, job, policy)) for job in given)
 
 
 def results(given: Sequence[Job], robot: str) -> Iterator[tuple[Job, str]]:
     """Yield each job with its error."""
-    config = read_env(compose(["task=rearrange", f"robot={robot}", "task.curriculum={near: 0, held: 1, placed: 0}"]))
+    config = read_env(compose([f"task={TASK}", f"robot={robot}", CURRICULUM]))
     for few, many in zip((0, *SIZES), SIZES, strict=False):
         chosen = [job for job in given if few < len(job.board.before.blocks) <= many]
         if chosen:
@@ -211,7 +235,7 @@ def main() -> int:
     if options.words:
         commands = [job for _, job in understood(options.data, options.part)]
     else:
-        most = rearrange_policy.most_blocks(options.policy) if options.policy else max(SIZES)
+        most = most_blocks(options.policy) if options.policy else max(SIZES)
         every = boards(options.data, options.part)
         commands = [Job(board) for board in every if len(board.before.blocks) <= most]
     random.Random(0).shuffle(commands)
@@ -244,7 +268,7 @@ def _carry_out_all(given: Sequence[Job], options: argparse.Namespace) -> dict[Jo
 
 
 def _print_by_kind(given: Sequence[Job], found: dict[Job, str]) -> int:
-    """Return how many are right."""
+    """Print how many moves of each kind are right; return how many are right in all."""
     for kind, count in sorted(Counter(job.board.kind for job in given).items()):
         print(f"{kind}: {sum(not found[job] for job in given if job.board.kind == kind)} of {count}")
     return sum(not found[job] for job in given)

@@ -10,7 +10,9 @@ the report. A second table divides the seconds of our runs into parts.
 
 `--peer ppo` or `--peer sac` trains stable-baselines3's algorithm with its default hyperparameters on the Gymnasium
 environment of the same task instead, with evaluations after as many frames, until its success or `--frames` is reached.
-It needs `pip install -e ".[bench]"`.
+It needs `pip install -e ".[bench]"`. With `--peer-process` the peer is trained in this process. It prints a JSON line
+{"frames", "success"} after each interval, of 200 episodes of the deterministic policy, and {"final": [success, low,
+high]} of 500 at the end: after `--frames`, or once an evaluation has reached 0.97.
 """
 
 from __future__ import annotations
@@ -24,11 +26,15 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from trainers.evaluation.evaluation import wilson
 from trainers.run.metrics import read_metrics
 
 ROOT = Path(__file__).resolve().parents[1]
 RATES = (0.90, 0.95, 0.97)
+ENOUGH = 0.97  # success of a peer, at which its training ends
+EPISODES, FINAL_EPISODES = 200, 500  # of the evaluations of a peer
 PARTS = ("start", "collecting", "updating", "waiting for evaluations", "last evaluation and report")
 
 
@@ -82,12 +88,49 @@ def parts_of(rows: Sequence[Mapping[str, float]], seconds: float, imports: float
 
 def train_peer(name: str, seed: int, frames: int, interval: int, env_id: str) -> Run:
     """Run stable-baselines3's PPO or SAC, in a process of its own."""
-    program = [sys.executable, "-m", "benchmarks.sb3_training", name, env_id]
-    lines, seconds, busy = watched([*program, str(seed), str(frames), str(interval)])
+    program = [sys.executable, "-m", "benchmarks.time_to_success", "--peer", name, "--peer-process"]
+    options = {"--env": env_id, "--seeds": seed, "--frames": frames, "--interval": interval}
+    lines, seconds, busy = watched([*program, *(f"{option}={value}" for option, value in options.items())])
     results = [(at, json.loads(line)) for at, line in lines if line.startswith("{")]
     *rows, (_, last) = [(at, result) for at, result in results]
     evaluations = [(at, int(row["frames"]), float(row["success"])) for at, row in rows]
     return Run(seed, evaluations, seconds, busy, tuple(last["final"]))
+
+
+def train_peer_here(name: str, seed: int, frames: int, interval: int, env_id: str) -> None:
+    """Train stable-baselines3's PPO or SAC with its default hyperparameters, and print the evaluations."""
+    import gymnasium
+    import stable_baselines3
+    import torch
+    from stable_baselines3.common.vec_env import SubprocVecEnv
+
+    torch.set_num_threads(2 if name == "sac" else 1)
+    known = f"envs:{env_id}"  # the module that registers it, which subprocesses import too
+    one = gymnasium.make(known)
+    given: Any = SubprocVecEnv([lambda: gymnasium.make(known) for _ in range(2)]) if name == "ppo" else one
+    model = getattr(stable_baselines3, name.upper())("MultiInputPolicy", given, seed=seed, device="cpu")
+    success, done = 0.0, 0
+    while done < frames and success < ENOUGH:
+        model.learn(interval, reset_num_timesteps=not done)
+        done, success = model.num_timesteps, success_of(model, one, EPISODES, 10**6 * (1 + done))
+        print(json.dumps({"frames": done, "success": success}), flush=True)
+    final = success_of(model, one, FINAL_EPISODES, 10**9)
+    low, high = wilson(round(final * FINAL_EPISODES), FINAL_EPISODES)
+    print(json.dumps({"final": [final, low, high]}), flush=True)
+
+
+def success_of(model: Any, env: Any, episodes: int, seed: int) -> float:
+    """Return the share of episodes that end in success."""
+    right = 0
+    for i in range(episodes):
+        observation, _ = env.reset(seed=seed + i)
+        done = False
+        while not done:
+            action, _ = model.predict(observation, deterministic=True)
+            observation, _, terminated, truncated, info = env.step(action)
+            done = terminated or truncated
+        right += bool(info["is_success"])
+    return right / episodes
 
 
 def watched(command: Sequence[str]) -> tuple[list[tuple[float, str]], float, float]:
@@ -132,11 +175,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", default="0", help="0,1,2")
     parser.add_argument("--peer", choices=("ppo", "sac"), help="stable-baselines3's algorithm, in place of train.py")
+    parser.add_argument("--peer-process", action="store_true", help="train the peer in this process, with one seed")
     parser.add_argument("--env", default="Deixis/NLReach-v0", help="of a peer")
     parser.add_argument("--frames", type=int, default=1_000_000, help="at most, of a peer")
     parser.add_argument("--interval", type=int, default=20_000, help="frames between two evaluations of a peer")
     parser.add_argument("overrides", nargs="*", help="of train.py")
     args = parser.parse_args()
+    if args.peer_process and not (args.peer and args.seeds.isdecimal()):
+        parser.error("--peer-process needs --peer and one seed")
+    if args.peer_process:
+        train_peer_here(args.peer, int(args.seeds), args.frames, args.interval, args.env)
+        return
     runs = []
     for seed in map(int, args.seeds.split(",")):
         if args.peer:

@@ -105,7 +105,7 @@ FILM = """\
 
 Twelve commands that people wrote, each understood in its own scene and carried out by the scripted expert on real
 physics, in real time. The sentences are quoted from the Robot Commands Treebank (Dukes 2014, SemEval-2014 task 6).
-`python -m benchmarks.rearrange_film --data FOLDER --out docs/commands.gif` makes the film;
+`python -m benchmarks.films commands --data FOLDER --out docs/commands.gif` makes the film;
 [manipulation](manipulation.md#the-board) has the figures. On the page of `play.py task=rearrange`, you
 [say such commands yourself](play.md#on-a-board).
 """
