@@ -8,9 +8,9 @@ from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
-from core.composition import compose, compose_hydra, groups, parse
+from core.composition import compose, groups, output_folder, parse
 from core.errors import ConfigError, did_you_mean
-from core.overrides import check, known_keys
+from core.overrides import check, first_value, known_keys
 from core.stored_config import UNUSED, config_from_file
 
 
@@ -143,12 +143,9 @@ def check_run(words: Sequence[str]) -> None:
         raise ConfigError(f"{word} are several runs; give one value, or sweep over them: python train.py -m {word}")
     if not overrides:
         return
-    from omegaconf import OmegaConf
-
-    config: Any = compose_hydra([_first(each) for each in parsed])
-    key = "sweep" if multirun else "run"
-    places: Any = OmegaConf.to_container(config.hydra[key], resolve=False)
-    check_folder(f"hydra.{key}.dir", str(places["dir"]).partition("${")[0] or ".")
+    mode = "sweep" if multirun else "run"
+    folder = output_folder([first_value(each) for each in parsed], mode)
+    check_folder(f"hydra.{mode}.dir", folder.partition("${")[0] or ".")
 
 
 def check_stored(words: Sequence[str], source: Path) -> None:
@@ -218,10 +215,3 @@ def _without_flags(words: Sequence[str]) -> list[str]:
         else:
             overrides.append(word)
     return overrides
-
-
-def _first(override: Any) -> str:
-    """The override with the first of its values, if it has several."""
-    if not override.is_sweep_override():
-        return str(override.input_line)
-    return f"{override.key_or_group}={next(iter(override.sweep_string_iterator()))}"

@@ -19,28 +19,51 @@ def comment(group: str, option: str) -> str:
 
 
 def check(arguments: Sequence[str]) -> None:
-    """Raises ConfigError for an override of an unknown group, option or key. Flags (--help) are ignored."""
+    """Raise ConfigError for an override of an unknown group, option or key. Flags (--help) are ignored."""
     overrides = parse([word for word in arguments if not word.startswith("-")])
+    chosen = _check_words(overrides)
+    error = None
+    try:
+        if any(each.key_or_group not in groups() for each in overrides):
+            composed([first_value(each) for each in overrides])
+    except ConfigError as refusal:
+        error = refusal
+    if error is not None or any(map(_is_opened, overrides)):  # Hydra lets words add any key
+        _check_keys(overrides, chosen)
+    words = [each.input_line for each in overrides if "${" in each.input_line or each.is_delete()]
+    if error is not None and words:
+        raise ConfigError(str(error) if words[0] in str(error) else f"{words[0]}: {error}")
+
+
+def _check_words(overrides: Sequence[Any]) -> list[str]:
+    """Return the chosen options. Raise ConfigError for a word that sets nothing, and for an unknown option."""
     for override in overrides:
         _check_form(override)
-    chosen = [_check_choice(o) for o in overrides if o.key_or_group in groups()]
+    chosen = [_check_choice(each) for each in overrides if each.key_or_group in groups()]
+    return [word for word in chosen if word]
+
+
+def _check_keys(overrides: Sequence[Any], chosen: Sequence[str]) -> None:
+    """Raise ConfigError for a key that the config with the chosen options does not have."""
     plain = [o for o in overrides if o.key_or_group not in groups() and not o.key_or_group.startswith("hydra")]
-    keys = known_keys([word for word in chosen if word]) if plain else []
+    keys = known_keys(chosen) if plain else []
     for override in plain:
         key = override.key_or_group
-        opened = (
-            override.is_add() or override.is_force_add() or override.is_delete()
-        )  # of a group with free names, such as task.reward
-        if (key.rpartition(".")[0] if opened else key) not in keys:
+        if (key.rpartition(".")[0] if _is_opened(override) else key) not in keys:
             known = [*keys, *groups()]
             raise ConfigError(f"{override.input_line}: {key} is not a known key" + did_you_mean(key, known))
-    if any("${" in override.input_line or override.is_delete() for override in overrides):
-        single = [override.input_line for override in overrides if not override.is_sweep_override()]
-        try:
-            compose(single)  # raises for an interpolation of nothing
-        except ConfigError as error:
-            word = next(o.input_line for o in overrides if "${" in o.input_line or o.is_delete())
-            raise ConfigError(str(error) if word in str(error) else f"{word}: {error}") from None
+
+
+def _is_opened(override: Any) -> bool:
+    """Whether the word adds or deletes a key of a group with free names, such as task.reward."""
+    return bool(override.is_add() or override.is_force_add() or override.is_delete())
+
+
+def first_value(override: Any) -> str:
+    """Return the word of an override with the first of its values, if it has several."""
+    if not override.is_sweep_override():
+        return str(override.input_line)
+    return f"{override.key_or_group}={next(iter(override.sweep_string_iterator()))}"
 
 
 def known_keys(chosen: Sequence[str]) -> list[str]:
@@ -88,7 +111,8 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
     from omegaconf import OmegaConf
 
     check(overrides)
-    fresh = compose([word for word in overrides if word.split("=")[0] in groups()])
+    options = [word for word in overrides if word.split("=")[0] in groups()]
+    fresh = compose(options) if options else None
     changed = OmegaConf.create(config)
     for word in overrides:
         key, _, value = word.partition("=")
