@@ -18,7 +18,7 @@ from core.command_line import check_run
 from core.composition import quoted, with_choices
 from core.errors import ConfigError, RunError
 from core.overrides import apply
-from core.platform_tuning import import_training
+from core.platform_tuning import lean_imports
 from trainers.sweeps.arguments import expand_resume, register_resolvers
 
 if TYPE_CHECKING:
@@ -70,11 +70,11 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     if uses_processes(training.collector):
         fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process imports
     with Progress(training.run.total_frames) as progress:
-        import_training()
+        with lean_imports():
+            from trainers.run.train_loop import fit
         from trainers.algorithms.algorithm import find_device
         from trainers.run.checkpoint import find
         from trainers.run.run_folder import FolderLock, name_semaphores
-        from trainers.run.train_loop import fit
         from trainers.utils.files import write_checked_yaml
 
         find_device(training.run.device)

@@ -18,6 +18,7 @@ from typing import Any
 import torch
 
 from core.overrides import compose
+from core.platform_tuning import fast_products
 from envs import make_env, read_env
 from train import build_env
 from trainers.algorithms.algorithm import build_algorithm
@@ -25,7 +26,6 @@ from trainers.algorithms.sac import SAC
 from trainers.collect.rollouts import Rollouts
 from trainers.config import read_training
 from trainers.run.train_loop import fit
-from trainers.utils.matrix_products import fast_products
 
 WORLDS = 64  # of a process that collects, as in training
 STEPS_OF_UPDATE = 50  # gradient steps of an off-policy algorithm for one batch of frames

@@ -1,27 +1,58 @@
-"""Imports of torch and TorchRL without two of their own imports: the compiler and Ray.
+"""Workarounds for what other libraries do slowly, or with more memory than they use. They change no result.
 
-TensorDict and TorchRL import torch's compiler to mark functions for it, and Ray for buffers on a cluster. Together they
-take as long as torch itself. Nothing is compiled here, and Ray is imported in `trainers.cluster`.
-Python's garbage collector takes a third of the time of such imports, and finds nothing: it is paused meanwhile.
-This file imports no torch.
+`DEIXIS_TUNING=off` in the environment leaves all of them out; whoever suspects one of them can compare. What each one
+saves stands in its docstring; docs/experiments/platform_tuning.md has the measurements.
+
+| function | library | saves |
+|---|---|---|
+| `lean_imports` | torch, TorchRL, TensorDict | |
+| `paused_collector` | Python | |
+| `without_zero_pages` | PyBullet | |
+| `fast_products` | torch | |
+
+This module imports neither torch nor PyBullet, so that what is light stays so.
 """
 
 from __future__ import annotations
 
+import ctypes
 import gc
+import mmap
+import os
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+SWITCH = "DEIXIS_TUNING"  # an environment variable: "off" for none of what is in this module
 COMPILER, RAY = "torch._dynamo", "ray"
+MAPS = Path("/proc/self/maps")  # of Linux: elsewhere, no pages are given back
+SHORTEST = 256 * 1024  # bytes: shorter runs of zeros are kept
+WORTH = 2**22  # multiplications of a product from which oneDNN is faster; a small one takes it 10 us more
+SIZE = 256  # of the matrices whose product is checked
+ROUNDED = 1e-3  # error of such a product of normal numbers: about 3e-5 with 32 bits, and 0.1 with bfloat16
+Span = tuple[int, int]  # addresses: the first, and the one after the last
+
+
+def tuned() -> bool:
+    """Whether the workarounds are used: unless the environment has DEIXIS_TUNING=off."""
+    return os.environ.get(SWITCH, "").lower() != "off"
+
+
+# ---- Imports
 
 
 @contextmanager
 def paused_collector() -> Iterator[None]:
     """Within this block, which only imports, the garbage collector is off. Afterwards it ignores what was imported."""
+    if not tuned():
+        yield
+        return
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -36,9 +67,13 @@ def paused_collector() -> Iterator[None]:
 def lean_imports() -> Iterator[None]:
     """Within this block, what is imported finds no Ray, and a compiler whose marks change nothing.
 
-    A module that was imported before stays as it is. After the block both can be imported as always. To be used for
-    imports alone, and while no other thread imports.
+    TensorDict and TorchRL import torch's compiler to mark functions for it, and Ray for buffers on a cluster. Nothing
+    is compiled here, and Ray is imported in `trainers.cluster`. A module that was imported before stays as it is.
+    After the block both can be imported as always. To be used for imports alone, and while no other thread imports.
     """
+    if not tuned():
+        yield
+        return
     with paused_collector():
         import torch.compiler
 
@@ -52,14 +87,8 @@ def lean_imports() -> Iterator[None]:
                 sys.modules.pop(name, None)
 
 
-def import_training() -> None:
-    """Import the training loop and what it needs."""
-    with lean_imports():
-        import_module("trainers.run.train_loop")
-
-
 def import_compiler() -> None:
-    """Import the compiler, which takes a second. Otherwise the first step of an optimizer imports it."""
+    """Import the compiler while there is time: otherwise the first step of an optimizer imports it."""
     with paused_collector():
         import_module(COMPILER)
 
@@ -74,3 +103,110 @@ def _compiler(is_compiling: Callable[[], bool]) -> ModuleType:
 def _mark(function: Any = None, *_: Any, **__: Any) -> Any:
     """A decorator with or without arguments that returns the function itself."""
     return (lambda decorated: decorated) if function is None else function
+
+
+# ---- Memory of PyBullet's clients
+
+
+def without_zero_pages(connect: Callable[[], int]) -> int:
+    """Connect a client of PyBullet, without the memory that it fills with zeros and hardly uses.
+
+    A client writes zeros to the buffers of a renderer, and to messages of 8 MiB, of which it uses some KiB. The kernel
+    takes such pages back at no loss: they read as zeros, and take memory again once something else is written to them.
+    A thread that writes to a page just then would lose what it wrote. PyBullet has no threads; while Python has others,
+    all pages are kept.
+
+    Args:
+        connect: connects a client and returns its number.
+
+    Returns:
+        The number of the client.
+    """
+    if not tuned() or not MAPS.exists() or threading.active_count() > 1:
+        return connect()
+    before = _writable()
+    client = connect()
+    for span in _added(before, _writable()):
+        _give_back_zeros(*span)
+    return client
+
+
+def _writable() -> set[Span]:
+    """The process's private memory that is backed by no file."""
+    rows = [line.split() for line in MAPS.read_text(encoding="utf-8").splitlines()]
+    spans = [row[0].split("-") for row in rows if row[1] == "rw-p" and row[5:] in ([], ["[heap]"])]
+    return {(int(start, 16), int(end, 16)) for start, end in spans}
+
+
+def _added(before: set[Span], after: set[Span]) -> Iterator[Span]:
+    """The addresses only in `after`. The kernel joins neighbouring spans, so that a new one can contain old ones."""
+    gone = sorted(before - after)
+    for start, end in sorted(after - before):
+        for low, high in gone:
+            if low < end and start < high:
+                if start < low:
+                    yield start, low
+                start = high
+        if start < end:
+            yield start, end
+
+
+def _give_back_zeros(start: int, end: int) -> None:
+    """Give the kernel back the long runs of pages in this span that hold nothing but zeros."""
+    import numpy as np
+
+    libc = ctypes.CDLL(None)
+    words = np.ctypeslib.as_array((ctypes.c_uint64 * ((end - start) // 8)).from_address(start))
+    empty = ~words.reshape(-1, mmap.PAGESIZE // 8).any(1)
+    edges = np.flatnonzero(np.diff(empty, prepend=False, append=False))
+    for first, last in (edges.reshape(-1, 2) * mmap.PAGESIZE).tolist():
+        if last - first >= SHORTEST:
+            libc.madvise(ctypes.c_void_p(start + first), ctypes.c_size_t(last - first), mmap.MADV_DONTNEED)
+
+
+# ---- Matrix products
+
+
+@contextmanager
+def fast_products(size: int) -> Iterator[None]:
+    """Within this block, oneDNN computes products of 32-bit numbers on the CPU if that is faster and as exact.
+
+    Torch has MKL compute them, and MKL uses half of the width of AVX-512 on processors that are not Intel's. oneDNN
+    uses all of it. Torch lets oneDNN compute them only where it may round the factors to bfloat16; it does so with AMX
+    alone, and not on the processors that are chosen here. It is a setting of the whole process.
+
+    Args:
+        size: multiplications of the largest product.
+    """
+    if size < WORTH or not tuned() or not prefers_onednn():
+        yield
+    else:
+        with _onednn():
+            yield
+
+
+@cache
+def prefers_onednn() -> bool:
+    """Whether this processor has AVX-512 and is not Intel's, and oneDNN rounds nothing to bfloat16 on it."""
+    import torch
+
+    has = torch.cpu.get_capabilities()
+    if not torch.backends.mkldnn.is_available() or not has.get("avx512_f") or "Intel" in str(has.get("cpu_name")):
+        return False
+    a, b = torch.randn(2, SIZE, SIZE, generator=torch.Generator().manual_seed(0))
+    with _onednn():
+        error = (a @ b).double() - a.double() @ b.double()
+    return bool(error.abs().max() < ROUNDED)
+
+
+@contextmanager
+def _onednn() -> Iterator[None]:
+    import torch
+
+    matmul = torch.backends.mkldnn.matmul  # type: ignore[attr-defined]
+    before = matmul.fp32_precision
+    matmul.fp32_precision = "bf16"
+    try:
+        yield
+    finally:
+        matmul.fp32_precision = before

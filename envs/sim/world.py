@@ -11,11 +11,11 @@ import pybullet as bullet
 import pybullet_data
 from numpy.typing import NDArray
 
+from core.platform_tuning import without_zero_pages
 from core.schema import Checked, within
 from envs.sim.device_bodies import DeviceBodies, DeviceSpec
 from envs.sim.furniture import Furniture, Palm
 from envs.sim.gripper import BASE, GRIPPERS, Gripper, GripperConfig
-from envs.sim.lean_client import connect
 from envs.sim.object_pool import ObjectPool, PoolSpec, ShownObjects
 from envs.sim.rendering import Renderer, paint
 from envs.sim.robot import Robot, RobotConfig
@@ -152,7 +152,7 @@ class World:
         holds: bool = True,
         offers: bool = False,
     ) -> None:
-        self.client = connect() if window is None else window.client
+        self.client = window.client if window is not None else without_zero_pages(lambda: bullet.connect(bullet.DIRECT))
         self._physics, self._workspace, self._visuals = physics, workspace, visuals or window is not None
         self._window = window
         try:

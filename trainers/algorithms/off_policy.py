@@ -11,6 +11,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import ReplayBuffer
 
+from core.platform_tuning import fast_products
 from trainers.algorithms.algorithm import (
     GROUNDING_METRICS,
     Algorithm,
@@ -28,7 +29,6 @@ from trainers.algorithms.algorithm import (
 from trainers.algorithms.replay import ExpertFrames, Relabel, Relabelling, Replay
 from trainers.algorithms.settings import OffPolicyConfig
 from trainers.models.policy import ExpertMixture, Policy, parameters
-from trainers.utils.matrix_products import fast_products
 
 
 class OffPolicyAlgorithm(Algorithm):
