@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from core.errors import ConfigError
 from human import camera
 from human.arms import Unreachable
-from human.camera import generate_frames, main
-from human.ray_reader import SHIPPED_WEIGHTS, load
+from human.camera import fit, generate_frames, main, ray_loss
+from human.ray_reader import SHIPPED_WEIGHTS, as_input, load
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -88,3 +89,22 @@ def test_errors_exit_with_1_and_no_traceback():
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith("error: scenes=-1 is out of range")
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_the_loss_falls_on_a_few_frames(frames):
+    every = np.arange(len(frames.tips))
+
+    def loss(network):
+        with torch.no_grad():
+            return float(ray_loss(network(as_input(frames.pictures)), frames, every))
+
+    before = loss(fit(frames, 1, seed=0))
+    assert loss(fit(frames, 25, seed=0)) < 0.6 * before
+
+
+@pytest.mark.slow
+def test_training_repeats_bit_for_bit_with_the_seed(frames):
+    one, again, other = (fit(frames, 2, seed).state_dict() for seed in (3, 3, 4))
+    assert all(torch.equal(value, again[name]) for name, value in one.items())
+    assert not all(torch.equal(value, other[name]) for name, value in one.items())

@@ -1,11 +1,22 @@
-"""The object that a ray singles out: distances, angles, likelihoods, and objects that cannot be the referent."""
+"""The object that a ray singles out, alone and with words: distances, angles, likelihoods, impossible referents."""
 
 import numpy as np
 import pytest
 
-from human import NothingPointedAt, add_aiming_noise, pointed_object, posterior, ray_offsets, visibility
+from human import (
+    NothingPointedAt,
+    add_aiming_noise,
+    fuse,
+    pointed_object,
+    posterior,
+    ray_offsets,
+    referring_phrase,
+    visibility,
+)
 from human.pointing import HIDDEN_PRIOR, MAX_ANGLE
+from language import LanguageError, NotUnderstood, Object, ObjectPhrase, Scene
 
+SCENE = Scene(Object(noun, color, (0.4, 0.0, 0.0)) for noun, color in (("cube", "red"), ("cube", "blue")))
 ORIGIN = np.array([0.8, 0.1, 0.3])
 
 
@@ -130,3 +141,30 @@ def test_objects_at_the_maximum_angle_or_beyond_are_excluded():
         else:
             with pytest.raises(NothingPointedAt):
                 pointed_object(ORIGIN, [-1.0, 0.0, 0.0], [place])
+
+
+def test_the_phrase_of_the_last_step_is_returned():
+    assert referring_phrase("reach that red one") == ObjectPhrase(color="red", determiner="that")
+    assert referring_phrase("lift the cube, then reach the ball") == ObjectPhrase(noun="sphere")
+
+
+def test_a_correction_is_refused_with_an_error_for_the_user():
+    with pytest.raises(LanguageError, match="'no, the blue one' is a correction"):
+        referring_phrase("no, the blue one")
+
+
+def test_a_sentence_outside_the_grammar_is_refused():
+    with pytest.raises(NotUnderstood):
+        referring_phrase("paint the cube")
+
+
+def test_probabilities_are_those_of_the_ray_where_the_words_fit():
+    np.testing.assert_allclose(
+        fuse(ObjectPhrase(noun="cube", determiner="that"), SCENE, np.array([0.2, 0.6])), [0.25, 0.75]
+    )
+    np.testing.assert_allclose(fuse(ObjectPhrase(color="red"), SCENE, np.array([0.1, 0.9])), [1, 0])
+
+
+def test_words_that_fit_no_object_the_ray_allows_are_refused():
+    with pytest.raises(NothingPointedAt, match="nothing that fits 'the red object'"):
+        fuse(ObjectPhrase(color="red"), SCENE, np.array([0.0, 1.0]))
