@@ -31,7 +31,7 @@ from envs.sim.device_bodies import DeviceSpec
 from envs.sim.devices import DEVICES
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.object_pool import PoolSpec
-from envs.sim.robot import read_chain
+from envs.sim.robot import read_kinematics
 from envs.sim.window import Window
 from envs.sim.world import World
 from envs.tasks import NOTHING, TASKS, EpisodeSpec, State, Task
@@ -83,7 +83,7 @@ def make_chain(config: EnvConfig, task: Task) -> Kinematics:
 
     With a rod, the gripper rests over the middle of the object area, at the greatest allowed height.
     """
-    chain = read_chain(config.robot if task.traits.moves else config.robot.reaching())
+    chain = read_kinematics(config.robot if task.traits.moves else config.robot.reaching())
     if not (config.gripper.rod and task.traits.moves):
         return chain
     x0, x1, y0, y1 = config.workspace.object_area

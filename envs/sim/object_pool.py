@@ -6,18 +6,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
+from core.file_cache import cached_text
 from envs.sim.device_bodies import DeviceBodies, Pose
 from envs.sim.furniture import LINK, Furniture, Palm
 from envs.sim.gripper import BASE, Holdable
 from envs.sim.rendering import Renderer, paint
-from envs.sim.urdf import scratch
 from language import DEVICES, FITTINGS, HAND, NOUNS
 
 PARKED = (0.0, 0.0, -5.0)  # metres: where objects sleep that the episode does not show
@@ -183,23 +183,21 @@ def _geometry(noun: str, size: float) -> tuple[int, dict]:
         "cube": (bullet.GEOM_BOX, {"halfExtents": [size / 2] * 3}),
         "sphere": (bullet.GEOM_SPHERE, {"radius": size / 2}),
         "cylinder": (bullet.GEOM_CYLINDER, {"radius": size / 2, "height": size}),
-        "pyramid": (bullet.GEOM_MESH, {"fileName": str(_pyramid()), "meshScale": [size] * 3}),
     }
+    if noun == "pyramid":
+        return bullet.GEOM_MESH, {"fileName": str(_pyramid()), "meshScale": [size] * 3}
     return shapes[noun]
 
 
-@cache
 def _pyramid() -> Path:
-    """An OBJ file with a square pyramid, 1 wide and 1 high, about the middle of its height."""
+    """Return an OBJ file with a square pyramid, 1 wide and 1 high, about the middle of its height."""
     base = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
     sides = [((*base[i], -0.5), (*base[(i + 1) % 4], -0.5), (0.0, 0.0, 0.5)) for i in range(4)]
     floor = [((*base[0], -0.5), (*base[i + 1], -0.5), (*base[i], -0.5)) for i in (1, 2)]
     points = [point for face in (*sides, *floor) for point in face]
     rows = ["v {} {} {}".format(*point) for point in points]
     rows += [f"f {i + 1} {i + 2} {i + 3}" for i in range(0, len(points), 3)]
-    target = scratch() / "pyramid.obj"
-    target.write_text("\n".join([*rows, ""]))
-    return target
+    return cached_text("pyramid.obj", "\n".join([*rows, ""]))
 
 
 NAMES = tuple(NOUNS)

@@ -14,10 +14,11 @@ import numpy as np
 import pybullet as bullet
 
 from core.errors import ConfigError, did_you_mean
+from core.file_cache import file_digest
 from core.schema import Checked, one_of, within
 from core.system import suppress_stdout
 from envs.sim.kinematics import Array, Kinematics
-from envs.sim.urdf import lean, simplified, with_magnet
+from envs.sim.urdf import simplified, with_hulls, with_magnet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,9 +187,11 @@ def load(config: RobotConfig, client: int, visuals: bool, flags: int = 0, magnet
     else:
         flags |= bullet.URDF_IGNORE_VISUAL_SHAPES
         whole = path
-        path = lean(whole, lambda scratch: _load_file(whole, config, scratch, bullet.URDF_IGNORE_VISUAL_SHAPES))
+        path = with_hulls(whole, lambda alone: _load_file(whole, config, alone, bullet.URDF_IGNORE_VISUAL_SHAPES))
     if magnet and config.magnet:
-        path = with_magnet(path, config.tip, tuple(config.tip_offset), tuple(config.approach), *config.magnet)
+        radius, length = config.magnet
+        end, way = tuple(config.tip_offset), tuple(config.approach)
+        path = with_magnet(path, config.tip, end=end, way=way, radius=radius, length=length)
     return _load_file(path, config, client, flags)
 
 
@@ -202,19 +205,18 @@ def _load_file(path: Path, config: RobotConfig, client: int, flags: int) -> int:
         raise ConfigError(f"robot.urdf={config.urdf} does not load: {error}") from None
 
 
-_chains: dict[tuple[str, str, int], Kinematics] = {}
+_kinematics: dict[tuple[str, str], Kinematics] = {}  # by config, and content of the URDF
 
 
-def read_chain(config: RobotConfig) -> Kinematics:
-    """The arm's kinematics, read once from a body of its own at zero angles. Raises ConfigError."""
-    path = urdf_path(config).resolve()
-    key = (repr(config), str(path), path.stat().st_mtime_ns)
-    if key not in _chains:
-        _chains[key] = _read_chain(config)
-    return _chains[key]
+def read_kinematics(config: RobotConfig) -> Kinematics:
+    """Return the arm's kinematics, read once from a body of its own at zero angles. Raises ConfigError."""
+    key = (repr(config), file_digest(urdf_path(config)))
+    if key not in _kinematics:
+        _kinematics[key] = _read_kinematics(config)
+    return _kinematics[key]
 
 
-def _read_chain(config: RobotConfig) -> Kinematics:
+def _read_kinematics(config: RobotConfig) -> Kinematics:
     client = bullet.connect(bullet.DIRECT)
     try:
         body = load(config, client, visuals=False)

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import atexit
 import math
-import shutil
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pybullet as bullet
 
 from core.errors import ConfigError, did_you_mean
+from core.file_cache import cached_folder
 from core.system import suppress_stdout
 from human.arms import (
     FINGERTIP,
@@ -29,6 +26,7 @@ from human.arms import (
     line_start,
     ray_through,
 )
+from human.body import urdf_model
 from human.body.urdf_model import Proportions, write
 from human.config import HumanConfig
 
@@ -187,13 +185,13 @@ def read_arm(config: HumanConfig) -> PointingArm:
     return PointingArm(_models[repr(config)])
 
 
-@cache
 def _folder(proportions: Proportions) -> Path:
-    """Write the person's URDF to a temporary folder, which is removed when the process ends."""
-    folder = Path(tempfile.mkdtemp(prefix="deixis-human-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    write(folder, proportions)
-    return folder
+    """Return a folder with the person's URDF and meshes."""
+
+    def make(folder: Path) -> None:
+        write(folder, proportions)
+
+    return cached_folder("person", [Path(urdf_model.__file__), repr(proportions)], make)
 
 
 def _load(config: HumanConfig, client: int, visuals: bool, proportions: Proportions) -> int:

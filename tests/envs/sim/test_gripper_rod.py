@@ -7,7 +7,7 @@ import pytest
 from core.errors import ConfigError
 from core.overrides import compose
 from envs import read_env
-from envs.sim.robot import Robot, read_chain
+from envs.sim.robot import Robot, read_kinematics
 from envs.tasks.board import Grid
 from envs.workspace_env import make_chain, make_task
 from tests.helpers.env_cases import LONG_ARMS
@@ -100,7 +100,7 @@ def test_worlds_with_and_without_a_rod_live_in_one_process():
         robot = Robot(config.robot, client, visuals=False, magnet=True)
         robot.place(config.robot.rest, 0.0)
         low, _ = bullet.getAABB(robot.body, robot.hand, client)
-        gripper = read_chain(config.robot)
+        gripper = read_kinematics(config.robot)
         lengths.append(gripper.forward(gripper.rest[None]).position[0, 2] - low[2])
         bullet.disconnect(client)
     np.testing.assert_allclose(lengths, 0.0, atol=0.01)  # the magnet ends at the gripper centre

@@ -6,7 +6,7 @@ import pytest
 
 from core.overrides import compose
 from envs import read_env
-from envs.sim.robot import load, read_chain
+from envs.sim.robot import load, read_kinematics
 from tests.helpers.env_cases import ROBOTS, UPRIGHT
 
 
@@ -16,7 +16,7 @@ def arm(request):
     config = read_env(compose([f"robot={request.param}"]))
     client = bullet.connect(bullet.DIRECT)
     body = load(config.robot, client, visuals=False)
-    yield read_chain(config.robot), body, client, config
+    yield read_kinematics(config.robot), body, client, config
     bullet.disconnect(client)
 
 

@@ -8,7 +8,7 @@ import pytest
 from core.errors import ConfigError
 from core.overrides import compose
 from envs import make_env, read_env
-from envs.sim.robot import read_chain
+from envs.sim.robot import read_kinematics
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def config():
 
 @pytest.fixture(scope="module")
 def chain(config):
-    return read_chain(config.robot)
+    return read_kinematics(config.robot)
 
 
 def grid(low, high, count=6):
