@@ -1,1 +1,1 @@
-"""All configuration values of the project, as YAML. Their Python is in `core`."""
+"""The configuration, as YAML. This file makes the folder a package, without which Hydra does not find `pkg://conf`."""

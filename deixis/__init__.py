@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from envs import make_env
     from language import describe, parse
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = ["LoadedPolicy", "__version__", "describe", "load_policy", "make_env", "parse"]
 
 MODULES = {

@@ -16,7 +16,7 @@ from trainers.export.policy_file import names
 
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-PACKAGES = ("conf", "deixis", "demo", "envs", "human", "language", "trainers")
+PACKAGES = ("conf", "core", "deixis", "demo", "envs", "human", "language", "trainers")
 LEFT_OUT = shutil.ignore_patterns(
     ".git", "__pycache__", "outputs", "multirun", "build", "site", "*.egg-info", ".*_cache"
 )
@@ -83,6 +83,14 @@ def test_the_wheel_has_every_module_config_weight_and_policy_of_the_project(buil
     wanted |= {f"pretrained/{name}/{file}" for name in names() for file in ("policy.safetensors", "README.md")}
     assert wanted <= packed
     assert not {name for name in packed if name.startswith(("tests/", "benchmarks/", "docs/"))}
+
+
+def test_the_latest_release_has_one_version_and_one_date():
+    latest = re.search(r"^## (\d\S*) \((\S+)\)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
+    citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert latest is not None
+    assert latest[1] == deixis.__version__
+    assert f"version: {latest[1]}\ndate-released: {latest[2]}\n" in citation
 
 
 def test_the_version_is_declared_once(built):

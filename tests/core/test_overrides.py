@@ -72,6 +72,12 @@ def test_config_yaml_names_every_group():
     assert {key for key in named if not key.startswith("override hydra/")} == set(groups())
 
 
+def test_the_help_lists_every_task_in_one_family():
+    header = yaml.safe_load((FOLDER / "config.yaml").read_text())["hydra"]["help"]["header"]
+    listed = [task for line in header.splitlines()[3:] for task in line.partition(": ")[2].split(", ")]
+    assert sorted(listed) == groups()["task"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("group", "option"), OPTIONS)
 def test_every_option_reads_into_its_dataclass(group, option):
