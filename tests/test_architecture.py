@@ -39,6 +39,13 @@ PYBULLET = ("envs/sim/", "human/body/")
 GENERATED = {"build", "dist", "outputs", "multirun", "site"}  # folders that programs write
 MAX_FILE_LINES = 600
 MAX_FUNCTION_LINES = 50
+MAX_FILES = 240  # outside of UNCOUNTED
+UNCOUNTED = ("tests", "language", "demo")
+SMALL_MODULE = 70  # lines, up to which a module that one other module imports had better be part of it
+MAX_SMALL_MODULES = 8
+REGISTERED = ("envs/experts", "envs/tasks", "trainers/algorithms")  # modules that are found by name
+# Class names of these may occur elsewhere, until the two systems that understand sentences are one.
+NOT_YET_UNIQUE = ("language/", "demo/", "benchmarks/treebank")
 
 
 @cache
@@ -154,6 +161,8 @@ def test_the_search_for_cycles_finds_one():
     [
         ("language", {"torch", "tensordict", "torchrl", "pybullet", "hydra", "matplotlib", "lark", "envs"}),
         ("core.schema", {"torch", "pybullet", "hydra", "omegaconf", "numpy"}),
+        ("core.errors", {"torch", "pybullet", "hydra", "omegaconf", "numpy"}),
+        ("core.platform_tuning", {"torch", "pybullet", "hydra", "omegaconf", "numpy"}),
         ("core.overrides", {"torch", "pybullet", "hydra"}),
     ],
 )
@@ -166,6 +175,37 @@ def test_a_light_module_loads_no_heavy_library(module, heavy):
 def test_no_file_is_too_long():
     lengths = {path.as_posix(): len((ROOT / path).read_text("utf-8").splitlines()) for path in written()}
     assert {name: lines for name, lines in lengths.items() if lines > MAX_FILE_LINES} == {}
+
+
+def test_there_are_few_files():
+    files = [path for path in written() if path.parts[0] not in UNCOUNTED]
+    assert len(files) <= MAX_FILES
+
+
+def test_few_small_modules_serve_one_other_alone():
+    importers = {}
+    for path in written():
+        if path.parts[0] != "tests":
+            for name in set(imported(path)):
+                importers.setdefault(name, set()).add(path)
+    alone = []
+    for path in written():
+        kept = path.parts[0] in UNCOUNTED or path.as_posix().startswith(REGISTERED) or len(path.parts) == 1
+        if not kept and path.stem not in ("__init__", "__main__"):
+            lines = len((ROOT / path).read_text("utf-8").splitlines())
+            users = importers.get(".".join(path.with_suffix("").parts), set()) - {path}
+            alone += [path.as_posix()] * (lines <= SMALL_MODULE and len(users) == 1)
+    assert len(alone) <= MAX_SMALL_MODULES, alone
+
+
+def test_a_public_class_name_occurs_once():
+    places = {}
+    for path in written():
+        if not path.as_posix().startswith(("tests/", *NOT_YET_UNIQUE)):
+            for node in tree(path).body:
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    places.setdefault(node.name, []).append(path.as_posix())
+    assert {name: paths for name, paths in places.items() if len(paths) > 1} == {}
 
 
 def test_no_function_is_too_long():
