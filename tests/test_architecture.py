@@ -64,8 +64,13 @@ def tree(path):
     return ast.parse((ROOT / path).read_text(encoding="utf-8"))
 
 
+@cache
 def imported(path):
     """The dotted names of modules that a file imports anywhere in it; `from a import b` gives a and a.b."""
+    return tuple(imports_of(path))
+
+
+def imports_of(path):
     for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)

@@ -124,6 +124,6 @@ def test_the_command_trains_into_the_current_folder(deixis_command, tmp_path, in
 
 
 def test_a_sweep_runs_from_the_wheel(deixis_command, tmp_path):
-    said = deixis_command("train", "-m", "seed=0,1", "sweep.jobs=1", *TINY)
+    said = deixis_command("train", "-m", "seed=1", "sweep.jobs=1", *TINY)
     assert "report: " in said
-    assert len(list(tmp_path.glob("multirun/*/*/eval.json"))) == 2
+    assert len(list(tmp_path.glob("multirun/*/*/eval.json"))) == 1

@@ -26,12 +26,14 @@ def test_every_task_has_an_id():
 @pytest.mark.parametrize("name", IDS)
 def test_the_environment_checker_passes(name, monkeypatch):
     monkeypatch.setitem(GymEnv.metadata, "render_modes", ["rgb_array"])  # "human" needs a display
-    env = gymnasium.make(name, render_mode="rgb_array")
+    small = ["workspace.camera.width=64", "workspace.camera.height=48"]
+    env = gymnasium.make(name, render_mode="rgb_array", overrides=small)
     check_env(env.unwrapped)
     env.close()
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.parametrize("control", CONTROLS)
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_environment_checker_passes_for_every_robot_and_control(robot, control):

@@ -1,27 +1,27 @@
-"""A Ray of a test module's own, and what is left of it."""
+"""A Ray for tests, and what is left of it."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 from trainers.cluster import ray_session
 from trainers.cluster.ray_session import RaySession
 
 
-def own_ray(cpus: int) -> Iterator[RaySession]:
-    """Body of a module's fixture: a Ray with so many cores. It ends without a rest."""
+def start_ray(cpus: int) -> RaySession:
+    """Start a Ray with so many cores, whatever this machine has."""
     before, ray_session.cores = ray_session.cores, lambda: cpus
     try:
-        session = RaySession("local")
+        return RaySession("local")
     finally:
         ray_session.cores = before
-    try:
-        yield session
-    finally:
-        session.close()
+
+
+def end_ray(session: RaySession) -> None:
+    """End a Ray that was started here, and check that nothing of it is left."""
+    session.close()
     assert left_over(str(session.folder)) == []
     assert session.folder is not None
     assert not session.folder.exists()

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from tests.helpers.fake_env import WORDS, make_env
 from tests.helpers.training_configs import config, training
@@ -19,11 +21,23 @@ def train(
     policy: str = "grounded",
     make: MakeEnv = make_env,
     overrides: Sequence[str] = (),
+    drawn: bool = False,
     **options: Any,
 ) -> dict[str, Any]:
-    """Train in `folder` and return the values of eval.json. options: of `fit`."""
+    """Train in `folder` and return the values of eval.json.
+
+    Args:
+        folder: of the run.
+        algo: its algorithm.
+        policy: its networks.
+        make: builds the environments.
+        overrides: of the config.
+        drawn: whether the learning curve is drawn, which takes as long as collecting all frames of a run so short.
+        options: of `fit`.
+    """
     small = training(algo, policy, tuple(overrides))
-    return fit(small, make, folder, config(algo, policy, tuple(overrides)), WORDS, **options)
+    with nullcontext() if drawn else patch("trainers.reports.plots.learning_curve"):
+        return fit(small, make, folder, config(algo, policy, tuple(overrides)), WORDS, **options)
 
 
 def untimed_rows(folder: Path) -> list[dict[str, str]]:

@@ -12,7 +12,7 @@ import torch
 
 from core.errors import ConfigError
 from tests.helpers.fake_env import make_crashing, make_env
-from tests.helpers.ray_cases import listening, own_ray
+from tests.helpers.ray_cases import listening
 from tests.helpers.training_configs import training
 from trainers.collect.rollouts import CollectionError, Rollouts
 from trainers.collect.worker import Worker, WorkerSpec
@@ -33,11 +33,6 @@ CONFIG = RayCollectorConfig(
     dashboard=False,
 )
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope="module")
-def ray():
-    yield from own_ray(2)
 
 
 def policy_of(env):

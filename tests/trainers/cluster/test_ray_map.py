@@ -10,14 +10,8 @@ from pathlib import Path
 import pytest
 
 from core.errors import ConfigError, Interrupted, RunError
-from tests.helpers.ray_cases import own_ray
 from trainers.cluster.ray_map import evaluate_shards, map_on_cluster
 from trainers.evaluation.evaluation import EpisodeOutcome
-
-
-@pytest.fixture(scope="module")
-def ray():
-    yield from own_ray(2)
 
 
 def squared(folder: Path, value: int) -> int:

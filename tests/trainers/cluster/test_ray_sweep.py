@@ -6,7 +6,7 @@ import pytest
 
 from core.errors import ConfigError
 from core.overrides import compose
-from tests.helpers.ray_cases import left_over, own_ray
+from tests.helpers.ray_cases import left_over
 from trainers.cluster import ray_sweep
 from trainers.cluster.ray_sweep import NodeJob, RaySweep, pack, run_jobs, unpack
 from trainers.config import SweepConfig
@@ -29,11 +29,6 @@ if words["seed"] == "2":
 with open(starts, "a") as file:
     file.write("ended ")
 """
-
-
-@pytest.fixture(scope="module")
-def ray():
-    yield from own_ray(2)
 
 
 def jobs_of(folder, seeds):

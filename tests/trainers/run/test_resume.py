@@ -30,6 +30,21 @@ def overrides_of(algo):
     return [*LONG, *own.get(algo, ["algo.epochs=1"])]
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """`whole(algo, overrides, **options)` gives the folder of a run that was never stopped; each is trained once."""
+    folders = {}
+
+    def folder_of(algo, overrides, **options):
+        key = (algo, *overrides)
+        if key not in folders:
+            folders[key] = tmp_path_factory.mktemp(algo)
+            train(folders[key], algo, overrides=overrides, **options)
+        return folders[key]
+
+    return folder_of
+
+
 def weights(folder):
     """All numbers of the networks and optimizers."""
     return dict(leaves("", checkpoint.load(folder / "checkpoints" / "last.pt")["algorithm"]))
@@ -70,34 +85,34 @@ def stop_in_collection(monkeypatch, iteration):
 @pytest.mark.parametrize(
     ("algo", "iteration"), [("ppo", 2), ("sac", 12), ("td3", 11), ("tqc", 2), ("tqc", 11), ("bc", 2)]
 )
-def test_a_run_that_a_signal_stopped_goes_on_exactly(tmp_path, monkeypatch, algo, iteration):
+def test_a_run_that_a_signal_stopped_goes_on_exactly(whole, tmp_path, monkeypatch, algo, iteration):
     overrides, folder = overrides_of(algo), tmp_path / "stopped"
     options = {"make": make_labelled} if algo in ("bc", "tqc") else {}
-    train(tmp_path / "whole", algo, overrides=overrides, **options)
+    undisturbed = whole(algo, overrides, **options)
     with monkeypatch.context() as patch:
         stop_in_collection(patch, iteration)
         with pytest.raises(SystemExit):
             train(folder, algo, overrides=overrides, **options)
     assert len(untimed_rows(folder)) == iteration + 1
     train(folder, algo, overrides=overrides, resume=checkpoint.find(folder), **options)
-    assert_same_run(tmp_path / "whole", folder)
+    assert_same_run(undisturbed, folder)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("algo", "collector"), [("ppo", []), ("sac", []), ("ppo", OVERLAP)])
-def test_a_run_that_ended_before_its_schedule_goes_on_exactly(tmp_path, algo, collector):
+def test_a_run_that_ended_before_its_schedule_goes_on_exactly(whole, tmp_path, algo, collector):
     overrides = [*overrides_of(algo), *collector]
-    train(tmp_path / "whole", algo, overrides=overrides)
+    undisturbed = whole(algo, overrides)
     folder = tmp_path / "parts"
     for frames in (150, 350, 512):
         parts = [*overrides, f"total_frames={frames}", "schedule_frames=512"]
         train(folder, algo, overrides=parts, resume=checkpoint.find(folder) if frames > 150 else None)
-    assert_same_run(tmp_path / "whole", folder)
+    assert_same_run(undisturbed, folder)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("evaluation", [2, 3])  # the third is the final one
-def test_an_evaluation_that_was_interrupted_is_repeated(tmp_path, monkeypatch, evaluation):
+def test_an_evaluation_that_was_interrupted_is_repeated(whole, tmp_path, monkeypatch, evaluation):
     calls = []
 
     def stopped(*arguments, **options):
@@ -107,13 +122,13 @@ def test_an_evaluation_that_was_interrupted_is_repeated(tmp_path, monkeypatch, e
         return evaluate(*arguments, **options)
 
     overrides, folder = overrides_of("ppo"), tmp_path / "stopped"
-    train(tmp_path / "whole", overrides=overrides)
+    undisturbed = whole("ppo", overrides)
     monkeypatch.setattr("trainers.run.evaluator.evaluate", stopped)
     with pytest.raises(SystemExit) as left:
         train(folder, overrides=overrides)
     assert left.value.code == 128 + signal.SIGHUP
     train(folder, overrides=overrides, resume=checkpoint.find(folder))
-    assert_same_run(tmp_path / "whole", folder)
+    assert_same_run(undisturbed, folder)
 
 
 @pytest.mark.slow
@@ -143,11 +158,10 @@ class Killed(BaseException):
 
 
 @pytest.mark.slow
-def test_a_kill_loses_what_came_after_the_last_checkpoint_alone(tmp_path, monkeypatch):
+def test_a_kill_loses_what_came_after_the_last_checkpoint_alone(whole, tmp_path, monkeypatch):
     """Rows that were written after the checkpoint are measured again, and are the same."""
     overrides, folder = overrides_of("sac"), tmp_path / "killed"
-    train(tmp_path / "whole", "sac", overrides=overrides)
-    collect = Worker.collect
+    undisturbed, collect = whole("sac", overrides), Worker.collect
 
     def killed(worker, number):
         if number == 8:
@@ -161,7 +175,7 @@ def test_a_kill_loses_what_came_after_the_last_checkpoint_alone(tmp_path, monkey
     path = checkpoint.find(folder)
     assert checkpoint.load(path)["counters"]["frames"] < float(untimed_rows(folder)[-1]["frames"])
     train(folder, "sac", overrides=overrides, resume=path)
-    assert_same_run(tmp_path / "whole", folder)
+    assert_same_run(undisturbed, folder)
 
 
 @pytest.mark.slow

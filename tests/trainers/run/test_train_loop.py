@@ -75,7 +75,7 @@ def test_training_goes_on_while_two_evaluations_wait_and_not_three(tmp_path, mon
 def test_a_run_learns_the_instructions_and_writes_its_report(tmp_path):
     overrides = ["total_frames=12000", "collector.worlds=16", "algo.horizon=32", "algo.minibatch=256"]
     overrides += ["eval.video_episodes=1", "eval.interval=6000", "eval.episodes=60", "logger=[tensorboard]"]
-    result = train(tmp_path, overrides=overrides, make_video_env=partial(make_env, 1, 9))
+    result = train(tmp_path, overrides=overrides, drawn=True, make_video_env=partial(make_env, 1, 9))
     assert result["success_at_end"] > 0.8
     assert result["episodes"] == 60
     assert read_checked_json(tmp_path / "eval.json") == result
