@@ -84,7 +84,7 @@ def test_bad_gallery_arguments_raise_an_error_of_one_line(word, message, tmp_pat
 
 
 def test_the_committed_sheets_are_small_and_used_in_the_docs():
-    docs = Path(gallery.__file__).parents[2] / "docs"
+    docs = Path(gallery.__file__).parents[1] / "docs"
     pages = [page.read_text("utf-8") for page in docs.glob("*.md")]
     for name, cells in (("workspaces.png", 24), ("tasks.png", 18)):
         assert (docs / "gallery" / name).stat().st_size < 500_000

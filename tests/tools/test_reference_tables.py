@@ -11,7 +11,7 @@ from envs.mdp.observations import descriptions
 from tools import reference_tables
 from tools.reference_tables import main
 
-REFERENCE = Path(reference_tables.__file__).parents[2] / "docs" / "reference"
+REFERENCE = Path(reference_tables.__file__).parents[1] / "docs" / "reference"
 
 pytestmark = pytest.mark.slow
 
@@ -63,7 +63,7 @@ def test_check_refuses_a_page_that_is_out_of_date(tmp_path, monkeypatch, pages, 
     main([f"out={tmp_path / 'new'}", "check=true"])
     assert capsys.readouterr().out.split() == [str(tmp_path / "new" / name) for name in pages]
     (tmp_path / "new" / "robots.md").write_text("old")
-    with pytest.raises(ConfigError, match=r"robots\.md is out of date; run python -m envs\.tools\.tables") as caught:
+    with pytest.raises(ConfigError, match=r"robots\.md is out of date; run python -m tools\.reference_tables") as caught:
         main([f"out={tmp_path / 'new'}", "check=true"])
     assert "\n" not in str(caught.value)
 
