@@ -171,7 +171,7 @@ def _pointed_scenes(person: Person, area: list[float], count: int, rng: Generato
 
 
 def ceiling(args: argparse.Namespace) -> dict[str, Any]:
-    """Accuracy that words, finger and both allow in the scenes of nl_reach_gesture."""
+    """Measure the accuracy that words, finger and both allow in the scenes of nl_reach_gesture."""
     result: dict[str, Any] = {"task": "nl_reach_gesture", "scenes": args.scenes, "seed": args.seed}
     for noise in args.noise:
         config, person = _make_person(noise)

@@ -37,7 +37,7 @@ FEW = ("eval.episodes=4", "eval.interval_episodes=4", "eval.worlds=4", "eval.vid
 
 
 def rate(count: int, unit: str, work: Callable[[], Any]) -> dict[str, Any]:
-    """Times the work. Returns `count` per second, with its unit and the seconds."""
+    """Time the work; return `count` per second, with its unit and the seconds."""
     start = time.perf_counter()
     work()
     seconds = time.perf_counter() - start

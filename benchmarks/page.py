@@ -130,7 +130,7 @@ def said(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def hostile(args: argparse.Namespace) -> dict[str, Any]:
-    """Random actions for some minutes: number of exceptions, and memory each minute."""
+    """Act at random for some minutes; count exceptions, and measure the memory each minute."""
     rng = np.random.default_rng(args.seed)
     server = PlayServer("--seed", str(args.seed), *args.words)
     counts, weights = dict.fromkeys(ACTION_WEIGHTS, 0), np.array(list(ACTION_WEIGHTS.values()))

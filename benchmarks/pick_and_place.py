@@ -155,12 +155,17 @@ def _evaluate(model: Any, env: Any, seeds: Iterator[int], target: float) -> dict
 
 
 class Side:
-    """One process of a pair, on its core.
-
-    command: arguments after `python`. output: further arguments that put its metrics.csv into `folder`.
-    """
+    """One process of a pair, on its core."""
 
     def __init__(self, command: Sequence[str], output: Sequence[str], folder: Path, core: int) -> None:
+        """Start the process.
+
+        Args:
+            command: arguments after `python`.
+            output: further arguments that put its metrics.csv into `folder`.
+            folder: of its files; its log lies beside it.
+            core: that it may use.
+        """
         self.command, self.core = shlex.join(["python", *command]), core
         self.metrics, self.log = folder / "metrics.csv", folder.with_suffix(".log")
         folder.mkdir(parents=True, exist_ok=True)
@@ -177,7 +182,7 @@ class Side:
             )
 
     def finished(self, target: float) -> bool:
-        """Whether it reached the target or ended. Raises SideError if it failed."""
+        """Return whether it reached the target or ended. Raises SideError if it failed."""
         code = self.process.poll()
         if first_at_target(read_curve(self.metrics), target):
             return True

@@ -311,7 +311,7 @@ class PointingArm:
         return ray_through(*self._places(FINGERTIP, line_start(style)))
 
     def _places(self, *links: str) -> list[Array]:
-        """The positions of these links in the present posture, (3,) metres each."""
+        """Return the positions of these links in the present posture, (3,) metres each."""
         frames = self._chain.frames(self.angles)
         return [self._chain.place(self._points[link], frames) for link in links]
 

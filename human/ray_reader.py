@@ -196,7 +196,16 @@ class CameraRayReader:
     """A camera in front of people of the same body and place, and the reader of their rays."""
 
     def __init__(self, human: HumanConfig, furniture: Iterable[FurnitureBox], config: GestureConfig) -> None:
-        """Load the person and the weights. Raises ConfigError for a style but "finger", and as `load` does."""
+        """Load the person and the weights.
+
+        Args:
+            human: the people's body and place, and the camera.
+            furniture: boxes in the picture.
+            config: how the person points, and the file of weights.
+
+        Raises:
+            ConfigError: a style but "finger"; and as `load`.
+        """
         if config.style != "finger":
             raise ConfigError(f"gesture.style={config.style} can't be read from the camera; gesture.style=finger can")
         self._reader = RayReader(human, config.weights)

@@ -68,7 +68,7 @@ def call(function: Callable[[], object], folder: Path | None = None, timeout: fl
 
 
 def _run(function: Callable[[], object], folder: Path | None, out: int, err: int, used: int) -> None:
-    """The child: calls the function and ends. Never returns."""
+    """Call the function in the child and end it. Never returns."""
     code = 1
     try:
         os.setsid()

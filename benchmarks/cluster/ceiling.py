@@ -36,7 +36,7 @@ PROCESSES = 2  # actors, which the workers share: a process for each of them wou
 
 
 class ReplayedActor:
-    """Acts for many workers: each request sleeps as long as physics would take, and returns a recorded batch."""
+    """Actor of many workers: each request sleeps as long as physics would take, and returns a recorded batch."""
 
     def __init__(self, recorded: Mapping[Any, Any], beginnings: dict[int, Any]) -> None:
         self.recorded, self.beginnings = recorded, beginnings
@@ -44,7 +44,7 @@ class ReplayedActor:
         self.busy = [threading.Lock() for _ in range(max(COUNTS))]  # of each worker, which does one thing at a time
 
     def where(self) -> tuple[str, int]:
-        """As `CollectorActor.where`."""
+        """Do what `CollectorActor.where` does."""
         import os
 
         import ray
@@ -52,10 +52,10 @@ class ReplayedActor:
         return ray.get_runtime_context().get_node_id(), os.getpid()
 
     def beat(self) -> None:
-        """As `CollectorActor.beat`."""
+        """Do what `CollectorActor.beat` does."""
 
     def collect(self, worker: int, weights: Any) -> tuple[Mapping[Any, Any], dict[int, Any], float]:
-        """As `CollectorActor.collect`."""
+        """Do what `CollectorActor.collect` does, with the recorded batch."""
         with self.busy[worker]:
             time.sleep(self.seconds)
         return self.recorded, self.beginnings, self.seconds
@@ -65,14 +65,14 @@ class ReplayedWorker(RayWorker):
     """A worker whose actor is shared: killing the worker does not end the actor."""
 
     def begin(self, episodes: Any) -> None:
-        """Nothing: there are no worlds."""
+        """Do nothing: there are no worlds."""
 
     def request(self, iteration: int, weights: Any) -> None:
         """Ask for a batch."""
         super().request(self.spec.index, weights)
 
     def kill(self) -> None:
-        """Nothing."""
+        """Do nothing."""
 
 
 class ReplayHost(RayHost):
@@ -85,11 +85,11 @@ class ReplayHost(RayHost):
         self.actors = [made.options(num_cpus=0).remote(recorded, beginnings) for _ in range(PROCESSES)]
 
     def start(self, spec: WorkerSpec, episodes: Any, buffer: Any) -> RayWorker:
-        """A worker of a shared actor."""
+        """Return a worker of a shared actor."""
         return ReplayedWorker(self.session, self.actors[spec.index % PROCESSES], spec)
 
     def moved(self, workers: Any) -> list[int]:
-        """None."""
+        """Return no worker: none moves."""
         return []
 
 
@@ -112,7 +112,7 @@ class CeilingPoint:
 
 @row("ceiling", f"frames/s of 1 to 256 simulated workers, sync and async, and of an update; draws {PLOT}", 9)
 def ceiling(tries: int, random: Random, folder: Path) -> RowResult:
-    """tries: how many of the counts 1, 2, 4, ... 256 are measured. The plot is drawn if all of them are."""
+    """Measure the first `tries` of the counts 1, 2, 4, ... 256, and draw the plot if these are all."""
     outcome = RowResult()
     config = compose(["collector=ray", f"collector.worlds={UPDATE_FRAMES // HORIZON}", "collector.cpus=0.001"])
     training, make = read_training(config), partial(build_env, read_env(config))

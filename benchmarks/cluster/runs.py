@@ -47,7 +47,7 @@ POLICY = "pretrained/nl_reach_kuka"
 
 @row("equal", "2 workers on Ray and in processes: the same metrics and weights, and the frames/s of each", 1)
 def equal(tries: int, random: Random, folder: Path) -> RowResult:
-    """tries: tenths of the default run's 80,000 frames; 10 are the whole run."""
+    """Compare `tries` tenths of the default run's 80,000 frames; 10 are the whole run."""
     outcome = RowResult()
     words = ["collector.workers=2", f"total_frames={8_000 * tries}", f"schedule_frames={8_000 * tries}"]
     words += ["eval.video_episodes=0", "logger=[]"]
@@ -67,7 +67,7 @@ def equal(tries: int, random: Random, folder: Path) -> RowResult:
 
 
 class ClusterFault:
-    """Happens once to a random worker's actor or node, and measures how long it took to be noticed."""
+    """A fault that happens once to a random worker's actor or node, and how long it took to be noticed."""
 
     def __init__(self, kind: str, iteration: int, random: Random) -> None:
         self.kind, self.iteration, self.random = kind, iteration, random
@@ -107,7 +107,7 @@ class ClusterFault:
 
 
 def train(folder: Path, fault: ClusterFault | None) -> None:
-    """A run in this process."""
+    """Train in this process."""
     config = compose(RUN)
     plain: Any = OmegaConf.to_container(config, resolve=True)
     patches = [patch.object(*each) for each in (fault.patches() if fault else [])]
@@ -160,7 +160,7 @@ def count_nodes() -> int:
 
 @row("faults", "a random actor or node is killed, stopped or cut off: the undisturbed run's result", 20, isolated=True)
 def faults(tries: int, random: Random, folder: Path) -> RowResult:
-    """Each fault in turn, at a random moment. A lost node joins again before the next try."""
+    """Cause each fault in turn, at a random moment. A lost node joins again before the next try."""
     outcome, before = RowResult(figures={"noticed after s, at most": 0.0, "never happened": 0}), segments()
     start_cluster(NODES)
     train(folder / "whole", None)
@@ -212,7 +212,7 @@ def segments() -> set[str]:
 
 @row("node_added", "a node that joins in mid-run is used within 10 s", 1, isolated=True)
 def node_added(tries: int, random: Random, folder: Path) -> RowResult:
-    """Two workers on one core, until a second node joins."""
+    """Collect with two workers on one core, until a second node joins."""
     outcome = RowResult(figures={"used after s": []})
     start_node(0, cpus=0)
     for _ in range(tries):
@@ -259,7 +259,7 @@ def program(name: str, *words: str) -> subprocess.CompletedProcess[str]:
 
 @row("sweep", "12 runs, half of the nodes killed on the way: 12 results, none run twice to its end", 1, isolated=True)
 def sweep(tries: int, random: Random, folder: Path) -> RowResult:
-    """Two of four nodes are killed once the first run has a result."""
+    """Kill two of four nodes once the first run has a result."""
     outcome = RowResult(figures={"results": [], "started again": []})
     for attempt in range(tries):
         start_cluster(SWEEP_NODES)
@@ -308,7 +308,7 @@ def evaluation(tries: int, random: Random, folder: Path) -> RowResult:
 
 @row("start", "train.py --help imports no Ray; collector=ray without Ray says what to install", 3)
 def start(tries: int, random: Random, folder: Path) -> RowResult:
-    """The time of --help with Ray installed and without it."""
+    """Measure the time of --help with Ray installed and without it."""
     outcome = RowResult()
     seconds: dict[str, list[float]] = {"with": [], "without": []}
     for _ in range(tries):

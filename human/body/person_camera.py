@@ -65,7 +65,16 @@ class PersonCamera:
     def __init__(
         self, human: HumanConfig, furniture: Iterable[FurnitureBox] = (), proportions: Proportions | None = None
     ) -> None:
-        """Load the person. Raises ConfigError for a person without a camera, or a body that does not load."""
+        """Load the person and the furniture.
+
+        Args:
+            human: where the person and the camera stand.
+            furniture: boxes in the picture.
+            proportions: of the project's own model; None: the average.
+
+        Raises:
+            ConfigError: a person without a camera, or a body that does not load.
+        """
         self.camera = camera_of(human)
         self.client = bullet.connect(bullet.DIRECT)
         try:

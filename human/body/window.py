@@ -55,7 +55,7 @@ class WindowKeys:
     """Key presses in the window of a client. Held arrow and page keys repeat."""
 
     def __init__(self, client: int, names: Mapping[int, str] = POINTING_KEYS) -> None:
-        """names: PyBullet's number of each key to read, with its name."""
+        """Read the keys in `names`: PyBullet's number of each key, with its name."""
         self._client, self._names = client, names
         self._page_keys = _X11PageKeys() if sys.platform.startswith("linux") else None
         self._since: dict[str, float] = {}  # time at which each key that is down went down

@@ -108,3 +108,8 @@ def test_training_repeats_bit_for_bit_with_the_seed(frames):
     one, again, other = (fit(frames, 2, seed).state_dict() for seed in (3, 3, 4))
     assert all(torch.equal(value, again[name]) for name, value in one.items())
     assert not all(torch.equal(value, other[name]) for name, value in one.items())
+
+
+def test_the_help_names_every_key():
+    for defaults in camera.DEFAULTS.values():
+        assert all(f"{key}=" in camera.__doc__ for key in defaults)
