@@ -63,7 +63,8 @@ def test_check_refuses_a_page_that_is_out_of_date(tmp_path, monkeypatch, pages, 
     main([f"out={tmp_path / 'new'}", "check=true"])
     assert capsys.readouterr().out.split() == [str(tmp_path / "new" / name) for name in pages]
     (tmp_path / "new" / "robots.md").write_text("old")
-    with pytest.raises(ConfigError, match=r"robots\.md is out of date; run python -m tools\.reference_tables") as caught:
+    message = r"robots\.md is out of date; run python -m tools\.reference_tables"
+    with pytest.raises(ConfigError, match=message) as caught:
         main([f"out={tmp_path / 'new'}", "check=true"])
     assert "\n" not in str(caught.value)
 
