@@ -213,7 +213,7 @@ class _Table:
 
     def __init__(self, env: InteractiveEnv) -> None:
         self._env, self._half = env, env.config.task.object_size / 2
-        self.hold = min(HOLD, env.config.workspace.gripper_box[-1] - env.below - self._half)
+        self.hold = min(HOLD, env.config.workspace.gripper_box[-1] - env.grip_depth - self._half)
 
     def place(self, column: float, row: float, level: float) -> NDArray[np.float64]:
         """(3,) the centre of an object at x, y whose bottom is at a height; all in metres."""

@@ -21,7 +21,7 @@ from envs.mdp.gestures import Gestures, make_person, make_ray_reader
 from envs.mdp.goals import Goal
 from envs.mdp.grip_controller import ACTION_UNIT, GripController
 from envs.mdp.object_rows import scene_of_rows
-from envs.mdp.observation_terms import Observer, Setup, Source
+from envs.mdp.observation_terms import Observer, Source, SpecSettings
 from envs.mdp.observations import OBSERVATIONS, OUTCOMES, SceneSampler, observation_spec
 from envs.mdp.randomization import InitialStates, Perturbations
 from envs.mdp.relabelling import Relabeller
@@ -33,7 +33,7 @@ from envs.sim.kinematics import Array, Kinematics
 from envs.sim.object_pool import PoolSpec
 from envs.sim.robot import read_kinematics
 from envs.sim.window import Window
-from envs.sim.world import World
+from envs.sim.world import SimulatedWorld
 from envs.tasks import NOTHING, TASKS, EpisodeSpec, State, Task
 from envs.tasks.reach import reaching_height
 from human import Person
@@ -78,19 +78,19 @@ def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task
     return task
 
 
-def make_chain(config: EnvConfig, task: Task) -> Kinematics:
+def make_kinematics(config: EnvConfig, task: Task) -> Kinematics:
     """The kinematics of the arm. Its rest pose depends on whether the task moves objects.
 
     With a rod, the gripper rests over the middle of the object area, at the greatest allowed height.
     """
-    chain = read_kinematics(config.robot if task.traits.moves else config.robot.reaching())
+    kinematics = read_kinematics(config.robot if task.traits.moves else config.robot.reaching())
     if not (config.gripper.rod and task.traits.moves):
-        return chain
+        return kinematics
     x0, x1, y0, y1 = config.workspace.object_area
-    return chain.resting_at(np.array([(x0 + x1) / 2, (y0 + y1) / 2, config.workspace.gripper_box[-1]]))
+    return kinematics.resting_at(np.array([(x0 + x1) / 2, (y0 + y1) / 2, config.workspace.gripper_box[-1]]))
 
 
-def make_world(config: EnvConfig, task: Task, render: bool = False, window: Window | None = None) -> World:
+def make_world(config: EnvConfig, task: Task, render: bool = False, window: Window | None = None) -> SimulatedWorld:
     """One world with all bodies that the task needs."""
     objects = PoolSpec(task.shapes, task.bodies, config.task.object_size)
     gripper = config.gripper if task.traits.moves else None
@@ -98,7 +98,7 @@ def make_world(config: EnvConfig, task: Task, render: bool = False, window: Wind
     devices = DeviceSpec(task.devices, task.device_width)
     offers = HAND in task.fixtures
     parts = config.robot, config.workspace, config.physics, objects
-    return World(*parts, render, window, gripper, devices, holds, offers)
+    return SimulatedWorld(*parts, render, window, gripper, devices, holds, offers)
 
 
 def gripper_name(config: EnvConfig, task: Task) -> str | None:
@@ -127,22 +127,24 @@ def gripper_box(config: EnvConfig, task: Task) -> Array:
     return box
 
 
-def make_control(config: EnvConfig, task: Task, chain: Kinematics) -> Control:
+def make_control(config: EnvConfig, task: Task, kinematics: Kinematics) -> Control:
     """The control that the config names."""
     speed = np.array(config.robot.max_speed) * (config.physics.time_step * config.physics.substeps)
     guarded = not task.traits.moves or gripper_name(config, task) == "magnet"
     make = CONTROLS[config.control.name]
-    return make(config.control, chain, speed, gripper_box(config, task), guarded, task.traits.turns)
+    return make(config.control, kinematics, speed, gripper_box(config, task), guarded, task.traits.turns)
 
 
-def make_initial_states(config: EnvConfig, task: Task, chain: Kinematics) -> InitialStates:
+def make_initial_states(config: EnvConfig, task: Task, kinematics: Kinematics) -> InitialStates:
     """Where the arm begins episodes."""
     curriculum = config.task.curriculum.share > 0
     noise = max(config.task.reset_noise, config.task.randomize.start)
-    return InitialStates(chain, noise, gripper_box(config, task) if curriculum else None)
+    return InitialStates(kinematics, noise, gripper_box(config, task) if curriculum else None)
 
 
-def make_grips(config: EnvConfig, task: Task, worlds: Sequence[World], state: State) -> GripController:
+def make_grip_controller(
+    config: EnvConfig, task: Task, worlds: Sequence[SimulatedWorld], state: State
+) -> GripController:
     """The controller of all worlds' grippers. state: the arrays to which it writes the held slots."""
     kind = gripper_name(config, task) if task.traits.grips else None
     return GripController(
@@ -157,14 +159,14 @@ def next_goals(
 
     success: (N,). generators: of each world.
     """
-    for i in np.flatnonzero(success & (arrays.said < task.most_instructions)).tolist():
+    for i in np.flatnonzero(success & (arrays.instructions_given < task.most_instructions)).tolist():
         slots, held = np.sort(arrays.slots[i]), arrays.state.held[i]
         scene = scene_of_rows(arrays.rows[i, slots], task.config.viewpoint, arrays.state.nouns[i, slots])
         number = NOTHING if held == NOTHING else int(np.searchsorted(slots, held))
         last = arrays.goals[i].instruction(slots)
         given = task.next_instruction(scene, number, generators[i], task.moved(arrays.state)[i, slots], last)
         if given is not None:
-            arrays.said[i] += 1
+            arrays.instructions_given[i] += 1
             arrays.steps[i] = 0
             yield i, Goal.of_instruction(given, slots)
 
@@ -205,24 +207,26 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self._person = make_person(config.workspace.human, config.gesture)
         self.task = self._draws = make_task(config, num_worlds, self._person)
         self.task.draw(np.random.default_rng(0))  # raises at once if no episode can be drawn
-        self.chain = make_chain(config, self.task)
+        self.kinematics = make_kinematics(config, self.task)
         self._worlds = [make_world(config, self.task, render, window) for _ in range(num_worlds)]
-        self.control = make_control(config, self.task, self.chain)
-        self._initial_states = make_initial_states(config, self.task, self.chain)
-        self._arrays = WorldState(self._worlds, config.robot, self.chain, config.task.slots, self.tokenizer)
+        self.control = make_control(config, self.task, self.kinematics)
+        self._initial_states = make_initial_states(config, self.task, self.kinematics)
+        self._arrays = WorldState(self._worlds, config.robot, self.kinematics, config.task.slots, self.tokenizer)
         self._state, self._weights = self._arrays.state, reward_weights(self.task)
-        self._grips = make_grips(config, self.task, self._worlds, self._state)
+        self._grip_controller = make_grip_controller(config, self.task, self._worlds, self._state)
         self._gestures = Gestures(config.gesture, self._worlds, make_ray_reader(config.workspace, config.gesture))
         self._make_observer(config)
         self._make_specs()
         self._set_seed(seed)
 
     def _make_observer(self, config: EnvConfig) -> None:
-        setup = Setup(config.workspace, config.robot, self.chain, self.task, self.tokenizer, len(self.action_unit))
+        setup = SpecSettings(
+            config.workspace, config.robot, self.kinematics, self.task, self.tokenizer, len(self.action_unit)
+        )
         drawn = self.task if config.drawn() == config else make_task(config.drawn(), 1, self._person)
         self._observer, self._sample = Observer(OBSERVATIONS, setup), SceneSampler(replace(setup, task=drawn))
         self._noise = Perturbations(config.task, self.batch_size[0], self.control.unit)
-        parts = self._arrays, self._grips, self._gestures, self.control, self._noise
+        parts = self._arrays, self._grip_controller, self._gestures, self.control, self._noise
         self._source = Source(self.task, self._state, *parts)
         task, joints = make_task(config, RELABELLED, self._person), len(config.robot.joints)
         self._relabeller = Relabeller(task, RELABELLED, self.tokenizer, self._observer, joints)
@@ -247,18 +251,18 @@ class WorkspaceEnv(EpisodeReplayEnv):
     @property
     def action_unit(self) -> tuple[float, ...]:
         """(A,) the greatest difference from `hold` that each number of an action may have within one control step."""
-        return (*self.control.unit.tolist(), *[ACTION_UNIT] * self._grips.width)
+        return (*self.control.unit.tolist(), *[ACTION_UNIT] * self._grip_controller.width)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         action = self._noise.action(read_action(tensordict), self._arrays.steps, self._source.hold)
         self._switch_gestures()
         arrays, arm = self._arrays, action[:, : len(self.control.unit)]
         arrays.commanded = self.control.targets(arm, arrays.commanded, arrays.angles)
-        if self._grips.grips:
-            self._grips.command(action[:, -1])
-        arrays.advance(np.concatenate((arrays.commanded, self._grips.targets), axis=1))
-        if self._grips.grips:
-            self._grips.update_grasps()
+        if self._grip_controller.can_grip:
+            self._grip_controller.command(action[:, -1])
+        arrays.advance(np.concatenate((arrays.commanded, self._grip_controller.targets), axis=1))
+        if self._grip_controller.can_grip:
+            self._grip_controller.update_grasps()
         self._gestures.follow()
         arrays.steps += 1
         outcome = self._outcome()  # before the observation, which shows what the task remembers
@@ -301,12 +305,14 @@ class WorkspaceEnv(EpisodeReplayEnv):
         """Set up an episode in world i, its objects in random slots."""
         generator, arrays = self._generators[i], self._arrays
         slots = generator.permutation(arrays.rows.shape[1])[: len(episode.scene)]
-        joints = self._initial_states.draw(episode, self._grips.below, generator)
+        joints = self._initial_states.draw(episode, self._grip_controller.grip_depth, generator)
         held = episode.start is not None and episode.start.held
-        arrays.begin(i, episode, slots, joints, self._grips.initial_opening(held))
-        if self._grips.grips:
-            centre = self.chain.forward(joints[None]).position[0]
-            self._grips.begin(i, int(slots[episode.referent]) if held else NOTHING, arrays.state.shown[i], centre)
+        arrays.begin(i, episode, slots, joints, self._grip_controller.initial_opening(held))
+        if self._grip_controller.can_grip:
+            centre = self.kinematics.forward(joints[None]).position[0]
+            self._grip_controller.begin(
+                i, int(slots[episode.referent]) if held else NOTHING, arrays.state.shown[i], centre
+            )
         self._gestures.begin(i, episode)
         self._noise.begin(i, episode)
 
@@ -367,7 +373,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
     @property
     def commanded_gripper(self) -> NDArray[np.float64]:
         """(N, 3) gripper centres at the joint angles last commanded, metres."""
-        return self.chain.forward(self._arrays.commanded).position
+        return self.kinematics.forward(self._arrays.commanded).position
 
     @property
     def fittings(self) -> dict[str, NDArray[np.float64]]:
@@ -402,14 +408,14 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return self.control.outside(place.numpy()) <= self.config.task.radius
 
     @property
-    def below(self) -> float:
+    def grip_depth(self) -> float:
         """Metres from the gripper centre down to the centre of an object that it holds."""
-        return self._grips.below
+        return self._grip_controller.grip_depth
 
     @property
     def fingers_apart(self) -> NDArray[np.bool_]:
         """(N,) whether the fingers are fully open; always True for a magnet."""
-        return self._grips.are_apart(self._arrays.joints[..., 0])
+        return self._grip_controller.are_apart(self._arrays.joints[..., 0])
 
     def towards(
         self,
@@ -422,8 +428,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
         close: (N,) whether it is to grip. yaw: (N,) radians about the vertical, where the task turns. None: as now.
         """
         arm = self.control.towards(position, self._arrays.commanded, yaw)
-        grip = np.where(self._grips.closed if close is None else close, 1.0, -1.0)
-        action = np.concatenate((arm, grip[:, None][:, : self._grips.width]), axis=1)
+        grip = np.where(self._grip_controller.closed if close is None else close, 1.0, -1.0)
+        action = np.concatenate((arm, grip[:, None][:, : self._grip_controller.width]), axis=1)
         return torch.from_numpy(action.astype(np.float32))
 
     def render(self) -> NDArray[np.uint8]:

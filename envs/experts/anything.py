@@ -68,7 +68,7 @@ class AnythingExpert(AimingExpert):
         sideways = np.clip(2.0 - (place - gripper)[:, 2] / SAG, 0.0, 1.0)[:, None]
         place[:, :2] = gripper[:, :2] + sideways * (place - gripper)[:, :2]
         place = self._past_the_lid(place)
-        if self._env.below == 0:
+        if self._env.grip_depth == 0:
             place[:, 2] = np.maximum(place[:, 2], gripper[:, 2] - SINK)
         leaves = self._at_other_handle(referent)
         place = choose_rows(leaves, gripper + HOVER * UP, place)

@@ -144,7 +144,7 @@ class MoveRunner:
         thing = state.objects[0, slots[0]]
         if not move.release:
             return bool(state.held[0] == slots[0] and np.abs(thing - places[0]).max() < HELD_THERE)
-        height = self._env.gripper[0, 2] - self._env.below - thing[2]
+        height = self._env.gripper[0, 2] - self._env.grip_depth - thing[2]
         return bool(self._carrier.is_put_down(slots, places)[0]) and height > RISE
 
 
@@ -230,8 +230,8 @@ class Carrier:
         env = self._env
         thing, held = env.state.objects[self._rows, things], env.state.held == things
         left = ~held & self.is_put_down(things, places)
-        grip = thing + env.below * UP
-        down = choose_rows(held, env.gripper + places - thing, grip - PRESS * (env.below > 0) * UP)
+        grip = thing + env.grip_depth * UP
+        down = choose_rows(held, env.gripper + places - thing, grip - PRESS * (env.grip_depth > 0) * UP)
         tops, clear = self._heights(down, things, held)
         rise = self._at_height(env.commanded_gripper, np.minimum(clear + RETREAT * left, self._ceiling))
         goal = choose_rows(left, rise, self._path(down, rise))
@@ -274,7 +274,7 @@ class Carrier:
         others[self._rows, things] = False
         ways = self._env.gripper[:, :2], aim[:, None, :2]
         tops = tops_on_the_way(state.objects, others[:, None], *ways, self._size)[:, 0]
-        load = np.where(held, self._size / 2 + self._env.below, 0.0)
+        load = np.where(held, self._size / 2 + self._env.grip_depth, 0.0)
         least = np.maximum(aim[:, 2] + CLEARANCE, LEAST + load)
         return tops, np.minimum(np.maximum(tops + CLEARANCE + load, least), self._ceiling)
 

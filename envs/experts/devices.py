@@ -45,7 +45,7 @@ class DeviceExpert(AimingExpert):
         place, turn = self._place(referent), state.quaternions[self._rows, referent]
         done = np.abs(way) >= ENOUGH
         shut = length((place - self._env.gripper)[:, :2]) < self.shut_within
-        shut &= self._env.below == 0  # fingers push while shut; a magnet holds nothing
+        shut &= self._env.grip_depth == 0  # fingers push while shut; a magnet holds nothing
         return choose_rows(done, self._env.gripper, self._operate(place, turn, way, before)), shut
 
     @abstractmethod

@@ -27,7 +27,7 @@ class FittingExpert(AimingExpert):
     def __init__(self, env: WorkspaceEnv, task: Task | None = None) -> None:
         super().__init__(env, task)
         assert self._task.fittings is not None
-        self._fittings, magnet = self._task.fittings, env.below > 0
+        self._fittings, magnet = self._task.fittings, env.grip_depth > 0
         self._step = MAGNET_STEP if magnet else FINGER_STEP
         self._tops = {
             noun: fitting.parts[HANDLE].size[2] / 2 * magnet for noun, fitting in self._fittings.by_noun.items()
@@ -47,7 +47,7 @@ class FittingExpert(AimingExpert):
     def _take(self, grip: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The way to `grip` (N, 3): up, over the handle and down on it; and whether the gripper closes (N,)."""
         gripper = self._env.gripper
-        travel, up, down = grip + HOVER * UP, gripper.copy(), grip - PRESS * (self._env.below > 0) * UP
+        travel, up, down = grip + HOVER * UP, gripper.copy(), grip - PRESS * (self._env.grip_depth > 0) * UP
         up[:, 2] = travel[:, 2]
         down[:, 2] = np.maximum(down[:, 2], gripper[:, 2] - SLOWLY)
         high = gripper[:, 2] > travel[:, 2] - SAG

@@ -39,11 +39,11 @@ class Fetch(Expert):
 
     def _fetch(self, thing: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Where the gripper goes (N, 3) to take hold of the object, and whether it closes (N,)."""
-        grip = thing + self._env.below * UP
+        grip = thing + self._env.grip_depth * UP
         offset = grip - self._env.gripper
         beside = length(offset[:, :2])
         close = (beside < OVER) & (np.abs(offset[:, 2]) < GRASP)
-        press = PRESS * (self._env.below > 0)
+        press = PRESS * (self._env.grip_depth > 0)
         grip[:, 2] += (self.hover + press) * height_share(beside) - press
         return grip, close
 
@@ -110,7 +110,7 @@ class LiftExpert(GraspExpert):
 
     def _keep(self) -> Array:
         place = self._env.gripper
-        place[:, 2] = self._task.config.object_size / 2 + self._env.below + LIFTED + self.more
+        place[:, 2] = self._task.config.object_size / 2 + self._env.grip_depth + LIFTED + self.more
         return place
 
 
@@ -169,7 +169,7 @@ class RotateExpert(Fetch):
         place = self._env.gripper
         place[:, 2] += np.where(turned, np.maximum(rest - thing[:, 2], -GENTLY), rest + CARRY - thing[:, 2])
         # The object may have slipped upwards in the fingers, which then come down to the table first.
-        low = np.minimum(thing[:, 2], self._env.gripper[:, 2] - self._env.below) < rest + GRASP / 2
+        low = np.minimum(thing[:, 2], self._env.gripper[:, 2] - self._env.grip_depth) < rest + GRASP / 2
         return place, ~(turned & low)
 
 

@@ -89,7 +89,7 @@ class InteractiveEnv(WorkspaceEnv):
     @property
     def rest_position(self) -> Array:
         """(3,) metres: where the gripper is when an episode starts, without the noise."""
-        return self.chain.forward(self.chain.rest[None]).position[0]
+        return self.kinematics.forward(self.kinematics.rest[None]).position[0]
 
     # ---- Instructions
 
@@ -115,8 +115,8 @@ class InteractiveEnv(WorkspaceEnv):
     def hold_action(self) -> Tensor:
         """(1, A) the action that keeps the arm where it is, and the gripper as it is commanded now."""
         hold = torch.from_numpy(self._source.hold())
-        if self._grips.grips:
-            hold[0, -1] = 1.0 if self._grips.closed[0] else -1.0
+        if self._grip_controller.can_grip:
+            hold[0, -1] = 1.0 if self._grip_controller.closed[0] else -1.0
         return hold
 
     # ---- Actions of the person

@@ -33,7 +33,7 @@ class Control(ABC):
     box: (2, 3) lowest and highest corner of the gripper box, metres.
 
     Args:
-        config, chain: the control's config, and the arm.
+        config, kinematics: the control's config, and the arm.
         speed: (J,) greatest motion of each joint, radians per control step.
         box: (2, 3) lowest and highest corner of the gripper box, metres.
         guarded: never send the gripper below the box, even with joint angles as actions.
@@ -43,15 +43,15 @@ class Control(ABC):
     def __init__(
         self,
         config: ControlConfig,
-        chain: Kinematics,
+        kinematics: Kinematics,
         speed: Array,
         box: Array,
         guarded: bool = False,
         turns: bool = False,
     ) -> None:
-        self._max_move, self._chain, self._speed, self.box = config.max_move, chain, speed, box
+        self._max_move, self._kinematics, self._speed, self.box = config.max_move, kinematics, speed, box
         self._guarded, self._turns = guarded, turns
-        self._rotation = chain.forward(chain.rest[None]).rotation[0]
+        self._rotation = kinematics.forward(kinematics.rest[None]).rotation[0]
 
     @property
     @abstractmethod
@@ -79,7 +79,7 @@ class Control(ABC):
         """
         start = np.clip(commanded, measured - MAX_LEAD, measured + MAX_LEAD)
         delta = self._limit_speed(self._delta(action, start))
-        return np.clip(start + delta, self._chain.low, self._chain.high)
+        return np.clip(start + delta, self._kinematics.low, self._kinematics.high)
 
     @abstractmethod
     def towards(self, position: Array, commanded: Array, yaw: Array | None = None) -> Array:
@@ -102,7 +102,7 @@ class Control(ABC):
     ) -> Array:
         """One step of inverse kinematics towards position (N, 3) and yaw (N,); None: the orientation at rest."""
         rotation = self._rotation if yaw is None else about_vertical(yaw) @ self._rotation
-        return self._chain.step(start, position, rotation, self._max_move, seen)
+        return self._kinematics.step(start, position, rotation, self._max_move, seen)
 
     def yaw(self, rotation: Array) -> Array:
         """(N,) radians that grippers with these rotations (N, 3, 3) are turned about the vertical."""
@@ -129,7 +129,7 @@ class StepControl(Control):
         return np.zeros((len(angles), 3 + self._turns))
 
     def _delta(self, action: Array, start: Array) -> Array:
-        seen = self._chain.jacobian(start)
+        seen = self._kinematics.jacobian(start)
         goal = seen[0].position + action[:, :3] * self._max_move
         yaw = None
         if self._turns:
@@ -137,7 +137,7 @@ class StepControl(Control):
         return self._ik_step(np.clip(goal, *self.box), start, seen, yaw)
 
     def towards(self, position: Array, commanded: Array, yaw: Array | None = None) -> Array:
-        pose = self._chain.forward(commanded)
+        pose = self._kinematics.forward(commanded)
         move = (position - pose.position) / self._max_move
         move /= np.maximum(1.0, np.abs(move).max(1, keepdims=True))
         if not self._turns:
@@ -166,7 +166,7 @@ class AbsoluteControl(Control):
         if not self._turns:
             return place
         if yaw is None:
-            yaw = self.yaw(self._chain.forward(angles).rotation)
+            yaw = self.yaw(self._kinematics.forward(angles).rotation)
         return np.concatenate((place, np.clip(yaw / MAX_YAW, -1.0, 1.0)[:, None]), axis=1)
 
     def _scaled(self, position: Array) -> Array:
@@ -178,7 +178,7 @@ class AbsoluteControl(Control):
         place = low + (action[:, :3] + 1) / 2 * (high - low)
         if not self._turns:
             return self._ik_step(place, start)
-        seen = self._chain.jacobian(start)
+        seen = self._kinematics.jacobian(start)
         return self._ik_step(place, start, seen, self._next_yaw(seen[0].rotation, action[:, 3] * MAX_YAW))
 
     def towards(self, position: Array, commanded: Array, yaw: Array | None = None) -> Array:
@@ -191,17 +191,17 @@ class JointControl(Control):
     @property
     def unit(self) -> Array:
         move = np.maximum(PACE * self._speed, np.minimum(self._speed, SLOW))
-        return 2 * move / (self._chain.high - self._chain.low)
+        return 2 * move / (self._kinematics.high - self._kinematics.low)
 
     def hold(self, angles: Array, gripper: Array) -> Array:
         return np.clip(self._scaled(angles), -1.0, 1.0)
 
     def _scaled(self, angles: Array) -> Array:
-        low, high = self._chain.low, self._chain.high
+        low, high = self._kinematics.low, self._kinematics.high
         return 2 * (angles - low) / (high - low) - 1
 
     def _delta(self, action: Array, start: Array) -> Array:
-        low, high = self._chain.low, self._chain.high
+        low, high = self._kinematics.low, self._kinematics.high
         delta = np.clip(low + (action + 1) / 2 * (high - low) - start, -self._speed, self._speed)
         return self._above_floor(start, delta) if self._guarded else delta
 
@@ -210,9 +210,9 @@ class JointControl(Control):
 
         Newton's method for the smallest change of the joints. A gripper that begins below does not sink further.
         """
-        least = np.minimum(self._chain.forward(start).position[:, 2], self.box[0, 2])
+        least = np.minimum(self._kinematics.forward(start).position[:, 2], self.box[0, 2])
         for _ in range(SLIDES):
-            pose, jacobian = self._chain.jacobian(start + delta)
+            pose, jacobian = self._kinematics.jacobian(start + delta)
             missing = np.maximum(least - pose.position[:, 2], 0.0)
             if not missing.any():
                 break
@@ -221,7 +221,7 @@ class JointControl(Control):
         return delta
 
     def towards(self, position: Array, commanded: Array, yaw: Array | None = None) -> Array:
-        pose = self._chain.forward(commanded)
+        pose = self._kinematics.forward(commanded)
         start = pose.position
         move = np.clip(position, *self.box) - start
         length = np.sqrt((move * move).sum(1, keepdims=True))
@@ -231,7 +231,7 @@ class JointControl(Control):
         if self._turns:
             wish = self.yaw(pose.rotation) if yaw is None else yaw
             rotation = about_vertical(self._next_yaw(pose.rotation, wish)) @ rotation
-        joints = self._chain.solve(commanded, near, rotation)
+        joints = self._kinematics.solve(commanded, near, rotation)
         joints = commanded + self._limit_speed(
             joints - commanded
         )  # else each joint would move at its own speed, off the line

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from core.errors import ConfigError
 from envs.sim.workspace import WorkspaceConfig
-from envs.sim.world import World
+from envs.sim.world import SimulatedWorld
 from envs.tasks import EpisodeSpec, GestureSwitch
 from human import GestureConfig, HumanConfig, Person, PointingArm, PointingGesture, ray_offsets
 from human.body.person_camera import FurnitureBox
@@ -50,7 +50,7 @@ class Gestures:
     """
 
     def __init__(
-        self, config: GestureConfig, worlds: Sequence[World], ray_reader: CameraRayReader | None = None
+        self, config: GestureConfig, worlds: Sequence[SimulatedWorld], ray_reader: CameraRayReader | None = None
     ) -> None:
         self._config, self._worlds, self._ray_reader = config, worlds, ray_reader
         self.points = config.source != "none"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.sim.robot import RobotConfig
-from envs.sim.world import World
+from envs.sim.world import SimulatedWorld
 from envs.tasks import NOTHING, State
 
 ACTION_UNIT = 0.5  # reduced gain, so that noise of the arm's scale does not toggle the gripper
@@ -24,8 +24,8 @@ MAX_DISTANCE = 0.1  # metres from the gripper centre to the centre of an object 
 class GripController:
     """closed: (N,) which grippers are commanded to close. held: (N,) of `state`, the slots that they hold, or NOTHING.
 
-    below: metres from the gripper centre down to the centre of an object that it holds.
-    grips: whether anything can be gripped.
+    grip_depth: metres from the gripper centre down to the centre of an object that it holds.
+    can_grip: whether anything can be gripped.
 
     Args:
         kind: "magnet" or "fingers"; None: nothing is gripped, and the fingers stay apart or closed.
@@ -42,13 +42,13 @@ class GripController:
         kind: str | None,
         robot: RobotConfig,
         object_size: float,
-        worlds: Sequence[World],
+        worlds: Sequence[SimulatedWorld],
         state: State,
         lag: int = 0,
         apart: bool = False,
     ) -> None:
-        self._worlds, self._state, self.grips, self._lag = worlds, state, kind is not None, lag
-        self.below = object_size / 2 if kind == "magnet" else 0.0
+        self._worlds, self._state, self.can_grip, self._lag = worlds, state, kind is not None, lag
+        self.grip_depth = object_size / 2 if kind == "magnet" else 0.0
         self.closed, self.held = np.zeros(len(worlds), bool), state.held
         self.held[:] = NOTHING
         self._max_opening = robot.finger_opening if kind == "fingers" or (kind is None and apart) else 0.0
@@ -59,7 +59,7 @@ class GripController:
     @property
     def width(self) -> int:
         """How many numbers an action has for the gripper: 0 or 1."""
-        return int(self.grips)
+        return int(self.can_grip)
 
     @property
     def targets(self) -> NDArray[np.float64]:
@@ -119,7 +119,7 @@ class GripController:
         opening = np.zeros((len(joints), 1))
         if self._num_fingers:
             opening = joints[:, -self._num_fingers :].mean(1, keepdims=True) / self._finger_range
-        if not self.grips:
+        if not self.can_grip:
             return opening
         closing = 1 - self._opening / self._max_opening if self._max_opening else self.closed
         return np.concatenate((opening, closing[:, None], (self.held != NOTHING)[:, None]), axis=1)

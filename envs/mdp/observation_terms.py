@@ -25,12 +25,12 @@ from language import Tokenizer
 
 
 @dataclass(frozen=True)
-class Setup:
+class SpecSettings:
     """The settings on which specs depend. action_width: how many numbers an action has."""
 
     workspace: WorkspaceConfig
     robot: RobotConfig
-    chain: Kinematics
+    kinematics: Kinematics
     task: Task
     tokenizer: Tokenizer
     action_width: int
@@ -49,7 +49,7 @@ class Source(GoalSource):
     """The inputs of all other observations, beside those of `GoalSource`."""
 
     worlds: WorldState
-    grips: GripController
+    grip_controller: GripController
     gestures: Gestures
     control: Control
     perturbations: Perturbations
@@ -57,7 +57,7 @@ class Source(GoalSource):
     def hold(self) -> NDArray[np.float32]:
         """(N, A) the action that keeps the arm where it is; 0 for the gripper, whose command is absolute."""
         arm = self.control.hold(self.worlds.angles, self.worlds.pose.position)
-        return np.concatenate((arm, np.zeros((len(arm), self.grips.width))), axis=1).astype(np.float32)
+        return np.concatenate((arm, np.zeros((len(arm), self.grip_controller.width))), axis=1).astype(np.float32)
 
 
 def always(task: Task) -> bool:
@@ -85,7 +85,7 @@ class ObservationTerm:
 
     key: str
     description: str
-    spec: Callable[[Setup], TensorSpec]
+    spec: Callable[[SpecSettings], TensorSpec]
     compute: Callable[[Any], NDArray]
     present: Callable[[Task], bool] = always
     goal: bool = False
@@ -103,7 +103,7 @@ class Observer:
     terms: those that the task has.
     """
 
-    def __init__(self, terms: Iterable[ObservationTerm], setup: Setup) -> None:
+    def __init__(self, terms: Iterable[ObservationTerm], setup: SpecSettings) -> None:
         self.terms = [term for term in terms if term.present(setup.task)]
         self._specs = {term.key: term.spec(setup) for term in self.terms}
         self._bounds = {

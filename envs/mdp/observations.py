@@ -13,7 +13,7 @@ from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 from envs.mdp.gestures import RAY_WIDTH, ray_of
 from envs.mdp.goals import Goal, sentence_bytes, tokens
 from envs.mdp.object_rows import CLOSE, COLUMNS, FACING, NEAR, OBJECT_WIDTH, OFFSET, offsets, row_bounds, static_rows
-from envs.mdp.observation_terms import GoalSource, ObservationTerm, Observer, Setup, Source, bounded
+from envs.mdp.observation_terms import GoalSource, ObservationTerm, Observer, Source, SpecSettings, bounded
 from envs.sim.devices import facing
 from envs.sim.kinematics import Array
 from envs.tasks import State, Task
@@ -46,32 +46,32 @@ def descriptions() -> dict[str, str]:
 # ---- specs of one world
 
 
-def _workspace(setup: Setup) -> tuple[Array, Array]:
+def _workspace(setup: SpecSettings) -> tuple[Array, Array]:
     """Lowest and highest corner of where anything may be, (3,) metres each."""
     low, high = np.reshape(setup.workspace.bounds, (3, 2)).T
     return low, high
 
 
-def _robot_spec(setup: Setup) -> Bounded:
+def _robot_spec(setup: SpecSettings) -> Bounded:
     low, high = _workspace(setup)
     speed, ones = 2 * np.array(setup.robot.max_speed), np.ones(6)  # a joint that is struck can exceed its own speed
     gripper = 3 if setup.task.traits.grips else 1
     return bounded(
-        [setup.chain.low - 0.1, -speed, low, -ones, np.zeros(gripper)],
-        [setup.chain.high + 0.1, speed, high, ones, np.ones(gripper)],
+        [setup.kinematics.low - 0.1, -speed, low, -ones, np.zeros(gripper)],
+        [setup.kinematics.high + 0.1, speed, high, ones, np.ones(gripper)],
     )
 
 
-def _objects_spec(setup: Setup) -> Bounded:
+def _objects_spec(setup: SpecSettings) -> Bounded:
     return bounded(*row_bounds(setup.task, *_workspace(setup)), setup.task.config.slots)
 
 
-def _gesture_spec(setup: Setup) -> Bounded:
+def _gesture_spec(setup: SpecSettings) -> Bounded:
     tip, direction = np.full(3, MAX_TIP_DISTANCE), np.ones(3)
     return bounded([-tip, -direction, [0.0]], [tip, direction, [1.0]])
 
 
-def _goal_spec(setup: Setup) -> Bounded:
+def _goal_spec(setup: SpecSettings) -> Bounded:
     low, high = _workspace(setup)
     if not setup.task.traits.moves:
         return bounded([low], [high])
@@ -82,12 +82,12 @@ def _goal_spec(setup: Setup) -> Bounded:
     )
 
 
-def _flag_each_slot(setup: Setup) -> Binary:
+def _flag_each_slot(setup: SpecSettings) -> Binary:
     slots = setup.task.config.slots
     return Binary(slots, shape=(slots,), dtype=torch.bool)
 
 
-def _slot(setup: Setup) -> Categorical:
+def _slot(setup: SpecSettings) -> Categorical:
     return Categorical(setup.task.config.slots, shape=(), dtype=torch.int64)
 
 
@@ -98,7 +98,7 @@ def _robot(source: Source) -> Array:
     worlds = source.worlds
     pose, count = worlds.pose, worlds.angles.shape[1]
     speeds, rotation = worlds.joints[:, :count, 1], pose.rotation
-    gripper = source.grips.observation(worlds.joints[..., 0])
+    gripper = source.grip_controller.observation(worlds.joints[..., 0])
     parts = worlds.angles, speeds, pose.position, rotation[:, :, 0], rotation[:, :, 1], gripper
     return np.concatenate(parts, axis=1)
 
@@ -296,7 +296,7 @@ class SceneSampler:
         setup: its task draws the episodes, and decides on the shapes and bounds of the observations.
     """
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: SpecSettings) -> None:
         self._setup, self._observer = setup, Observer(OBSERVATIONS, setup)
 
     def __call__(self, count: int, seed: int) -> TensorDictBase:

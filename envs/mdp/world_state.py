@@ -13,7 +13,7 @@ from envs.mdp.object_rows import ATTRIBUTES, OBJECT_WIDTH, attributes
 from envs.sim.kinematics import Array, Kinematics, Pose
 from envs.sim.object_pool import PARKED, USUAL, Mobility
 from envs.sim.robot import RobotConfig
-from envs.sim.world import World
+from envs.sim.world import SimulatedWorld
 from envs.tasks import EpisodeSpec, State
 from language import Tokenizer
 
@@ -26,18 +26,23 @@ class WorldState:
     commanded, angles: (N, J) joint angles last commanded and measured. pose: of the grippers. slots: for each world,
     the slots of its objects in their order. goals: of each world; `set_goal` writes it, and also
     instruction (N, L), kind (N,) and sentence (N, B). steps: (N,) control steps since an instruction was
-    given. said: (N,) how many instructions the episode has had.
+    given. instructions_given: (N,) how many the episode has had.
     """
 
     def __init__(
-        self, worlds: Sequence[World], robot: RobotConfig, chain: Kinematics, slots: int, tokenizer: Tokenizer
+        self,
+        worlds: Sequence[SimulatedWorld],
+        robot: RobotConfig,
+        kinematics: Kinematics,
+        slots: int,
+        tokenizer: Tokenizer,
     ) -> None:
         count, joints = len(worlds), len(robot.joints)
-        self._worlds, self._chain, self._tokenizer = worlds, chain, tokenizer
+        self._worlds, self._kinematics, self._tokenizer = worlds, kinematics, tokenizer
         self.index = np.arange(count)
         self.joints = np.zeros((count, joints + len(robot.fingers), 2))
         self.commanded, self.angles = np.zeros((2, count, joints))
-        self.pose: Pose = chain.forward(self.angles)
+        self.pose: Pose = kinematics.forward(self.angles)
         self.rows = np.zeros((count, slots, OBJECT_WIDTH))
         self.rows[..., :3] = PARKED
         shown, movable, goals = np.zeros((3, count, slots), bool)
@@ -64,7 +69,7 @@ class WorldState:
         self.instruction = np.zeros((count, tokenizer.length), np.int64)
         self.sentence = np.zeros((count, sentence_bytes(tokenizer)), np.uint8)
         self.steps = np.zeros(count, np.int64)
-        self.said = np.ones(count, np.int64)
+        self.instructions_given = np.ones(count, np.int64)
 
     def begin(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64], joints: Array, opening: float) -> None:
         """Begin an episode in world i.
@@ -78,7 +83,7 @@ class WorldState:
         """
         self._show(i, episode, slots)
         self.set_goal(i, Goal.of(episode, slots))
-        self.steps[i], self.said[i] = 0, 1
+        self.steps[i], self.instructions_given[i] = 0, 1
         self.commanded[i] = joints
         scene, by_slot = episode.scene, np.argsort(slots, kind="stable")
         yaw = np.zeros(len(scene)) if episode.yaw is None else episode.yaw
@@ -142,11 +147,11 @@ class WorldState:
         shown[worlds] = self.state.shown[worlds]
         self.rows[shown, :7] = np.reshape(list(chain.from_iterable(poses for _, poses in measured)), (-1, 7))
         self.angles = np.ascontiguousarray(self.joints[:, : self.commanded.shape[1], 0])
-        self.pose = self._chain.forward(self.angles)
+        self.pose = self._kinematics.forward(self.angles)
         self.state.gripper = self.pose.position
 
 
-def _measure(world: World) -> tuple[list[float], list[float]]:
+def _measure(world: SimulatedWorld) -> tuple[list[float], list[float]]:
     """Angle and speed of each joint, and position and quaternion of each object, in one list each."""
     joints = [value for state in world.robot.states() for value in state[:2]]
     return joints, [value for pose in world.object_poses() for part in pose for value in part]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pybullet as bullet
 
-from envs.sim.devices import DEVICES, Device, Part, Point
+from envs.sim.devices import DEVICES, Device, DevicePart, Point
 from envs.sim.furniture import JOINTS, LINK, UPRIGHT
 
 PARKED_HEIGHT = -15.0  # metres: where devices stand that the episode does not show
@@ -130,7 +130,7 @@ class DeviceBodies:
         """(position, quaternion) of the handle of each shown device."""
         return [self.pose(body) for body in self.shown]
 
-    def _collision_shape(self, parts: Sequence[Part], origin: Point) -> int:
+    def _collision_shape(self, parts: Sequence[DevicePart], origin: Point) -> int:
         """The parts as one collision shape about `origin`."""
         return bullet.createCollisionShapeArray(
             **self._shapes(parts),
@@ -140,7 +140,7 @@ class DeviceBodies:
             physicsClientId=self._client,
         )
 
-    def _visual_shape(self, parts: Sequence[Part], origin: Point) -> int:
+    def _visual_shape(self, parts: Sequence[DevicePart], origin: Point) -> int:
         """The parts as one visual shape about `origin`; -1 without visuals."""
         if not self._visuals:
             return -1
@@ -152,25 +152,25 @@ class DeviceBodies:
             physicsClientId=self._client,
         )
 
-    def _shapes(self, parts: Sequence[Part]) -> dict:
+    def _shapes(self, parts: Sequence[DevicePart]) -> dict:
         return {
             "shapeTypes": [bullet.GEOM_CYLINDER if part.cylinder else bullet.GEOM_BOX for part in parts],
             "halfExtents": [self._metres(np.divide(part.size, 2)) for part in parts],
             "radii": [self._width * part.size["yzx".index(part.cylinder or "x")] / 2 for part in parts],
         }
 
-    def _places(self, parts: Sequence[Part], origin: Point) -> list[list[float]]:
+    def _places(self, parts: Sequence[DevicePart], origin: Point) -> list[list[float]]:
         return [self._metres(np.subtract(part.place, origin)) for part in parts]
 
     def _metres(self, widths: Sequence[float] | np.ndarray) -> list[float]:
         return (self._width * np.asarray(widths, float)).tolist()
 
 
-def _cylinder_length(part: Part) -> float:
+def _cylinder_length(part: DevicePart) -> float:
     """The length of a cylinder, widths."""
     return part.size["xyz".index(part.cylinder or "z")]
 
 
-def _orientation(part: Part) -> Sequence[float]:
+def _orientation(part: DevicePart) -> Sequence[float]:
     """A quaternion."""
     return CYLINDER_ROTATIONS.get(part.cylinder, (0.0, 0.0, math.sin(part.yaw / 2), math.cos(part.yaw / 2)))

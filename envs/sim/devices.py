@@ -18,7 +18,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Part:
+class DevicePart:
     """A box turned by yaw (radians), or a cylinder along the axis x, y or z.
 
     size, and place of its centre: along x, y and z.
@@ -47,12 +47,12 @@ class Device:
     low: float
     high: float
     way: float
-    base: tuple[Part, ...]
-    moving: tuple[Part, ...]
+    base: tuple[DevicePart, ...]
+    moving: tuple[DevicePart, ...]
     start: float = 0.0
     spring: float = 0.0
     friction: float = 0.0
-    drawn: tuple[Part, ...] = ()
+    drawn: tuple[DevicePart, ...] = ()
 
     def scale(self, width: float) -> float:
         """The factor from a joint value in widths or radians to one in metres or radians."""
@@ -110,15 +110,15 @@ def _rotated(vector: Array, axis: Sequence[float], angle: float) -> Array:
     return vector * math.cos(angle) + np.cross(k, vector) * math.sin(angle) + k * (k @ vector) * (1 - math.cos(angle))
 
 
-def _rim(count: int, radius: float, size: tuple[float, float], height: float) -> tuple[Part, ...]:
+def _rim(count: int, radius: float, size: tuple[float, float], height: float) -> tuple[DevicePart, ...]:
     """A ring of boxes about the z axis. radius: inner. size: of a box, radially and along z. height: of its centre."""
     angles = [2 * math.pi * i / count for i in range(count)]
     sides = (size[0], 2 * (radius + size[0] / 2) * math.tan(math.pi / count), size[1])
-    return tuple(Part(sides, (radius * math.cos(a), radius * math.sin(a), height), yaw=a) for a in angles)
+    return tuple(DevicePart(sides, (radius * math.cos(a), radius * math.sin(a), height), yaw=a) for a in angles)
 
 
-_PEG = Part((0.28, 0.28, 0.54), (0.6, 0.0, 0.77), "z")
-_SPOKES = tuple(Part((1.3, 0.14, 0.16), (0.0, 0.0, 0.4), yaw=math.pi * i / 3) for i in range(3))
+_PEG = DevicePart((0.28, 0.28, 0.54), (0.6, 0.0, 0.77), "z")
+_SPOKES = tuple(DevicePart((1.3, 0.14, 0.16), (0.0, 0.0, 0.4), yaw=math.pi * i / 3) for i in range(3))
 
 DEVICES: dict[str, Device] = {
     "button": Device(
@@ -129,8 +129,8 @@ DEVICES: dict[str, Device] = {
         low=0.0,
         high=0.33,
         way=0.33,
-        base=(Part((1.0, 1.0, 0.44), (0.0, 0.0, 0.22)),),
-        moving=(Part((0.7, 0.7, 0.5), (0.0, 0.0, 0.58), "z"),),
+        base=(DevicePart((1.0, 1.0, 0.44), (0.0, 0.0, 0.22)),),
+        moving=(DevicePart((0.7, 0.7, 0.5), (0.0, 0.0, 0.58), "z"),),
         spring=5.0,
     ),
     "lever": Device(
@@ -142,8 +142,8 @@ DEVICES: dict[str, Device] = {
         high=0.7,
         start=-0.7,
         way=1.4,
-        base=(Part((1.0, 0.8, 0.25), (0.0, 0.0, 0.125)),),
-        moving=(Part((0.14, 0.14, 0.8), (0.0, 0.0, 0.7)), Part((0.28, 0.7, 0.28), (0.0, 0.0, 1.15), "y")),
+        base=(DevicePart((1.0, 0.8, 0.25), (0.0, 0.0, 0.125)),),
+        moving=(DevicePart((0.14, 0.14, 0.8), (0.0, 0.0, 0.7)), DevicePart((0.28, 0.7, 0.28), (0.0, 0.0, 1.15), "y")),
         friction=0.05,
     ),
     "wheel": Device(
@@ -154,9 +154,9 @@ DEVICES: dict[str, Device] = {
         low=-math.radians(75),
         high=math.radians(75),
         way=math.radians(75),
-        base=(Part((0.6, 0.6, 0.3), (0.0, 0.0, 0.15), "z"),),
-        moving=(Part((1.5, 1.5, 0.2), (0.0, 0.0, 0.4), "z"), _PEG),
-        drawn=(*_rim(11, 0.66, (0.18, 0.2), 0.4), *_SPOKES, Part((0.36, 0.36, 0.2), (0.0, 0.0, 0.4), "z"), _PEG),
+        base=(DevicePart((0.6, 0.6, 0.3), (0.0, 0.0, 0.15), "z"),),
+        moving=(DevicePart((1.5, 1.5, 0.2), (0.0, 0.0, 0.4), "z"), _PEG),
+        drawn=(*_rim(11, 0.66, (0.18, 0.2), 0.4), *_SPOKES, DevicePart((0.36, 0.36, 0.2), (0.0, 0.0, 0.4), "z"), _PEG),
         friction=0.03,
     ),
 }

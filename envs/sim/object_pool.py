@@ -242,7 +242,7 @@ class ShownObjects:
         resting: Sequence[bool] | None = None,
         shares: Sequence[float] | None = None,
     ) -> None:
-        """Place the objects of the next episode. The arguments are those of `World.reset`."""
+        """Place the objects of the next episode. The arguments are those of `SimulatedWorld.reset`."""
         rests = [False] * len(nouns) if resting is None else resting
         loose, devices, fittings, palms = kinds = _by_kind(nouns)
         places, turns, paints = _chosen(devices, positions, yaw, colors)

@@ -117,7 +117,7 @@ class PhysicsConfig(Checked):
     contact_breaking: float | None = within(1e-4, 0.1)
 
 
-class World:
+class SimulatedWorld:
     """Joint angles in radians, finger positions and places in metres, in the workspace frame.
 
     client: PyBullet's client. robot: the loaded arm. pool: the objects. person: the person in the workspace, or None.
@@ -336,8 +336,8 @@ class World:
 
     def step_physics(self, steps: int = 1) -> None:
         """Take this number of physics steps, and update the person's posture after each."""
-        if World._contact_breaking_in_force != self._contact_breaking:
-            value = World._contact_breaking_in_force = self._contact_breaking
+        if SimulatedWorld._contact_breaking_in_force != self._contact_breaking:
+            value = SimulatedWorld._contact_breaking_in_force = self._contact_breaking
             bullet.setPhysicsEngineParameter(contactBreakingThreshold=value, physicsClientId=self.client)
         while steps and self.person is not None and self.person.moving:
             self._stepper.step()

@@ -96,7 +96,7 @@ def test_a_partial_reset_resets_the_named_worlds_only(env):
     noise = max(env.config.task.reset_noise, env.config.task.randomize.start)
     curriculum = env.config.task.curriculum
     if not curriculum.share:  # else some begin elsewhere
-        assert np.abs(after["robot"][1, :joints].numpy() - env.chain.rest).max() <= noise + 1e-6
+        assert np.abs(after["robot"][1, :joints].numpy() - env.kinematics.rest).max() <= noise + 1e-6
     assert (after["robot"][1, joints : 2 * joints] == 0).all()
     assert not after["done"].any()
 

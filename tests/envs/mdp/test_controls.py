@@ -33,7 +33,7 @@ def lift(env, td, place, steps=40):
 
 def tilt(env, td):
     """Degrees between the gripper's rotation and that at rest, (N,)."""
-    rest = env.chain.forward(env.chain.rest[None]).rotation[0]
+    rest = env.kinematics.forward(env.kinematics.rest[None]).rotation[0]
     first = 2 * len(env.config.robot.joints) + 3
     columns = td["robot"][:, first : first + 6].double().numpy().reshape(-1, 2, 3)
     rotation = np.concatenate((columns, np.cross(columns[:, :1], columns[:, 1:])), axis=1).transpose(0, 2, 1)
@@ -69,9 +69,9 @@ def test_step_moves_the_gripper_by_the_action_along_each_axis(stepping, amount):
 
 def speed_allows(env, td, place):
     """The part of the way to place (N, 3) that the joints' speeds let the gripper go in one step, (N,)."""
-    joints = td["robot"][:, : len(env.chain.rest)].double().numpy()
-    rotation = env.chain.forward(env.chain.rest[None]).rotation[0]
-    turn = np.abs(env.chain.solve(joints, place, rotation, 2 if env.config.robot.name in UPRIGHT else 1) - joints)
+    joints = td["robot"][:, : len(env.kinematics.rest)].double().numpy()
+    rotation = env.kinematics.forward(env.kinematics.rest[None]).rotation[0]
+    turn = np.abs(env.kinematics.solve(joints, place, rotation, 2 if env.config.robot.name in UPRIGHT else 1) - joints)
     period = env.config.physics.time_step * env.config.physics.substeps
     return 1 / np.maximum(1, (turn / (np.array(env.config.robot.max_speed) * period)).max(1))
 
@@ -144,18 +144,20 @@ def test_absolute_moves_at_most_max_move_a_step(robot):
 @pytest.mark.slow
 def test_joints_reach_the_commanded_angles(robot):
     env, td = start(robot, "joints", 2)
-    chain = env.chain
+    kinematics = env.kinematics
     rng = np.random.default_rng(0)
-    middle = chain.rest
+    middle = kinematics.rest
     if robot not in LONG_ARMS:  # it rests too near to the table
-        middle = chain.solve(chain.rest[None], np.array([[0.4, 0.0, 0.18]]), chain.forward(chain.rest[None]).rotation)
-    angles = middle + rng.uniform(-0.25, 0.25, (2, len(chain.rest)))
-    angles = np.clip(angles, chain.low, chain.high)
-    action = 2 * (angles - chain.low) / (chain.high - chain.low) - 1
+        middle = kinematics.solve(
+            kinematics.rest[None], np.array([[0.4, 0.0, 0.18]]), kinematics.forward(kinematics.rest[None]).rotation
+        )
+    angles = middle + rng.uniform(-0.25, 0.25, (2, len(kinematics.rest)))
+    angles = np.clip(angles, kinematics.low, kinematics.high)
+    action = 2 * (angles - kinematics.low) / (kinematics.high - kinematics.low) - 1
     for _ in range(40):
         td = act(env, td, action)
-    measured = td["robot"][:, : len(chain.rest)].numpy()
-    assert (chain.forward(angles).position[:, 2] > 0.08).all()  # in the open: nothing holds the arm back
+    measured = td["robot"][:, : len(kinematics.rest)].numpy()
+    assert (kinematics.forward(angles).position[:, 2] > 0.08).all()  # in the open: nothing holds the arm back
     np.testing.assert_allclose(measured, angles, atol=0.01)
     env.close()
 
@@ -163,13 +165,13 @@ def test_joints_reach_the_commanded_angles(robot):
 @pytest.mark.slow
 def test_joint_actions_span_the_limits_at_limited_speed(robot):
     env, _ = start(robot, "joints")
-    chain, period = env.chain, env.config.physics.time_step * env.config.physics.substeps
+    kinematics, period = env.kinematics, env.config.physics.time_step * env.config.physics.substeps
     limit = np.array(env.config.robot.max_speed) * period
-    commanded = chain.rest[None]
-    low = env.control.targets(-np.ones((1, len(limit))), chain.low[None], chain.low[None])
-    high = env.control.targets(np.ones((1, len(limit))), chain.high[None], chain.high[None])
-    np.testing.assert_allclose(low[0], chain.low)
-    np.testing.assert_allclose(high[0], chain.high)
+    commanded = kinematics.rest[None]
+    low = env.control.targets(-np.ones((1, len(limit))), kinematics.low[None], kinematics.low[None])
+    high = env.control.targets(np.ones((1, len(limit))), kinematics.high[None], kinematics.high[None])
+    np.testing.assert_allclose(low[0], kinematics.low)
+    np.testing.assert_allclose(high[0], kinematics.high)
     for sign in (-1.0, 1.0):
         asked = env.control.targets(np.full((1, len(limit)), sign), commanded, commanded)
         assert (np.abs(asked - commanded) <= limit + 1e-9).all()
@@ -263,23 +265,23 @@ def test_a_gripper_that_is_to_move_nothing_stays_above_the_objects(robot, contro
 def test_joints_whose_angles_lead_below_the_box_slide_along_its_floor():
     """Without that, a policy whose action leads a little below the box stands still for the rest of the episode."""
     env, _ = start("kuka", "joints")
-    chain, floor = env.chain, env.control.box[0, 2]
-    down = chain.forward(chain.rest[None]).rotation
+    kinematics, floor = env.kinematics, env.control.box[0, 2]
+    down = kinematics.forward(kinematics.rest[None]).rotation
     beside, below = np.array([[0.45, 0.1, floor]]), np.array([[0.5, -0.15, floor - 0.05]])
-    joints = chain.solve(chain.rest[None], beside, down)
-    wanted = env.control._scaled(chain.solve(joints, below, down))
+    joints = kinematics.solve(kinematics.rest[None], beside, down)
+    wanted = env.control._scaled(kinematics.solve(joints, below, down))
     for _ in range(60):
         joints = env.control.targets(wanted, joints, joints)
-        assert chain.forward(joints).position[0, 2] > floor - 1e-3
-    np.testing.assert_allclose(chain.forward(joints).position[0, :2], below[0, :2], atol=0.05)
+        assert kinematics.forward(joints).position[0, 2] > floor - 1e-3
+    np.testing.assert_allclose(kinematics.forward(joints).position[0, :2], below[0, :2], atol=0.05)
     env.close()
 
 
 def test_a_gripper_that_begins_below_the_objects_tops_rises():
     env, _ = start("kuka", "joints")
-    chain, low = env.chain, np.array([[0.45, 0.3, 0.035]])
-    down = chain.solve(chain.rest[None], low, chain.forward(chain.rest[None]).rotation)
-    up = chain.solve(down, low + [0.0, 0.0, 0.1], chain.forward(chain.rest[None]).rotation)
+    kinematics, low = env.kinematics, np.array([[0.45, 0.3, 0.035]])
+    down = kinematics.solve(kinematics.rest[None], low, kinematics.forward(kinematics.rest[None]).rotation)
+    up = kinematics.solve(down, low + [0.0, 0.0, 0.1], kinematics.forward(kinematics.rest[None]).rotation)
     for _ in range(40):
         down = env.control.targets(env.control._scaled(up), down, down)
     np.testing.assert_allclose(down, up, atol=0.01)

@@ -72,9 +72,9 @@ def test_hold_keeps_the_yaw(control):
 def test_a_control_step_turns_by_max_yaw_step_as_action_unit_says():
     env, td = turning("kuka", "step")
     turned(env, td, 0.0, 30)
-    before = env.control.yaw(env.chain.forward(env._arrays.commanded).rotation)
+    before = env.control.yaw(env.kinematics.forward(env._arrays.commanded).rotation)
     act(env, td, [[0.0, 0.0, 0.0, 1.0, -1.0]])
-    after = env.control.yaw(env.chain.forward(env._arrays.commanded).rotation)
+    after = env.control.yaw(env.kinematics.forward(env._arrays.commanded).rotation)
     assert (after - before)[0] == pytest.approx(MAX_YAW_STEP, rel=0.05)
     assert env.action_unit[:4] == (1.0, 1.0, 1.0, 1.0)
     env.close()

@@ -83,7 +83,7 @@ def test_objects_are_seen_with_noise_and_judged_without_it():
 def test_an_arm_begins_further_from_its_rest_pose():
     env = world("start=0.3", worlds=8)
     env.reset()
-    apart = np.abs(env._arrays.angles - env.chain.rest).max()
+    apart = np.abs(env._arrays.angles - env.kinematics.rest).max()
     assert 0.15 < apart <= 0.3 + 1e-6
     env.close()
 

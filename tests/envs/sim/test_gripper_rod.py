@@ -9,7 +9,7 @@ from core.overrides import compose
 from envs import read_env
 from envs.sim.robot import Robot, read_kinematics
 from envs.tasks.board import Grid
-from envs.workspace_env import make_chain, make_task
+from envs.workspace_env import make_kinematics, make_task
 from tests.helpers.env_cases import LONG_ARMS
 
 LEVELS, STEPS = 8, 6
@@ -19,7 +19,7 @@ CLEAR = 0.004  # metres between the arm and the stacks about the one that it rea
 @pytest.fixture(scope="module", params=LONG_ARMS)
 def arm(request):
     config = read_env(compose(["task=rearrange", f"robot={request.param}"]))
-    return config, make_chain(config, make_task(config, 1, None))
+    return config, make_kinematics(config, make_task(config, 1, None))
 
 
 def columns(config):
@@ -28,35 +28,35 @@ def columns(config):
     return np.array([grid.place(i, j, 0)[:2] for i in range(8) for j in range(8)])
 
 
-def lowered(config, chain):
+def lowered(config, kinematics):
     """Heights from over all stacks downwards, and the joints with the gripper there over every cell, (64, J)."""
     size, cells = config.task.object_size, columns(config)
-    rotation = chain.forward(chain.rest[None]).rotation[0]
-    joints = np.repeat(chain.rest[None], len(cells), axis=0)
-    start = chain.forward(joints).position
+    rotation = kinematics.forward(kinematics.rest[None]).rotation[0]
+    joints = np.repeat(kinematics.rest[None], len(cells), axis=0)
+    start = kinematics.forward(joints).position
     heights = [config.workspace.gripper_box[-1], *(level * size for level in range(LEVELS, 0, -1))]
     goal = np.column_stack((cells, np.full(len(cells), heights[0])))
     for share in np.linspace(0, 1, 15):
-        joints = chain.solve(joints, start + share * (goal - start), rotation, STEPS)
+        joints = kinematics.solve(joints, start + share * (goal - start), rotation, STEPS)
     for height in heights:
         goal[:, 2] = height
-        joints = chain.solve(joints, goal, rotation, 5 * STEPS)
+        joints = kinematics.solve(joints, goal, rotation, 5 * STEPS)
         yield height, goal.copy(), joints
 
 
 @pytest.mark.slow
 def test_the_gripper_reaches_every_cell_at_every_height_pointing_down(arm):
-    config, chain = arm
-    down = chain.forward(chain.rest[None]).rotation[0]
-    for _, goal, joints in lowered(config, chain):
-        pose = chain.forward(joints)
+    config, kinematics = arm
+    down = kinematics.forward(kinematics.rest[None]).rotation[0]
+    for _, goal, joints in lowered(config, kinematics):
+        pose = kinematics.forward(joints)
         assert np.abs(pose.position - goal).max() < 0.004  # a ninth of a cell
         assert np.einsum("nij,ij->n", pose.rotation, down).min() > 1 + 2 * np.cos(np.radians(1))
 
 
 @pytest.mark.slow
 def test_neither_arm_nor_rod_touches_the_stacks_of_eight_around_it(arm):
-    config, chain = arm
+    config, kinematics = arm
     size, cells = config.task.object_size, columns(config)
     client = bullet.connect(bullet.DIRECT)
     robot = Robot(config.robot, client, visuals=False, magnet=True)
@@ -64,7 +64,7 @@ def test_neither_arm_nor_rod_touches_the_stacks_of_eight_around_it(arm):
     shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
     stacks = [bullet.createMultiBody(0, shape, -1, (*cell, half[2]), physicsClientId=client) for cell in cells]
     fixed, upright = robot.fixed_links(), (0, 0, 0, 1)
-    for height, _, joints in lowered(config, chain):
+    for height, _, joints in lowered(config, kinematics):
         if height not in (size, 4 * size):
             continue
         for i in (0, 7, 27, 31, 56, 63):

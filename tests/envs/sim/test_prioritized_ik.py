@@ -17,7 +17,7 @@ def config():
 
 
 @pytest.fixture(scope="module")
-def chain(config):
+def kinematics(config):
     return read_kinematics(config.robot)
 
 
@@ -25,40 +25,40 @@ def grid(low, high, count=6):
     return np.stack(np.meshgrid(*np.linspace(low, high, count).T), axis=-1).reshape(-1, 3)
 
 
-def solved(chain, places):
+def solved(kinematics, places):
     """Joints, and degrees that the gripper is tilted, at each place."""
-    rotation = chain.forward(chain.rest[None]).rotation[0]
-    joints = np.repeat(chain.rest[None], len(places), axis=0)
+    rotation = kinematics.forward(kinematics.rest[None]).rotation[0]
+    joints = np.repeat(kinematics.rest[None], len(places), axis=0)
     for _ in range(4):
-        joints = chain.solve(joints, places, rotation)
-    pose = chain.forward(joints)
+        joints = kinematics.solve(joints, places, rotation)
+    pose = kinematics.forward(joints)
     np.testing.assert_allclose(pose.position, places, atol=0.002)
     return joints, np.degrees(np.arccos(np.clip(-pose.rotation[:, 2, 2], -1, 1)))
 
 
 @pytest.mark.slow
-def test_joints_stay_within_their_limits_where_the_gripper_must_tilt(chain):
-    joints, tilt = solved(chain, grid([0.36, -0.15, 0.1], [0.44, 0.15, 0.2]))
+def test_joints_stay_within_their_limits_where_the_gripper_must_tilt(kinematics):
+    joints, tilt = solved(kinematics, grid([0.36, -0.15, 0.1], [0.44, 0.15, 0.2]))
     assert tilt.max() > 20
-    assert (joints >= chain.low).all()
-    assert (joints <= chain.high).all()
+    assert (joints >= kinematics.low).all()
+    assert (joints <= kinematics.high).all()
 
 
-def test_near_the_table_the_gripper_points_down(chain):
-    _, tilt = solved(chain, grid([0.35, -0.1, 0.03], [0.42, 0.1, 0.06]))
+def test_near_the_table_the_gripper_points_down(kinematics):
+    _, tilt = solved(kinematics, grid([0.35, -0.1, 0.03], [0.42, 0.1, 0.06]))
     assert tilt.max() < 1
 
 
 @pytest.mark.slow
-def test_the_tilt_is_the_least_that_the_arm_can_have(chain):
+def test_the_tilt_is_the_least_that_the_arm_can_have(kinematics):
     rng = np.random.default_rng(0)
-    joints = rng.uniform(chain.low, chain.high, (60_000, len(chain.rest)))
+    joints = rng.uniform(kinematics.low, kinematics.high, (60_000, len(kinematics.rest)))
     joints[:, 0] = 0.0
-    pose = chain.forward(joints)
+    pose = kinematics.forward(joints)
     tilts = np.degrees(np.arccos(np.clip(-pose.rotation[:, 2, 2], -1, 1)))
     for place in grid([0.37, 0.0, 0.1], [0.43, 0.0, 0.2], 3)[::3]:
         near = np.abs(pose.position - place)[:, [0, 2]].max(1) < 0.008
-        _, tilt = solved(chain, place[None])
+        _, tilt = solved(kinematics, place[None])
         assert near.sum() > 10
         assert tilt[0] < tilts[near].min() + 6
 

@@ -38,9 +38,9 @@ def fetched(env, td, slots, steps=45):
     for _ in range(steps):
         thing, held = env.state.objects[rows, slots], env.state.held == slots
         over = np.linalg.norm((thing - env.gripper)[:, :2], axis=1) < 0.015
-        aim = thing + [0.0, 0.0, env.below]
-        aim[:, 2] += np.where(held, 0.15, np.where(over, -0.005 * (env.below > 0), 0.1))
-        low = over & (env.gripper[:, 2] < thing[:, 2] + env.below + 0.012)
+        aim = thing + [0.0, 0.0, env.grip_depth]
+        aim[:, 2] += np.where(held, 0.15, np.where(over, -0.005 * (env.grip_depth > 0), 0.1))
+        low = over & (env.gripper[:, 2] < thing[:, 2] + env.grip_depth + 0.012)
         td = act(env, td, env.towards(aim, held | low))
         wrong |= td["wrong_object"][:, 0].numpy()
     return td, wrong
