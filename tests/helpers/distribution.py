@@ -19,11 +19,25 @@ GROUPS = {
     "tests/trainers/datasets/test_minari_dataset.py": "recordings",
     "tests/trainers/datasets/test_verify_replay.py": "recordings",
 }
-# Groups, and files without a group, that take more than ten seconds: longest first.
+# Groups, and files without a group, that take more than ten seconds: those that wait for processes, then longest first.
 LONGEST = [
-    "tests/test_command_line.py",
-    "tests/test_package.py",
     "ray",
+    "tests/test_command_line.py",
+    "tests/envs/test_workspace_env.py",
+    "tests/trainers/run/test_train_loop.py",
+    "tests/test_sweeps.py",
+    "tests/envs/experts/test_experts.py",
+    "tests/trainers/run/test_resume.py",
+    "tests/test_package.py",
+    "tests/trainers/algorithms/test_bc.py",
+    "tests/envs/test_workspace_env_determinism.py",
+    "tests/envs/test_gym_env.py",
+    "tests/test_command_line_signals.py",
+    "tests/test_play.py",
+    "tests/trainers/algorithms/test_relabelling.py",
+    "tests/envs/test_workspace_env_determinism_grasping.py",
+    "tests/envs/tasks/test_reach_gesture.py",
+    "tests/envs/tasks/test_referring.py",
 ]
 
 
