@@ -104,7 +104,7 @@ SPLITS = ("train", "test_composition", "test_paraphrase", "test_length")
 
 
 def parse(arguments: list[str]) -> tuple[EvaluateConfig, list[str]]:
-    """The program's own keys, and the remaining words: overrides of the run's config. Raises ConfigError."""
+    """Read the program's own keys, and return the other words: overrides of the run's config. Raises ConfigError."""
     names = [field.name for field in fields(EvaluateConfig)]
     own, overrides = split(arguments, names, "checkpoint=<run dir>")
     if "checkpoint" not in own:
@@ -189,7 +189,7 @@ def _robustness(
 def _evaluate(
     config: EvaluateConfig, saved: dict[str, Any], overrides: list[str], video: Path | None
 ) -> dict[str, Any]:
-    """One evaluation with these overrides. video: a path whose suffix is replaced by .mp4; None for no video."""
+    """Evaluate with these overrides. video: a path whose suffix is replaced by .mp4; None for no video."""
     cfg = apply(saved["config"], overrides)
 
     from envs.config import read_env
@@ -220,7 +220,7 @@ def _evaluate_shard(
     shard: tuple[int, int],
     randomize: RandomizeConfig | None = None,
 ) -> tuple[list[EpisodeOutcome], Sequence[str]]:
-    """The episodes of a shard (its number and how many they are), and the names of the kinds. Runs on any machine."""
+    """Run the episodes of a shard (its number, and how many) on any machine; return them and the names of the kinds."""
     from envs.config import read_env
     from train import build_env
     from trainers.collect.worker import derive_seed
@@ -239,7 +239,7 @@ def _evaluate_shard(
 
 
 def _in_this_process(config: EvaluateConfig, saved: dict[str, Any], cfg: Any) -> dict[str, Any]:
-    """The evaluations with by_hand, in_turn and chains."""
+    """Evaluate with by_hand, in_turn or chains."""
     from envs.config import read_env
     from envs.interactive.by_hand import ByHandEnv
     from train import build_env
@@ -263,7 +263,7 @@ def _in_this_process(config: EvaluateConfig, saved: dict[str, Any], cfg: Any) ->
 
 
 def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
-    """The actor: policy or specialists, also with ablated instructions, oracle or expert. Raises ConfigError."""
+    """Build the actor: policy or specialists, also with ablated instructions, oracle or expert. Raises ConfigError."""
     from envs.experts import Oracle, expert
     from trainers.evaluation.instruction_ablations import AblatedInstructions
 
@@ -283,7 +283,7 @@ def _actor(config: EvaluateConfig, env: Any, policy: Any) -> Any:
 
 
 def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
-    """The result of episodes in which a person at the window chooses the referent."""
+    """Evaluate episodes in which a person at the window chooses the referent."""
     from core.system import suppress_stdout
     from envs.interactive.by_hand import run_by_hand
     from trainers.evaluation.evaluation import summarize_by_hand
@@ -293,7 +293,7 @@ def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
 
 
 def cli(words: Sequence[str] | None = None) -> None:
-    """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
+    """Run `main` with `words`, by default those of this process. Exits with one line for bad input."""
     run_program(main, __doc__, words)
 
 

@@ -36,7 +36,7 @@ FINAL_VIDEO_STEPS = 20  # control steps shown after the end: one second
 
 
 def parser() -> argparse.ArgumentParser:
-    """The options."""
+    """Build the parser of the options."""
     options = argparse.ArgumentParser(
         prog="play.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -52,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def cli(words: Sequence[str] | None = None) -> None:
-    """Runs `main` with these words, or the process's arguments. Exits with one line for bad input."""
+    """Run `main` with these words, or the process's arguments. Exits with one line for bad input."""
     try:
         main(sys.argv[1:] if words is None else words)
     except ConfigError as error:
@@ -60,7 +60,7 @@ def cli(words: Sequence[str] | None = None) -> None:
 
 
 def main(words: Sequence[str]) -> None:
-    """Serves the page, opens the window or writes the video. Raises ConfigError for bad input."""
+    """Serve the page, open the window or write the video. Raises ConfigError for bad input."""
     args = parser().parse_args(words)
     if (args.headless is None) != (args.say is None):
         raise ConfigError("--headless and --say belong together: --headless out.mp4 --say 'reach the red cube'")
@@ -78,7 +78,7 @@ def main(words: Sequence[str]) -> None:
 
 
 def make_session(args: argparse.Namespace) -> Session:
-    """The session that the arguments choose. Raises ConfigError."""
+    """Make the session that the arguments choose. Raises ConfigError."""
     from core.command_line import split
     from demo.session import Session
     from demo.session_config import DEFAULTS, check_choices, default_task, make_config
@@ -94,7 +94,7 @@ def make_session(args: argparse.Namespace) -> Session:
 
 
 def open_window(args: argparse.Namespace) -> None:
-    """Runs a session in PyBullet's window until a person leaves it. Raises ConfigError."""
+    """Run a session in PyBullet's window until a person leaves it. Raises ConfigError."""
     session = make_session(args)
     from core.system import suppress_stdout
     from demo.window_ui import WindowUI
@@ -112,7 +112,7 @@ def open_window(args: argparse.Namespace) -> None:
 
 
 def serve_page(args: argparse.Namespace) -> None:
-    """Serves the page until the process is interrupted. Raises ConfigError."""
+    """Serve the page until the process is interrupted. Raises ConfigError."""
     if find_spec("viser") is None or find_spec("trimesh") is None:
         raise ConfigError('the page requires viser, which is not installed: pip install -e ".[play]"')
     _check_address(args.host, args.port)
@@ -156,7 +156,7 @@ def _on_interrupt(action: Callable[[], object]) -> Iterator[None]:
 
 
 def _check_address(host: str, port: int) -> None:
-    """Raises ConfigError if the port is taken or not allowed: viser would take another one without a message."""
+    """Raise ConfigError if the port is taken or not allowed: viser would take another one without a message."""
     if not 0 < port < 65536:
         raise ConfigError(f"--port={port} must be from 1 to 65535")
     try:
@@ -171,7 +171,7 @@ def _check_address(host: str, port: int) -> None:
 
 
 def write_video(args: argparse.Namespace) -> None:
-    """Does one instruction and writes it to an mp4. Raises ConfigError for words that are not understood."""
+    """Do one instruction and write it to an mp4. Raises ConfigError for words that are not understood."""
     from demo.video_recorder import VideoRecorder
 
     session = make_session(args)
@@ -196,7 +196,7 @@ def write_video(args: argparse.Namespace) -> None:
 
 
 def _with_names(sentence: str, names: list[str]) -> str:
-    """The sentence with names in place of {0}, {1}, ..."""
+    """Return the sentence with names in place of {0}, {1}, ..."""
     for index, name in enumerate(names):
         sentence = sentence.replace(f"{{{index}}}", name)
     return sentence

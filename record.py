@@ -72,7 +72,7 @@ DEFAULTS = {
 
 
 def parse(arguments: list[str]) -> tuple[RecordConfig, list[str]]:
-    """The program's own keys, and the remaining words: overrides of the config. Raises ConfigError."""
+    """Read the program's own keys, and return the remaining words: overrides of the config. Raises ConfigError."""
     names = [field.name for field in fields(RecordConfig)]
     own, overrides = split(arguments, names, "checkpoint=<run dir>")
     config = read(RecordConfig, DEFAULTS | own, "")
@@ -107,12 +107,20 @@ def _record(config: RecordConfig, overrides: list[str]) -> None:
     place = Path(config.out) if config.out else _numbered(env_config, config)
     refuse_existing(place)
     check_folder("out", str(place))
-    with closing(WorkspaceEnv(env_config, 1, 0, config.camera)) as env, StopSignal() as stop:
+    with closing(WorkspaceEnv(env_config, num_worlds=1, seed=0, render=config.camera)) as env, StopSignal() as stop:
         about = _about(env, config, whole.get("choices", {}))
         recorded = _episodes(env, config, saved, whole, stop)
         try:
             metadata = write(
-                place, config.format, env, recorded, config.episodes, config.seed, about, config.camera, stop
+                place=place,
+                kind=config.format,
+                env=env,
+                recorded=recorded,
+                episodes=config.episodes,
+                seed=config.seed,
+                about=about,
+                images=config.camera,
+                stop=stop,
             )
         except Interrupted:
             raise SystemExit(128 + stop.signal) from None
@@ -124,7 +132,7 @@ def _record(config: RecordConfig, overrides: list[str]) -> None:
 def _episodes(
     env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None, whole: Any, stop: StopSignal
 ) -> Iterator[Demonstration]:
-    """The episodes, recorded here or on a cluster. Raises ConfigError if the actor does not fit, and Interrupted."""
+    """Record the episodes here or on a cluster. Raises ConfigError if the actor does not fit, and Interrupted."""
     from trainers.datasets.demonstrations import demonstrate
 
     actor = _actor(env, config, saved, whole)
@@ -138,18 +146,18 @@ def _episodes(
 
 
 def _record_block(config: RecordConfig, saved: dict[str, Any] | None, whole: Any, first: int) -> list[Demonstration]:
-    """The episodes from number `first` on, at most BLOCK of them. Runs on any machine."""
+    """Record the episodes from number `first` on, at most BLOCK of them, on any machine."""
     from envs.workspace_env import WorkspaceEnv
     from trainers.datasets.demonstrations import demonstrate
 
     count = min(BLOCK, config.episodes - first)
-    with closing(WorkspaceEnv(_eval_config(whole), 1, 0, config.camera)) as env:
+    with closing(WorkspaceEnv(_eval_config(whole), num_worlds=1, seed=0, render=config.camera)) as env:
         actor = _actor(env, config, saved, whole)
         return list(demonstrate(env, actor, count, config.seed, config.camera, first))
 
 
 def _load_config(config: RecordConfig, overrides: list[str]) -> tuple[dict[str, Any] | None, Any]:
-    """The checkpoint's payload, None without one, and the composed config. Raises ConfigError."""
+    """Load the checkpoint's payload, None without one, and compose the config. Raises ConfigError."""
     if config.checkpoint is None:
         check(overrides)
         return None, compose(overrides)
@@ -160,14 +168,14 @@ def _load_config(config: RecordConfig, overrides: list[str]) -> tuple[dict[str, 
 
 
 def _eval_config(config: Any) -> EnvConfig:
-    """The environment's config for evaluation."""
+    """Read the environment's config for evaluation."""
     from envs.config import read_env
 
     return read_env(config).without_curriculum()
 
 
 def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None, whole: Any) -> Any:
-    """The actor: the checkpoint's policy, or the task's expert. Raises ConfigError if it does not fit."""
+    """Build the actor: the checkpoint's policy, or the task's expert. Raises ConfigError if it does not fit."""
     if config.expert or saved is None:
         from envs.experts import expert
 
@@ -178,7 +186,7 @@ def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None
 
 
 def _about(env: WorkspaceEnv, config: RecordConfig, choices: Mapping[str, str]) -> dict[str, Any]:
-    """The facts about the environment that the formats and the metadata need."""
+    """Return the facts about the environment that the formats and the metadata need."""
     env_config = env.config
     period = env_config.physics.time_step * env_config.physics.substeps
     joints = [f"{joint}.{of}" for of in ("angle", "speed") for joint in env_config.robot.joints]
@@ -197,7 +205,7 @@ def _about(env: WorkspaceEnv, config: RecordConfig, choices: Mapping[str, str]) 
 
 
 def _gym_spec(config: EnvConfig, choices: Mapping[str, str]) -> Any:
-    """The spec with which Gymnasium makes the environment; None if no overrides compose its config.
+    """Return the spec with which Gymnasium makes the environment; None if no overrides compose its config.
 
     Args:
         config: of the environment.
@@ -224,7 +232,7 @@ def _gym_spec(config: EnvConfig, choices: Mapping[str, str]) -> Any:
 
 
 def _numbered(env_config: EnvConfig, config: RecordConfig) -> Path:
-    """A directory in outputs/ that does not exist yet, with a version number as Minari has them."""
+    """Return a directory in outputs/ that does not exist yet, with a version number as Minari has them."""
     name = f"{env_config.task.name}-{env_config.robot.name}-{'expert' if config.expert else 'policy'}-{config.format}"
     places = (Path("outputs") / f"{name}-v{i}" for i in range(10_000))
     return next(place for place in places if not place.exists())
@@ -240,7 +248,7 @@ def _replay(folder: Path, tolerance: float) -> None:
         metadata, episodes = read(folder)
     except ConfigError as error:
         raise ConfigError(f"replay={error}") from None
-    with closing(WorkspaceEnv(_eval_config(metadata["config"]), 1, 0)) as env:
+    with closing(WorkspaceEnv(_eval_config(metadata["config"]), num_worlds=1, seed=0)) as env:
         result = verify_replay(env, episodes)
     if result.max_difference > tolerance or not result.episodes:
         raise ConfigError(
@@ -252,7 +260,7 @@ def _replay(folder: Path, tolerance: float) -> None:
 
 
 def cli(words: Sequence[str] | None = None) -> None:
-    """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
+    """Run `main` with `words`, by default those of this process. Exits with one line for bad input."""
     run_program(main, __doc__, words)
 
 

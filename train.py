@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 def build_env(
     config: EnvConfig, num_worlds: int, seed: int, render: bool = False, labelled: bool = False
 ) -> WorkspaceEnv:
-    """The environment. A module-level function, so that worker processes can unpickle it.
+    """Build the environment. A module-level function, so that worker processes can unpickle it.
 
     Args:
         config: of the environment.
@@ -44,7 +44,7 @@ def build_env(
     from envs.experts.labelled_env import LabelledEnv
     from envs.workspace_env import WorkspaceEnv
 
-    return (LabelledEnv if labelled else WorkspaceEnv)(config, num_worlds, seed, render)
+    return (LabelledEnv if labelled else WorkspaceEnv)(config, num_worlds=num_worlds, seed=seed, render=render)
 
 
 def run(config: Any, folder: Path) -> dict[str, Any]:
@@ -97,7 +97,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
 
 
 def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
-    """The config of a run to resume, and its folder; None for a file that lies in no run's checkpoints/.
+    """Load the config of a run to resume, and find its folder; None for a file in no run's checkpoints/.
 
     Args:
         path: the run's directory or checkpoint.
@@ -144,7 +144,7 @@ def main(config: Any) -> dict[str, Any] | None:
 
 
 def summary(result: dict[str, Any], folder: Path) -> str:
-    """The result and its folder in one line."""
+    """Return the result and its folder in one line."""
     from trainers.sweeps.runs import share_cell
 
     low, high = result["ci95"]
@@ -156,7 +156,7 @@ def summary(result: dict[str, Any], folder: Path) -> str:
 
 
 def cli(words: Sequence[str] | None = None) -> None:
-    """The program: check the overrides, then start Hydra. Exits with one line for bad input.
+    """Check the overrides, then start Hydra. Exits with one line for bad input.
 
     Args:
         words: command-line words; by default those of this process.

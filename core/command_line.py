@@ -13,9 +13,27 @@ from core.errors import ConfigError, did_you_mean
 from core.overrides import check, first_value, known_keys
 from core.stored_config import UNUSED, config_from_file
 
+MULTIRUN = ("-m", "--multirun")
+FLAGS = (
+    *MULTIRUN,
+    "-h",
+    "--help",
+    "--hydra-help",
+    "--version",
+    "--resolve",
+    "--run",
+    "-r",
+    "-sc",
+    "--shell-completion",
+)
+WITH_VALUE = {"--cfg": ("job", "hydra", "all"), "-c": ("job", "hydra", "all"), "--info": (), "-i": (), "--package": ()}
+REFUSED = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn", "--experimental-rerun")
+STORED_HYDRA_KEYS = ("hydra.run.dir", "hydra.sweep.dir", "hydra/launcher", "hydra.launcher.n_jobs")
+STORED_LAUNCHERS = ("basic", "joblib")
+
 
 def split(words: Sequence[str], names: Collection[str], example: str) -> tuple[dict[str, str], list[str]]:
-    """Separates a program's own arguments from overrides of the config.
+    """Separate a program's own arguments from overrides of the config.
 
     Args:
         words: arguments.
@@ -46,7 +64,7 @@ def split(words: Sequence[str], names: Collection[str], example: str) -> tuple[d
 
 
 def out_folder(name: str) -> Path:
-    """Returns the folder of out=..., created if it is missing. Raises ConfigError if it can't be created."""
+    """Return the folder of out=..., created if it is missing. Raises ConfigError if it can't be created."""
     try:
         Path(name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -55,12 +73,12 @@ def out_folder(name: str) -> Path:
 
 
 def check_folder(key: str, name: str) -> None:
-    """Raises ConfigError unless a folder of this name can be written, or created and written. Creates nothing."""
+    """Raise ConfigError unless a folder of this name can be written, or created and written. Creates nothing."""
     _check_place(f"{key}={name} cannot be a folder", Path(name))
 
 
 def check_file(key: str, name: str | Path, suffixes: Sequence[str] = ()) -> Path:
-    """Returns the path of a file to be written later, once it is known that it can be. Creates nothing.
+    """Return the path of a file to be written later, once it is known that it can be. Creates nothing.
 
     Args:
         key: of the argument, for the error message.
@@ -80,7 +98,7 @@ def check_file(key: str, name: str | Path, suffixes: Sequence[str] = ()) -> Path
 
 
 def _check_place(problem: str, folder: Path) -> None:
-    """Raises ConfigError that begins with `problem` unless files can be created in the folder, once it is made."""
+    """Raise ConfigError that begins with `problem` unless files can be created in the folder, once it is made."""
     if "\0" in str(folder):
         raise ConfigError(f"{problem}: its name holds a NUL")
     try:
@@ -112,27 +130,8 @@ def run_program(main: Callable[[list[str]], object], help_text: str | None, word
         sys.exit(f"error: {error}")
 
 
-MULTIRUN = ("-m", "--multirun")
-FLAGS = (
-    *MULTIRUN,
-    "-h",
-    "--help",
-    "--hydra-help",
-    "--version",
-    "--resolve",
-    "--run",
-    "-r",
-    "-sc",
-    "--shell-completion",
-)
-WITH_VALUE = {"--cfg": ("job", "hydra", "all"), "-c": ("job", "hydra", "all"), "--info": (), "-i": (), "--package": ()}
-REFUSED = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn", "--experimental-rerun")
-STORED_HYDRA_KEYS = ("hydra.run.dir", "hydra.sweep.dir", "hydra/launcher", "hydra.launcher.n_jobs")
-STORED_LAUNCHERS = ("basic", "joblib")
-
-
 def check_run(words: Sequence[str]) -> None:
-    """Checks the words after `train.py`. Raises ConfigError before Hydra starts, whose messages take many lines."""
+    """Check the words after `train.py`. Raises ConfigError before Hydra starts, whose messages take many lines."""
     overrides = _without_flags(words)
     check(overrides)
     parsed = parse(overrides)
@@ -149,7 +148,7 @@ def check_run(words: Sequence[str]) -> None:
 
 
 def check_stored(words: Sequence[str], source: Path) -> None:
-    """Checks overrides that a file stores: keys of this project with plain values, and few of Hydra's.
+    """Check overrides that a file stores: keys of this project with plain values, and few of Hydra's.
 
     Args:
         words: overrides.
@@ -183,7 +182,7 @@ def _check_stored(override: Any, source: Path) -> None:
 
 
 def _check_places(override: Any, source: Path) -> None:
-    """Raises ConfigError where one of the values of an override, with what its option sets, names a place."""
+    """Raise ConfigError where one of the values of an override, with what its option sets, names a place."""
     from omegaconf import OmegaConf
 
     key = override.key_or_group
@@ -197,7 +196,7 @@ def _check_places(override: Any, source: Path) -> None:
 
 
 def _without_flags(words: Sequence[str]) -> list[str]:
-    """The overrides among the words. Raises ConfigError for a flag that is unknown or not accepted."""
+    """Return the overrides among the words. Raises ConfigError for a flag that is unknown or not accepted."""
     overrides, rest = [], list(words)
     while rest:
         word = rest.pop(0)

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1] / "conf"
 
 
 def groups() -> dict[str, list[str]]:
-    """Returns each config group with its options."""
+    """Return each config group with its options."""
     return {group: list(options) for group, options in _groups_on_disk()}
 
 
@@ -27,13 +27,13 @@ def _groups_on_disk() -> list[tuple[str, list[str]]]:
 
 
 def quoted(arguments: Iterable[str]) -> list[str]:
-    """Returns the arguments with numeric options (scenario=1,2) in quotes, since Hydra accepts only strings there."""
+    """Return the arguments with numeric options (scenario=1,2) in quotes, since Hydra accepts only strings there."""
     names = set(groups())
     return [re.sub(r"(?<=[=,])\d+(?=,|$)", r"'\g<0>'", w) if w.split("=")[0] in names else w for w in arguments]
 
 
 def parse(words: Sequence[str]) -> list[Any]:
-    """Returns Hydra's `Override` of each word. Raises ConfigError for a word that is none."""
+    """Return Hydra's `Override` of each word. Raises ConfigError for a word that is none."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
@@ -51,7 +51,7 @@ def parse(words: Sequence[str]) -> list[Any]:
 
 
 def compose(overrides: Iterable[str] = ()) -> Any:
-    """The project's config with Hydra overrides, and the chosen options as `with_choices` adds them.
+    """Compose the project's config with Hydra overrides, and add the chosen options as `with_choices` does.
 
     Raises ConfigError for what Hydra refuses.
     """
@@ -59,7 +59,7 @@ def compose(overrides: Iterable[str] = ()) -> Any:
 
 
 def with_choices(config: Any, choices: Mapping[str, Any]) -> Any:
-    """The composed config with a key `choices`: the option of each config group, such as `{"robot": "kuka", ...}`.
+    """Add a key `choices` to a composed config: the option of each config group, such as `{"robot": "kuka", ...}`.
 
     A group's values alone do not determine its option: options can share a name, and single keys can be overridden.
 
@@ -118,7 +118,7 @@ def _composed_once(overrides: tuple[str, ...]) -> _Composed:
 
 
 def compose_hydra(overrides: Iterable[str]) -> Any:
-    """The composed config with Hydra's own settings under `hydra`. Raises ConfigError for what Hydra refuses."""
+    """Return the composed config with Hydra's own settings under `hydra`. Raises ConfigError for what Hydra refuses."""
     from hydra import compose as hydra_compose
     from hydra import initialize_config_module
     from hydra.core.global_hydra import GlobalHydra
@@ -147,7 +147,7 @@ def _one_line(text: str, words: Sequence[str]) -> str:
 
 
 def _present(key: str) -> str:
-    """The kind of value that a key has by default, for an error message."""
+    """Return the kind of value that a key has by default, for an error message."""
     from omegaconf import OmegaConf
 
     value = OmegaConf.select(compose_hydra([]), key)

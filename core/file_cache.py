@@ -64,7 +64,7 @@ def cached_text(name: str, text: str) -> Path:
 
 
 def cache_folder() -> Path:
-    """The folder of the entries."""
+    """Return the folder of the entries."""
     home = os.environ.get("XDG_CACHE_HOME", "")
     try:
         return (Path(home) if os.path.isabs(home) else Path("~/.cache").expanduser()) / "deixis"
@@ -73,7 +73,7 @@ def cache_folder() -> Path:
 
 
 def temporary_folder() -> Path:
-    """The folder of the entries where the other one cannot be written to: one for each user."""
+    """Return the folder of the entries where the other one cannot be written to: one for each user."""
     user = os.getuid() if hasattr(os, "getuid") else getpass.getuser()
     return Path(tempfile.gettempdir()) / f"deixis-cache-{user}"
 

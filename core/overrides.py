@@ -10,9 +10,11 @@ from typing import Any
 from core.composition import ROOT, compose, composed, groups, parse
 from core.errors import ConfigError, did_you_mean
 
+FIXED_BY_TRAINING = ("robot", "control", "policy", "algo")  # groups that a checkpoint can't change
+
 
 def comment(group: str, option: str) -> str:
-    """Returns the comment at the top of an option's YAML."""
+    """Return the comment at the top of an option's YAML."""
     lines = (ROOT / group / f"{option}.yaml").read_text(encoding="utf-8").splitlines()
     top = itertools.takewhile(lambda line: line.startswith("#"), lines)
     return " ".join(line.lstrip("# ") for line in top if "@package" not in line)
@@ -67,7 +69,7 @@ def first_value(override: Any) -> str:
 
 
 def known_keys(chosen: Sequence[str]) -> list[str]:
-    """Returns the dotted keys of the config with these options."""
+    """Return the dotted keys of the config with these options."""
     return list(_known_keys(tuple(chosen)))
 
 
@@ -77,7 +79,7 @@ def _known_keys(chosen: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _check_form(override: Any) -> None:
-    """Raises ConfigError for a word that sets nothing, or that changes which groups there are."""
+    """Raise ConfigError for a word that sets nothing, or that changes which groups there are."""
     word, key = override.input_line, override.key_or_group
     if override.package is not None or ((override.is_add() or override.is_force_add()) and key in groups()):
         raise ConfigError(f"{word}: an option is chosen as {key}={override.value()}")
@@ -92,11 +94,8 @@ def _check_form(override: Any) -> None:
         raise ConfigError(f"{word} has no value; give {key}=<value>, or leave it out")
 
 
-FIXED_BY_TRAINING = ("robot", "control", "policy", "algo")  # groups that a checkpoint can't change
-
-
 def apply(config: Any, overrides: Sequence[str]) -> Any:
-    """Returns the config of a checkpoint with overrides.
+    """Return the config of a checkpoint with overrides.
 
     An option replaces its whole group; that of `collector` keeps the values of the keys that both options have. The
     option of a group in `FIXED_BY_TRAINING` can't change.
@@ -141,7 +140,7 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
 
 
 def _update(config: Any, word: str) -> None:
-    """Sets a key of the config. Raises ConfigError for a value that does not fit, such as a list for a group."""
+    """Set a key of the config. Raises ConfigError for a value that does not fit, such as a list for a group."""
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
     from yaml import YAMLError

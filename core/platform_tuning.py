@@ -132,14 +132,14 @@ def without_zero_pages(connect: Callable[[], int]) -> int:
 
 
 def _writable() -> set[Span]:
-    """The process's private memory that is backed by no file."""
+    """Return the process's private memory that is backed by no file."""
     rows = [line.split() for line in MAPS.read_text(encoding="utf-8").splitlines()]
     spans = [row[0].split("-") for row in rows if row[1] == "rw-p" and row[5:] in ([], ["[heap]"])]
     return {(int(start, 16), int(end, 16)) for start, end in spans}
 
 
 def _added(before: set[Span], after: set[Span]) -> Iterator[Span]:
-    """The addresses only in `after`. The kernel joins neighbouring spans, so that a new one can contain old ones."""
+    """Yield the addresses only in `after`. The kernel joins neighbouring spans: a new one can contain old ones."""
     gone = sorted(before - after)
     for start, end in sorted(after - before):
         for low, high in gone:

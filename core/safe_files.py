@@ -28,7 +28,7 @@ class FileError(ConfigError):
 
 
 def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
-    """Returns the content of a regular file of at most `max_bytes`. Raises FileError."""
+    """Return the content of a regular file of at most `max_bytes`. Raises FileError."""
     try:
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         with open(descriptor, "rb") as file:
@@ -44,7 +44,7 @@ def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
 
 
 def check_size(file: int | Path, max_bytes: int) -> int:
-    """Returns the size of a regular file, given its path or descriptor. Raises FileError, before anything is read."""
+    """Return the size of a regular file, given its path or descriptor. Raises FileError, before anything is read."""
     try:
         status = os.stat(file)
     except (OSError, ValueError) as error:
@@ -57,7 +57,7 @@ def check_size(file: int | Path, max_bytes: int) -> int:
 
 
 def read_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
-    """Returns the content of a regular UTF-8 file. Raises FileError."""
+    """Return the content of a regular UTF-8 file. Raises FileError."""
     try:
         return read_bytes(path, max_bytes).decode("utf-8")
     except UnicodeDecodeError as error:
@@ -65,7 +65,7 @@ def read_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
 
 
 def read_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
-    """Returns the plain value of a JSON file. Raises FileError."""
+    """Return the plain value of a JSON file. Raises FileError."""
     text = read_text(path, max_bytes)
     try:
         return json.loads(text, parse_constant=_refuse_constant)
@@ -74,7 +74,7 @@ def read_json(path: Path, max_bytes: int = MAX_BYTES) -> Any:
 
 
 def read_yaml(path: Path, max_bytes: int = MAX_BYTES, max_nodes: int = MAX_NODES) -> Any:
-    """Returns the plain value of a YAML file.
+    """Return the plain value of a YAML file.
 
     Args:
         path: of the file.
@@ -88,7 +88,7 @@ def read_yaml(path: Path, max_bytes: int = MAX_BYTES, max_nodes: int = MAX_NODES
 
 
 def parse_yaml(content: bytes, max_nodes: int = MAX_NODES) -> Any:
-    """Returns the plain value of a YAML document. Raises FileError, as `read_yaml` does."""
+    """Return the plain value of a YAML document. Raises FileError, as `read_yaml` does."""
     import yaml  # imported only when a file is read
 
     fast = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -120,7 +120,7 @@ def _load(content: bytes, loader: Any, max_nodes: int) -> Any:
 
 
 def _check_events(events: Iterator[Any], max_nodes: int) -> None:
-    """Raises FileError for a document that is too deep, or too large with each alias counted as what it repeats."""
+    """Raise FileError for a document that is too deep, or too large with each alias counted as what it repeats."""
     import yaml
 
     sizes: dict[str, int] = {}  # of the anchors
@@ -156,7 +156,7 @@ def _refuse_constant(name: str) -> None:
 
 
 def check_plain(value: Any, max_values: int = MAX_NODES) -> None:
-    """Checks that a value that was read from a file is a plain config, which nothing can execute or look up.
+    """Check that a value that was read from a file is a plain config, which nothing can execute or look up.
 
     Args:
         value: anything.

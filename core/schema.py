@@ -28,12 +28,12 @@ EXACT = 2**53  # up to which every whole number is a float
 
 
 def within(low: float, high: float = math.inf, count: int | None = None, default: Any = dataclasses.MISSING) -> Any:
-    """Declares a field: a number in [low, high], or a list or group of such numbers; count: the list's length."""
+    """Declare a field: a number in [low, high], or a list or group of such numbers; count: the list's length."""
     return dataclasses.field(default=default, metadata={"within": (low, high), "count": count})
 
 
 def one_of(*choices: str) -> Any:
-    """Declares a field: one of these words, or a list of them."""
+    """Declare a field: one of these words, or a list of them."""
     return dataclasses.field(metadata={"one_of": choices})
 
 
@@ -65,7 +65,7 @@ def _check(name: str, value: Any, rule: Any) -> None:
 
 
 def read(cls: type[T], node: Any, key: str) -> T:
-    """Reads a config node into a dataclass.
+    """Read a config node into a dataclass.
 
     Args:
         cls: a dataclass.
@@ -116,7 +116,7 @@ def read(cls: type[T], node: Any, key: str) -> T:
 
 
 def _typed(cls: Any, values: dict[str, Any]) -> dict[str, Any]:
-    """The values of fields as their declared types. Raises OmegaConf's errors."""
+    """Return the values of fields as their declared types. Raises OmegaConf's errors."""
     from omegaconf import OmegaConf
 
     hints = _hints(cls)
@@ -127,7 +127,7 @@ def _typed(cls: Any, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plain(kind: Any, value: Any) -> Any:
-    """The value if it is of the declared type already; else UNKNOWN: OmegaConf, which is slow, has to check it."""
+    """Return the value if it is of the declared type already; else UNKNOWN, for OmegaConf, which is slow, to check."""
     if isinstance(kind, UnionType) and len(get_args(kind)) == 2:  # with None
         return next((plain for each in get_args(kind) if (plain := _plain(each, value)) is not UNKNOWN), UNKNOWN)
     if get_origin(kind) is list and type(value) is list:
@@ -148,7 +148,7 @@ def _hints(cls: type) -> dict[str, Any]:
 
 @cache
 def _structured(cls: type) -> Any:
-    """The dataclass as OmegaConf's structured config. Callers must not change it."""
+    """Return the dataclass as OmegaConf's structured config. Callers must not change it."""
     from omegaconf import OmegaConf
 
     return OmegaConf.structured(cls)
@@ -159,7 +159,7 @@ def _required(field: dataclasses.Field) -> bool:
 
 
 def _dataclass_of(kind: Any) -> Any:
-    """Returns the dataclass in a field's type (itself, optional, in a list or in a dict); None for plain values."""
+    """Return the dataclass in a field's type (itself, optional, in a list or in a dict); None for plain values."""
     inner = next((each for each in get_args(kind) if dataclasses.is_dataclass(each)), kind)
     return inner if dataclasses.is_dataclass(inner) else None
 

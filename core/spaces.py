@@ -1,4 +1,4 @@
-"""Gymnasium spaces of TorchRL's specs, for the Gymnasium environments and the Minari datasets."""
+"""Gymnasium spaces of TorchRL's specs, and which keys of an observation a policy may read."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ import numpy as np
 from gymnasium import spaces
 from torchrl.data import Binary, Bounded, TensorSpec
 
+PRIVILEGED = "privileged"  # for losses and tests: no policy reads what is under this key
+OUTCOMES = ("success", "wrong_object", "wrong_target", "at_goal", "reward_terms")  # of the last step: nothing to act on
+ENDS = ("reward", "done", "terminated", "truncated")
+
 
 def space_of(spec: TensorSpec) -> spaces.Space:
-    """The space of one world's values. spec: of N worlds; Bounded, Binary or Categorical."""
+    """Return the space of one world's values. spec: of N worlds; Bounded, Binary or Categorical."""
     if isinstance(spec, Bounded):
         return spaces.Box(spec.space.low[0].numpy(), spec.space.high[0].numpy(), dtype=np.float32)
     if isinstance(spec, Binary):
@@ -20,16 +24,11 @@ def space_of(spec: TensorSpec) -> spaces.Space:
 
 
 def action_space(spec: TensorSpec) -> spaces.Box:
-    """The space of one world's actions. spec: of N worlds."""
+    """Return the space of one world's actions. spec: of N worlds."""
     return spaces.Box(-1.0, 1.0, (spec.shape[-1],), np.float32)
 
 
-PRIVILEGED = "privileged"  # for losses and tests: no policy reads what is under this key
-OUTCOMES = ("success", "wrong_object", "wrong_target", "at_goal", "reward_terms")  # of the last step: nothing to act on
-ENDS = ("reward", "done", "terminated", "truncated")
-
-
 def public_keys(observed: Any) -> list[str]:
-    """The keys that a policy may read, in their order. observed: an observation spec, or a TensorDict of one step."""
+    """Return the keys that a policy may read, in order. observed: an observation spec, or a TensorDict of one step."""
     others = {PRIVILEGED, *OUTCOMES, *ENDS}
     return [key for key in observed.keys() if key not in others]

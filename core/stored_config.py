@@ -125,7 +125,7 @@ def place_overrides(words: Sequence[str]) -> list[str]:
 
 
 def _check_value(key: str, value: Any, source: Path) -> None:
-    """Raises ConfigError for an interpolation, a class to be called, and text where no text belongs."""
+    """Raise ConfigError for an interpolation, a class to be called, and text where no text belongs."""
     name = key.rpartition(".")[2]
     if name == "_target_" or (isinstance(value, str) and "${" in value):
         raise ConfigError(f"{source}: {key}={value} is not a plain value; a file holds plain values only")
@@ -134,7 +134,7 @@ def _check_value(key: str, value: Any, source: Path) -> None:
 
 
 def _place_of(key: str) -> str | None:
-    """The entry of `PLACES` or `UNUSED` that a leaf belongs to; `logger.0` belongs to `logger`."""
+    """Return the entry of `PLACES` or `UNUSED` that a leaf belongs to; `logger.0` belongs to `logger`."""
     return next((place for place in (*PLACES, *UNUSED) if key == place or key.startswith(place + ".")), None)
 
 

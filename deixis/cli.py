@@ -22,7 +22,7 @@ class Program:
     about: str
 
     def load(self) -> Callable[[], int | None]:
-        """The function, which reads `sys.argv`. Raises ForeignPackageError as `check_origins` does."""
+        """Return the function, which reads `sys.argv`. Raises ForeignPackageError as `check_origins` does."""
         module, _, function = self.entry.partition(":")
         check_origins(module.split(".")[0])
         return getattr(import_module(module), function)
@@ -45,7 +45,7 @@ SHARED = ("parse", "describe")  # sub-commands of `python -m language`, which re
 
 
 def main() -> int:
-    """Runs the sub-command that `sys.argv` names; returns the exit code."""
+    """Run the sub-command that `sys.argv` names, and return the exit code."""
     words = sys.argv[1:]
     if not words or words[0] in ("-h", "--help"):
         print(usage())
@@ -66,7 +66,7 @@ def main() -> int:
 
 
 def usage() -> str:
-    """The text of `deixis --help`."""
+    """Return the text of `deixis --help`."""
     width = max(map(len, PROGRAMS))
     lines = [f"  {name:{width}}  {program.about}" for name, program in PROGRAMS.items()]
     return "\n".join(

@@ -1,4 +1,4 @@
-"""Checks that Python finds this project's own packages, and no others of the same names."""
+"""A check that Python finds this project's own packages, and no others of the same names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class ForeignPackageError(ImportError):
 
 
 def check_origins(*names: str) -> None:
-    """Raises ForeignPackageError unless each top-level package or module lies beside this package.
+    """Raise ForeignPackageError unless each top-level package or module lies beside this package.
 
     Imports none of them.
     """
@@ -32,7 +32,7 @@ def check_origins(*names: str) -> None:
 
 
 def _origin(name: str) -> Path | None:
-    """The folder of a top-level package or the file of a top-level module; None if there is none."""
+    """Return the folder of a top-level package or the file of a top-level module; None if there is none."""
     loaded = sys.modules.get(name)
     if loaded is not None and loaded.__spec__ is None:
         return None if loaded.__file__ is None else Path(loaded.__file__)

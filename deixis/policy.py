@@ -31,7 +31,7 @@ class LoadedPolicy(TensorDictModuleBase):
     """
 
     def __init__(self, path: Path, payload: dict[str, Any], deterministic: bool = True) -> None:
-        """Builds the networks of a checkpoint for its own environment.
+        """Build the networks of a checkpoint for its own environment.
 
         Args:
             path: the file of the checkpoint.
@@ -58,7 +58,7 @@ class LoadedPolicy(TensorDictModuleBase):
         render: bool = False,
         instructions: int = 1,
     ) -> WorkspaceEnv:
-        """The environment that the policy was trained in, without the curriculum.
+        """Build the environment that the policy was trained in, without the curriculum.
 
         Args:
             num_worlds: N, the worlds that step together.
@@ -73,11 +73,11 @@ class LoadedPolicy(TensorDictModuleBase):
                 several instructions with another task.
         """
         config = read_env(apply(self.config, overrides)).without_curriculum().with_instructions(instructions)
-        return WorkspaceEnv(config, num_worlds, seed, render)
+        return WorkspaceEnv(config, num_worlds=num_worlds, seed=seed, render=render)
 
     @torch.no_grad()
     def forward(self, observation: TensorDictBase) -> TensorDictBase:
-        """Writes `action` (N, A), in [-1, 1], to an observation (N,) of the environment, and returns it."""
+        """Write `action` (N, A), in [-1, 1], to an observation (N,) of the environment, and return it."""
         kind = ExplorationType.DETERMINISTIC if self.deterministic else ExplorationType.RANDOM
         with set_exploration_type(kind):
             acted = self._actor(observation.select(*self.in_keys))
@@ -89,7 +89,7 @@ class LoadedPolicy(TensorDictModuleBase):
 
 
 def load_policy(source: str | Path, deterministic: bool = True, overrides: Sequence[str] = ()) -> LoadedPolicy:
-    """A trained policy, ready to act.
+    """Load a trained policy, ready to act.
 
     Args:
         source: the name of a pretrained policy (`nl_reach_kuka`), a run folder, or a file (`last.pt`, `best.pt`,

@@ -28,7 +28,7 @@ class RayLauncher(Launcher):
         self.address = address
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
-        """Called by Hydra before `launch`."""
+        """Keep what Hydra passes before `launch`."""
         self.hydra_context, self.config = hydra_context, config
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> list[JobReturn]:
@@ -43,7 +43,7 @@ class RayLauncher(Launcher):
         return [JobReturn(status=JobStatus.COMPLETED, _return_value=None) for _ in job_overrides]
 
     def _config(self, overrides: Sequence[str], number: int) -> DictConfig:
-        """The composed config of a job, with Hydra's own settings."""
+        """Compose the config of a job, with Hydra's own settings."""
         config = self.hydra_context.config_loader.load_sweep_config(self.config, list(overrides))
         with open_dict(config):
             config.hydra.job.id, config.hydra.job.num = f"{config.hydra.job.name}_{number}", number
