@@ -5,10 +5,10 @@ saves stands in its docstring; docs/experiments/platform_tuning.md has the measu
 
 | function | library | saves |
 |---|---|---|
-| `lean_imports` | torch, TorchRL, TensorDict | |
-| `paused_collector` | Python | |
-| `without_zero_pages` | PyBullet | |
-| `fast_products` | torch | |
+| `lean_imports` | torch, TorchRL, TensorDict | 3.1 of 4.6 s of imports; 0.8 s of them come later, beside other work |
+| `paused_collector` | Python | 0.95 of 4.6 s of imports |
+| `without_zero_pages` | PyBullet | 19 of 28 MiB a client |
+| `fast_products` | torch | 172 of 325 us of a product of 256 x 256 matrices |
 
 This module imports neither torch nor PyBullet, so that what is light stays so.
 """
@@ -49,7 +49,10 @@ def tuned() -> bool:
 
 @contextmanager
 def paused_collector() -> Iterator[None]:
-    """Within this block, which only imports, the garbage collector is off. Afterwards it ignores what was imported."""
+    """Within this block, which only imports, the garbage collector is off. Afterwards it ignores what was imported.
+
+    It finds nothing there, and takes 0.95 of the 4.6 s of the imports of a training.
+    """
     if not tuned():
         yield
         return
@@ -70,6 +73,7 @@ def lean_imports() -> Iterator[None]:
     TensorDict and TorchRL import torch's compiler to mark functions for it, and Ray for buffers on a cluster. Nothing
     is compiled here, and Ray is imported in `trainers.cluster`. A module that was imported before stays as it is.
     After the block both can be imported as always. To be used for imports alone, and while no other thread imports.
+    With the collector paused, the imports of a training take 1.4 s in place of 4.6 s.
     """
     if not tuned():
         yield
@@ -88,7 +92,7 @@ def lean_imports() -> Iterator[None]:
 
 
 def import_compiler() -> None:
-    """Import the compiler while there is time: otherwise the first step of an optimizer imports it."""
+    """Import the compiler, 0.8 s, while there is time: otherwise the first step of an optimizer imports it."""
     with paused_collector():
         import_module(COMPILER)
 
@@ -114,7 +118,7 @@ def without_zero_pages(connect: Callable[[], int]) -> int:
     A client writes zeros to the buffers of a renderer, and to messages of 8 MiB, of which it uses some KiB. The kernel
     takes such pages back at no loss: they read as zeros, and take memory again once something else is written to them.
     A thread that writes to a page just then would lose what it wrote. PyBullet has no threads; while Python has others,
-    all pages are kept.
+    all pages are kept. A client takes 8.7 MiB in place of 28.0 MiB, and 4 ms more to connect.
 
     Args:
         connect: connects a client and returns its number.
@@ -173,7 +177,8 @@ def fast_products(size: int) -> Iterator[None]:
 
     Torch has MKL compute them, and MKL uses half of the width of AVX-512 on processors that are not Intel's. oneDNN
     uses all of it. Torch lets oneDNN compute them only where it may round the factors to bfloat16; it does so with AMX
-    alone, and not on the processors that are chosen here. It is a setting of the whole process.
+    alone, and not on the processors that are chosen here. It is a setting of the whole process. A product of matrices
+    of 256 x 256 takes 153 us in place of 325 us.
 
     Args:
         size: multiplications of the largest product.
