@@ -59,10 +59,12 @@ assert torch._dynamo is sys.modules["torch._dynamo"] and torch._dynamo.__file__
 """
 
 
+@pytest.mark.slow
 def test_a_run_imports_no_compiler_and_no_ray_and_code_can_still_be_compiled():
     run_python(LEAN + COMPILED)
 
 
+@pytest.mark.slow
 def test_a_compiler_that_was_imported_before_stays():
     code = "import sys, torch._dynamo as before\n" + LEAN.partition("heavy")[0]
     run_python(code + "assert sys.modules['torch._dynamo'] is before")

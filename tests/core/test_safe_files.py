@@ -35,6 +35,7 @@ def test_unsafe_yaml_is_refused(content, message):
         parse_yaml(content)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_libyaml", [True, False])
 @pytest.mark.parametrize(
     ("content", "message"),

@@ -60,6 +60,7 @@ def test_the_workspace_is_a_room_and_all_that_is_listed_can_be_said(session):
         session.stop()
 
 
+@pytest.mark.slow
 def test_a_drawer_is_opened_and_something_put_in_it_in_one_sentence(session):
     drawer, thing = names_in(session, "open (the .*drawer)", "grasp (the .*)")
     index, counts = number_of(session, thing), dict(session.view.outcome_counts)
@@ -74,6 +75,7 @@ def test_a_drawer_is_opened_and_something_put_in_it_in_one_sentence(session):
     assert any(each.startswith("take ") for each in session.sayable())
 
 
+@pytest.mark.slow
 def test_the_gripper_does_not_return_between_instructions(session):
     first, second = names_in(session, "reach (the .*cube)", "lift (the .*)")
     assert done(session, f"reach {first}")
@@ -87,6 +89,7 @@ def test_the_gripper_does_not_return_between_instructions(session):
     assert min(distances) > NEAR
 
 
+@pytest.mark.slow
 def test_what_is_held_is_put_down_before_anything_else(session):
     thing, drawer = names_in(session, "lift (the .*)", "open (the .*drawer)")
     index = number_of(session, thing)
@@ -103,6 +106,7 @@ def test_what_is_held_is_put_down_before_anything_else(session):
     assert session.scene().positions[index, 2] < 0.03
 
 
+@pytest.mark.slow
 def test_a_later_step_that_cannot_be_done_says_why(session):
     drawer, thing = names_in(session, "open (the .*drawer)", "grasp (the .*)")
     session.say(f"open {drawer} then open {drawer}")

@@ -33,6 +33,7 @@ def name_of(session, verb):
     raise AssertionError(verb)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", DEVICE_VERBS)
 def test_what_is_listed_of_devices_is_done_and_they_stay_as_they_are(session, verb):
     assert session.config.workspace == "studio"
@@ -44,6 +45,7 @@ def test_what_is_listed_of_devices_is_done_and_they_stay_as_they_are(session, ve
     assert verb == "press" or abs(session.env.moved()[index] - before) > 0.7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sentence", ["hand me {}", "plz give {} to me", "put {} into my hand"])
 def test_what_is_asked_for_is_put_into_the_hand_and_a_full_hand_takes_nothing_more(session, sentence):
     names = [each.removeprefix("hand me ") for each in _listed(session, "hand me the .*")]

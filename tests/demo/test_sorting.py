@@ -91,6 +91,7 @@ def test_policies_that_place_things_sort_them_step_by_step(room, command):
     assert np.allclose(mark_of(room), mark), "the mark stands at its own place again"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["stop", "gather all {} cubes at the target"])
 def test_the_mark_returns_where_sorting_is_stopped_or_asked_for_again(room, ending):
     color, members, mark = sorting_beside_the_mark(room)
@@ -110,6 +111,7 @@ def test_a_mark_that_the_person_moves_meanwhile_stays_there(room):
     assert np.allclose(mark_of(room)[:2], place)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["sort every {} cube to the transparent cube", "gather all {} cubes at the target"])
 @pytest.mark.parametrize(("away", "stays"), [(0.11, True), (0.145, False)])  # metres of one cube from the mark
 def test_a_cube_near_the_mark_stays_if_it_is_sorted_and_else_goes_to_another_spot(room, command, away, stays):
@@ -125,6 +127,7 @@ def test_a_cube_near_the_mark_stays_if_it_is_sorted_and_else_goes_to_another_spo
     assert np.allclose(room.scene().positions[near, :2], place, atol=0.005) == stays
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["sort every {} cube to the transparent cube", "gather all {} cubes at the target"])
 def test_where_no_room_is_left_at_the_mark_the_session_says_so(room, command, monkeypatch):
     monkeypatch.setattr("envs.tasks.sort.SPOTS", np.zeros((1, 2)))

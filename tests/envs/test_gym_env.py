@@ -59,11 +59,11 @@ def test_an_episode_is_the_same_again_where_the_arm_begins_beside_objects():
 @pytest.mark.parametrize("name", IDS)
 def test_steps_keep_to_the_gymnasium_api(name):
     reaching = name in REACHING
-    env = gymnasium.make(name, overrides=[] if reaching else ["task.max_steps=25"])
+    env = gymnasium.make(name, overrides=[] if reaching else ["task.max_steps=12"])
     env.action_space.seed(0)
     observation, info = env.reset(seed=0)
     ends = 0
-    for _ in range(150 if reaching else 80):  # an instruction that succeeds by chance starts the clock again
+    for _ in range(150 if reaching else 40):  # an instruction that succeeds by chance starts the clock again
         observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
         assert observation in env.observation_space
         assert isinstance(reward, float)

@@ -29,6 +29,7 @@ def test_shipped_weights_read_new_pictures_within_3_degrees_and_3_cm(camera_setu
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_ray_of_a_picture_does_not_depend_on_other_pictures(camera_setup, frames):
     reader = RayReader(camera_setup.human)
     alone, together = reader.read(frames.pictures[3:4]), reader.read(frames.pictures[:6])

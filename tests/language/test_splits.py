@@ -40,6 +40,7 @@ def test_train_never_contains_a_held_out_pair(name):
     assert {phrase.kind for phrase in said} == set(KINDS)
 
 
+@pytest.mark.slow
 def test_test_composition_always_contains_a_held_out_pair():
     said = [phrase for *_, phrase in described(Split("test_composition", HELD_OUT))]
     assert len(said) > 500

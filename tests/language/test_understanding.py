@@ -8,6 +8,7 @@ from tests.helpers.language_cases import PLACES, TABLE, answer, steps
 LIFT_AND_TOUCH = [("lift", 1, None), ("reach", None, 2)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sentence",
     [

@@ -91,6 +91,7 @@ def test_a_new_verb_needs_one_entry(monkeypatch):
     assert Tokenizer.default().unknown_words("wave at greet from afar") == ()
 
 
+@pytest.mark.slow
 def test_a_new_template_needs_one_string(monkeypatch):
     push = VERBS["push"]
     monkeypatch.setitem(

@@ -16,6 +16,7 @@ def poked(robot, each):
     return history
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["panda", "jaco"])
 def test_many_steps_at_once_have_the_same_bits(robot):
     assert differences(poked(robot, each=False), poked(robot, each=True)) == []

@@ -27,6 +27,7 @@ def env(request):
     made.close()
 
 
+@pytest.mark.slow
 def test_every_verb_is_drawn_as_often_and_its_sentence_names_what_the_episode_is_about():
     task, rng, verbs = task_of("anything"), np.random.default_rng(0), Counter()
     for _ in range(220):
@@ -56,6 +57,7 @@ def test_verbs_that_a_task_does_not_have_are_refused():
         task_of("nl_reach", "task.verbs=[reach]")
 
 
+@pytest.mark.slow
 def test_failures_of_verbs_are_counted_as_their_instructions_end():
     env = make("kuka", "step", "anything", PLAIN, "task.verbs=[grasp,stack]", "task.max_steps=25", worlds=6)
     td, guide = env.reset(), expert(env)
@@ -97,6 +99,7 @@ def test_the_curriculum_begins_with_the_object_held_or_with_the_gripper_elsewher
     assert all((start.offset == 0).all() for start in held)
 
 
+@pytest.mark.slow
 def test_the_expert_carries_out_one_instruction_after_another_and_the_world_goes_on(env):
     td, guide = begun(env, seed=5), expert(env)
     done, successes = np.zeros(WORLDS, bool), np.zeros(WORLDS, int)
@@ -122,6 +125,7 @@ def test_the_expert_carries_out_one_instruction_after_another_and_the_world_goes
     assert (successes == LENGTH).mean() >= 0.8, successes
 
 
+@pytest.mark.slow
 def test_a_rollout_that_goes_on_is_continued_bit_for_bit():
     first = make("kuka", "step", "anything", "task.instructions=3", worlds=2, seed=4)
     second = make("kuka", "step", "anything", "task.instructions=3", worlds=2, seed=9)
@@ -140,6 +144,7 @@ def test_a_rollout_that_goes_on_is_continued_bit_for_bit():
     second.close()
 
 
+@pytest.mark.slow
 def test_the_verb_that_is_said_decides_about_success():
     env = make("kuka", "step", "anything", PLAIN, "task.hold_steps=3", worlds=WORLDS, seed=1)
     td, guide, right = begun(env, 11), expert(env), np.zeros(WORLDS, bool)

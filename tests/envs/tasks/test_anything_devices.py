@@ -54,6 +54,7 @@ def test_devices_stand_apart_in_a_row_behind_the_loose_objects():
     assert min(nouns[number] for number in NUMBERS) > 40
 
 
+@pytest.mark.slow
 def test_observed_devices_are_as_the_episode_and_scenes_without_a_simulator_have_them(env):
     td = begun(env, seed=2)
     moved, nouns = env.task.moved(env.state), env.state.nouns
@@ -78,6 +79,7 @@ def test_the_offset_to_where_the_table_is_free_is_observed_twice(env):
     assert np.allclose((td["objects"][..., 2] + coarse[..., 2])[on_table], 0.025, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_expert_operates_one_device_after_another_from_where_it_was_left(env):
     td, guide, wins = begun(env, seed=1), expert(env), 0
     done = np.zeros(WORLDS, bool)
@@ -100,6 +102,7 @@ def test_the_expert_operates_one_device_after_another_from_where_it_was_left(env
     assert wins > 2 * WORLDS
 
 
+@pytest.mark.slow
 def test_a_lever_is_switched_there_and_back():
     env = make("kuka", "step", "anything", PLAIN, "task.verbs=[switch]", "task.instructions=4", worlds=6)
     td, guide, said = begun(env, seed=4), expert(env), [[] for _ in range(6)]
@@ -125,6 +128,7 @@ def test_a_lever_is_switched_there_and_back():
     env.close()
 
 
+@pytest.mark.slow
 def test_another_device_that_is_operated_is_the_wrong_object(env):
     td, guide = begun(env, seed=3), expert(env)
     operated = env.state.referent.copy()
@@ -167,6 +171,7 @@ def test_without_devices_there_are_ten_verbs_and_the_columns_of_before():
     assert task.next_instruction(task.draw(np.random.default_rng(0)).scene, NOTHING, np.random.default_rng(0))
 
 
+@pytest.mark.slow
 def test_devices_need_a_place_a_task_that_has_them_and_slots():
     with pytest.raises(ConfigError, match=re.escape("task.devices=3 needs a workspace with a device_area: choose")):
         make_env(["task=anything", "workspace=room"])

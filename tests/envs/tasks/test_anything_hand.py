@@ -69,6 +69,7 @@ def test_the_words_name_the_object_alone_and_the_hand_is_its_target():
         assert HAND not in episode.sentence
 
 
+@pytest.mark.slow
 def test_what_was_handed_over_stays_on_the_hand_and_nothing_else_is_asked_for_then(env):
     td = succeed_in_all(env, begun(env, seed=3), expert(env))
     assert (on_hand(env).sum(1) == 1).all()
@@ -77,6 +78,7 @@ def test_what_was_handed_over_stays_on_the_hand_and_nothing_else_is_asked_for_th
     assert td["done"].all()  # no second instruction was possible
 
 
+@pytest.mark.slow
 def test_the_expert_goes_on_after_it_handed_something_over_and_leaves_it_there():
     both = f"task.verbs=[{HANDING},reach]"
     env = make("kuka", "step", "anything", PLAIN, both, "task.instructions=4", worlds=4)

@@ -47,6 +47,7 @@ def test_the_sentence_names_a_loose_object_and_the_hand_is_its_goal():
         assert parse(episode.sentence, episode.scene).steps[-1].init == episode.referent
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("guide", [expert, Oracle])
 def test_the_expert_lays_the_referent_on_the_palm_and_pushes_nothing(env, guide):
     env.set_seed(4)

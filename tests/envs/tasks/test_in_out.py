@@ -45,6 +45,7 @@ def test_the_sentence_names_a_loose_object_and_an_open_fitting(name):
         assert parse(episode.sentence, episode.scene).steps[-1].goal == episode.target
 
 
+@pytest.mark.slow
 def test_the_expert_leaves_the_referent_in_or_out_and_pushes_nothing(env):
     env.set_seed(4)
     td, rows = env.reset(), np.arange(WORLDS)

@@ -90,6 +90,7 @@ def test_rows_say_which_fixture_an_object_is_and_how_far_it_is_open(env):
     assert scenes["objects"].shape[2] == rows.shape[2]
 
 
+@pytest.mark.slow
 def test_the_expert_moves_what_is_meant_and_nothing_else_and_it_stays(env):
     td = begun(env)
     before, things = shares(env), env.state.objects.copy()
@@ -114,6 +115,7 @@ def test_the_expert_moves_what_is_meant_and_nothing_else_and_it_stays(env):
     np.testing.assert_allclose(shares(env)[[0, 2, 3]], after[[0, 2, 3]], atol=0.03)
 
 
+@pytest.mark.slow
 def test_another_fitting_ends_the_episode_as_the_wrong_object(env):
     td = begun(env, seed=5)
     rows = np.arange(WORLDS)
@@ -126,6 +128,7 @@ def test_another_fitting_ends_the_episode_as_the_wrong_object(env):
     assert wrong[alike].all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["kuka", "panda"])
 def test_a_seed_gives_the_same_bits_after_a_fitting_was_moved_and_for_any_number_of_worlds(robot):
     def acting(env):

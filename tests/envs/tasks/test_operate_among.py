@@ -114,6 +114,7 @@ def test_another_device_that_is_operated_is_the_wrong_object(env):
     assert wrong.all()
 
 
+@pytest.mark.slow
 def test_a_loose_object_that_is_moved_is_the_wrong_object(env):
     td = begun(env, seed=6)
     slots = (~is_device(env)).argmax(1)
@@ -124,6 +125,7 @@ def test_a_loose_object_that_is_moved_is_the_wrong_object(env):
     assert wrong[moved > 0.05].all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "name"), [("kuka", "nl_turn"), ("panda", "nl_switch")])
 def test_a_seed_gives_the_same_bits_after_any_contact_and_for_any_number_of_worlds(robot, name):
     seen = check_same_bits(lambda n: make(robot, "step", name, "task.hold_steps=1000", worlds=n, seed=5), Poker)

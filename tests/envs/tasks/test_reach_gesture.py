@@ -113,7 +113,7 @@ def test_referent_and_aiming_error_are_privileged(shown):
 @pytest.mark.parametrize("noise", [2.0, 6.0])
 def test_the_aiming_error_has_the_configured_deviation(noise):
     env = make("kuka", "step", "nl_reach_gesture", f"gesture.noise_deg={noise}", worlds=10)
-    angles = np.concatenate([env.reset()["privileged", "pointing"][:, 0].numpy() for _ in range(60)])
+    angles = np.concatenate([env.reset()["privileged", "pointing"][:, 0].numpy() for _ in range(30)])
     env.close()
     spread = np.rad2deg(np.sqrt((angles**2).mean() / 2))  # of each of the two directions across
     assert spread == pytest.approx(noise, rel=0.1)

@@ -11,6 +11,7 @@ from envs.perturbed_conditions import PLAIN, conditions, each_condition
 from trainers.reports.evaluation_text import table, with_ratios
 
 
+@pytest.mark.slow
 def test_each_condition_of_the_default_task_can_be_built_and_changes_something():
     config = compose([])
     built = []

@@ -39,6 +39,7 @@ def stacked_heads(critic, theirs):
     return [(*(head[name] for head in heads), theirs["module", "heads", "0", *name.split(".")]) for name in heads[0]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state_dependent_std", ["true", "false"])
 def test_sac_has_the_losses_and_gradients_of_sacloss(state_dependent_std):
     override = f"policy.state_dependent_std={state_dependent_std}"

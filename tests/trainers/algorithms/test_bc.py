@@ -51,6 +51,7 @@ def test_it_learns_to_do_what_the_expert_does(policy):
         assert evaluate(make_labelled(8, 3), learned.act, 80, 3).success_at_end > 0.9
 
 
+@pytest.mark.slow
 def test_the_experts_share_falls_to_zero_over_its_part_of_the_run():
     small, _, bc = build("algo.expert_until=0.5")
     shares = [row["expert_share"] for row in train(small, bc, 4)]

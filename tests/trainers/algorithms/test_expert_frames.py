@@ -30,6 +30,7 @@ def collected(algo, count, *more):
     return algorithm, batches
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algo", ["sac", "td3"])
 def test_the_expert_acts_in_the_first_frames_and_the_policy_in_all_others(algo):
     algorithm, batches = collected(algo, 8)

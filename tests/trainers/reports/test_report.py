@@ -85,6 +85,7 @@ def test_unfinished_runs_are_listed_with_error_and_command(sweep):
     ]
 
 
+@pytest.mark.slow
 def test_commands_and_machine_come_from_the_sweep_file(sweep):
     write(sweep)
     text = (sweep / "report.md").read_text()

@@ -33,6 +33,7 @@ def first_policies(kind, monkeypatch):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("algo", "kind", "make"), [("ppo", OnPolicyAlgorithm, None), ("bc", BC, make_labelled)])
 def test_a_run_begins_with_the_networks_of_another_and_its_own_noise(tmp_path, imitated, monkeypatch, algo, kind, make):
     found = first_policies(kind, monkeypatch)
@@ -46,6 +47,7 @@ def test_a_run_begins_with_the_networks_of_another_and_its_own_noise(tmp_path, i
             assert torch.equal(value, saved[name]), name
 
 
+@pytest.mark.slow
 def test_the_actor_stays_as_it_is_while_the_critic_alone_learns(tmp_path, imitated):
     overrides = ["total_frames=512", "policy.initial_std=0.1", "algo.final_std=0.1"]
     for warmup in (0.5, 1.0):
