@@ -23,7 +23,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,7 +31,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from torch import Tensor
 
-from core.command_line import run_program, split
+from core.command_line import check_file, run_program, split
 from core.errors import ConfigError, did_you_mean
 from core.overrides import check, compose
 from core.schema import Checked, one_of, read, within
@@ -120,7 +119,7 @@ def train(config: ReaderTraining, setup: CameraScene) -> RayNetwork:
     camera = camera_of(setup.human)
     if camera.width != camera.height or camera.width % 16:
         raise ConfigError(f"workspace.human.camera.width={camera.width} must be its height, and a multiple of 16")
-    out = _writable(config.out)
+    out = check_file("out", config.out)
     rng, began = np.random.default_rng(config.seed), time.perf_counter()
     frames = generate_frames(setup, config.frames, rng)
     validation = generate_frames(setup, VALIDATION_FRAMES * VALIDATION_BODIES, rng, VALIDATION_BODIES)
@@ -129,20 +128,6 @@ def train(config: ReaderTraining, setup: CameraScene) -> RayNetwork:
     save(out, network, setup.human)
     print(f"saved {out.stat().st_size / 1000:.0f} kB in {out}, {time.perf_counter() - began:.0f} s in all")
     return network
-
-
-def _writable(name: str) -> Path:
-    """Return the path if a file can be written there. Raises ConfigError before the training, not after it."""
-    path = Path(name)
-    is_new = not path.exists()
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.open("ab").close()
-        if is_new:
-            path.unlink()
-    except OSError as error:
-        raise ConfigError(f"out={name} can't be written: {error.strerror}") from None
-    return path
 
 
 def generate_frames(setup: CameraScene, count: int, rng: Generator, bodies: int | None = None) -> LabelledFrames:

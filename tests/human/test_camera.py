@@ -40,7 +40,7 @@ def test_train_and_evaluate_run_from_the_command_line(tmp_path, monkeypatch, cap
         (["train", "frames=0"], "frames=0 is out of range"),
         (["train", "frames=many"], "frames=many"),
         (["train", "epoch=3"], "did you mean 'epochs'"),
-        (["train", "out=/proc/none/x.npz"], "out=/proc/none/x.npz can't be written"),
+        (["train", "out=/proc/none/x.npz"], "out=/proc/none/x.npz cannot be written"),
         (["train", "workspace.human.camera.width=100"], "a multiple of 16"),
         (["evaluate", "aim=sky"], "aim=sky is not known"),
         (["evaluate", "workspace=table"], "has no person"),
