@@ -160,7 +160,8 @@ def _check_address(host: str, port: int) -> None:
     if not 0 < port < 65536:
         raise ConfigError(f"--port={port} must be from 1 to 65535")
     try:
-        with socket.socket() as probe:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        with socket.socket(family) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((host, port))
     except OSError as error:

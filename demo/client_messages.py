@@ -17,7 +17,7 @@ Number = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]  # the range refuses Na
 Metres = Annotated[float, msgspec.Meta(ge=-20, le=20)]
 Unit = Annotated[float, msgspec.Meta(ge=-1.01, le=1.01)]
 Positive = Annotated[float, msgspec.Meta(gt=0, le=1e6)]
-Pixels = Annotated[int, msgspec.Meta(ge=0, le=100_000)]
+WholeNumber = Annotated[int, msgspec.Meta(ge=0, le=100_000)]
 Vector = tuple[Number, Number, Number]
 Pair = tuple[Number, Number]
 Modifier = (
@@ -69,8 +69,8 @@ class CameraPose(ClientMessage, tag="ViewerCameraMessage"):
     fov: Annotated[float, msgspec.Meta(gt=0, lt=3.2)]  # radians
     near: Positive
     far: Positive
-    image_height: Pixels
-    image_width: Pixels
+    image_height: WholeNumber
+    image_width: WholeNumber
     look_at: Vector
     up_direction: Vector
 
@@ -82,7 +82,7 @@ class NodeClick(ClientMessage, tag="SceneNodeClickMessage"):
     ray_origin: Vector
     ray_direction: Vector
     screen_pos: Pair
-    instance_index: None = None
+    instance_index: WholeNumber | None = None
     modifier: Modifier = None
     owner: Literal[""] = ""
 
@@ -97,7 +97,7 @@ class NodeDrag(ClientMessage, tag="SceneNodeDragMessage"):
     end_position: Vector
     end_screen_pos: Pair
     button: Literal["left", "middle", "right"]
-    instance_index: None = None
+    instance_index: WholeNumber | None = None
     modifier: Modifier = None
     owner: Literal[""] = ""
 
