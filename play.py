@@ -13,11 +13,12 @@ overrides the environment's config, as in train.py. The page requires pip instal
 from __future__ import annotations
 
 import argparse
+import gc
 import signal
 import socket
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -128,16 +129,18 @@ def serve_page(args: argparse.Namespace) -> None:
         if not is_loopback(args.host):
             there = gate.with_token(f"http://{socket.gethostname()}:{args.port}")
             print(f"warning: anyone with the address can drive the robot; other machines use {there}", file=sys.stderr)
-        with _on_interrupt(lambda: sys.exit(0)):
+        with _on_interrupt(lambda: sys.exit(0)), ExitStack() as stack:
             print(f"{gate.address} (press Ctrl-C to stop)", flush=True)
             for origin in args.origin:
                 print(f"or {gate.with_token(origin)}", flush=True)
-            with closing(make_session(args)) as session:
-                from demo.page import Page
+            from demo.page import Page
 
-                with closing(Page(server, session)) as page, _on_interrupt(page.loop.stop):
-                    print(f"it is ready; try: {session.example()}", flush=True)
-                    page.loop.run()
+            gc.freeze()  # what is imported stays: looking for garbage in it takes long, and so is seldom done
+            session = stack.enter_context(closing(make_session(args)))
+            page = stack.enter_context(closing(Page(server, session)))
+            with _on_interrupt(page.loop.stop):
+                print(f"it is ready; try: {session.example()}", flush=True)
+                page.loop.run()
     finally:
         server.stop()
         if check.dropped:

@@ -73,8 +73,6 @@ class GuardedConnection(ServerConnection):
             self._end_flood()
             return
         super().data_received(data)
-        if self._flooded:
-            self.send_data()
 
     def process_event(self, event: Any) -> None:
         """Called with the request, and then with each frame, pings included."""
