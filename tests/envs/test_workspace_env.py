@@ -58,7 +58,7 @@ def test_outcomes_rewards_and_ends_of_a_step_are_consistent(env):
         assert not (td["terminated"] & td["truncated"]).any()
         ends = td["success"] | td["wrong_object"] | td["wrong_target"]
         assert (td["terminated"] | ~ends).all()
-        if not getattr(env.task, "fails", False):
+        if not env.task.traits.fails:
             assert torch.equal(td["terminated"], ends)
         assert td["reward"].shape == (WORLDS, 1)
         assert td["reward"].isfinite().all()
