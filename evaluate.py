@@ -288,8 +288,9 @@ def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
     from envs.interactive.by_hand import run_by_hand
     from trainers.evaluation.evaluation import summarize_by_hand
 
+    keys, display = env.user_interface()
     with suppress_stdout():  # PyBullet prints when its window is closed
-        return summarize_by_hand(run_by_hand(env, actor, episodes, *env.user_interface()))
+        return summarize_by_hand(run_by_hand(env, actor, episodes, keys=keys, display=display))
 
 
 def cli(words: Sequence[str] | None = None) -> None:

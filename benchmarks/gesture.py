@@ -164,7 +164,7 @@ def _make_person(noise_deg: float) -> tuple[EnvConfig, Any]:
 def _pointed_scenes(person: Person, area: list[float], count: int, rng: Generator) -> Iterator[PointedScene]:
     """Yield scenes of six objects scattered over the area, and a gesture towards the centre of one of them."""
     for _ in range(count):
-        positions = np.array(scatter(rng, 6, area, SPACING, HEIGHT))
+        positions = np.array(scatter(rng, 6, area=area, spacing=SPACING, height=HEIGHT))
         referent = int(rng.integers(6))
         gesture = person.show(positions[referent], rng)
         yield PointedScene(gesture.origin, gesture.direction, positions, referent, np.ones(6))

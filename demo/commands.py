@@ -189,7 +189,7 @@ def _moves(steps: Sequence[Action], planner: Planner, env: InteractiveEnv) -> li
         can = env.task.traits.grips and action.object is not None and action.kind in (*CARRIED, "take")
         by_expert = can and not _does_itself(action, planner, env)
         table = _Table(env)
-        moves += moves_of([action], places, range(len(places)), table, table.hold) if by_expert else [None]
+        moves += moves_of([action], places, range(len(places)), table, hold=table.hold) if by_expert else [None]
         if action.object is not None and action.position is not None:
             places[action.object] = action.position
     return moves

@@ -16,7 +16,7 @@ from envs.tasks import NO_CURRICULUM, TASKS, RandomizeConfig, TaskConfig
 from human import GestureConfig
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EnvConfig:
     """The checked config groups that an environment is built from."""
 
@@ -61,10 +61,10 @@ def read_env(config: Any) -> EnvConfig:
     gripper = read(GripperConfig, config["gripper"], "gripper")
     gripper.of(robot)
     workspace = workspace.within_reach(robot.reach) if robot.reach else workspace
-    kind = TASKS[task.name]
-    if gripper.rod and kind.traits.moves:
+    traits = TASKS[task.name].traits
+    if gripper.rod and traits.moves:
         robot = gripper.on_rod(robot)
-    if task.devices and not kind.traits.continues:
+    if task.devices and not traits.continues:
         raise ConfigError(f"task.devices={task.devices} must be 0 in task.name={task.name}: take task=anything")
     if task.hand and not task.devices:
         raise ConfigError(f"task.hand=true needs devices, and task.devices={task.devices}: take task=anything")
@@ -73,16 +73,16 @@ def read_env(config: Any) -> EnvConfig:
             f"task.curriculum.off_centre={task.curriculum.off_centre} must be 0 with fingers: only a magnet holds "
             "objects off its middle"
         )
-    if kind.traits.stacks:
+    if traits.stacks:
         _check_board(task, workspace)
     return EnvConfig(
-        robot,
-        read(ControlConfig, config["control"], "control"),
-        workspace,
-        task,
-        read(PhysicsConfig, config["physics"], "physics"),
-        read(GestureConfig, config["gesture"], "gesture"),
-        gripper,
+        robot=robot,
+        control=read(ControlConfig, config["control"], "control"),
+        workspace=workspace,
+        task=task,
+        physics=read(PhysicsConfig, config["physics"], "physics"),
+        gesture=read(GestureConfig, config["gesture"], "gesture"),
+        gripper=gripper,
     )
 
 

@@ -1,4 +1,4 @@
-"""The action of a control step, checked."""
+"""The environment: N PyBullet worlds with a task, as one batched environment of TorchRL."""
 
 from __future__ import annotations
 
@@ -39,138 +39,7 @@ from envs.tasks.reach import reaching_height
 from human import Person
 from language import HAND, Tokenizer
 
-
-class NotFiniteError(ValueError):
-    """A step was given an action that is not finite.
-
-    frame: (N,), the input of the step. A training run that this error ends saves it.
-    """
-
-    def __init__(self, frame: TensorDictBase) -> None:
-        super().__init__(f"{_not_finite(frame)} is not a finite number")
-        self.frame = frame.detach().clone()
-
-
-def read_action(frame: TensorDictBase) -> NDArray[np.float64]:
-    """The action (N, A) of a frame (N,), clipped to [-1, 1]. Raises NotFiniteError."""
-    action = frame["action"].detach().numpy().astype(np.float64)
-    if not np.isfinite(action).all():
-        raise NotFiniteError(frame)
-    return np.clip(action, -1.0, 1.0, out=action)
-
-
-def _not_finite(frame: TensorDictBase) -> str:
-    """The name of the value that is not finite: an observation if there is one, otherwise the action."""
-    for key, value in frame.items():
-        if key != "action" and isinstance(value, Tensor) and value.is_floating_point() and not value.isfinite().all():
-            return f"the observation {key}"
-    return "an action"
-
-
 PRESS_DEPTH = 0.005  # metres that a magnet without a gap may go below the top of an object on the table
-
-
-def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task:
-    """The task of N worlds. person: the person who points, or None."""
-    task = TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
-    task.furnish(config.workspace.fittings)
-    task.prepare(config.workspace)
-    return task
-
-
-def make_kinematics(config: EnvConfig, task: Task) -> Kinematics:
-    """The kinematics of the arm. Its rest pose depends on whether the task moves objects.
-
-    With a rod, the gripper rests over the middle of the object area, at the greatest allowed height.
-    """
-    kinematics = read_kinematics(config.robot if task.traits.moves else config.robot.reaching())
-    if not (config.gripper.rod and task.traits.moves):
-        return kinematics
-    x0, x1, y0, y1 = config.workspace.object_area
-    return kinematics.resting_at(np.array([(x0 + x1) / 2, (y0 + y1) / 2, config.workspace.gripper_box[-1]]))
-
-
-def make_world(config: EnvConfig, task: Task, render: bool = False, window: Window | None = None) -> SimulatedWorld:
-    """One world with all bodies that the task needs."""
-    objects = PoolSpec(task.shapes, task.bodies, config.task.object_size)
-    gripper = config.gripper if task.traits.moves else None
-    holds = task.traits.grips or not task.devices
-    devices = DeviceSpec(task.devices, task.device_width)
-    offers = HAND in task.fixtures
-    parts = config.robot, config.workspace, config.physics, objects
-    return SimulatedWorld(*parts, render, window, gripper, devices, holds, offers)
-
-
-def gripper_name(config: EnvConfig, task: Task) -> str | None:
-    """The gripper on the robot: "magnet" or "fingers"; None if the task moves no objects."""
-    return config.gripper.of(config.robot) if task.traits.moves else None
-
-
-def gripper_box(config: EnvConfig, task: Task) -> Array:
-    """(2, 3) lowest and highest corner of where the gripper may be, metres.
-
-    Raises:
-        ConfigError: the workspace's box ends below the least height that the task allows.
-    """
-    box = np.reshape(config.workspace.gripper_box, (3, 2)).T.copy()
-    if not task.traits.moves:  # the gripper reaches objects from above, and pushes none
-        box[0, 2] = max(box[0, 2], config.task.object_size / 2 + reaching_height(config.task, config.robot.clearance))
-    elif gripper_name(config, task) == "magnet" and task.traits.grips:  # it grips and presses from above
-        handles = [task.device_width * DEVICES[noun].lowest for noun in task.devices]
-        above = config.gripper.gap or -PRESS_DEPTH
-        box[0, 2] = max(box[0, 2], min([config.task.object_size + above, *handles]))
-    if box[0, 2] >= box[1, 2]:
-        raise ConfigError(
-            f"workspace.gripper_box={list(config.workspace.gripper_box)} must end above z={box[0, 2]:g}: the gripper "
-            f"comes from above to objects of task.object_size={config.task.object_size}"
-        )
-    return box
-
-
-def make_control(config: EnvConfig, task: Task, kinematics: Kinematics) -> Control:
-    """The control that the config names."""
-    speed = np.array(config.robot.max_speed) * (config.physics.time_step * config.physics.substeps)
-    guarded = not task.traits.moves or gripper_name(config, task) == "magnet"
-    make = CONTROLS[config.control.name]
-    return make(config.control, kinematics, speed, gripper_box(config, task), guarded, task.traits.turns)
-
-
-def make_initial_states(config: EnvConfig, task: Task, kinematics: Kinematics) -> InitialStates:
-    """Where the arm begins episodes."""
-    curriculum = config.task.curriculum.share > 0
-    noise = max(config.task.reset_noise, config.task.randomize.start)
-    return InitialStates(kinematics, noise, gripper_box(config, task) if curriculum else None)
-
-
-def make_grip_controller(
-    config: EnvConfig, task: Task, worlds: Sequence[SimulatedWorld], state: State
-) -> GripController:
-    """The controller of all worlds' grippers. state: the arrays to which it writes the held slots."""
-    kind = gripper_name(config, task) if task.traits.grips else None
-    return GripController(
-        kind, config.robot, config.task.object_size, worlds, state, task.release_lag, not task.traits.moves
-    )
-
-
-def next_goals(
-    arrays: WorldState, task: Task, success: NDArray[np.bool_], generators: Sequence[Generator]
-) -> Iterator[tuple[int, Goal]]:
-    """The worlds whose episodes go on after this control step, each with its next goal. Their steps count from 0.
-
-    success: (N,). generators: of each world.
-    """
-    for i in np.flatnonzero(success & (arrays.instructions_given < task.most_instructions)).tolist():
-        slots, held = np.sort(arrays.slots[i]), arrays.state.held[i]
-        scene = scene_of_rows(arrays.rows[i, slots], task.config.viewpoint, arrays.state.nouns[i, slots])
-        number = NOTHING if held == NOTHING else int(np.searchsorted(slots, held))
-        last = arrays.goals[i].instruction(slots)
-        given = task.next_instruction(scene, number, generators[i], task.moved(arrays.state)[i, slots], last)
-        if given is not None:
-            arrays.instructions_given[i] += 1
-            arrays.steps[i] = 0
-            yield i, Goal.of_instruction(given, slots)
-
-
 RELABELLED = 16  # episodes that are relabelled at once
 ENDS = ("terminated", "truncated", "done")  # (N, 1) bool each
 
@@ -211,7 +80,13 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self._worlds = [make_world(config, self.task, render, window) for _ in range(num_worlds)]
         self.control = make_control(config, self.task, self.kinematics)
         self._initial_states = make_initial_states(config, self.task, self.kinematics)
-        self._arrays = WorldState(self._worlds, config.robot, self.kinematics, config.task.slots, self.tokenizer)
+        self._arrays = WorldState(
+            worlds=self._worlds,
+            robot=config.robot,
+            kinematics=self.kinematics,
+            slots=config.task.slots,
+            tokenizer=self.tokenizer,
+        )
         self._state, self._weights = self._arrays.state, reward_weights(self.task)
         self._grip_controller = make_grip_controller(config, self.task, self._worlds, self._state)
         self._gestures = Gestures(config.gesture, self._worlds, make_ray_reader(config.workspace, config.gesture))
@@ -221,15 +96,29 @@ class WorkspaceEnv(EpisodeReplayEnv):
 
     def _make_observer(self, config: EnvConfig) -> None:
         setup = SpecSettings(
-            config.workspace, config.robot, self.kinematics, self.task, self.tokenizer, len(self.action_unit)
+            workspace=config.workspace,
+            robot=config.robot,
+            kinematics=self.kinematics,
+            task=self.task,
+            tokenizer=self.tokenizer,
+            action_width=len(self.action_unit),
         )
         drawn = self.task if config.drawn() == config else make_task(config.drawn(), 1, self._person)
         self._observer, self._sample = Observer(OBSERVATIONS, setup), SceneSampler(replace(setup, task=drawn))
         self._noise = Perturbations(config.task, self.batch_size[0], self.control.unit)
-        parts = self._arrays, self._grip_controller, self._gestures, self.control, self._noise
-        self._source = Source(self.task, self._state, *parts)
+        self._source = Source(
+            task=self.task,
+            state=self._state,
+            worlds=self._arrays,
+            grip_controller=self._grip_controller,
+            gestures=self._gestures,
+            control=self.control,
+            perturbations=self._noise,
+        )
         task, joints = make_task(config, RELABELLED, self._person), len(config.robot.joints)
-        self._relabeller = Relabeller(task, RELABELLED, self.tokenizer, self._observer, joints)
+        self._relabeller = Relabeller(
+            task, RELABELLED, tokenizer=self.tokenizer, observer=self._observer, joints=joints
+        )
 
     def _make_specs(self) -> None:
         n, flag = self.batch_size[0], Binary(1, shape=(*self.batch_size, 1), dtype=torch.bool)
@@ -307,7 +196,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         slots = generator.permutation(arrays.rows.shape[1])[: len(episode.scene)]
         joints = self._initial_states.draw(episode, self._grip_controller.grip_depth, generator)
         held = episode.start is not None and episode.start.held
-        arrays.begin(i, episode, slots, joints, self._grip_controller.initial_opening(held))
+        arrays.begin(i, episode, slots, joints=joints, opening=self._grip_controller.initial_opening(held))
         if self._grip_controller.can_grip:
             centre = self.kinematics.forward(joints[None]).position[0]
             self._grip_controller.begin(
@@ -441,3 +330,153 @@ class WorkspaceEnv(EpisodeReplayEnv):
         for world in self._worlds:
             world.close()
         self.is_closed = True
+
+
+def next_goals(
+    arrays: WorldState, task: Task, success: NDArray[np.bool_], generators: Sequence[Generator]
+) -> Iterator[tuple[int, Goal]]:
+    """The worlds whose episodes go on after this control step, each with its next goal. Their steps count from 0.
+
+    success: (N,). generators: of each world.
+    """
+    for i in np.flatnonzero(success & (arrays.instructions_given < task.most_instructions)).tolist():
+        slots, held = np.sort(arrays.slots[i]), arrays.state.held[i]
+        scene = scene_of_rows(arrays.rows[i, slots], task.config.viewpoint, arrays.state.nouns[i, slots])
+        number = NOTHING if held == NOTHING else int(np.searchsorted(slots, held))
+        last = arrays.goals[i].instruction(slots)
+        moved = task.moved(arrays.state)[i, slots]
+        given = task.next_instruction(scene, number, generators[i], moved=moved, last=last)
+        if given is not None:
+            arrays.instructions_given[i] += 1
+            arrays.steps[i] = 0
+            yield i, Goal.of_instruction(given, slots)
+
+
+# ---- its parts, by the config
+
+
+def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task:
+    """The task of N worlds. person: the person who points, or None."""
+    task = TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
+    task.furnish(config.workspace.fittings)
+    task.prepare(config.workspace)
+    return task
+
+
+def make_kinematics(config: EnvConfig, task: Task) -> Kinematics:
+    """The kinematics of the arm. Its rest pose depends on whether the task moves objects.
+
+    With a rod, the gripper rests over the middle of the object area, at the greatest allowed height.
+    """
+    kinematics = read_kinematics(config.robot if task.traits.moves else config.robot.reaching())
+    if not (config.gripper.rod and task.traits.moves):
+        return kinematics
+    x0, x1, y0, y1 = config.workspace.object_area
+    return kinematics.resting_at(np.array([(x0 + x1) / 2, (y0 + y1) / 2, config.workspace.gripper_box[-1]]))
+
+
+def make_world(config: EnvConfig, task: Task, render: bool = False, window: Window | None = None) -> SimulatedWorld:
+    """One world with all bodies that the task needs."""
+    return SimulatedWorld(
+        robot=config.robot,
+        workspace=config.workspace,
+        physics=config.physics,
+        objects=PoolSpec(task.shapes, task.bodies, config.task.object_size),
+        visuals=render,
+        window=window,
+        gripper=config.gripper if task.traits.moves else None,
+        devices=DeviceSpec(task.devices, task.device_width),
+        holds=task.traits.grips or not task.devices,
+        offers=HAND in task.fixtures,
+    )
+
+
+def gripper_name(config: EnvConfig, task: Task) -> str | None:
+    """The gripper on the robot: "magnet" or "fingers"; None if the task moves no objects."""
+    return config.gripper.of(config.robot) if task.traits.moves else None
+
+
+def gripper_box(config: EnvConfig, task: Task) -> Array:
+    """(2, 3) lowest and highest corner of where the gripper may be, metres.
+
+    Raises:
+        ConfigError: the workspace's box ends below the least height that the task allows.
+    """
+    box = np.reshape(config.workspace.gripper_box, (3, 2)).T.copy()
+    if not task.traits.moves:  # the gripper reaches objects from above, and pushes none
+        box[0, 2] = max(box[0, 2], config.task.object_size / 2 + reaching_height(config.task, config.robot.clearance))
+    elif gripper_name(config, task) == "magnet" and task.traits.grips:  # it grips and presses from above
+        handles = [task.device_width * DEVICES[noun].lowest for noun in task.devices]
+        above = config.gripper.gap or -PRESS_DEPTH
+        box[0, 2] = max(box[0, 2], min([config.task.object_size + above, *handles]))
+    if box[0, 2] >= box[1, 2]:
+        raise ConfigError(
+            f"workspace.gripper_box={list(config.workspace.gripper_box)} must end above z={box[0, 2]:g}: the gripper "
+            f"comes from above to objects of task.object_size={config.task.object_size}"
+        )
+    return box
+
+
+def make_control(config: EnvConfig, task: Task, kinematics: Kinematics) -> Control:
+    """The control that the config names."""
+    speed = np.array(config.robot.max_speed) * (config.physics.time_step * config.physics.substeps)
+    return CONTROLS[config.control.name](
+        config.control,
+        kinematics=kinematics,
+        speed=speed,
+        box=gripper_box(config, task),
+        guarded=not task.traits.moves or gripper_name(config, task) == "magnet",
+        turns=task.traits.turns,
+    )
+
+
+def make_initial_states(config: EnvConfig, task: Task, kinematics: Kinematics) -> InitialStates:
+    """Where the arm begins episodes."""
+    curriculum = config.task.curriculum.share > 0
+    noise = max(config.task.reset_noise, config.task.randomize.start)
+    return InitialStates(kinematics, noise, gripper_box(config, task) if curriculum else None)
+
+
+def make_grip_controller(
+    config: EnvConfig, task: Task, worlds: Sequence[SimulatedWorld], state: State
+) -> GripController:
+    """The controller of all worlds' grippers. state: the arrays to which it writes the held slots."""
+    return GripController(
+        gripper=gripper_name(config, task) if task.traits.grips else None,
+        robot=config.robot,
+        object_size=config.task.object_size,
+        worlds=worlds,
+        state=state,
+        release_lag=task.release_lag,
+        apart=not task.traits.moves,
+    )
+
+
+# ---- the action, checked
+
+
+class NotFiniteError(ValueError):
+    """A step was given an action that is not finite.
+
+    frame: (N,), the input of the step. A training run that this error ends saves it.
+    """
+
+    def __init__(self, frame: TensorDictBase) -> None:
+        super().__init__(f"{_not_finite(frame)} is not a finite number")
+        self.frame = frame.detach().clone()
+
+
+def read_action(frame: TensorDictBase) -> NDArray[np.float64]:
+    """The action (N, A) of a frame (N,), clipped to [-1, 1]. Raises NotFiniteError."""
+    action = frame["action"].detach().numpy().astype(np.float64)
+    if not np.isfinite(action).all():
+        raise NotFiniteError(frame)
+    return np.clip(action, -1.0, 1.0, out=action)
+
+
+def _not_finite(frame: TensorDictBase) -> str:
+    """The name of the value that is not finite: an observation if there is one, otherwise the action."""
+    for key, value in frame.items():
+        if key != "action" and isinstance(value, Tensor) and value.is_floating_point() and not value.isfinite().all():
+            return f"the observation {key}"
+    return "an action"

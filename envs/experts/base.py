@@ -21,11 +21,11 @@ from envs.workspace_env import WorkspaceEnv
 
 Array = NDArray[np.float64]
 Slots = NDArray[np.int64]
-
 HOVER = 0.10  # metres above a place at which a gripper travels, so that it pushes nothing aside
 OVER = 0.015  # metres beside a place that count as over it
 FULL_HEIGHT = 0.04  # metres beside a place from which on a gripper is at its full height above it
 UP = np.array([0.0, 0.0, 1.0])
+ExpertClass = TypeVar("ExpertClass", bound="type[Expert]")
 
 
 class Expert(ABC):
@@ -73,8 +73,10 @@ def height_share(beside: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.clip((beside - OVER / 2) / (FULL_HEIGHT - OVER / 2), 0.0, 1.0)
 
 
+# ---- the table of experts
+
+
 EXPERTS: dict[str, type[Expert]] = {}
-ExpertClass = TypeVar("ExpertClass", bound=type[Expert])
 
 
 def register_expert(*tasks: str) -> Callable[[ExpertClass], ExpertClass]:

@@ -1,4 +1,4 @@
-"""Open and close: over the handle, down on it, and along its path until the fitting is open or shut."""
+"""Experts of the fittings: open and close them by their handles, and move objects into and out of them."""
 
 from __future__ import annotations
 
@@ -19,6 +19,13 @@ SAG = 0.03  # metres below the height of travel at which a gripper still goes si
 MAGNET_STEP, FINGER_STEP = 0.016, 0.008  # metres that they move a handle in a control step: fingers slip when faster
 END = {"nl_open": 0.97, "nl_close": 0.0}  # shares to which it is moved
 ENOUGH = 0.03  # share from there at which it is left
+BESIDE = 0.04  # metres beside the area of the loose objects from which a gripper is at a fitting
+TRAVEL = 0.14  # metres above the table at which an object passes over all walls
+BELOW = 0.015  # metres below its travelling height at which an object at a fitting moves only up
+STRAIGHT = 0.015  # metres beside its aim along x at which a gripper may go to a fitting
+
+
+# ---- open and close
 
 
 class FittingExpert(AimingExpert):
@@ -89,15 +96,7 @@ def radius(fitting: Fitting) -> float:
     return float(np.linalg.norm(np.cross(fitting.axis, arm)))
 
 
-BESIDE = 0.04  # metres beside the area of the loose objects from which a gripper is at a fitting
-TRAVEL = 0.14  # metres above the table at which an object passes over all walls
-BELOW = 0.015  # metres below its travelling height at which an object at a fitting moves only up
-STRAIGHT = 0.015  # metres beside its aim along x at which a gripper may go to a fitting
-
-
-def fittings_from(env: WorkspaceEnv) -> float:
-    """Metres from the middle of the table, to either side, from which a gripper is at a fitting."""
-    return max(abs(edge) for edge in env.config.workspace.object_area[2:]) + BESIDE
+# ---- put in and take out
 
 
 @register_expert("nl_put_in", "nl_take_out")
@@ -134,3 +133,8 @@ class InOutExpert(StackExpert):
         way[away, 0] = gripper[away, 0]
         way[aside, 1] = gripper[aside, 1]
         return way
+
+
+def fittings_from(env: WorkspaceEnv) -> float:
+    """Metres from the middle of the table, to either side, from which a gripper is at a fitting."""
+    return max(abs(edge) for edge in env.config.workspace.object_area[2:]) + BESIDE

@@ -31,7 +31,9 @@ class Oracle:
         rays = tensordict["gesture"].numpy() if "gesture" in tensordict.keys() else np.zeros((len(objects), 0))
         for world in np.flatnonzero(self._news(rays)).tolist():
             sentence = self._sentence(world, tensordict)
-            self._slots[world] = self._understood(world, sentence, objects[world], shown[world], rays[world])
+            self._slots[world] = self._understood(
+                world, sentence, objects=objects[world], shown=shown[world], ray=rays[world]
+            )
         return tensordict.set("action", self._expert.act(*self._slots.T))
 
     def _news(self, rays: NDArray) -> NDArray[np.bool_]:
@@ -47,7 +49,7 @@ class Oracle:
         return self._env.tokenizer.decode(tensordict["instruction"][world].tolist())
 
     def _understood(
-        self, world: int, sentence: str, objects: NDArray, shown: NDArray[np.bool_], ray: NDArray
+        self, world: int, sentence: str, *, objects: NDArray, shown: NDArray[np.bool_], ray: NDArray
     ) -> tuple[int, int]:
         """The slots of the referent and of its target: the referent's own if there is none."""
         viewpoint, slots = self._env.config.task.viewpoint, np.flatnonzero(shown)

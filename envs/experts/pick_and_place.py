@@ -1,4 +1,4 @@
-"""Pick and place: grip the referent from above, carry it over its target, lower and release it."""
+"""Experts that grip from above: grasp, lift, place, stack, unstack, rotate, sort and hand over."""
 
 from __future__ import annotations
 
@@ -30,6 +30,12 @@ GRASP = 0.012  # metres from the place of a grip or release within which a gripp
 PRESS = 0.005  # metres that a magnet goes below contact
 CARRY = 0.08  # metres above its target at which an object is carried
 THERE = 0.03  # metres from its target within which an object counts as placed
+MORE = 0.03  # metres beyond what success requires
+SINK = 0.02  # metres that it goes down in a control step with the object; if faster, joint control leaves the path
+ANGLE = math.radians(70)  # to which it turns the gripper
+GENTLY = 0.012  # metres that it moves up or down in a control step beside an object that it does not hold, or puts down
+ENOUGH = math.radians(60)  # from which on it puts the object down
+CLEAR = 0.07  # metres over the palm at which an empty gripper passes
 
 
 class Fetch(Expert):
@@ -46,6 +52,38 @@ class Fetch(Expert):
         press = PRESS * (self._env.grip_depth > 0)
         grip[:, 2] += (self.hover + press) * height_share(beside) - press
         return grip, close
+
+
+# ---- holding
+
+
+@register_expert("nl_grasp")
+class GraspExpert(Fetch, AimingExpert):
+    """Grips the referent, and stays."""
+
+    def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
+        held = self._env.state.held == referent
+        place, close = self._fetch(self._place(referent))
+        return choose_rows(held, self._keep(), place), held | close
+
+    def _keep(self) -> Array:
+        """Where the gripper goes (N, 3) with the held object."""
+        return self._env.gripper
+
+
+@register_expert("nl_lift")
+class LiftExpert(GraspExpert):
+    """Grips the referent, and raises it. more: metres that it is lifted beyond what success requires on the table."""
+
+    more = MORE
+
+    def _keep(self) -> Array:
+        place = self._env.gripper
+        place[:, 2] = self._task.config.object_size / 2 + self._env.grip_depth + LIFTED + self.more
+        return place
+
+
+# ---- placing
 
 
 @register_expert("pick_and_place", "nl_pick_and_place")
@@ -85,38 +123,6 @@ class PlaceExpert(Fetch, AimingExpert):
         return np.full(len(goal), self.height)
 
 
-MORE = 0.03  # metres beyond what success requires
-
-
-@register_expert("nl_grasp")
-class GraspExpert(Fetch, AimingExpert):
-    """Grips the referent, and stays."""
-
-    def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
-        held = self._env.state.held == referent
-        place, close = self._fetch(self._place(referent))
-        return choose_rows(held, self._keep(), place), held | close
-
-    def _keep(self) -> Array:
-        """Where the gripper goes (N, 3) with the held object."""
-        return self._env.gripper
-
-
-@register_expert("nl_lift")
-class LiftExpert(GraspExpert):
-    """Grips the referent, and raises it. more: metres that it is lifted beyond what success requires on the table."""
-
-    more = MORE
-
-    def _keep(self) -> Array:
-        place = self._env.gripper
-        place[:, 2] = self._task.config.object_size / 2 + self._env.grip_depth + LIFTED + self.more
-        return place
-
-
-SINK = 0.02  # metres that it goes down in a control step with the object; if faster, joint control leaves the path
-
-
 @register_expert("nl_stack")
 class StackExpert(PlaceExpert):
     """Picks the referent up, and releases it on top of the target."""
@@ -142,9 +148,34 @@ class UnstackExpert(StackExpert):
         return self._task.free_places()[self._rows, target]
 
 
-ANGLE = math.radians(70)  # to which it turns the gripper
-GENTLY = 0.012  # metres that it moves up or down in a control step beside an object that it does not hold, or puts down
-ENOUGH = math.radians(60)  # from which on it puts the object down
+@register_expert("nl_sort")
+class SortExpert(StackExpert):
+    """Picks the referent up, and releases it at its spot."""
+
+    height = 0.11  # higher than elsewhere: it sets out sideways halfway up, and there are up to four other objects
+
+    def _goal(self, target: Slots) -> Array:
+        assert isinstance(self._task, Sort)
+        return self._task.goal_places(self._env.state)
+
+
+@register_expert("nl_hand_over")
+class HandOverExpert(StackExpert):
+    """Picks the referent up, and releases it on the palm. least_hover: metres above objects at which it travels."""
+
+    least_hover = HOVER
+
+    def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
+        over = self._place(target)[:, 2] + CLEAR - self._place(referent)[:, 2]
+        self.hover = np.maximum(self.least_hover, over)
+        return super().aim(referent, target)
+
+    def _goal(self, target: Slots) -> Array:
+        assert isinstance(self._task, HandOver)
+        return self._task.on_palm(self._place(target))
+
+
+# ---- turning
 
 
 @register_expert("pick_and_rotate")
@@ -171,33 +202,3 @@ class RotateExpert(Fetch):
         # The object may have slipped upwards in the fingers, which then come down to the table first.
         low = np.minimum(thing[:, 2], self._env.gripper[:, 2] - self._env.grip_depth) < rest + GRASP / 2
         return place, ~(turned & low)
-
-
-@register_expert("nl_sort")
-class SortExpert(StackExpert):
-    """Picks the referent up, and releases it at its spot."""
-
-    height = 0.11  # higher than elsewhere: it sets out sideways halfway up, and there are up to four other objects
-
-    def _goal(self, target: Slots) -> Array:
-        assert isinstance(self._task, Sort)
-        return self._task.goal_places(self._env.state)
-
-
-CLEAR = 0.07  # metres over the palm at which an empty gripper passes
-
-
-@register_expert("nl_hand_over")
-class HandOverExpert(StackExpert):
-    """Picks the referent up, and releases it on the palm. least_hover: metres above objects at which it travels."""
-
-    least_hover = HOVER
-
-    def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
-        over = self._place(target)[:, 2] + CLEAR - self._place(referent)[:, 2]
-        self.hover = np.maximum(self.least_hover, over)
-        return super().aim(referent, target)
-
-    def _goal(self, target: Slots) -> Array:
-        assert isinstance(self._task, HandOver)
-        return self._task.on_palm(self._place(target))

@@ -1,4 +1,4 @@
-"""Push: down behind the object as seen from its target, and on along the line between them."""
+"""Experts that move objects without placing them: push, swipe, poke and throw."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from envs.tasks.push import LANDED, SHORT
 from envs.tasks.shared.geometry import horizontal, length
 from envs.workspace_env import WorkspaceEnv
 
+# push
 TOOL = 0.025  # metres from the gripper's centre to the side that pushes
 FREE = 0.008  # metres between it and the object as it goes down
 ASIDE = 0.01  # metres beside the line at which it goes back for another try
@@ -27,6 +28,21 @@ FINE = 0.042  # ... if it would take another try to push it nearer
 # How high above the table a gripper pushes, metres: jaco's fingers spread wider than an object, and pass over it.
 HEIGHTS = {"jaco": 0.043}
 HEIGHT = 0.025
+# swipe
+SWIPE_STEP = 0.02  # metres in a control step: slower than it could, so that it keeps to the line
+# poke
+POKE_FAR = 0.028  # metres that it pushes
+POKE_STEP = 0.006  # ... in a control step: a faster one sends the object away
+WAYS = 8  # directions in which it may push
+# throw
+AT = 0.02  # metres from the start of the run within which the run begins
+RUN_UP_STEP = 0.012  # metres by which each further try lengthens the run-up: the same one would fall short again
+FOLLOW = 3  # control steps after the release at the same speed: slower fingers would be in the way
+MARGIN = 0.005  # metres beyond the required distance at the release
+WINDOW = 1.2  # control steps' worth of distance within which it releases, so that no step skips the place
+
+
+# ---- push and poke
 
 
 class Pusher(Expert):
@@ -85,30 +101,6 @@ class PushExpert(Pusher):
         return self._env.towards(choose_rows(there, self._env.gripper, self._push(thing, way)))
 
 
-SWIPE_STEP = 0.02  # metres in a control step: slower than it could, so that it keeps to the line
-
-
-@register_expert("swipe")
-class SwipeExpert(Fetch):
-    """Keeps the dragged object on the table."""
-
-    def act(self, referent: Slots, target: Slots) -> Tensor:
-        thing, goal = self._place(referent), self._place(target)
-        held = self._env.state.held == referent
-        left = length((goal - thing)[:, :2])
-        there = ~held & (left < THERE)
-        fetch, close = self._fetch(thing)
-        onward = self._env.gripper + (goal - thing) * np.minimum(1.0, SWIPE_STEP / np.maximum(left, 1e-9))[:, None]
-        onward[:, 2] = self._env.gripper[:, 2] + (goal - thing)[:, 2]  # a gripper that closed too low must not lift
-        place = choose_rows(there, self._env.gripper + HOVER * UP, choose_rows(held, onward, fetch))
-        return self._env.towards(place, np.where(held, left > GRASP, close) & ~there)
-
-
-POKE_FAR = 0.028  # metres that it pushes
-POKE_STEP = 0.006  # ... in a control step: a faster one sends the object away
-WAYS = 8  # directions in which it may push
-
-
 @register_expert("poke")
 class PokeExpert(Pusher):
     """Pushes in the direction with the most room. It remembers that direction and where the object stood."""
@@ -139,11 +131,26 @@ class PokeExpert(Pusher):
         return ways[np.where(inside, room, -1.0).argmax()]
 
 
-AT = 0.02  # metres from the start of the run within which the run begins
-RUN_UP_STEP = 0.012  # metres by which each further try lengthens the run-up: the same one would fall short again
-FOLLOW = 3  # control steps after the release at the same speed: slower fingers would be in the way
-MARGIN = 0.005  # metres beyond the required distance at the release
-WINDOW = 1.2  # control steps' worth of distance within which it releases, so that no step skips the place
+# ---- swipe
+
+
+@register_expert("swipe")
+class SwipeExpert(Fetch):
+    """Keeps the dragged object on the table."""
+
+    def act(self, referent: Slots, target: Slots) -> Tensor:
+        thing, goal = self._place(referent), self._place(target)
+        held = self._env.state.held == referent
+        left = length((goal - thing)[:, :2])
+        there = ~held & (left < THERE)
+        fetch, close = self._fetch(thing)
+        onward = self._env.gripper + (goal - thing) * np.minimum(1.0, SWIPE_STEP / np.maximum(left, 1e-9))[:, None]
+        onward[:, 2] = self._env.gripper[:, 2] + (goal - thing)[:, 2]  # a gripper that closed too low must not lift
+        place = choose_rows(there, self._env.gripper + HOVER * UP, choose_rows(held, onward, fetch))
+        return self._env.towards(place, np.where(held, left > GRASP, close) & ~there)
+
+
+# ---- throw
 
 
 class Style(NamedTuple):

@@ -130,6 +130,7 @@ def run_by_hand(
     env: ByHandEnv,
     policy: Callable[[TensorDictBase], TensorDictBase],
     episodes: int,
+    *,
     keys: KeySource,
     display: Display,
     real_time: bool = True,
@@ -144,7 +145,9 @@ def run_by_hand(
     period = env.config.physics.time_step * env.config.physics.substeps if real_time else 0.0
     try:
         with set_exploration_type(ExplorationType.DETERMINISTIC):
-            while len(results) < episodes and (result := _run_episode(env, policy, keys, display, period)):
+            while len(results) < episodes and (
+                result := _run_episode(env, policy, keys=keys, display=display, period=period)
+            ):
                 results.append(result)
                 if not _wait_for_enter(keys):
                     break
@@ -156,7 +159,7 @@ def run_by_hand(
 
 
 def _run_episode(
-    env: ByHandEnv, policy: Callable, keys: KeySource, display: Display, period: float
+    env: ByHandEnv, policy: Callable, *, keys: KeySource, display: Display, period: float
 ) -> EpisodeResult | None:
     """The result; None if the person quit."""
     env.reset()
@@ -169,7 +172,7 @@ def _run_episode(
         return None
     name = pointer.name(index)
     display.write([sentence, f"meant: {name}", "Escape: quit"])
-    end = _run_policy(env, policy, env.set_referent(index), keys, period)
+    end = _run_policy(env, policy, env.set_referent(index), keys=keys, period=period)
     if end is None:
         return None
     result = EpisodeResult(name, bool(end["success"][0]), bool(end["wrong_object"][0]), int(env.elapsed[0]))
@@ -178,7 +181,7 @@ def _run_episode(
 
 
 def _run_policy(
-    env: ByHandEnv, policy: Callable, state: TensorDictBase, keys: KeySource, period: float
+    env: ByHandEnv, policy: Callable, state: TensorDictBase, *, keys: KeySource, period: float
 ) -> TensorDictBase | None:
     """The last step of the episode, with a control step every `period` seconds; None if the person quit."""
     due = time.monotonic()

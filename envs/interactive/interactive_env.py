@@ -1,4 +1,4 @@
-"""Names of the objects of a scene, for messages to a person."""
+"""An environment with one world that a person instructs: sentences, pointing, and objects that are moved by hand."""
 
 from __future__ import annotations
 
@@ -18,20 +18,6 @@ from envs.sim.window import Window
 from envs.workspace_env import WorkspaceEnv
 from human import PointingGesture
 from language import NOUNS, SHAPES, LanguageError, Scene, describe
-
-
-def object_names(scene: Scene) -> list[str]:
-    """The name of each object."""
-    return [object_name(index, scene) for index in range(len(scene))]
-
-
-def object_name(index: int, scene: Scene) -> str:
-    """The shortest description that fits this object only; "a <colour> <noun>" if there is none."""
-    try:
-        return describe(index, scene)
-    except LanguageError:
-        return f"a {scene[index].color} {scene[index].noun}"
-
 
 Array = NDArray[np.float64]
 POINTING_STEPS = 60  # physics steps of a pointing motion: a quarter of a second, about as long as people take
@@ -104,7 +90,8 @@ class InteractiveEnv(WorkspaceEnv):
         arrays.read(arrays.index)
         where = int(slots[referent if target is None else target])
         kind = arrays.goals[0].kind if verb is None else self.task.kind_names.index(verb)
-        self._set_goal(0, Goal(int(slots[referent]), where, sentence, sentence, kind))
+        goal = Goal(referent=int(slots[referent]), target=where, sentence=sentence, policy_sentence=sentence, kind=kind)
+        self._set_goal(0, goal)
         arrays.steps[0] = 0
         return self._first_observation()
 
@@ -143,3 +130,19 @@ class InteractiveEnv(WorkspaceEnv):
         assert body is not None, "fittings and devices stay where they are"
         pool.move(pool.shown.index(body), position)
         self._arrays.read(self._arrays.index)
+
+
+# ---- names of objects, for messages
+
+
+def object_names(scene: Scene) -> list[str]:
+    """The name of each object."""
+    return [object_name(index, scene) for index in range(len(scene))]
+
+
+def object_name(index: int, scene: Scene) -> str:
+    """The shortest description that fits this object only; "a <colour> <noun>" if there is none."""
+    try:
+        return describe(index, scene)
+    except LanguageError:
+        return f"a {scene[index].color} {scene[index].noun}"

@@ -30,10 +30,12 @@ SLIDES = 2  # steps of Newton's method that keep the gripper above the floor of 
 class Control(ABC):
     """Turns actions into joint targets.
 
-    box: (2, 3) lowest and highest corner of the gripper box, metres.
+    Attributes:
+        box: (2, 3) lowest and highest corner of the gripper box, metres.
 
     Args:
-        config, kinematics: the control's config, and the arm.
+        config: of the control.
+        kinematics: of the arm.
         speed: (J,) greatest motion of each joint, radians per control step.
         box: (2, 3) lowest and highest corner of the gripper box, metres.
         guarded: never send the gripper below the box, even with joint angles as actions.
@@ -43,6 +45,7 @@ class Control(ABC):
     def __init__(
         self,
         config: ControlConfig,
+        *,
         kinematics: Kinematics,
         speed: Array,
         box: Array,
@@ -102,7 +105,7 @@ class Control(ABC):
     ) -> Array:
         """One step of inverse kinematics towards position (N, 3) and yaw (N,); None: the orientation at rest."""
         rotation = self._rotation if yaw is None else about_vertical(yaw) @ self._rotation
-        return self._kinematics.step(start, position, rotation, self._max_move, seen)
+        return self._kinematics.step(start, position, rotation, max_move=self._max_move, seen=seen)
 
     def yaw(self, rotation: Array) -> Array:
         """(N,) radians that grippers with these rotations (N, 3, 3) are turned about the vertical."""

@@ -11,7 +11,7 @@ from envs.tasks import EpisodeSpec, GivenInstruction
 from language import LanguageError, Tokenizer
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Goal:
     """The goal of one world's episode.
 
@@ -29,15 +29,26 @@ class Goal:
     def of(cls, episode: EpisodeSpec, slots: NDArray[np.int64]) -> Goal:
         """The goal of an episode whose objects stand in these slots (K,)."""
         target = episode.referent if episode.target is None else episode.target
-        sentence = policy_sentence(episode)
-        return cls(int(slots[episode.referent]), int(slots[target]), episode.sentence, sentence, episode.kind)
+        return cls(
+            referent=int(slots[episode.referent]),
+            target=int(slots[target]),
+            sentence=episode.sentence,
+            policy_sentence=policy_sentence(episode),
+            kind=episode.kind,
+        )
 
     @classmethod
     def of_instruction(cls, given: GivenInstruction, slots: NDArray[np.int64]) -> Goal:
         """The goal of an instruction in a scene whose objects stand in these slots (K,)."""
         target = given.referent if given.target is None else given.target
         heard = given.sentence if given.heard is None else given.heard
-        return cls(int(slots[given.referent]), int(slots[target]), given.sentence, heard, given.kind)
+        return cls(
+            referent=int(slots[given.referent]),
+            target=int(slots[target]),
+            sentence=given.sentence,
+            policy_sentence=heard,
+            kind=given.kind,
+        )
 
     def instruction(self, slots: NDArray[np.int64]) -> GivenInstruction:
         """The instruction, in a scene whose objects stand in these slots (K,) in ascending order."""

@@ -22,37 +22,41 @@ MAX_DISTANCE = 0.1  # metres from the gripper centre to the centre of an object 
 
 
 class GripController:
-    """closed: (N,) which grippers are commanded to close. held: (N,) of `state`, the slots that they hold, or NOTHING.
+    """Commands the grippers of N worlds, and knows what they hold.
 
-    grip_depth: metres from the gripper centre down to the centre of an object that it holds.
-    can_grip: whether anything can be gripped.
+    Attributes:
+        closed: (N,) which grippers are commanded to close.
+        held: (N,) of `state`, the slots that they hold, or NOTHING.
+        grip_depth: metres from the gripper centre down to the centre of an object that it holds.
+        can_grip: whether anything can be gripped.
 
     Args:
-        kind: "magnet" or "fingers"; None: nothing is gripped, and the fingers stay apart or closed.
+        gripper: "magnet" or "fingers"; None: nothing is gripped, and the fingers stay apart or closed.
         robot: whose fingers they are.
         object_size: metres.
         worlds, state: the worlds and the arrays of their state.
-        lag: physics steps from the command to open until the gripper releases.
+        release_lag: physics steps from the command to open until the gripper releases.
         apart: where nothing is gripped, whether the fingers stay apart. An object that is only reached fits between
             them; closed fingers push it away.
     """
 
     def __init__(
         self,
-        kind: str | None,
+        *,
+        gripper: str | None,
         robot: RobotConfig,
         object_size: float,
         worlds: Sequence[SimulatedWorld],
         state: State,
-        lag: int = 0,
+        release_lag: int = 0,
         apart: bool = False,
     ) -> None:
-        self._worlds, self._state, self.can_grip, self._lag = worlds, state, kind is not None, lag
-        self.grip_depth = object_size / 2 if kind == "magnet" else 0.0
+        self._worlds, self._state, self.can_grip, self._lag = worlds, state, gripper is not None, release_lag
+        self.grip_depth = object_size / 2 if gripper == "magnet" else 0.0
         self.closed, self.held = np.zeros(len(worlds), bool), state.held
         self.held[:] = NOTHING
-        self._max_opening = robot.finger_opening if kind == "fingers" or (kind is None and apart) else 0.0
-        self._opening_around_object = object_size / 2 if kind == "fingers" else 0.0
+        self._max_opening = robot.finger_opening if gripper == "fingers" or (gripper is None and apart) else 0.0
+        self._opening_around_object = object_size / 2 if gripper == "fingers" else 0.0
         self._num_fingers, self._opening = len(robot.fingers), np.full(len(worlds), self._max_opening)
         self._finger_range = robot.finger_opening
 

@@ -24,7 +24,7 @@ from envs.tasks import State, Task
 from language import Tokenizer
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SpecSettings:
     """The settings on which specs depend. action_width: how many numbers an action has."""
 
@@ -36,7 +36,7 @@ class SpecSettings:
     action_width: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GoalSource:
     """The inputs of observations that depend on the goal: N episodes as the task sees them."""
 
@@ -44,7 +44,7 @@ class GoalSource:
     state: State
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Source(GoalSource):
     """The inputs of all other observations, beside those of `GoalSource`."""
 

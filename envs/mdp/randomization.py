@@ -1,4 +1,4 @@
-"""Joint angles at which episodes begin: about the rest pose, or with the gripper where the curriculum puts it."""
+"""What training episodes draw beside scene and sentence: joint angles at the beginning, and noise and delay."""
 
 from __future__ import annotations
 

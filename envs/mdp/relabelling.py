@@ -32,7 +32,7 @@ STATE_FIELDS = [field.name for field in fields(State)]
 FIELDS_WITHOUT_MOVING = STATE_FIELDS[:4]  # the fields of tasks that move nothing
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RelabelledEpisode:
     """An episode of T control steps with another goal.
 
@@ -56,7 +56,7 @@ class Relabeller:
         joints: how many the arm has.
     """
 
-    def __init__(self, task: Task, num_episodes: int, tokenizer: Tokenizer, observer: Observer, joints: int) -> None:
+    def __init__(self, task: Task, num_episodes: int, *, tokenizer: Tokenizer, observer: Observer, joints: int) -> None:
         self._task, self._num_episodes, self._tokenizer, self._observer = task, num_episodes, tokenizer, observer
         self._weights = reward_weights(task)
         self._gripper = slice(2 * joints, 2 * joints + 3)  # the gripper centre's columns in `robot`
@@ -94,7 +94,8 @@ class Relabeller:
             rows[:, slots, OFFSET] = offsets(states.objects[:, slots], states.gripper[:, None])
         target = episode.referent if episode.target is None else episode.target
         referents, targets = (np.full(len(rows), shown[index]) for index in (episode.referent, target))
-        return RelabelledEpisode(frames, replace(states, referent=referents, target=targets), rows, episode)
+        states = replace(states, referent=referents, target=targets)
+        return RelabelledEpisode(frames=frames, states=states, rows=rows, episode=episode)
 
     def _states(self, frames: TensorDictBase, rows: NDArray[np.float32]) -> State:
         """The T + 1 states of an episode, as the task saw them."""
@@ -145,7 +146,7 @@ class Relabeller:
     def _observe(self, state: State) -> TensorDictBase:
         """(N,) the observations that depend on the goal, and the task's own columns of objects (N, K, C)."""
         columns = np.where(state.shown[..., None], self._task.seen(state), 0.0)
-        observed = self._observer.observe(GoalSource(self._task, state), goal=True)
+        observed = self._observer.observe(GoalSource(task=self._task, state=state), goal=True)
         return TensorDict(observed | {"columns": torch.from_numpy(columns)}, [self._num_episodes])
 
     def _side_by_side(self, episodes: Sequence[State], span: int) -> list[State]:

@@ -31,6 +31,7 @@ class WorldState:
 
     def __init__(
         self,
+        *,
         worlds: Sequence[SimulatedWorld],
         robot: RobotConfig,
         kinematics: Kinematics,
@@ -65,13 +66,13 @@ class WorldState:
             yaw=yaw,
         )
         self.slots = [np.arange(slots) for _ in range(count)]
-        self.goals = [Goal(0, 0, "", "", 0)] * count
+        self.goals = [Goal(referent=0, target=0, sentence="", policy_sentence="", kind=0)] * count
         self.instruction = np.zeros((count, tokenizer.length), np.int64)
         self.sentence = np.zeros((count, sentence_bytes(tokenizer)), np.uint8)
         self.steps = np.zeros(count, np.int64)
         self.instructions_given = np.ones(count, np.int64)
 
-    def begin(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64], joints: Array, opening: float) -> None:
+    def begin(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64], *, joints: Array, opening: float) -> None:
         """Begin an episode in world i.
 
         Args:
@@ -91,15 +92,15 @@ class WorldState:
         drawn = episode.randomized
         self._worlds[i].pool.dynamics = USUAL if drawn is None else (drawn.mass, drawn.friction)
         self._worlds[i].reset(
-            joints.tolist(),
-            opening,
-            shapes[by_slot].tolist(),
-            Mobility.of(scene.targets, episode.fixed)[by_slot].tolist(),
-            scene.positions[by_slot].tolist(),
-            yaw[by_slot].tolist(),
-            self.rows[i, np.sort(slots), 7:11],
-            _resting(episode)[by_slot].tolist(),
-            None if episode.shares is None else episode.shares[by_slot].tolist(),
+            joints=joints.tolist(),
+            opening=opening,
+            nouns=shapes[by_slot].tolist(),
+            mobilities=Mobility.of(scene.targets, episode.fixed)[by_slot].tolist(),
+            positions=scene.positions[by_slot].tolist(),
+            yaw=yaw[by_slot].tolist(),
+            colors=self.rows[i, np.sort(slots), 7:11],
+            resting=_resting(episode)[by_slot].tolist(),
+            shares=None if episode.shares is None else episode.shares[by_slot].tolist(),
         )
 
     def _show(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64]) -> None:

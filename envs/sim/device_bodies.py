@@ -89,6 +89,7 @@ class DeviceBodies:
 
     def show(
         self,
+        *,
         nouns: Sequence[str],
         places: Sequence[Sequence[float]],
         yaw: Sequence[float],

@@ -30,7 +30,7 @@ class DevicePart:
     yaw: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Device:
     """A base that never moves, and one part that slides along an axis ("slide") or turns about it ("turn").
 

@@ -1,4 +1,4 @@
-"""The furniture of one world: boxes that never move, and fittings, which slide or turn on a joint when pushed."""
+"""The furniture of one world: boxes that never move, fittings, which slide or turn when pushed, and a person's palm."""
 
 from __future__ import annotations
 
@@ -17,6 +17,19 @@ PARTING = 20  # physics steps: in each, Bullet checks a tenth of the pairs that 
 PARKED_HEIGHT, PARKED_SPACING = -30.0, 20.0  # metres: where bodies are parked, and how far from each other
 LINK = 0  # of a fitting's body: it has all the parts
 METAL = (HANDLE, "post")  # parts that keep their colour
+SIZE = (0.1, 0.09, 0.02)  # metres along x, y and z
+BORDER, RIM = 0.006, 0.008  # metres: thickness of the borders, and their height over the palm
+GIVE = 0.05  # metres that a palm gives way downwards at most
+STRENGTH = 8.0  # N that hold it up; more pushes it down
+RETURN_GAIN = 0.1  # part of the way back that it takes in a physics step
+MASS = 0.05  # kg
+FRICTION = 0.8  # lateral
+DRAWN = (0.07, 0.05, 0.012)  # metres: the drawn box, inside the hand of the person
+PARKED = (0.0, 0.0, -18.0)  # metres: where it is while no episode shows it
+Pose = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+# ---- boxes and fittings
 
 
 class Furniture:
@@ -167,16 +180,7 @@ def _centre(boxes: Sequence[Box]) -> list[float]:
     return (((position - half).min(0) + (position + half).max(0)) / 2).tolist()
 
 
-SIZE = (0.1, 0.09, 0.02)  # metres along x, y and z
-BORDER, RIM = 0.006, 0.008  # metres: thickness of the borders, and their height over the palm
-GIVE = 0.05  # metres that a palm gives way downwards at most
-STRENGTH = 8.0  # N that hold it up; more pushes it down
-RETURN_GAIN = 0.1  # part of the way back that it takes in a physics step
-MASS = 0.05  # kg
-FRICTION = 0.8  # lateral
-DRAWN = (0.07, 0.05, 0.012)  # metres: the drawn box, inside the hand of the person
-PARKED = (0.0, 0.0, -18.0)  # metres: where it is while no episode shows it
-Pose = tuple[tuple[float, ...], tuple[float, ...]]
+# ---- the palm
 
 
 class Palm:

@@ -1,4 +1,4 @@
-"""The objects of one world: bodies that are made once, and moved to where an episode shows them."""
+"""The objects of one world: bodies that are made once, and what an episode shows of them, devices and fittings."""
 
 from __future__ import annotations
 
@@ -31,6 +31,10 @@ DYNAMICS = {
 }
 USUAL = (1.0, 1.0)  # factors of an object's mass and lateral friction
 RESTING_GAP = 1e-3  # metres above the table that an object may be placed and still be at rest
+NAMES = tuple(NOUNS)
+
+
+# ---- loose objects
 
 
 class Mobility(IntEnum):
@@ -94,6 +98,7 @@ class ObjectPool:
 
     def show(
         self,
+        *,
         nouns: Sequence[int],
         mobilities: Sequence[int],
         positions: Sequence[Sequence[float]],
@@ -200,7 +205,7 @@ def _pyramid() -> Path:
     return cached_text("pyramid.obj", "\n".join([*rows, ""]))
 
 
-NAMES = tuple(NOUNS)
+# ---- all objects of an episode
 
 
 class ShownObjects:
@@ -217,6 +222,7 @@ class ShownObjects:
 
     def __init__(
         self,
+        *,
         pool: ObjectPool,
         devices: DeviceBodies,
         furniture: Furniture,
@@ -234,6 +240,7 @@ class ShownObjects:
 
     def show(
         self,
+        *,
         nouns: Sequence[int],
         mobilities: Sequence[int],
         positions: Sequence[Sequence[float]],
@@ -245,10 +252,21 @@ class ShownObjects:
         """Place the objects of the next episode. The arguments are those of `SimulatedWorld.reset`."""
         rests = [False] * len(nouns) if resting is None else resting
         loose, devices, fittings, palms = kinds = _by_kind(nouns)
-        places, turns, paints = _chosen(devices, positions, yaw, colors)
-        starts = None if shares is None else [shares[k] for k in devices]
-        self._devices.show([NAMES[nouns[k]] for k in devices], places, turns, paints, starts)
-        self._show_loose(*_chosen(loose, nouns, mobilities, positions, yaw, rests, colors))
+        self._devices.show(
+            nouns=[NAMES[nouns[k]] for k in devices],
+            places=_chosen(devices, positions),
+            yaw=_chosen(devices, yaw),
+            colors=_chosen(devices, colors),
+            shares=None if shares is None else _chosen(devices, shares),
+        )
+        self._pool.show(
+            nouns=_chosen(loose, nouns),
+            mobilities=_chosen(loose, mobilities),
+            positions=_chosen(loose, positions),
+            yaw=_chosen(loose, yaw),
+            resting=_chosen(loose, rests),
+        )
+        self._paint(_chosen(loose, mobilities), _chosen(loose, colors))
         self._fittings = [NAMES[nouns[k]] for k in fittings]
         for name, k in zip(self._fittings, fittings, strict=True):
             self._furniture.show(name, 0.0 if shares is None else shares[k], colors[k])
@@ -268,8 +286,8 @@ class ShownObjects:
     def _in_order(self, things: list) -> list:
         return things if self._order is None else [things[number] for number in self._order]
 
-    def _show_loose(self, nouns: list, mobilities: list, positions: list, yaw: list, rests: list, colors: list) -> None:
-        self._pool.show(nouns, mobilities, positions, yaw, rests)
+    def _paint(self, mobilities: list, colors: list) -> None:
+        """Paint the loose objects, where anything is drawn."""
         if self._renderer is None:
             return
         for body, mobility, color in zip(self._pool.shown, mobilities, colors, strict=True):
@@ -298,6 +316,6 @@ def _by_kind(nouns: Sequence[int]) -> tuple[list[int], list[int], list[int], lis
     return loose, devices, fittings, palms
 
 
-def _chosen(numbers: Sequence[int], *columns: Sequence) -> list[list]:
-    """Of each column, the values with these numbers."""
-    return [[column[number] for number in numbers] for column in columns]
+def _chosen(numbers: Sequence[int], values: Sequence) -> list:
+    """The values with these numbers."""
+    return [values[number] for number in numbers]

@@ -1,4 +1,4 @@
-"""The visual shapes of a world, with their meshes and poses, for viewers other than PyBullet's."""
+"""Drawing a world: images by its camera, and its visual shapes with their poses, for viewers other than PyBullet's."""
 
 from __future__ import annotations
 
@@ -21,70 +21,12 @@ KINDS = {
     bullet.GEOM_MESH: "mesh",
 }
 BASE = -1  # Bullet's number for the base link
-
-
-@dataclass(frozen=True)
-class VisualShape:
-    """One visual shape.
-
-    body, link: Bullet's ids; `VisualShapes.poses` gives the pose. kind: a value of KINDS. size: (3,): metres of a box;
-    the radius first, of a sphere; length and radius of a cylinder or capsule (along z); the scale of a mesh's axes.
-    mesh: its file. position (3,), metres, and quaternion (4,), x, y, z, w: in the link's frame. rgba: in [0, 1].
-    """
-
-    body: int
-    link: int
-    kind: str
-    size: tuple[float, float, float]
-    mesh: Path | None
-    position: tuple[float, float, float]
-    quaternion: tuple[float, float, float, float]
-    rgba: tuple[float, float, float, float]
-
-
-class VisualShapes:
-    """All visual shapes of a client whose bodies were loaded with visuals."""
-
-    def __init__(self, client: int) -> None:
-        self._client = client
-        self._bodies = [bullet.getBodyUniqueId(i, client) for i in range(bullet.getNumBodies(client))]
-        # Bullet gives the pose of a base's centre of mass, but the poses of shapes in the link's frame.
-        self._centres = {body: self._centre(body) for body in self._bodies}
-
-    def shapes(self) -> list[VisualShape]:
-        """Every visual shape in its current colour, always in the same order."""
-        listed = (bullet.getVisualShapeData(body, physicsClientId=self._client) for body in self._bodies)
-        return [self._visual_shape(shape) for shapes in listed for shape in shapes if shape[2] in KINDS]
-
-    def poses(self, links: list[tuple[int, int]]) -> Array:
-        """(len(links), 7) of these (body, link): position, metres, and quaternion (x, y, z, w)."""
-        return np.array([self._pose(body, link) for body, link in links])
-
-    def _visual_shape(self, shape: tuple) -> VisualShape:
-        body, link, kind, size, file, position, quaternion, rgba = shape[:8]
-        mesh = Path(file.decode()) if kind == bullet.GEOM_MESH else None
-        return VisualShape(body, link, KINDS[kind], size, mesh, position, quaternion, rgba)
-
-    def _centre(self, body: int) -> tuple:
-        return bullet.getDynamicsInfo(body, BASE, self._client)[3:5]
-
-    def _pose(self, body: int, link: int) -> list[float]:
-        if link != BASE:
-            state = bullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=self._client)
-            return [*state[4], *state[5]]
-        pose = bullet.getBasePositionAndOrientation(body, self._client)
-        position, quaternion = bullet.multiplyTransforms(*pose, *bullet.invertTransform(*self._centres[body]))
-        return [*position, *quaternion]
-
-
 NEAR_PLANE, FAR_PLANE = 0.05, 10  # metres
 LIGHT_DIRECTION = (0.5, -0.6, 1.5)
 Window = tuple[int, int, int, int]  # rows and columns of an image: first and one past the last of each
 
 
-def paint(body: int, color: Sequence[float], client: int, link: int = -1) -> None:
-    """Set the RGBA color of a link's visual shapes."""
-    bullet.changeVisualShape(body, link, rgbaColor=color, physicsClientId=client)
+# ---- images
 
 
 class Renderer:
@@ -145,6 +87,11 @@ class Renderer:
         return colors, np.reshape(np.asarray(links, np.int32), (height, width))
 
 
+def paint(body: int, color: Sequence[float], client: int, link: int = -1) -> None:
+    """Set the RGBA color of a link's visual shapes."""
+    bullet.changeVisualShape(body, link, rgbaColor=color, physicsClientId=client)
+
+
 def _projection(camera: Camera, window: Window) -> list[float]:
     """OpenGL's projection matrix for a window of the camera's image."""
     top, bottom, left, right = window
@@ -158,3 +105,69 @@ def _projection(camera: Camera, window: Window) -> list[float]:
 def _in_mask(body: int, link: int) -> int:
     """The number of a link in PyBullet's segmentation masks."""
     return body + ((link + 1) << 24)
+
+
+# ---- visual shapes
+
+
+@dataclass(frozen=True, kw_only=True)
+class VisualShape:
+    """One visual shape.
+
+    body, link: Bullet's ids; `VisualShapes.poses` gives the pose. kind: a value of KINDS. size: (3,): metres of a box;
+    the radius first, of a sphere; length and radius of a cylinder or capsule (along z); the scale of a mesh's axes.
+    mesh: its file. position (3,), metres, and quaternion (4,), x, y, z, w: in the link's frame. rgba: in [0, 1].
+    """
+
+    body: int
+    link: int
+    kind: str
+    size: tuple[float, float, float]
+    mesh: Path | None
+    position: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+    rgba: tuple[float, float, float, float]
+
+
+class VisualShapes:
+    """All visual shapes of a client whose bodies were loaded with visuals."""
+
+    def __init__(self, client: int) -> None:
+        self._client = client
+        self._bodies = [bullet.getBodyUniqueId(i, client) for i in range(bullet.getNumBodies(client))]
+        # Bullet gives the pose of a base's centre of mass, but the poses of shapes in the link's frame.
+        self._centres = {body: self._centre(body) for body in self._bodies}
+
+    def shapes(self) -> list[VisualShape]:
+        """Every visual shape in its current colour, always in the same order."""
+        listed = (bullet.getVisualShapeData(body, physicsClientId=self._client) for body in self._bodies)
+        return [self._visual_shape(shape) for shapes in listed for shape in shapes if shape[2] in KINDS]
+
+    def poses(self, links: list[tuple[int, int]]) -> Array:
+        """(len(links), 7) of these (body, link): position, metres, and quaternion (x, y, z, w)."""
+        return np.array([self._pose(body, link) for body, link in links])
+
+    def _visual_shape(self, shape: tuple) -> VisualShape:
+        body, link, kind, size, file, position, quaternion, rgba = shape[:8]
+        mesh = Path(file.decode()) if kind == bullet.GEOM_MESH else None
+        return VisualShape(
+            body=body,
+            link=link,
+            kind=KINDS[kind],
+            size=size,
+            mesh=mesh,
+            position=position,
+            quaternion=quaternion,
+            rgba=rgba,
+        )
+
+    def _centre(self, body: int) -> tuple:
+        return bullet.getDynamicsInfo(body, BASE, self._client)[3:5]
+
+    def _pose(self, body: int, link: int) -> list[float]:
+        if link != BASE:
+            state = bullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=self._client)
+            return [*state[4], *state[5]]
+        pose = bullet.getBasePositionAndOrientation(body, self._client)
+        position, quaternion = bullet.multiplyTransforms(*pose, *bullet.invertTransform(*self._centres[body]))
+        return [*position, *quaternion]

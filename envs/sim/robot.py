@@ -113,7 +113,7 @@ class Robot:
 
     def __init__(self, config: RobotConfig, client: int, visuals: bool, magnet: bool = False) -> None:
         self.config, self._client = config, client
-        self.body = load(config, client, visuals, bullet.URDF_MERGE_FIXED_LINKS, magnet)
+        self.body = load(config, client, visuals=visuals, flags=bullet.URDF_MERGE_FIXED_LINKS, magnet=magnet)
         info = [bullet.getJointInfo(self.body, j, client) for j in range(bullet.getNumJoints(self.body, client))]
         names = [i[1].decode() for i in info]
         self.arm = [_index(names, name, "robot.joints") for name in config.joints]
@@ -179,8 +179,8 @@ class Robot:
         return list(range(-1, self.arm[0]))
 
 
-def load(config: RobotConfig, client: int, visuals: bool, flags: int = 0, magnet: bool = False) -> int:
-    """The URDF as a body of the client, its base fixed. Raises ConfigError where it does not load."""
+def load(config: RobotConfig, client: int, *, visuals: bool, flags: int = 0, magnet: bool = False) -> int:
+    """Load the URDF as a body of the client, its base fixed. Raises ConfigError where it does not load."""
     path = simplified(urdf_path(config), (*config.joints, *config.fingers))
     if visuals:
         flags |= bullet.URDF_ENABLE_CACHED_GRAPHICS_SHAPES
@@ -229,7 +229,14 @@ def _read_kinematics(config: RobotConfig) -> Kinematics:
     frames[-1] = frames[-1] @ _transform(config.tip_offset, [0, 0, 0, 1])
     steps = [frames[0], *(np.linalg.inv(a) @ b for a, b in itertools.pairwise(frames))]
     low, high, axes = (np.array([info[j][field] for j in arm]) for field in (8, 9, 13))
-    return Kinematics(np.array(steps), axes, low, high, np.array(config.rest), config.position_first)
+    return Kinematics(
+        fixed=np.array(steps),
+        axes=axes,
+        low=low,
+        high=high,
+        rest=np.array(config.rest),
+        position_first=config.position_first,
+    )
 
 
 def _index(names: list[str], name: str, key: str) -> int:

@@ -1,4 +1,4 @@
-"""The pairs of near bodies that Bullet keeps from one physics step to the next."""
+"""One PyBullet simulation: its bodies, the beginning of episodes, and physics steps with the same bits for a seed."""
 
 from __future__ import annotations
 
@@ -27,75 +27,6 @@ from language import SEE_THROUGH
 # Bullet's own collision group and mask of what moves, and of what does not.
 MOVING_FILTER, FIXED_FILTER = (1, -1), (2, -3)
 CLEANED = 3  # steps within which Bullet takes a body at rest to be fixed; only then it looks for parted pairs
-
-
-class CollisionPairs:
-    """The pairs of the bodies that one PyBullet client has when this is made.
-
-    client: PyBullet's client. movable: the bodies whose base moves; links always do.
-    """
-
-    def __init__(self, client: int, movable: Collection[int]) -> None:
-        self._client = client
-        self._filters: list[tuple[int, int, int, int]] = []  # body, link, group and mask, in the order of creation
-        for body in range(bullet.getNumBodies(client)):
-            for link in range(BASE, bullet.getNumJoints(body, client)):
-                if bullet.getCollisionShapeData(body, link, client):
-                    moves = link != BASE or body in movable
-                    self._filters.append((body, link, *(MOVING_FILTER if moves else FIXED_FILTER)))
-
-    def forget(self) -> None:
-        """Drop all pairs, and the margins of the bounding boxes from which they follow; Bullet finds both again.
-
-        Bullet keeps a bounding box that a body has left only slightly, and a pair for some steps after its bodies have
-        parted. Both would carry one episode into the next, and the same seed would give other bits than in a fresh
-        world. Setting a collision filter, even to its present value, makes the box anew and drops all its pairs.
-
-        How many steps a parted pair is kept follows from Bullet's place in its list of pairs, which it remembers. A
-        list of one pair leads it back to the first place: the robot's base and its first link, which always touch.
-        """
-        for body, link, *_ in self._filters:
-            bullet.setCollisionFilterGroupMask(body, link, 0, 0, self._client)
-        for each in self._filters[:2]:
-            bullet.setCollisionFilterGroupMask(*each, self._client)
-        for _ in range(CLEANED):
-            bullet.performCollisionDetection(self._client)
-        for each in self._filters:
-            bullet.setCollisionFilterGroupMask(*each, self._client)
-
-
-class Stepper:
-    """Takes the physics steps of a client.
-
-    client: PyBullet's client. time_step: its time step between calls, seconds.
-    each: take every step in a call of its own, where something happens between steps: Bullet computes the damping of
-    joints once in a call, and a window draws once in a call.
-    """
-
-    def __init__(self, client: int, time_step: float, each: bool = False) -> None:
-        self._time_step, self._each = time_step, each
-        self.step = partial(bullet.stepSimulation, client)
-        self._set = partial(bullet.setPhysicsEngineParameter, physicsClientId=client)
-
-    def run(self, count: int) -> None:
-        """Take `count` physics steps, with the same bits as one call for each."""
-        if self._each or count < 3 or not _divides(self._time_step, count):
-            for _ in range(count):
-                self.step()
-        else:
-            self._set(fixedTimeStep=self._time_step * count, numSubSteps=count)
-            self.step()
-            # Forces of motors and constraints that are set from now on are for a single time step.
-            self._set(fixedTimeStep=self._time_step, numSubSteps=0)
-
-
-@cache
-def _divides(time_step: float, count: int) -> bool:
-    """Whether Bullet, which divides the total time by `count`, then takes steps of exactly this length, seconds."""
-    total = time_step * count
-    return total / count == time_step and int(total / time_step) == count
-
-
 SLEEP_STEPS = 3  # physics steps until a body that is put to sleep is asleep
 CONE = (1.0, 1.0, 1.0, SEE_THROUGH)  # RGBA of the cone along a pointing finger
 INVISIBLE = (0.0, 0.0, 0.0, 0.0)
@@ -141,6 +72,7 @@ class SimulatedWorld:
 
     def __init__(
         self,
+        *,
         robot: RobotConfig,
         workspace: WorkspaceConfig,
         physics: PhysicsConfig,
@@ -156,7 +88,7 @@ class SimulatedWorld:
         self._physics, self._workspace, self._visuals = physics, workspace, visuals or window is not None
         self._window = window
         try:
-            self._build(robot, gripper, objects, devices, holds, offers)
+            self._build(robot=robot, gripper=gripper, objects=objects, devices=devices, holds=holds, offers=offers)
             self._draw(True)
         except BaseException:
             self.close()
@@ -164,6 +96,7 @@ class SimulatedWorld:
 
     def _build(
         self,
+        *,
         robot: RobotConfig,
         gripper: GripperConfig | None,
         objects: PoolSpec,
@@ -171,7 +104,7 @@ class SimulatedWorld:
         holds: bool,
         offers: bool,
     ) -> None:
-        """Builds the bodies. Their order must not change: Bullet solves contacts in this order."""
+        """Build the bodies. Their order must not change: Bullet solves contacts in this order."""
         self._set_up_physics()
         name = gripper and gripper.of(robot)
         self.robot = Robot(robot, self.client, self._visuals, name == "magnet")
@@ -192,7 +125,14 @@ class SimulatedWorld:
         self.person = self._make_person()
         self._renderer = Renderer(self.client)
         drawn = self._renderer if self._visuals else None
-        self._shown = ShownObjects(self.pool, self.devices, self.furniture, drawn, self.client, self.palm)
+        self._shown = ShownObjects(
+            pool=self.pool,
+            devices=self.devices,
+            furniture=self.furniture,
+            renderer=drawn,
+            client=self.client,
+            palm=self.palm,
+        )
 
     def _set_up_physics(self) -> None:
         bullet.setAdditionalSearchPath(pybullet_data.getDataPath(), self.client)
@@ -220,6 +160,7 @@ class SimulatedWorld:
 
     def reset(
         self,
+        *,
         joints: Sequence[float],
         opening: float,
         nouns: Sequence[int],
@@ -251,7 +192,15 @@ class SimulatedWorld:
         if self._visuals:
             self._renderer.clear()
             self.show_finger(False)
-        self._shown.show(nouns, mobilities, positions, yaw, colors.tolist(), resting, shares)
+        self._shown.show(
+            nouns=nouns,
+            mobilities=mobilities,
+            positions=positions,
+            yaw=yaw,
+            colors=colors.tolist(),
+            resting=resting,
+            shares=shares,
+        )
         self._pairs.forget()
         if self.palm and isinstance(self.person, Body):
             self.person.offer(self.palm.place)
@@ -367,3 +316,73 @@ class SimulatedWorld:
         elif self.client >= 0:
             bullet.disconnect(self.client)
         self.client = -1
+
+
+# ---- physics steps, and what Bullet keeps from one to the next
+
+
+class Stepper:
+    """Takes the physics steps of a client.
+
+    client: PyBullet's client. time_step: its time step between calls, seconds.
+    each: take every step in a call of its own, where something happens between steps: Bullet computes the damping of
+    joints once in a call, and a window draws once in a call.
+    """
+
+    def __init__(self, client: int, time_step: float, each: bool = False) -> None:
+        self._time_step, self._each = time_step, each
+        self.step = partial(bullet.stepSimulation, client)
+        self._set = partial(bullet.setPhysicsEngineParameter, physicsClientId=client)
+
+    def run(self, count: int) -> None:
+        """Take `count` physics steps, with the same bits as one call for each."""
+        if self._each or count < 3 or not _divides(self._time_step, count):
+            for _ in range(count):
+                self.step()
+        else:
+            self._set(fixedTimeStep=self._time_step * count, numSubSteps=count)
+            self.step()
+            # Forces of motors and constraints that are set from now on are for a single time step.
+            self._set(fixedTimeStep=self._time_step, numSubSteps=0)
+
+
+@cache
+def _divides(time_step: float, count: int) -> bool:
+    """Whether Bullet, which divides the total time by `count`, then takes steps of exactly this length, seconds."""
+    total = time_step * count
+    return total / count == time_step and int(total / time_step) == count
+
+
+class CollisionPairs:
+    """The pairs of the bodies that one PyBullet client has when this is made.
+
+    client: PyBullet's client. movable: the bodies whose base moves; links always do.
+    """
+
+    def __init__(self, client: int, movable: Collection[int]) -> None:
+        self._client = client
+        self._filters: list[tuple[int, int, int, int]] = []  # body, link, group and mask, in the order of creation
+        for body in range(bullet.getNumBodies(client)):
+            for link in range(BASE, bullet.getNumJoints(body, client)):
+                if bullet.getCollisionShapeData(body, link, client):
+                    moves = link != BASE or body in movable
+                    self._filters.append((body, link, *(MOVING_FILTER if moves else FIXED_FILTER)))
+
+    def forget(self) -> None:
+        """Drop all pairs, and the margins of the bounding boxes from which they follow; Bullet finds both again.
+
+        Bullet keeps a bounding box that a body has left only slightly, and a pair for some steps after its bodies have
+        parted. Both would carry one episode into the next, and the same seed would give other bits than in a fresh
+        world. Setting a collision filter, even to its present value, makes the box anew and drops all its pairs.
+
+        How many steps a parted pair is kept follows from Bullet's place in its list of pairs, which it remembers. A
+        list of one pair leads it back to the first place: the robot's base and its first link, which always touch.
+        """
+        for body, link, *_ in self._filters:
+            bullet.setCollisionFilterGroupMask(body, link, 0, 0, self._client)
+        for each in self._filters[:2]:
+            bullet.setCollisionFilterGroupMask(*each, self._client)
+        for _ in range(CLEANED):
+            bullet.performCollisionDetection(self._client)
+        for each in self._filters:
+            bullet.setCollisionFilterGroupMask(*each, self._client)

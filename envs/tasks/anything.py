@@ -132,7 +132,13 @@ class Anything(RoomScenes):
         self._sampler.failures[:] = [state.get(verb, 1.0) for verb in self.verbs]
 
     def next_instruction(
-        self, scene: Scene, held: int, rng: Generator, moved: Array | None = None, last: GivenInstruction | None = None
+        self,
+        scene: Scene,
+        held: int,
+        rng: Generator,
+        *,
+        moved: Array | None = None,
+        last: GivenInstruction | None = None,
     ) -> GivenInstruction | None:
         """Draw an instruction that is feasible in the scene as it is: first its verb, then its referent and target.
 
@@ -166,7 +172,8 @@ class Anything(RoomScenes):
     def _instruction(self, scene: Scene, option: Option, rng: Generator) -> GivenInstruction:
         """Say a feasible instruction in words."""
         verb, referent, target = option
-        sentence, _ = self._sentences.instruct(verb, scene, referent, None if verb == HANDING else target, rng)
+        named = None if verb == HANDING else target
+        sentence, _ = self._sentences.instruct(verb, scene, referent=referent, target=named, rng=rng)
         return GivenInstruction(
             kind=self.verbs.index(verb),
             referent=referent,
@@ -197,7 +204,8 @@ class Anything(RoomScenes):
             start = GripperStart(self._elsewhere_offset(room, option.referent, rng), held=False)
         elif chance < curriculum.near + curriculum.held and option.verb in CARRY:
             config = self.config
-            held = lifted(placed.scene, option.referent, None, self._area, config.object_size, config.spacing, rng)
+            size, spacing = config.object_size, config.spacing
+            held = lifted(placed.scene, option.referent, None, area=self._area, size=size, spacing=spacing, rng=rng)
             after = None if held is None else self.room(held, room.moved)
             if after is not None and option in self._sayable(after, option.referent, option.verb):
                 placed, room = placed._replace(scene=after.scene), after

@@ -144,9 +144,10 @@ class Rearrange(PickAndPlace):
     def seen(self, state: State) -> Array:
         slots, size = np.arange(state.shown.shape[1]), self.config.object_size
         free = state.movable & (slots != state.held[:, None])
-        ways = state.gripper[:, :2], state.objects[..., :2]
         others = free[:, None] & (slots != slots[:, None])
-        height = state.gripper[:, 2:] - tops_on_the_way(state.objects, others, *ways, size)
+        height = state.gripper[:, 2:] - tops_on_the_way(
+            state.objects, others, starts=state.gripper[:, :2], ends=state.objects[..., :2], size=size
+        )
         marked = (slots == state.referent[:, None]) & (not self.traits.speaks)
         flags = marked, _is_in_the_air(state.objects, free, size), height, height - CLEARANCE - size / 2
         offset = state.objects - state.gripper[:, None] + [0.0, 0.0, size / 2]
@@ -196,7 +197,7 @@ class Rearrange(PickAndPlace):
         colors = rng.integers(len(COLORS), size=len(places))
         nouns = np.full(len(places), list(NOUNS).index("cube"))
         targets = np.arange(len(places)) >= count
-        return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
+        return Scene.from_arrays(nouns, colors, places, config.object_size, targets=targets, viewpoint=config.viewpoint)
 
     def _draw(self, rng: Generator) -> EpisodeSpec:
         """Draw as in other tasks, but some objects are only to be taken up: their target is over them, in the air."""

@@ -83,7 +83,7 @@ class HandOver(PickAndPlace):
         """Draw loose objects, and the hand as the last one."""
         config = self.config
         count = self._draw_count(rng) - 1
-        loose = scatter(rng, count, self._area, config.spacing, config.object_size / 2)
+        loose = scatter(rng, count, area=self._area, spacing=config.spacing, height=config.object_size / 2)
         nouns = np.append(self._nouns[rng.integers(len(self._nouns), size=count)], HAND_NUMBER)
         colors = np.append(rng.integers(len(COLORS), size=count), HAND_COLOR)
         places = np.concatenate((np.reshape(loose, (-1, 3)), rng.uniform(self._region[0], self._region[1])[None]))

@@ -219,15 +219,16 @@ class NLReachGesture(ReachGesture):
         scene = self._groups(SAID[kind], rng)
         seen = visibility(self._person.eyes, scene.positions, self.config.object_size)[:2]
         sentence = self._sentences.write(Instruction("reach", self._phrase(scene, kind, rng)), rng)
-        return self._shown(scene, kind, sentence, int(rng.choice(2, p=seen / seen.sum())), rng)
+        referent = int(rng.choice(2, p=seen / seen.sum()))
+        return self._shown(scene, kind=kind, sentence=sentence, referent=referent, rng=rng)
 
     def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
         kind = self.config.kinds[rng.integers(len(self.config.kinds))]
         scene = self._groups(SAID[kind], rng)
         sentence = self._sentences.write(Instruction("reach", self._phrase(scene, kind, rng)), rng)
-        return [self._shown(scene, kind, sentence, referent, rng) for referent in range(2)]
+        return [self._shown(scene, kind=kind, sentence=sentence, referent=one, rng=rng) for one in range(2)]
 
-    def _shown(self, scene: Scene, kind: str, sentence: str, referent: int, rng: Generator) -> EpisodeSpec:
+    def _shown(self, scene: Scene, *, kind: str, sentence: str, referent: int, rng: Generator) -> EpisodeSpec:
         """Return the episode with a gesture at the referent. kind: of the sentence."""
         gesture, number = self._person.show(scene.positions[referent], rng), self.kind_names.index(kind)
         return self._episode(unfixed(scene), referent=referent, kind=number, sentence=sentence, gesture=gesture)
@@ -252,7 +253,7 @@ class NLReachGesture(ReachGesture):
         while (same := self._same(looks, said)).any():
             fresh = np.stack((rng.integers(len(SHAPES), size=count), rng.integers(len(COLORS), size=count)), axis=1)
             looks[2:][same] = fresh[2:][same]
-        places = groups(rng, count, self._area, config.spacing, config.object_size / 2)
+        places = groups(rng, count, area=self._area, spacing=config.spacing, height=config.object_size / 2)
         nouns, colors = looks.T
         return Scene.from_arrays(nouns, colors, places, size=config.object_size, viewpoint=config.viewpoint)
 

@@ -148,7 +148,7 @@ class Sort(PickAndPlace):
         nouns = self._nouns[rng.integers(len(self._nouns), size=count + 1)]
         targets = np.arange(count + 1) == count
         places = self._places_around(count, rng)
-        return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
+        return Scene.from_arrays(nouns, colors, places, config.object_size, targets=targets, viewpoint=config.viewpoint)
 
     def _places_around(self, count: int, rng: Generator) -> Array:
         """(count + 1, 3) where objects stand, and the marked place, which has spots for all that are alike; metres."""
@@ -205,7 +205,13 @@ class Sort(PickAndPlace):
         return replace(episode, heard=heard, target=target, goals=self._possible_goals(placed))
 
     def next_instruction(
-        self, scene: Scene, held: int, rng: Generator, moved: Array | None = None, last: GivenInstruction | None = None
+        self,
+        scene: Scene,
+        held: int,
+        rng: Generator,
+        *,
+        moved: Array | None = None,
+        last: GivenInstruction | None = None,
     ) -> GivenInstruction | None:
         """Return the step for another object of the colour of the last one, which is not at the marked place yet."""
         assert last is not None

@@ -20,9 +20,9 @@ class AchievedGoal(NamedTuple):
 
 
 def find_achieved_goal(
-    moments: State, moved: float, still: float, radius: float, rng: Generator
+    moments: State, *, moved: float, still: float, radius: float, rng: Generator
 ) -> AchievedGoal | None:
-    """The object that was moved first, and a target where it came to rest; None if that is the original goal.
+    """Return the object that was moved first, and a target where it came to rest; None if that is the original goal.
 
     A target that stands there already is kept; otherwise a random one is moved there, at its own height: no episode
     has a target in the air.
@@ -41,7 +41,7 @@ def find_achieved_goal(
     targets = np.flatnonzero(moments.goals[0])
     if not len(targets):
         return AchievedGoal(referent, None, places) if other else None
-    place = moments.objects[_when(moments, referent, gone, still, rng), referent]
+    place = moments.objects[_when(moments, referent, gone, still=still, rng=rng), referent]
     near = _lengths(places[targets] - place)
     if near.min() <= radius:
         target = int(targets[near.argmin()])
@@ -63,7 +63,7 @@ def _gone(moments: State, moved: float) -> NDArray[np.bool_]:
     return _lengths(moments.objects - moments.objects[0]) > moved
 
 
-def _when(moments: State, referent: int, gone: NDArray[np.bool_], still: float, rng: Generator) -> int:
+def _when(moments: State, referent: int, gone: NDArray[np.bool_], *, still: float, rng: Generator) -> int:
     """A random step after the object had been moved; one at rest and released if there is any.
 
     This is the strategy "future" of hindsight experience replay, Andrychowicz et al. 2017 (arXiv:1707.01495).

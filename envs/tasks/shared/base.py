@@ -247,6 +247,7 @@ class Task(ABC):
         scene: Scene,
         held: int,
         rng: Generator,
+        *,
         moved: NDArray[np.float64] | None = None,
         last: GivenInstruction | None = None,
     ) -> GivenInstruction | None:
@@ -347,10 +348,10 @@ class Task(ABC):
         if self.fittings is not None:
             return self.fittings.draw_scene(count, self._area, self._nouns, rng)
         count += config.num_targets
-        places = scatter(rng, count, self._area, config.spacing, config.object_size / 2)
+        places = scatter(rng, count, area=self._area, spacing=config.spacing, height=config.object_size / 2)
         nouns, colors = self._nouns[rng.integers(len(self._nouns), size=count)], rng.integers(len(COLORS), size=count)
         targets = np.arange(count) >= count - config.num_targets
-        return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
+        return Scene.from_arrays(nouns, colors, places, config.object_size, targets=targets, viewpoint=config.viewpoint)
 
     def _draw_count(self, rng: Generator) -> int:
         """Draw how many real objects a scene has. A number that is always the same takes nothing from `rng`."""

@@ -141,7 +141,7 @@ class SceneFittings:
             rng: of the draws.
         """
         config, loose = self._config, count - len(FITTINGS)
-        drawn = scatter(rng, loose, area, config.spacing, config.object_size / 2)
+        drawn = scatter(rng, loose, area=area, spacing=config.spacing, height=config.object_size / 2)
         handles = self.draw_handles(rng)
         numbers = np.concatenate((nouns[rng.integers(len(nouns), size=loose)], list(self.by_noun)))
         colors = rng.integers(len(COLORS), size=len(numbers))

@@ -1,4 +1,4 @@
-"""Distances and straight paths over the table, and places for a held object."""
+"""Distances and straight paths over the table, and places for objects and for a held object."""
 
 from __future__ import annotations
 
@@ -20,6 +20,9 @@ AIR = 0.15  # greatest height above the table at which a held object begins, met
 EDGE = 0.005  # metres about the border of a target within which an object counts in part
 WAY = 1.7  # width of the path that must be free, in widths of an object: the held object and a margin
 TRIES = 20  # places drawn at most for a held object
+LAYOUT_TRIES = 200
+GROUP = 0.06  # metres from a group's middle to its farthest centres
+APART = 0.25  # metres at least between the middles of two groups
 
 
 def length(vectors: Array) -> Array:
@@ -50,7 +53,7 @@ def distance_to_segment(places: Array, starts: Array, ends: Array) -> Array:
     return length(offset - np.clip(along, 0.0, 1.0)[..., None] * way)
 
 
-def tops_on_the_way(places: Array, which: NDArray[np.bool_], starts: Array, ends: Array, size: float) -> Array:
+def tops_on_the_way(places: Array, which: NDArray[np.bool_], *, starts: Array, ends: Array, size: float) -> Array:
     """(N, M) height of the tops of objects on the straight paths to `ends`, metres; 0 where there are none.
 
     Args:
@@ -81,10 +84,20 @@ def share_at_goal(state: State, radius: float) -> Array:
     return np.clip((radius + EDGE - np.where(pairs, apart, np.inf).min(2)) / (2 * EDGE), 0.0, 1.0)
 
 
+# ---- places for a held object
+
+
 def lifted(
-    scene: Scene, referent: int, target: int | None, area: Sequence[float], size: float, spacing: float, rng: Generator
+    scene: Scene,
+    referent: int,
+    target: int | None,
+    *,
+    area: Sequence[float],
+    size: float,
+    spacing: float,
+    rng: Generator,
 ) -> Scene | None:
-    """The scene with the referent in the air, away from all other objects.
+    """Return the scene with the referent in the air, away from all other objects.
 
     The place lies on a line from a random place above the table to the target.
 
@@ -134,13 +147,11 @@ def with_object_at(scene: Scene, index: int, place: NDArray[np.float64]) -> Scen
     return scene.moved(positions)
 
 
-LAYOUT_TRIES = 200
-GROUP = 0.06  # metres from a group's middle to its farthest centres
-APART = 0.25  # metres at least between the middles of two groups
+# ---- places for the objects of a scene
 
 
 def scatter(
-    rng: Generator, count: int, area: Sequence[float], spacing: float, height: float
+    rng: Generator, count: int, *, area: Sequence[float], spacing: float, height: float
 ) -> list[tuple[float, float, float]]:
     """`count` places in area (x0, x1, y0, y1), no two centres nearer than spacing; metres.
 
@@ -155,7 +166,7 @@ def scatter(
 
 
 def groups(
-    rng: Generator, count: int, area: Sequence[float], spacing: float, height: float
+    rng: Generator, count: int, *, area: Sequence[float], spacing: float, height: float
 ) -> list[tuple[float, float, float]]:
     """`count` places in two groups that stand apart: even numbers in one, odd ones in the other; else as `scatter`."""
     x0, x1, y0, y1 = area
@@ -164,7 +175,10 @@ def groups(
         if math.dist(one, other) < APART:
             continue
         sizes = ((count + 1) // 2, count // 2)
-        members = [_around(rng, middle, size, area, spacing) for middle, size in zip((one, other), sizes, strict=True)]
+        members = [
+            _around(rng, middle, size, area=area, spacing=spacing)
+            for middle, size in zip((one, other), sizes, strict=True)
+        ]
         if all(members):
             places = [members[k % 2][k // 2] for k in range(count)]
             return [(x, y, height) for x, y in places]
@@ -175,7 +189,7 @@ def groups(
 
 
 def _around(
-    rng: Generator, middle: Sequence[float], count: int, area: Sequence[float], spacing: float
+    rng: Generator, middle: Sequence[float], count: int, *, area: Sequence[float], spacing: float
 ) -> list[tuple[float, float]]:
     """`count` places around a middle; empty if too few of the candidates fit."""
     x0, x1, y0, y1 = area

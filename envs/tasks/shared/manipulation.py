@@ -192,7 +192,8 @@ class Manipulation(Task):
         """
         if self.fittings is not None:
             return None
-        achieved = find_achieved_goal(moments, self.disturbed, STILL, self.config.success_radius, rng)
+        radius = self.config.success_radius
+        achieved = find_achieved_goal(moments, moved=self.disturbed, still=STILL, radius=radius, rng=rng)
         if achieved is None:
             return None
         scene = placed.scene.moved(achieved.places)
@@ -235,7 +236,7 @@ class Manipulation(Task):
 
     def _sentence(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> tuple[str, Instruction]:
         """Return a sentence for these objects, and its instruction."""
-        return self._sentences.instruct(self.verb, scene, referent, target, rng)
+        return self._sentences.instruct(self.verb, scene, referent=referent, target=target, rng=rng)
 
     def _placed(self, rng: Generator) -> Placed:
         for _ in range(SCENES):
@@ -308,7 +309,8 @@ class Manipulation(Task):
     def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
         """Return the scene with the referent where the gripper holds it; None if no free place was found."""
         config = self.config
-        return lifted(scene, referent, target, self._area, config.object_size, config.spacing, rng)
+        size, spacing = config.object_size, config.spacing
+        return lifted(scene, referent, target, area=self._area, size=size, spacing=spacing, rng=rng)
 
 
 # ---- shared with the task that draws its verb

@@ -157,7 +157,7 @@ class RoomScenes(Task):
         placed, count = self._placed(rng), self.config.devices
         if not count:
             return placed, self.room(placed.scene)
-        placed, gone = draw_devices(placed, count, self._device_area, self.device_width, rng)
+        placed, gone = draw_devices(placed, count, area=self._device_area, width=self.device_width, rng=rng)
         if self.config.hand:
             placed, gone = with_hand(placed, rng.uniform(self._palms[0], self._palms[1])), np.append(gone, 0.0)
         return placed, self.room(placed.scene, gone)
@@ -166,7 +166,11 @@ class RoomScenes(Task):
         """Draw loose objects, targets and fittings. The first objects may lie in fittings, the next one on the last."""
         config = self.config
         count = self._draw_count(rng) - len(FITTINGS) - config.devices - config.hand
-        places = np.array(scatter(rng, count + config.num_targets, self._area, config.spacing, config.object_size / 2))
+        places = np.array(
+            scatter(
+                rng, count + config.num_targets, area=self._area, spacing=config.spacing, height=config.object_size / 2
+            )
+        )
         fitting_nouns, handles = list(self.fittings.by_noun), self.fittings.draw_handles(rng)
         stored = np.flatnonzero(rng.random(len(handles)) < STORED)[: max(count - LEAST_ON_TABLE, 0)]
         places[: len(stored)] = self.fittings.middles(np.array(fitting_nouns)[stored], handles[stored])
@@ -176,7 +180,7 @@ class RoomScenes(Task):
         targets = (np.arange(len(nouns)) >= count) & (np.arange(len(nouns)) < len(places))
         places = np.concatenate((places, handles))
         colors = rng.integers(len(COLORS), size=len(nouns))
-        return Scene.from_arrays(nouns, colors, places, config.object_size, targets, config.viewpoint)
+        return Scene.from_arrays(nouns, colors, places, config.object_size, targets=targets, viewpoint=config.viewpoint)
 
     def _elsewhere_offset(self, room: Room, referent: int, rng: Generator) -> Array:
         """(3,) metres from where the gripper would hold the referent to where it begins: over another object, as if
@@ -202,7 +206,7 @@ def most_devices(count: int) -> tuple[str, ...]:
 
 
 def draw_devices(
-    placed: Placed, count: int, area: Sequence[float], width: float, rng: Generator
+    placed: Placed, count: int, *, area: Sequence[float], width: float, rng: Generator
 ) -> tuple[Placed, Array]:
     """Add devices behind the other objects, and (K,) how far each is moved, in shares of its way.
 

@@ -62,7 +62,7 @@ class SentenceWriter:
         return self._describer.describe(scene, referent, rng)
 
     def instruct(
-        self, verb: str, scene: Scene, referent: int, target: int | None, rng: Generator
+        self, verb: str, scene: Scene, *, referent: int, target: int | None, rng: Generator
     ) -> tuple[str, Instruction]:
         """Return a sentence of at most MAX_WORDS for these objects of the scene, and its instruction."""
         for _ in range(PHRASE_TRIES):

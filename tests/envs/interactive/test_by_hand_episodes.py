@@ -57,7 +57,7 @@ def test_the_chosen_object_is_reached(env):
     places = next_positions(env, 3)
     script = [key for k in range(3) for key in [*keys_to(env, places[k][k]), "enter", "enter"]]
     display = RecordingDisplay()
-    results = run_by_hand(env, Oracle(env), 3, ScriptedKeys(script), display, real_time=False)
+    results = run_by_hand(env, Oracle(env), 3, keys=ScriptedKeys(script), display=display, real_time=False)
     assert [each.ending for each in results] == ["success"] * 3
     assert display.beam is None
     assert all(f"meant: {each.referent}" in [line for page in display.pages for line in page] for each in results)

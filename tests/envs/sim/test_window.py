@@ -31,7 +31,7 @@ class PrintingDisplay(WindowDisplay):
 env = ByHandEnv(read_env(compose(["task=reach_gesture", "gesture.frames=3"])), seed=0)
 keys, _ = env.user_interface()
 # A window is always client 0 of PyBullet.
-print("results", run_by_hand(env, Oracle(env), 5, keys, PrintingDisplay(0)), flush=True)
+print("results", run_by_hand(env, Oracle(env), 5, keys=keys, display=PrintingDisplay(0)), flush=True)
 env.close()
 """
 

@@ -111,7 +111,7 @@ def test_without_listed_objects_the_draws_are_unchanged():
     for _ in range(20):
         scene = task._placed(one).scene
         count = int(other.integers(2, 6))
-        places = scatter(other, count, task._area, task.config.spacing, task.config.object_size / 2)
+        places = scatter(other, count, area=task._area, spacing=task.config.spacing, height=task.config.object_size / 2)
         nouns, colors = other.integers(len(SHAPES), size=count), other.integers(len(COLORS), size=count)
         assert tuple(scene) == tuple(Scene.from_arrays(nouns, colors, places, size=task.config.object_size))
         assert one.bit_generator.state == other.bit_generator.state
