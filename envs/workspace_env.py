@@ -133,6 +133,11 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return self.task.kind_names
 
     @property
+    def readers(self) -> dict[str | tuple[str, ...], str]:
+        """Which network reads which observation, as `ObservationTerm.reader` declares it, by key."""
+        return self._observer.readers
+
+    @property
     def reward_names(self) -> tuple[str, ...]:
         """The columns of reward_terms."""
         return self.task.terms

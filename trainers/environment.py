@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import torch
-from tensordict import TensorDictBase
+from tensordict import NestedKey, TensorDictBase
 from torch import Tensor
 from torchrl.data import Composite, TensorSpec
 
@@ -14,8 +14,22 @@ from torchrl.data import Composite, TensorSpec
 Relabel = Callable[[Sequence[TensorDictBase], int], Sequence[TensorDictBase]]
 
 
-class Tokenizer(Protocol):
-    """The vocabulary of instructions."""
+# The readers of an environment that does not declare them. Those of its keys that it does not observe are left out.
+DEFAULT_READERS: dict[NestedKey, str] = {
+    "robot": "actor",
+    "objects": "scene",
+    "objects_mask": "scene",
+    "objects_near": "actor",
+    "instruction": "scene",
+    "gesture": "scene",
+    "stage": "actor",
+    ("privileged", "goal"): "critic",
+}
+Readers = Mapping[NestedKey, str]  # key of an observation -> "scene", "actor" or "critic"
+
+
+class HasVocabulary(Protocol):
+    """The words that instructions are made of."""
 
     @property
     def vocabulary(self) -> Sequence[str]: ...
@@ -32,6 +46,10 @@ class TrainingEnv(Protocol):
     in also observe "privileged/expert_action" (N, A), an expert's action. An exception that `step` raises may have an
     attribute `frame` (N,), the input of the step, which the run then saves.
 
+    An environment may have an attribute `readers`: by the key of an observation, the network that reads it; without it,
+    `DEFAULT_READERS` holds. "scene": the encoder of words and scene; "actor": the actor, and the critics too; "critic":
+    the critics alone. Keys beyond those above need finite bounds: they are normalised, and are further inputs.
+
     Attributes:
         action_unit: (A,), the action that moves the arm as far as it gets in one control step.
         reward_names: names of the columns of "reward_terms".
@@ -43,7 +61,7 @@ class TrainingEnv(Protocol):
     batch_size: torch.Size
     reward_names: Sequence[str]
     kind_names: Sequence[str]
-    tokenizer: Tokenizer
+    tokenizer: HasVocabulary
 
     @property
     def action_unit(self) -> Sequence[float]: ...
@@ -88,3 +106,23 @@ class TrainingEnv(Protocol):
 
     def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> Sequence[TensorDictBase]:
         """Those of the episodes (T,) that achieved another goal, relabelled with it (HER)."""
+
+
+def readers_of(env: Any) -> Readers:
+    """Return the network that reads each observation of an environment."""
+    readers: Readers = getattr(env, "readers", DEFAULT_READERS)
+    return readers
+
+
+def keys_read(readers: Readers, reader: str, observation_spec: Composite, further: bool = False) -> list[NestedKey]:
+    """Return the keys of an environment's observations that one network reads, in the order of their declaration.
+
+    Args:
+        readers: by key.
+        reader: "scene", "actor" or "critic".
+        observation_spec: of the environment.
+        further: only those that `DEFAULT_READERS` lacks, which have no meaning of their own for a network.
+    """
+    observed = set(observation_spec.keys(include_nested=True))
+    keys = [key for key, each in readers.items() if each == reader and key in observed]
+    return [key for key in keys if key not in DEFAULT_READERS] if further else keys

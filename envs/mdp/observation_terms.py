@@ -1,4 +1,4 @@
-"""The declaration of one observation: its spec, its computation, and who may see it."""
+"""The declaration of one observation: its spec, its computation, who may see it, and which network reads it."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ from envs.sim.robot import RobotConfig
 from envs.sim.workspace import WorkspaceConfig
 from envs.tasks import State, Task
 from language import Tokenizer
+
+READERS = ("scene", "actor", "critic", None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +71,14 @@ def always(task: Task) -> bool:
 class ObservationTerm:
     """One observation. Its key begins with "privileged/" where policies must not see it.
 
+    Its reader is the network that has it as an input:
+
+    * "scene": the encoder of words and scene. An observation of shape (K, F) adds F columns to the rows of the slots;
+      one of shape (F,) is repeated in each row. It is 0 in drawn scenes, unless `SceneSampler` knows it.
+    * "actor": the actor, and the critics too.
+    * "critic": the critics alone. A privileged one is read with `policy.privileged_critic` only.
+    * None: no network.
+
     Everything else follows from the list of terms: the specs of TorchRL and Gymnasium, recordings (every public key is
     recorded), checkpoints (which store the shapes of public keys), checks for finite values, and docs/reference.
 
@@ -81,6 +91,10 @@ class ObservationTerm:
         goal: whether it depends on the goal of the episode. It is then computed from a `GoalSource` alone, and again
             where an episode is relabelled.
         gymnasium: whether the Gymnasium environment shows it.
+        reader: "scene", "actor", "critic" or None.
+
+    Raises:
+        ValueError: the reader is none of these, or a policy that may not see the observation.
     """
 
     key: str
@@ -90,6 +104,13 @@ class ObservationTerm:
     present: Callable[[Task], bool] = always
     goal: bool = False
     gymnasium: bool = False
+    reader: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.reader not in READERS:
+            raise ValueError(f"observation {self.key}: reader={self.reader!r} must be one of {READERS}")
+        if self.reader in ("scene", "actor") and len(self.path) > 1:
+            raise ValueError(f"observation {self.key}: reader={self.reader!r} may not see what is privileged")
 
     @property
     def path(self) -> tuple[str, ...]:
@@ -119,6 +140,12 @@ class Observer:
             one = self._specs[term.key]
             spec[term.path] = one.expand(num_worlds, *one.shape)
         return spec
+
+    @property
+    def readers(self) -> dict[str | tuple[str, ...], str]:
+        """The network that reads each observation which has one, by its key as TensorDicts take it."""
+        keys = {term.path if len(term.path) > 1 else term.key: term.reader for term in self.terms}
+        return {key: reader for key, reader in keys.items() if reader is not None}
 
     def shape(self, key: str) -> torch.Size:
         """The shape of one world's values."""

@@ -150,6 +150,7 @@ OBSERVATIONS = (
         spec=_robot_spec,
         compute=_robot,
         gymnasium=True,
+        reader="actor",
     ),
     ObservationTerm(
         "objects",
@@ -160,6 +161,7 @@ OBSERVATIONS = (
         spec=_objects_spec,
         compute=_objects,
         gymnasium=True,
+        reader="scene",
     ),
     ObservationTerm(
         "objects_mask",
@@ -167,6 +169,7 @@ OBSERVATIONS = (
         spec=_flag_each_slot,
         compute=lambda source: source.state.shown,
         gymnasium=True,
+        reader="scene",
     ),
     ObservationTerm(
         "objects_near",
@@ -175,6 +178,7 @@ OBSERVATIONS = (
         spec=lambda setup: Bounded(0, 1, shape=(setup.task.config.slots,), dtype=torch.float32),
         compute=lambda source: _nearness(source.state),
         present=lambda task: task.traits.moves,
+        reader="actor",
     ),
     ObservationTerm(
         "instruction",
@@ -184,6 +188,7 @@ OBSERVATIONS = (
         ),
         compute=lambda source: source.worlds.instruction,
         gymnasium=True,
+        reader="scene",
     ),
     ObservationTerm(
         "gesture",
@@ -193,6 +198,7 @@ OBSERVATIONS = (
         compute=lambda source: source.gestures.rays,
         present=lambda task: task.points,
         gymnasium=True,
+        reader="scene",
     ),
     ObservationTerm(
         "stage",
@@ -202,6 +208,7 @@ OBSERVATIONS = (
         compute=lambda source: source.task.stage(source.state),
         present=lambda task: task.stages > 1,
         goal=True,
+        reader="actor",
     ),
     ObservationTerm(
         "hold",
@@ -240,6 +247,7 @@ OBSERVATIONS = (
         spec=_goal_spec,
         compute=_goal,
         goal=True,
+        reader="critic",
     ),
     ObservationTerm(
         "privileged/kind",
@@ -308,7 +316,8 @@ class SceneSampler:
 
         Returns:
             (count,) objects, objects_mask, instruction, privileged/referent; where there are targets,
-            privileged/target; where there are several verbs, privileged/verb; where a person points, gesture.
+            privileged/target; where there are several verbs, privileged/verb; where a person points, gesture. Other
+            observations of the scene are 0.
         """
         task, rng = self._setup.task, np.random.default_rng(seed)
         slots, width = self._observer.shape("objects")
@@ -338,6 +347,9 @@ class SceneSampler:
         values = {"objects": rows, "objects_mask": shown, "instruction": instructions}
         if task.points:
             values["gesture"] = rays
+        for term in self._observer.terms:
+            if term.reader == "scene" and term.key not in values:  # what only a simulation tells stays 0
+                values[term.key] = np.zeros((count, *self._observer.shape(term.key)))
         tensors = {key: self._observer.tensor(key, value) for key, value in values.items()}
         referents, targets, kinds = (torch.from_numpy(numbers.copy()) for numbers in goals.T)
         privileged = {"referent": referents} | ({"target": targets} if task.traits.places else {})

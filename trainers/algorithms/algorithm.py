@@ -20,8 +20,8 @@ from torchrl.data import Composite, LazyTensorStorage, ReplayBuffer, TensorDictR
 from core.errors import ConfigError, RunError
 from trainers.algorithms.settings import PACKAGE, AlgorithmConfig
 from trainers.config import TrainingConfig
-from trainers.environment import Relabel
-from trainers.models.critics import Specs
+from trainers.environment import DEFAULT_READERS, Readers, Relabel
+from trainers.models.critics import CriticBuilder
 from trainers.models.grounding import grounding_loss
 from trainers.models.policy import ExpertMixture, MoveBounds, Policy, build_policy
 
@@ -39,6 +39,7 @@ def build_algorithm(
     action_unit: Sequence[float],
     vocabulary: Sequence[str] = (),
     relabel: Relabel | None = None,
+    readers: Readers = DEFAULT_READERS,
 ) -> tuple[Policy, Algorithm]:
     """Networks on run.device and the algorithm that trains them.
 
@@ -48,14 +49,15 @@ def build_algorithm(
         action_unit: of the environment.
         vocabulary: the tokenizer's words, which only policy.encoder=sentence reads.
         relabel: the environment's `hindsight`, which only off-policy algorithms use.
+        readers: which network reads which observation.
     """
     device = find_device(training.run.device)
     bounds = MoveBounds(squash=training.algo.squashes, clip=training.algo.clips)
-    policy = build_policy(training.policy, observation_spec, action_unit, bounds, vocabulary).to(device)
-    specs = Specs(training.policy, observation_spec, device, relabel)
+    policy = build_policy(training.policy, observation_spec, action_unit, bounds, vocabulary, readers).to(device)
+    critics = CriticBuilder(training.policy, policy, observation_spec, device, readers)
     module, _, name = training.algo.algorithm.rpartition(".")
     cls: type[Algorithm] = getattr(import_module(f"{PACKAGE}.{module}"), name)
-    return policy, cls.build(training.algo, policy, specs)
+    return policy, cls.build(training.algo, policy, critics, relabel)
 
 
 def find_device(name: str) -> torch.device:
@@ -89,13 +91,14 @@ class Algorithm(ABC):
 
     @classmethod
     @abstractmethod
-    def build(cls, config: Any, policy: Policy, specs: Specs) -> Algorithm:
+    def build(cls, config: Any, policy: Policy, critics: CriticBuilder, relabel: Relabel | None) -> Algorithm:
         """The algorithm that trains this policy, with critics of its own.
 
         Args:
             config: of the class that was registered for this algorithm.
             policy: on the device of the updates.
-            specs: builds the critics.
+            critics: builds its critics.
+            relabel: the environment's `hindsight`; None: no relabelling.
         """
 
     @property
@@ -243,8 +246,9 @@ def with_slots(scenes: TensorDictBase, slots: int) -> TensorDictBase:
     missing = slots - scenes["objects"].shape[1]
     if missing <= 0:
         return scenes
-    rows = {"objects": (0, 0, 0, missing), "objects_mask": (0, missing)}
-    return scenes.copy().update({key: F.pad(scenes[key], padding) for key, padding in rows.items()})
+    padded = {key: F.pad(value, (0, 0, 0, missing)) for key, value in scenes.items() if value.dim() == 3}
+    padded["objects_mask"] = F.pad(scenes["objects_mask"], (0, missing))
+    return scenes.copy().update(padded)
 
 
 def first_steps(batch: TensorDictBase, starts: Tensor) -> Tensor:

@@ -17,7 +17,8 @@ from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 
 from trainers.algorithms.algorithm import GROUNDING_METRICS, Algorithm, averages, check_batch, descend, first_steps
 from trainers.algorithms.settings import BCConfig
-from trainers.models.critics import Specs
+from trainers.environment import Relabel
+from trainers.models.critics import CriticBuilder
 from trainers.models.policy import ExpertMixture, Policy, expert_move, parameters
 
 FULL = 0.95  # of the largest move, which labels have at most: that of 1 has no finite preimage
@@ -45,7 +46,7 @@ class BC(Algorithm):
                 log_std.fill_(math.log(config.std))
 
     @classmethod
-    def build(cls, config: BCConfig, policy: Policy, specs: Specs) -> BC:
+    def build(cls, config: BCConfig, policy: Policy, critics: CriticBuilder, relabel: Relabel | None) -> BC:
         return cls(config, policy)
 
     @property

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import torch
-from tensordict import TensorDictBase
+from tensordict import NestedKey, TensorDictBase
 from torch import Tensor
 from torchrl.data import ReplayBuffer
 
@@ -37,7 +37,7 @@ class OffPolicyAlgorithm(Algorithm):
     A subclass sets `optimizer` and defines `compute_losses` and, if it needs to, `after_step`.
 
     Args:
-        critic_key: the key that the critic reads beside robot and move.
+        critic_keys: the keys that the critic reads beside the move.
         relabel: the environment's `hindsight`; None: no relabelling.
     """
 
@@ -47,16 +47,16 @@ class OffPolicyAlgorithm(Algorithm):
         self,
         config: OffPolicyConfig,
         policy: Policy,
-        critic_key: str | tuple[str, str],
+        critic_keys: Sequence[NestedKey],
         relabel: Relabel | None = None,
     ) -> None:
         super().__init__(config, policy)
-        self.config, self.critic_key = config, critic_key
+        self.config, self.critic_keys = config, tuple(critic_keys)
         self.actor_parameters = parameters(policy)
-        self.replay = Replay(policy, critic_key, config.buffer, self.device, self.grounding.active)
+        self.replay = Replay(policy, critic_keys, config.buffer, self.device, self.grounding.active)
         self.demonstrations: ExpertFrames | None = None
         if config.demonstrations:
-            self.demonstrations = ExpertFrames(policy, critic_key, config, self.device, self.grounding.active)
+            self.demonstrations = ExpertFrames(policy, critic_keys, config, self.device, self.grounding.active)
         self.relabelling = Relabelling(relabel, config.hindsight)
         self.starts: Tensor | None = None  # (worlds, 1) whether the next frame begins an episode
         self.pending_steps = 0.0  # gradient steps that are due for the frames so far, and not taken yet
@@ -106,6 +106,10 @@ class OffPolicyAlgorithm(Algorithm):
             return {"updates": 0.0}
         counts = {"updates": steps, "relabelled": sum(len(episode) for episode in relabelled)}
         return averages(self.learn(steps)) | {name: float(count) for name, count in counts.items()}
+
+    def observed(self, frames: TensorDictBase) -> list[Tensor]:
+        """What the critic reads of frames (B,) beside the move."""
+        return [frames[key] for key in self.critic_keys]
 
     @property
     def learned(self) -> list[Tensor]:

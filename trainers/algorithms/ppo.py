@@ -17,7 +17,8 @@ from torchrl.objectives import ClipPPOLoss
 from trainers.algorithms.on_policy import OnPolicyAlgorithm
 from trainers.algorithms.settings import PPOConfig
 from trainers.algorithms.torchrl_losses import loss_outputs
-from trainers.models.critics import Specs
+from trainers.environment import Relabel
+from trainers.models.critics import CriticBuilder
 from trainers.models.networks import normal_log_prob
 from trainers.models.policy import Policy, stochastic_actor
 
@@ -36,8 +37,8 @@ class PPO(OnPolicyAlgorithm):
         self.loss = _torchrl_loss(config, policy, critic) if config.loss == "torchrl" else None
 
     @classmethod
-    def build(cls, config: PPOConfig, policy: Policy, specs: Specs) -> PPO:
-        return cls(config, policy, specs.build_value(policy))
+    def build(cls, config: PPOConfig, policy: Policy, critics: CriticBuilder, relabel: Relabel | None) -> PPO:
+        return cls(config, policy, critics.build_value())
 
     @torch.no_grad()
     def compute_advantages(self, batch: TensorDictBase) -> tuple[TensorDictBase, float]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import torch
-from tensordict import TensorDict, TensorDictBase
+from tensordict import NestedKey, TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
@@ -23,7 +24,7 @@ class Replay:
 
     Args:
         policy: chooses the keys and writes the labelled rows.
-        critic_key: the key that the critic reads beside robot and move.
+        critic_keys: the keys that the critic reads beside the move.
         capacity: frames.
         device: of the buffer.
         supervised: whether the grounding loss trains the words.
@@ -32,14 +33,14 @@ class Replay:
     def __init__(
         self,
         policy: Policy,
-        critic_key: str | tuple[str, str],
+        critic_keys: Sequence[NestedKey],
         capacity: int,
         device: torch.device,
         supervised: bool,
     ) -> None:
         self.policy, self.supervised = policy, supervised
         context = [policy.context_key] if supervised else list(policy.encoder.scene_keys)
-        critic = [] if critic_key == policy.context_key else [critic_key]
+        critic = [key for key in critic_keys if key != policy.context_key]
         self.state_keys = list(dict.fromkeys([*policy.actor_keys, *context, *critic]))
         self.frames = TensorDictReplayBuffer(storage=LazyTensorStorage(capacity, device=device))
 
@@ -140,14 +141,14 @@ class ExpertFrames:
     def __init__(
         self,
         policy: Policy,
-        critic_key: str | tuple[str, str],
+        critic_keys: Sequence[NestedKey],
         config: OffPolicyConfig,
         device: torch.device,
         supervised: bool,
     ) -> None:
         self._wanted = config.demonstrations
         self.mixture = ExpertMixture(policy, expert_share=1.0)
-        self.replay = Replay(policy, critic_key, self._wanted, device, supervised)
+        self.replay = Replay(policy, critic_keys, self._wanted, device, supervised)
 
     def add(self, batch: TensorDictBase) -> bool:
         """Keep a batch (worlds, steps) if the expert acted in it. Returns whether it did.

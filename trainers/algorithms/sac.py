@@ -10,26 +10,27 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import torch
 import torch.nn.functional as F
-from tensordict import TensorDictBase
+from tensordict import NestedKey, TensorDictBase
 from torch import Tensor
 
 from trainers.algorithms.algorithm import GROUNDING_METRICS, Part, backward
 from trainers.algorithms.off_policy import OffPolicyAlgorithm
-from trainers.algorithms.replay import Relabel
 from trainers.algorithms.settings import SACConfig
 from trainers.algorithms.torchrl_losses import TorchRLOffPolicy
-from trainers.models.critics import Specs
+from trainers.environment import Relabel
+from trainers.models.critics import CriticBuilder
 from trainers.models.networks import Critic, normal_log_prob
 from trainers.models.policy import Policy, parameters
 
 
 class SAC(OffPolicyAlgorithm):
-    """critic: two action values on (robot, critic_key, move)."""
+    """critic: two action values on the observations of `critic_keys` and the move."""
 
     metrics = (
         "loss/actor",
@@ -49,10 +50,10 @@ class SAC(OffPolicyAlgorithm):
         config: SACConfig,
         policy: Policy,
         critic: Critic,
-        critic_key: str | tuple[str, str],
+        critic_keys: Sequence[NestedKey],
         relabel: Relabel | None = None,
     ) -> None:
-        super().__init__(config, policy, critic_key, relabel)
+        super().__init__(config, policy, critic_keys, relabel)
         self.critic, self.tau = critic, config.tau
         self.target = copy.deepcopy(critic).requires_grad_(False)
         self.critic_parameters = parameters(critic)
@@ -63,10 +64,12 @@ class SAC(OffPolicyAlgorithm):
         self.target_entropy = config.target_entropy * len(policy.action_unit)
 
     @classmethod
-    def build(cls, config: SACConfig, policy: Policy, specs: Specs) -> SAC | TorchRLOffPolicy:
+    def build(
+        cls, config: SACConfig, policy: Policy, critics: CriticBuilder, relabel: Relabel | None
+    ) -> SAC | TorchRLOffPolicy:
         if config.loss == "torchrl":
-            return TorchRLOffPolicy.build(config.for_torchrl(len(policy.action_unit)), policy, specs)
-        return cls(config, policy, specs.build_q(policy), specs.critic_key(policy), specs.relabel)
+            return TorchRLOffPolicy.build(config.for_torchrl(len(policy.action_unit)), policy, critics, relabel)
+        return cls(config, policy, critics.build_q(), critics.keys, relabel)
 
     def parts(self, frames: TensorDictBase, scenes: TensorDictBase | None) -> list[Part]:
         self.encode(frames)
@@ -89,16 +92,16 @@ class SAC(OffPolicyAlgorithm):
             # A truncated frame bootstraps, a terminated one does not.
             action, log_prob = self.sample_moves(after, noise)
             alpha = self.log_alpha.exp()
-            next_value = self.target(after["robot"], after[self.critic_key], action).amin(0) - alpha * log_prob
+            next_value = self.target(*self.observed(after), action).amin(0) - alpha * log_prob
             target_value = after["reward"] + self.config.gamma * next_value * ~after["terminated"]
-        q = self.critic(frames["robot"], frames[self.critic_key], frames["move"])
+        q = self.critic(*self.observed(frames), frames["move"])
         return {"loss/critic": F.mse_loss(q, target_value.expand_as(q)) * len(q), "q": q.mean()}
 
     def actor_losses(self, frames: TensorDictBase, noise: Tensor) -> dict[str, Tensor]:
         """The losses of the actor and of the temperature on frames (B,). noise: (B, A), of the moves."""
         alpha = self.log_alpha.detach().exp()
         action, log_prob = self.sample_moves(frames, noise)
-        value = self.critic(frames["robot"], frames[self.critic_key], action).amin(0)
+        value = self.critic(*self.observed(frames), action).amin(0)
         return {
             "loss/actor": (alpha * log_prob - value).mean(),
             "loss/alpha": -self.log_alpha * (log_prob.detach().mean() + self.target_entropy),

@@ -20,7 +20,8 @@ from trainers.algorithms.algorithm import GROUNDING_METRICS, ExplorationSchedule
 from trainers.algorithms.off_policy import OffPolicyAlgorithm
 from trainers.algorithms.on_policy import OnPolicyAlgorithm
 from trainers.algorithms.settings import TorchRLOffPolicyConfig, TorchRLOnPolicyConfig
-from trainers.models.critics import Specs
+from trainers.environment import Relabel
+from trainers.models.critics import CriticBuilder
 from trainers.models.policy import Policy, deterministic_actor, parameters, stochastic_actor
 
 OWN = "trainers.algorithms"  # where "<module>.<class>" is looked for
@@ -84,10 +85,12 @@ class TorchRLOffPolicy(OffPolicyAlgorithm):
 
     saved = ("policy", "loss", "optimizer")
 
-    def __init__(self, config: TorchRLOffPolicyConfig, policy: Policy, specs: Specs) -> None:
-        super().__init__(config, policy, specs.critic_key(policy), specs.relabel)
+    def __init__(
+        self, config: TorchRLOffPolicyConfig, policy: Policy, critics: CriticBuilder, relabel: Relabel | None
+    ) -> None:
+        super().__init__(config, policy, critics.keys, relabel)
         self.config: TorchRLOffPolicyConfig = config
-        self.loss = build_off_policy_loss(config, policy, specs)
+        self.loss = build_off_policy_loss(config, policy, critics)
         self.outputs = {key: name for key, name in OFF_POLICY_OUTPUTS.items() if key in self.loss.out_keys}
         self.metrics = (*self.outputs.values(), "std", "updates", "relabelled", *GROUNDING_METRICS)
         self.updater = build_target_updater(config, self.loss)
@@ -96,8 +99,10 @@ class TorchRLOffPolicy(OffPolicyAlgorithm):
         self.optimizer = self.make_optimizer(learned, betas=(config.adam_beta1, 0.999))
 
     @classmethod
-    def build(cls, config: TorchRLOffPolicyConfig, policy: Policy, specs: Specs) -> TorchRLOffPolicy:
-        return cls(config, policy, specs)
+    def build(
+        cls, config: TorchRLOffPolicyConfig, policy: Policy, critics: CriticBuilder, relabel: Relabel | None
+    ) -> TorchRLOffPolicy:
+        return cls(config, policy, critics, relabel)
 
     def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
         if self.exploration is not None:
@@ -135,17 +140,17 @@ class TorchRLOffPolicy(OffPolicyAlgorithm):
         self.steps_taken = state["steps_taken"]
 
 
-def build_off_policy_loss(config: TorchRLOffPolicyConfig, policy: Policy, specs: Specs) -> LossModule:
+def build_off_policy_loss(config: TorchRLOffPolicyConfig, policy: Policy, builder: CriticBuilder) -> LossModule:
     """The loss module of a config, with critics of its own. Raises ConfigError."""
     cls = find_loss(config.loss)
     make_actor = deterministic_actor if config.deterministic else stochastic_actor
-    critics = specs.build_q_modules(policy, config.critics, config.quantiles, config.critic_normalisation)
+    critics = builder.build_q_modules(config.critics, config.quantiles, config.critic_normalisation)
     given = {
-        "actor_network": make_actor(policy, [specs.critic_key(policy)]),
+        "actor_network": make_actor(policy, builder.keys),
         "qvalue_network": critics,
         "num_qvalue_nets": config.critics,
         "value_network": critics[0],
-        "action_spec": Bounded(-1.0, 1.0, (len(policy.action_unit),), device=specs.device),
+        "action_spec": Bounded(-1.0, 1.0, (len(policy.action_unit),), device=builder.device),
         "deactivate_vmap": True,  # a loop over few small critics is faster on a CPU
     }
     if takes(cls, "qvalue_network"):
@@ -155,7 +160,7 @@ def build_off_policy_loss(config: TorchRLOffPolicyConfig, policy: Policy, specs:
         loss.set_keys(action="move")
     getattr(loss, "target_entropy", None)  # REDQLoss registers this buffer at its first use: a checkpoint has it
     loss.make_value_estimator(loss.default_value_estimator, gamma=config.gamma)
-    return loss.to(specs.device)
+    return loss.to(builder.device)
 
 
 def build_target_updater(config: TorchRLOffPolicyConfig, loss: LossModule) -> TargetNetUpdater | None:
@@ -192,8 +197,10 @@ class TorchRLOnPolicy(OnPolicyAlgorithm):
         return loss_outputs(self.loss, frames)
 
     @classmethod
-    def build(cls, config: TorchRLOnPolicyConfig, policy: Policy, specs: Specs) -> TorchRLOnPolicy:
-        return cls(config, policy, specs.build_value(policy))
+    def build(
+        cls, config: TorchRLOnPolicyConfig, policy: Policy, critics: CriticBuilder, relabel: Relabel | None
+    ) -> TorchRLOnPolicy:
+        return cls(config, policy, critics.build_value())
 
 
 def loss_outputs(loss: LossModule, frames: TensorDictBase) -> dict[str, Tensor]:

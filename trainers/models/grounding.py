@@ -1,18 +1,32 @@
-"""Sentences to queries for the attention over object slots."""
+"""Grounding: which object slot the words and the ray mean, by attention over the slots.
+
+instruction ─► queries ─┐
+objects, mask, ray ─────┴─► logits of the slots ─► the referent's row
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import torch
 import torch.nn.functional as F
-from tensordict import TensorDictBase
+from tensordict import NestedKey, TensorDictBase
 from torch import Tensor, nn
 
 from trainers.models.networks import Normalise, mlp
 
 QUERIES = 4  # for each choice: the object, its two anchors, and the relation
 UNIQUE_ABOVE = 64  # sentences; larger batches are searched for repetitions
+SCENE_KEYS = ("objects", "objects_mask")
+GESTURE = "gesture"
+NEAR, OBSTACLE = "objects_near", "obstacle"
+RAY_FEATURES = 5  # numbers that describe an object's position relative to a ray
+REFERENT, TARGET, VERB = ("privileged", "referent"), ("privileged", "target"), ("privileged", "verb")
+SLOTS = {"attention_logits": REFERENT, "target_logits": TARGET}  # the attention, and the slot that it should choose
+VERB_LOGITS = "verb_logits"
+LABELS = SLOTS | {VERB_LOGITS: VERB}
+MAPS = 4  # linear maps of a position to three numbers; with 8 of them, accuracy on fresh scenes was lower
+MASKED = -1e9  # the logit of an absent slot: finite, so that an empty sentence or scene gives no NaN
 
 
 class QueryEncoder(nn.Module):
@@ -65,22 +79,11 @@ class QueryEncoder(nn.Module):
         return queries if self.base_queries is None else queries + self.base_queries
 
 
-SCENE_KEYS = ("objects", "objects_mask")
-GESTURE = "gesture"
-NEAR, OBSTACLE = "objects_near", "obstacle"
-RAY_FEATURES = 5  # numbers that describe an object's position relative to a ray
-REFERENT, TARGET, VERB = ("privileged", "referent"), ("privileged", "target"), ("privileged", "verb")
-SLOTS = {"attention_logits": REFERENT, "target_logits": TARGET}  # the attention, and the slot that it should choose
-VERB_LOGITS = "verb_logits"
-LABELS = SLOTS | {VERB_LOGITS: VERB}
-MAPS = 4  # linear maps of a position to three numbers; with 8 of them, accuracy on fresh scenes was lower
-MASKED = -1e9  # the logit of an absent slot: finite, so that an empty sentence or scene gives no NaN
-
-
 class GroundingEncoder(nn.Module):
     """Instruction (N, L) and scene to attention logits (N, K) and the referent's row (N, D).
 
-    The scene is objects (N, K, D), mask (N, K) and, where a person points, gesture (N, 7); `scene_keys` has their keys.
+    The scene is objects (N, K, D), mask (N, K), where a person points gesture (N, 7), and further observations, which
+    add columns to the rows; `scene_keys` has their keys. D counts these columns too.
     With two choices (referent and target) there are two logits, and the two rows are concatenated, (N, 2 * D). Where
     the words name one of V verbs, there are logits (N, V) of them too, and their probabilities follow the rows.
 
@@ -104,6 +107,7 @@ class GroundingEncoder(nn.Module):
         choices: 1, or 2 where the words name a target as well.
         observes_obstacles: whether to write the nearest obstacle as well, from objects_near (N, K).
         verbs: V; 0 if there is only one verb.
+        further: by key, normalises an observation (N, K, F), or (N, F), which is repeated in each row.
     """
 
     def __init__(
@@ -117,15 +121,18 @@ class GroundingEncoder(nn.Module):
         choices: int = 1,
         observes_obstacles: bool = False,
         verbs: int = 0,
+        further: Mapping[NestedKey, Normalise] | None = None,
     ) -> None:
         super().__init__()
-        self.scene_keys = (*SCENE_KEYS, GESTURE) if reads_gesture else SCENE_KEYS
+        self.further_keys, self.further = tuple(further or ()), nn.ModuleList((further or {}).values())
+        self.scene_keys = (*SCENE_KEYS, *(GESTURE,) * reads_gesture, *self.further_keys)
         self.observes_obstacles = observes_obstacles
         self.slot_keys, self.verbs = tuple(SLOTS)[:choices], verbs
         self.logit_keys = (*self.slot_keys, VERB_LOGITS) if verbs else self.slot_keys
         self.out_keys = (*self.logit_keys, "referent")
-        row = objects.shape[-1]
+        row = objects.shape[-1] + sum(each.shape[-1] for each in (further or {}).values())
         self.normalise, self.outputs = objects, row * choices + verbs
+        self.obstacle_width = (row + 1) * observes_obstacles
         self.query_encoder = QueryEncoder(word_embedding, length, embedding, choices, verbs > 0)
         self.verb_scorer = nn.Linear(embedding, verbs) if verbs else None
         self.slot_mlp = mlp(row, [width], width)
@@ -148,11 +155,10 @@ class GroundingEncoder(nn.Module):
         """Tokens (N, L) to queries (N, Q, E)."""
         return self.query_encoder(instruction)
 
-    def attend(
-        self, queries: Tensor, objects: Tensor, mask: Tensor, gesture: Tensor | None = None
-    ) -> tuple[Tensor, ...]:
+    def attend(self, queries: Tensor, objects: Tensor, mask: Tensor, *more: Tensor) -> tuple[Tensor, ...]:
         """`forward`, given the queries (N, Q, E) of `encode_words`."""
-        rows = self.normalise(objects)
+        gesture = None if self.ray_weights is None else more[0]
+        rows = self.rows(objects, *more[len(more) - len(self.further) :])
         slots = self.slot_mlp(rows) + self.slot_linear(rows)
         logits = [
             self._attention_logits(each, rows, slots, objects, mask, gesture)
@@ -163,6 +169,19 @@ class GroundingEncoder(nn.Module):
             logits.append(self.verb_scorer(queries[:, -1]))
             context.append(logits[-1].softmax(-1))
         return *logits, torch.cat(context, -1)
+
+    def rows(self, objects: Tensor, *further: Tensor) -> Tensor:
+        """(N, K, D) the normalised rows of objects (N, K, ...), with the columns of further observations."""
+        rows = self.normalise(objects)
+        if not further:
+            return rows
+        columns = [normalise(value) for normalise, value in zip(self.further, further, strict=True)]
+        repeated = (each if each.dim() == rows.dim() else each.unsqueeze(1) for each in columns)
+        return torch.cat([rows, *(each.expand(*rows.shape[:2], -1) for each in repeated)], -1)
+
+    def rows_of(self, frames: TensorDictBase) -> Tensor:
+        """(N, K, D) the rows of frames (N,)."""
+        return self.rows(frames["objects"], *(frames[key] for key in self.further_keys))
 
     def _attention_logits(
         self, queries: Tensor, rows: Tensor, slots: Tensor, objects: Tensor, mask: Tensor, gesture: Tensor | None
@@ -209,7 +228,7 @@ class GroundingEncoder(nn.Module):
 
     def _select(self, frames: TensorDictBase, chosen: Sequence[Tensor]) -> None:
         """chosen: (N,) for each of the logits."""
-        rows = self.normalise(frames["objects"])
+        rows = self.rows_of(frames)
         each = torch.arange(len(rows), device=rows.device)
         context = [rows[each, slot] for slot in chosen[: len(self.slot_keys)]]
         if self.verbs:
@@ -230,7 +249,7 @@ class GroundingEncoder(nn.Module):
         if not self.observes_obstacles:
             return
         near, slot = frames[NEAR].scatter(1, referent.unsqueeze(1), 0.0).max(1, keepdim=True)
-        rows = self.normalise(frames["objects"])
+        rows = self.rows_of(frames)
         row = rows.gather(1, slot.unsqueeze(-1).expand(-1, 1, rows.shape[-1])).squeeze(1)
         frames.set(OBSTACLE, near * torch.cat([row, torch.ones_like(near)], -1))
 

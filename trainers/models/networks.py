@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
-from torchrl.data import TensorSpec
+from torchrl.data import Binary, Bounded, TensorSpec
 from torchrl.modules import BatchRenorm1d
 
 WARMUP_STEPS = 5_000
@@ -53,16 +53,25 @@ def mlp(
 class Normalise(nn.Module):
     """Maps the bounds of a spec to [-1, 1]; an element that cannot vary becomes 0.
 
-    spec: a bounded leaf of shape (N, ..., D), the same bounds for every world and slot.
+    Args:
+        spec: a bounded or binary leaf of shape (N, ..., D), the same bounds for every world and, in rows, every slot.
+        flat: all numbers of a world side by side, in place of rows of D numbers.
+
+    Raises:
+        ValueError: the spec has no finite bounds.
     """
 
     centre: Tensor
     gain: Tensor
 
-    def __init__(self, spec: TensorSpec) -> None:
+    def __init__(self, spec: TensorSpec, flat: bool = False) -> None:
         super().__init__()
-        width = spec.shape[-1]
-        low, high = (bound.reshape(-1, width)[0].float() for bound in (spec.space.low, spec.space.high))
+        self.dims = len(spec.shape) - 1 if flat else 1  # of a world's values that are put side by side
+        width = spec.shape[-self.dims :].numel() if self.dims else 0
+        if not width or not isinstance(spec, Bounded | Binary):
+            raise ValueError("an observation without finite bounds cannot be normalised")
+        bounds = (spec.space.low, spec.space.high) if isinstance(spec, Bounded) else (spec.zero(), spec.zero() + 1)
+        low, high = (bound.reshape(-1, width)[0].float() for bound in bounds)
         half = (high - low) / 2
         if not half.isfinite().all():
             raise ValueError("an observation without finite bounds cannot be normalised")
@@ -71,7 +80,8 @@ class Normalise(nn.Module):
         self.register_buffer("gain", torch.where(half > 0, 1 / half, torch.zeros_like(half)))
 
     def forward(self, x: Tensor) -> Tensor:
-        return (x - self.centre) * self.gain
+        x = x if x.is_floating_point() else x.float()
+        return ((x.flatten(-self.dims) if self.dims > 1 else x) - self.centre) * self.gain
 
 
 def normal_log_prob(noise: Tensor, scale: Tensor) -> Tensor:
@@ -80,7 +90,7 @@ def normal_log_prob(noise: Tensor, scale: Tensor) -> Tensor:
 
 
 class GaussianActor(nn.Module):
-    """Robot state, context and obstacle to loc and scale (N, A) of a move.
+    """Robot state, context, obstacle and further observations to loc and scale (N, A) of a move.
 
     The scale is a parameter (usual for PPO) or a second output of the network (usual for SAC).
 
@@ -92,6 +102,7 @@ class GaussianActor(nn.Module):
         activation: a key of ACTIVATIONS.
         std: initial scale.
         state_dependent_std: whether the network outputs the scale.
+        further: normalise the last inputs.
     """
 
     def __init__(
@@ -103,10 +114,12 @@ class GaussianActor(nn.Module):
         activation: str,
         std: float,
         state_dependent_std: bool,
+        further: Sequence[Normalise] = (),
     ) -> None:
         super().__init__()
-        self.robot, self.state_dependent_std = robot, state_dependent_std
-        self.net = mlp(robot.shape.numel() + context, hidden, actions * (1 + state_dependent_std), activation)
+        self.robot, self.state_dependent_std, self.further = robot, state_dependent_std, nn.ModuleList(further)
+        inputs = robot.shape.numel() + context + sum(each.shape.numel() for each in further)
+        self.net = mlp(inputs, hidden, actions * (1 + state_dependent_std), activation)
         self.log_std = nn.Parameter(torch.full((actions,), float(torch.tensor(std).log())))
         last = self.net[-1]
         assert isinstance(last, nn.Linear)
@@ -114,7 +127,9 @@ class GaussianActor(nn.Module):
         nn.init.zeros_(last.bias)
 
     def forward(self, robot: Tensor, *context: Tensor) -> tuple[Tensor, Tensor]:
-        out = self.net(torch.cat([self.robot(robot), *context], -1))
+        taken = len(context) - len(self.further)
+        further = (normalise(value) for normalise, value in zip(self.further, context[taken:], strict=True))
+        out = self.net(torch.cat([self.robot(robot), *context[:taken], *further], -1))
         if not self.state_dependent_std:
             # tanh bounds the mean: noise could not reverse a saturated command. A gripper's command far above 0 was
             # never explored below 0.
@@ -166,11 +181,10 @@ class VerbActor(SeveralActors):
 
 
 class Critic(nn.Module):
-    """`heads` independent networks on robot, goal and, for action values, the move: values (heads, N, outputs).
+    """`heads` independent networks on observations and, for action values, the move: values (heads, N, outputs).
 
     Args:
-        robot: normalises the robot's state.
-        goal: normalises the goal in metres (a privileged critic), or the width of features that are taken as they are.
+        inputs: each normalises an observation, or is the width of features that are taken as they are.
         actions: width of the move; 0 for state values.
         hidden: widths of the hidden layers.
         activation: a key of ACTIVATIONS.
@@ -181,8 +195,8 @@ class Critic(nn.Module):
 
     def __init__(
         self,
-        robot: Normalise,
-        goal: Normalise | int,
+        inputs: Sequence[Normalise | int],
+        *,
         actions: int,
         hidden: Sequence[int],
         activation: str,
@@ -191,21 +205,22 @@ class Critic(nn.Module):
         normalisation: str = "none",
     ) -> None:
         super().__init__()
-        self.robot = robot
-        self.goal = goal if isinstance(goal, Normalise) else nn.Identity()
-        width = goal.shape.numel() if isinstance(goal, Normalise) else goal
-        inputs = robot.shape.numel() + width + actions
+        self.inputs = nn.ModuleList(each if isinstance(each, Normalise) else nn.Identity() for each in inputs)
+        width = actions + sum(each.shape.numel() if isinstance(each, Normalise) else each for each in inputs)
         # Two small products of matrices are faster on a CPU than one batched one: 7.3 against 9.7 ms for a SAC step.
-        self.heads = nn.ModuleList(mlp(inputs, hidden, outputs, activation, normalisation) for _ in range(heads))
+        self.heads = nn.ModuleList(mlp(width, hidden, outputs, activation, normalisation) for _ in range(heads))
 
-    def forward(self, robot: Tensor, goal: Tensor, *move: Tensor) -> Tensor:
+    def forward(self, *values: Tensor) -> Tensor:
+        """values: the observations (N, ...) and, for action values, the move (N, A)."""
+        count = len(self.inputs)
         # Detached: the words are learned through the actor and the grounding loss, not through the critic.
-        x = torch.cat([self.robot(robot), self.goal(goal.detach()), *move], -1)
+        observed = [each(value.detach()) for each, value in zip(self.inputs, values[:count], strict=True)]
+        x = torch.cat([*observed, *values[count:]], -1)
         return torch.stack([head(x) for head in self.heads])
 
 
 class SingleCritic(Critic):
     """A critic of one head: values (N, outputs)."""
 
-    def forward(self, robot: Tensor, goal: Tensor, *move: Tensor) -> Tensor:
-        return super().forward(robot, goal, *move)[0]
+    def forward(self, *values: Tensor) -> Tensor:
+        return super().forward(*values)[0]

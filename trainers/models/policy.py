@@ -1,8 +1,12 @@
-"""The actor of a policy as TorchRL's losses take it: encoded frames to "move"."""
+"""The policy: an encoder of words and scene, an actor, and the module that acts with both.
+
+instruction, scene ─► encoder ─► context ─┐
+robot, further observations ──────────────┴─► actor ─► move ─► action
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import torch
@@ -15,6 +19,7 @@ from torchrl.modules import IndependentNormal, ProbabilisticActor, TanhNormal
 
 from core.errors import ConfigError
 from trainers.config import GroundedConfig, PolicyConfig
+from trainers.environment import DEFAULT_READERS, Readers, keys_read
 from trainers.models.grounding import GESTURE, LABELS, NEAR, OBSTACLE, SCENE_KEYS, TARGET, VERB, GroundingEncoder
 from trainers.models.networks import (
     GaussianActor,
@@ -26,98 +31,8 @@ from trainers.models.networks import (
 )
 from trainers.models.sentence_encoder import SentenceWords
 
-
-def stochastic_actor(policy: Policy, passed: Sequence[NestedKey] = ()) -> ProbabilisticActor:
-    """(robot, context, ...) to the distribution of "move": a normal one, or its tanh where the policy squashes.
-
-    passed: keys that the critic reads and the actor does not. TorchRL's TD3Loss and REDQLoss give the critic only those
-    entries of a frame that are inputs of the actor, so these are declared as inputs and ignored.
-    """
-    return ProbabilisticActor(
-        TensorDictModule(_Parameters(policy), in_keys=_in_keys(policy, passed), out_keys=["loc", "scale"]),
-        in_keys=["loc", "scale"],
-        out_keys=["move"],
-        distribution_class=TanhNormal if policy.bounds.squash else IndependentNormal,
-        return_log_prob=True,
-    )
-
-
-def deterministic_actor(policy: Policy, passed: Sequence[NestedKey] = ()) -> TensorDictModule:
-    """(robot, context, ...) to the mean "move" (N, A). passed: as in `stochastic_actor`."""
-    return TensorDictModule(_Mean(policy), in_keys=_in_keys(policy, passed), out_keys=["move"])
-
-
-class _Parameters(nn.Module):
-    """The actor's loc and scale; inputs beyond the actor's are ignored."""
-
-    def __init__(self, policy: Policy) -> None:
-        super().__init__()
-        self.actor, self.inputs = policy.actor, 1 + len(policy.actor_keys)
-
-    def forward(self, *values: Tensor) -> tuple[Tensor, Tensor]:
-        return self.actor(*values[: self.inputs])
-
-
-class _Mean(_Parameters):
-    def forward(self, *values: Tensor) -> Tensor:  # type: ignore[override]
-        return super().forward(*values)[0]
-
-
-def _in_keys(policy: Policy, passed: Sequence[NestedKey]) -> list[NestedKey]:
-    robot, *more = policy.actor_keys
-    return list(dict.fromkeys([robot, policy.context_key, *more, *passed]))
-
-
-class FlatEncoder(nn.Module):
-    """Instruction and scene to one row (N, F): normalised objects, mask, mean embedding of the words, and the ray.
-
-    It has the interface of `GroundingEncoder`, without attention: `select_likeliest` and the like do nothing.
-
-    Args:
-        objects: normalises object rows.
-        slots: K.
-        vocabulary: number of words.
-        embedding: width of a word.
-        gesture: width of the ray; 0 where nobody points.
-    """
-
-    out_keys = ("scene",)
-    logit_keys = ()
-    observes_obstacles = False
-    verbs = 0
-
-    def __init__(self, objects: Normalise, slots: int, vocabulary: int, embedding: int, gesture: int = 0) -> None:
-        super().__init__()
-        self.scene_keys = (*SCENE_KEYS, GESTURE) if gesture else SCENE_KEYS
-        self.normalise = objects
-        self.word_embedding = nn.EmbeddingBag(vocabulary, embedding, mode="mean", padding_idx=0)
-        self.outputs = slots * (objects.shape[-1] + 1) + embedding + gesture
-
-    def forward(self, instruction: Tensor, *scene: Tensor) -> tuple[Tensor, ...]:
-        return self.attend(self.encode_words(instruction), *scene)
-
-    def encode_words(self, instruction: Tensor) -> Tensor:
-        """Tokens (N, L) to their mean embedding (N, E); zeros, which need no gradient, for tasks without words."""
-        if not instruction.any():
-            return self.word_embedding.weight.new_zeros(len(instruction), self.word_embedding.embedding_dim)
-        return self.word_embedding(instruction)
-
-    def attend(self, words: Tensor, objects: Tensor, mask: Tensor, *gesture: Tensor) -> tuple[Tensor, ...]:
-        """`forward`, given the result of `encode_words`."""
-        present = mask.to(objects.dtype)
-        rows = self.normalise(objects) * present.unsqueeze(-1)
-        return (torch.cat([rows.flatten(1), present, words, *gesture], -1),)
-
-    def keep_mean(self, frames: TensorDictBase) -> None:
-        """Does nothing: there is no attention."""
-
-    select_likeliest = select_labelled = keep_mean
-
-    def write_obstacle(self, frames: TensorDictBase, referent: Tensor) -> None:
-        """Does nothing: the actor is given all rows."""
-
-
 STAGE = "stage"
+LABEL = ("privileged", "expert_action")
 MEANS = (ExplorationType.DETERMINISTIC, ExplorationType.MODE, ExplorationType.MEAN)
 
 
@@ -143,10 +58,11 @@ class Policy(nn.Module):
 
     Args:
         encoder: reads the words and the scene; the last of its outputs is the context.
-        actor: reads robot, context, the nearest obstacle where the task has obstacles, and the stage where it is made
-            of several networks; returns loc and scale of a move.
+        actor: reads robot, context, the nearest obstacle where the task has obstacles, further observations, and the
+            stage where it is made of several networks; returns loc and scale of a move.
         action_unit: (A,), of the environment.
         bounds: how moves are bounded.
+        further_keys: the further observations that the actor reads.
     """
 
     action_unit: Tensor
@@ -157,13 +73,15 @@ class Policy(nn.Module):
         actor: GaussianActor | SeveralActors,
         action_unit: Sequence[float],
         bounds: MoveBounds = UNBOUNDED,
+        further_keys: Sequence[NestedKey] = (),
     ) -> None:
         super().__init__()
         self.register_buffer("action_unit", torch.as_tensor(action_unit, dtype=torch.float32))
         self.encoder, self.actor, self.bounds = encoder, actor, bounds
         self.context_key: str = encoder.out_keys[-1]
         obstacle, stage = (OBSTACLE,) * encoder.observes_obstacles, (STAGE,) * isinstance(actor, StagedActor)
-        self.actor_keys: tuple[str, ...] = ("robot", *obstacle, *stage)
+        self.further_keys = tuple(further_keys)
+        self.actor_keys: tuple[NestedKey, ...] = ("robot", *obstacle, *self.further_keys, *stage)
 
     @property
     def attends(self) -> bool:
@@ -176,7 +94,7 @@ class Policy(nn.Module):
         return tuple(LABELS[key] for key in self.encoder.logit_keys)
 
     @property
-    def encoder_keys(self) -> tuple[str, ...]:
+    def encoder_keys(self) -> tuple[NestedKey, ...]:
         """The keys of an observation that the encoder reads: the instruction first."""
         return ("instruction", *self.encoder.scene_keys)
 
@@ -254,12 +172,76 @@ class Act(TensorDictModuleBase):
         return frames.set("action", (frames["hold"] + self.policy.action_unit * move).clamp(-1.0, 1.0))
 
 
+class FlatEncoder(nn.Module):
+    """Instruction and scene to one row (N, F): normalised objects, mask, mean embedding of the words, and the ray.
+
+    It has the interface of `GroundingEncoder`, without attention: `select_likeliest` and the like do nothing.
+
+    Args:
+        objects: normalises object rows.
+        slots: K.
+        vocabulary: number of words.
+        embedding: width of a word.
+        gesture: width of the ray; 0 where nobody points.
+        further: by key, normalises a further observation.
+    """
+
+    out_keys = ("scene",)
+    logit_keys = ()
+    observes_obstacles = False
+    obstacle_width = verbs = 0
+
+    def __init__(
+        self,
+        objects: Normalise,
+        *,
+        slots: int,
+        vocabulary: int,
+        embedding: int,
+        gesture: int = 0,
+        further: Mapping[NestedKey, Normalise] | None = None,
+    ) -> None:
+        super().__init__()
+        self.further = nn.ModuleList((further or {}).values())
+        self.scene_keys = (*SCENE_KEYS, *(GESTURE,) * (gesture > 0), *(further or ()))
+        self.normalise = objects
+        self.word_embedding = nn.EmbeddingBag(vocabulary, embedding, mode="mean", padding_idx=0)
+        more = sum(each.shape.numel() for each in (further or {}).values())
+        self.outputs = slots * (objects.shape[-1] + 1) + embedding + gesture + more
+
+    def forward(self, instruction: Tensor, *scene: Tensor) -> tuple[Tensor, ...]:
+        return self.attend(self.encode_words(instruction), *scene)
+
+    def encode_words(self, instruction: Tensor) -> Tensor:
+        """Tokens (N, L) to their mean embedding (N, E); zeros, which need no gradient, for tasks without words."""
+        if not instruction.any():
+            return self.word_embedding.weight.new_zeros(len(instruction), self.word_embedding.embedding_dim)
+        return self.word_embedding(instruction)
+
+    def attend(self, words: Tensor, objects: Tensor, mask: Tensor, *more: Tensor) -> tuple[Tensor, ...]:
+        """`forward`, given the result of `encode_words`."""
+        taken = len(more) - len(self.further)
+        further = (normalise(value) for normalise, value in zip(self.further, more[taken:], strict=True))
+        present = mask.to(objects.dtype)
+        rows = self.normalise(objects) * present.unsqueeze(-1)
+        return (torch.cat([rows.flatten(1), present, words, *more[:taken], *further], -1),)
+
+    def keep_mean(self, frames: TensorDictBase) -> None:
+        """Does nothing: there is no attention."""
+
+    select_likeliest = select_labelled = keep_mean
+
+    def write_obstacle(self, frames: TensorDictBase, referent: Tensor) -> None:
+        """Does nothing: the actor is given all rows."""
+
+
 def build_policy(
     config: PolicyConfig,
     observation_spec: Composite,
     action_unit: Sequence[float],
     bounds: MoveBounds = UNBOUNDED,
     vocabulary: Sequence[str] = (),
+    readers: Readers = DEFAULT_READERS,
 ) -> Policy:
     """A policy for these observations and actions.
 
@@ -269,32 +251,48 @@ def build_policy(
         action_unit: (A,), of the environment.
         bounds: how moves are bounded; it depends on the algorithm.
         vocabulary: the tokenizer's words, which only `encoder=sentence` reads.
+        readers: which network reads which observation.
 
     Raises:
-        ConfigError: several networks for a task without stages, or without verbs.
+        ConfigError: several networks for a task without stages, or without verbs; or an observation that cannot be
+            normalised has a reader.
     """
-    encoder = _build_encoder(config, observation_spec, vocabulary)
-    return Policy(encoder, _build_actor(config, observation_spec, encoder, len(action_unit)), action_unit, bounds)
+    encoder = _build_encoder(config, observation_spec, vocabulary, readers)
+    further = keys_read(readers, "actor", observation_spec, further=True)
+    actor = _build_actor(config, observation_spec, encoder, len(action_unit), further)
+    return Policy(encoder, actor, action_unit, bounds, further)
+
+
+def further_input(spec: Composite, key: NestedKey, reader: str, flat: bool = True) -> Normalise:
+    """The normalisation of an observation that a network reads. Raises ConfigError."""
+    try:
+        return Normalise(spec[key], flat)
+    except ValueError as error:
+        raise ConfigError(f"the observation {key} cannot have reader={reader}: {error}") from None
 
 
 def _build_actor(
-    config: PolicyConfig, spec: Composite, encoder: GroundingEncoder | FlatEncoder, actions: int
+    config: PolicyConfig,
+    spec: Composite,
+    encoder: GroundingEncoder | FlatEncoder,
+    actions: int,
+    further: Sequence[NestedKey],
 ) -> GaussianActor | SeveralActors:
     by_verb = isinstance(config, GroundedConfig) and config.by_verb
     if config.networks > 1 and STAGE not in spec.keys():
         raise ConfigError(f"policy.networks={config.networks} needs a task that has stages, like nl_pick_and_place")
     if by_verb and not encoder.verbs:
         raise ConfigError("policy.by_verb=true needs a task that has several verbs: take task=anything, or false")
-    obstacle = 1 + spec["objects"].shape[-1]
     actors = [
         GaussianActor(
             robot=Normalise(spec["robot"]),
-            context=encoder.outputs + encoder.observes_obstacles * obstacle,
+            context=encoder.outputs + encoder.obstacle_width,
             hidden=config.hidden,
             actions=actions,
             activation=config.activation,
             std=config.initial_std,
             state_dependent_std=config.state_dependent_std,
+            further=[further_input(spec, key, "actor") for key in further],
         )
         for _ in range(encoder.verbs if by_verb else config.networks)
     ]
@@ -303,11 +301,24 @@ def _build_actor(
     return StagedActor(actors) if len(actors) > 1 else actors[0]
 
 
-def _build_encoder(config: PolicyConfig, spec: Composite, vocabulary: Sequence[str]) -> GroundingEncoder | FlatEncoder:
+def _build_encoder(
+    config: PolicyConfig, spec: Composite, vocabulary: Sequence[str], readers: Readers
+) -> GroundingEncoder | FlatEncoder:
     objects, instruction = Normalise(spec["objects"]), spec["instruction"]
-    gesture = spec[GESTURE].shape[-1] if GESTURE in spec.keys() else 0
+    read = keys_read(readers, "scene", spec)
+    flat = not isinstance(config, GroundedConfig)
+    further = {key: further_input(spec, key, "scene", flat) for key in read if key not in DEFAULT_READERS}
+    gesture = spec[GESTURE].shape[-1] if GESTURE in read else 0
     if not isinstance(config, GroundedConfig):
-        return FlatEncoder(objects, spec["objects"].shape[-2], instruction.space.n, config.embedding, gesture)
+        return FlatEncoder(
+            objects,
+            slots=spec["objects"].shape[-2],
+            vocabulary=instruction.space.n,
+            embedding=config.embedding,
+            gesture=gesture,
+            further=further,
+        )
+    _check_columns(spec, list(further))
     return GroundingEncoder(
         objects,
         _build_word_embedding(config, instruction.space.n, vocabulary),
@@ -316,9 +327,22 @@ def _build_encoder(config: PolicyConfig, spec: Composite, vocabulary: Sequence[s
         width=config.width,
         reads_gesture=gesture > 0,
         choices=1 + (TARGET in spec.keys(include_nested=True)),
-        observes_obstacles=NEAR in spec.keys(),
+        observes_obstacles=NEAR in keys_read(readers, "actor", spec),
         verbs=spec[VERB].space.n if VERB in spec.keys(include_nested=True) else 0,
+        further=further,
     )
+
+
+def _check_columns(spec: Composite, keys: Sequence[NestedKey]) -> None:
+    """Raise ConfigError for an observation that is neither (K, F), a row for each slot, nor (F,)."""
+    slots = spec["objects"].shape[1]
+    for key in keys:
+        shape = tuple(spec[key].shape[1:])
+        if len(shape) != 1 and (len(shape) != 2 or shape[0] != slots):
+            raise ConfigError(
+                f"the observation {key} of shape {shape} cannot have reader=scene: it must be ({slots}, F), with a row "
+                "for each slot, or (F,)"
+            )
 
 
 def _build_word_embedding(config: GroundedConfig, count: int, vocabulary: Sequence[str]) -> nn.Module:
@@ -334,7 +358,45 @@ def parameters(*modules: nn.Module) -> list[Tensor]:
     return list(dict.fromkeys(p for module in modules for p in module.parameters() if p.requires_grad))
 
 
-LABEL = ("privileged", "expert_action")
+def stochastic_actor(policy: Policy, passed: Sequence[NestedKey] = ()) -> ProbabilisticActor:
+    """(robot, context, ...) to the distribution of "move": a normal one, or its tanh where the policy squashes.
+
+    passed: keys that the critic reads and the actor does not. TorchRL's TD3Loss and REDQLoss give the critic only those
+    entries of a frame that are inputs of the actor, so these are declared as inputs and ignored.
+    """
+    return ProbabilisticActor(
+        TensorDictModule(_Parameters(policy), in_keys=_in_keys(policy, passed), out_keys=["loc", "scale"]),
+        in_keys=["loc", "scale"],
+        out_keys=["move"],
+        distribution_class=TanhNormal if policy.bounds.squash else IndependentNormal,
+        return_log_prob=True,
+    )
+
+
+def deterministic_actor(policy: Policy, passed: Sequence[NestedKey] = ()) -> TensorDictModule:
+    """(robot, context, ...) to the mean "move" (N, A). passed: as in `stochastic_actor`."""
+    return TensorDictModule(_Mean(policy), in_keys=_in_keys(policy, passed), out_keys=["move"])
+
+
+class _Parameters(nn.Module):
+    """The actor's loc and scale; inputs beyond the actor's are ignored."""
+
+    def __init__(self, policy: Policy) -> None:
+        super().__init__()
+        self.actor, self.inputs = policy.actor, 1 + len(policy.actor_keys)
+
+    def forward(self, *values: Tensor) -> tuple[Tensor, Tensor]:
+        return self.actor(*values[: self.inputs])
+
+
+class _Mean(_Parameters):
+    def forward(self, *values: Tensor) -> Tensor:  # type: ignore[override]
+        return super().forward(*values)[0]
+
+
+def _in_keys(policy: Policy, passed: Sequence[NestedKey]) -> list[NestedKey]:
+    robot, *more = policy.actor_keys
+    return list(dict.fromkeys([robot, policy.context_key, *more, *passed]))
 
 
 def expert_move(frames: TensorDictBase, policy: Policy) -> Tensor:

@@ -18,7 +18,7 @@ from core.spaces import public_keys
 from core.stored_config import config_from_file
 from trainers.algorithms.settings import read_algorithm
 from trainers.config import read_policy
-from trainers.environment import TrainingEnv
+from trainers.environment import TrainingEnv, readers_of
 from trainers.export import policy_file
 from trainers.models.policy import MoveBounds, Policy, build_policy
 from trainers.utils.files import atomic_file
@@ -198,8 +198,9 @@ def fitted_policy(payload: dict[str, Any], config: Any, env: TrainingEnv) -> Pol
     algo = read_algorithm(config["algo"])
     bounds = MoveBounds(squash=algo.squashes, clip=algo.clips)
     settings = read_policy(config["policy"])
-    policy = build_policy(settings, env.observation_spec, env.action_unit, bounds, payload["vocabulary"])
-    policy.load_state_dict(payload["algorithm"]["policy"])
+    spec, readers = env.observation_spec, readers_of(env)
+    policy = build_policy(settings, spec, env.action_unit, bounds, payload["vocabulary"], readers)
+    _load_networks(policy, payload["algorithm"]["policy"], "the checkpoint has other networks than its config")
     return policy
 
 
@@ -221,13 +222,19 @@ def start_from(path: Path, policy: Policy, vocabulary: Sequence[str], widths: di
     except CheckpointError as error:
         raise CheckpointError(f"init={path} cannot be begun with: {error}") from None
     noise = {name: value for name, value in policy.state_dict().items() if name.endswith("log_std")}
+    remedy = "take the values of policy that it was trained with"
+    _load_networks(
+        policy, payload["algorithm"]["policy"] | noise, f"init={path} has other networks than this run", remedy
+    )
+
+
+def _load_networks(policy: Policy, weights: Mapping[str, torch.Tensor], problem: str, remedy: str = "") -> None:
+    """Raises CheckpointError, which begins with `problem`, if the policy has other networks."""
     try:
-        policy.load_state_dict(payload["algorithm"]["policy"] | noise)
+        policy.load_state_dict(dict(weights))
     except RuntimeError as error:
         text = str(error).splitlines()[-1].strip()
-        raise CheckpointError(
-            f"init={path} has other networks than this run: {text}; take the values of policy that it was trained with"
-        ) from None
+        raise CheckpointError(f"{problem}: {text}" + (f"; {remedy}" if remedy else "")) from None
 
 
 def extend_vocabulary(payload: dict[str, Any], vocabulary: Sequence[str]) -> dict[str, Any]:

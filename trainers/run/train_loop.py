@@ -25,6 +25,7 @@ from trainers.algorithms.algorithm import DivergedError, build_algorithm
 from trainers.collect.rollouts import CollectionError, EpisodeStatistics, Rollouts, collector_columns
 from trainers.collect.worker import MakeEnv, derive_seed
 from trainers.config import TrainingConfig, frames_per_batch, uses_processes
+from trainers.environment import readers_of
 from trainers.evaluation.evaluation import EvalResult
 from trainers.run import checkpoint
 from trainers.run.checkpoint import start_from
@@ -130,7 +131,9 @@ class TrainingRun:
         make_eval_env = make_eval_env or make_env
         self.env = make_eval_env(1, derive_seed(training.run.seed, 0, evaluation=True))
         spec, relabel = self.env.observation_spec, self.env.hindsight
-        self.policy, self.algorithm = build_algorithm(training, spec, self.env.action_unit, vocabulary, relabel)
+        self.policy, self.algorithm = build_algorithm(
+            training, spec, self.env.action_unit, vocabulary, relabel, readers_of(self.env)
+        )
         beside = training.eval.overlap and uses_processes(training.collector)
         self.evaluator = Evaluator(make_eval_env, self.policy, training.eval.worlds, training.run.seed, beside)
         self.widths = checkpoint.widths(spec, self.env.action_spec)

@@ -1,5 +1,7 @@
 """Observations are declared once: everything else follows from the table."""
 
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -78,3 +80,12 @@ def test_what_is_observed_is_in_the_spec(task):
         assert spec.is_in(td[key]), key
         assert td[key].dtype == spec.dtype, key
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("key", "reader", "message"),
+    [("x", "policy", "reader='policy' must be one of"), ("privileged/x", "actor", "may not see what is privileged")],
+)
+def test_a_reader_that_may_not_see_an_observation_is_refused(key, reader, message):
+    with pytest.raises(ValueError, match=message):
+        replace(HEIGHT, key=key, reader=reader)

@@ -52,7 +52,7 @@ def test_an_update_trains_actor_critics_and_words(algo, policy, weight):
 @pytest.mark.parametrize("algo", ALGOS)
 def test_a_critic_without_the_goal_reads_the_context(algo):
     made, algorithm, batch = learner(algo, "policy.privileged_critic=false")
-    assert algorithm.critic_key == made.context_key
+    assert algorithm.critic_keys == ("robot", made.context_key)
     assert algorithm.update(batch, 0.0)["updates"] == 4
 
 
