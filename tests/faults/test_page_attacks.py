@@ -153,6 +153,13 @@ def test_the_page_says_the_same_about_every_path_that_is_no_run(server, tmp_path
         client.set("or a run folder", "")
 
 
+def test_a_sentence_that_would_take_the_parser_long_is_refused(server):
+    with PageClient(server.address) as client:
+        client.say("reach the cube between the cube and " * 40)
+        client.wait_for_text("a sentence has at most 500 characters")
+        client.set("Say", "")
+
+
 def object_names(client):
     client.set("Say", "reach the object")
     return re.split(" or ", client.wait_for_text(r"(?<=Do you mean )[^?]*"))
