@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import urllib.request
+from functools import partial
 from pathlib import Path
 
 import imageio.v2 as imageio
@@ -13,6 +14,7 @@ import pytest
 import play
 from core.errors import ConfigError
 from tools.browser import free_port
+from tools.forked import call
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -97,9 +99,7 @@ def test_the_page_is_served_and_an_interrupt_ends_the_process_without_errors(por
 
 @pytest.mark.slow
 def test_bad_input_ends_the_process_with_one_line_and_no_traceback():
-    ended = subprocess.run(
-        [sys.executable, "play.py", "robot=pandora"], cwd=ROOT, capture_output=True, text=True, timeout=120
-    )
-    assert ended.returncode == 1
-    assert [line for line in ended.stderr.splitlines() if line.startswith("error: ")]
-    assert "Traceback" not in ended.stderr
+    ended = call(partial(play.cli, ["robot=pandora"]), ROOT)
+    assert ended.code == 1
+    assert [line for line in ended.err.splitlines() if line.startswith("error: ")]
+    assert "Traceback" not in ended.err
