@@ -27,7 +27,7 @@ class EnvError(AssertionError):
 
 
 def check_env(make: MakeEnv, max_steps: int = 400) -> None:
-    """Checks an environment.
+    """Check an environment.
 
     Args:
         make: `make(worlds, seed)` builds it, such as `lambda worlds, seed: make_env(["task=mine"], worlds, seed)`.
@@ -59,7 +59,7 @@ def _check_all(env: EnvBase, alone: EnvBase, max_steps: int) -> Iterator[str]:
 
 
 def _check_frame(env: EnvBase, frame: TensorDictBase) -> Iterator[str]:
-    """Conditions on every frame: values within their specs, and consistent ends, rewards and words."""
+    """Yield what is wrong in a frame: values beyond their specs, and inconsistent ends, rewards and words."""
     for key, value in _leaves(frame):
         if value.is_floating_point() and not value.isfinite().all():
             yield f"{key}: not all numbers are finite"
@@ -84,7 +84,7 @@ def _check_frame(env: EnvBase, frame: TensorDictBase) -> Iterator[str]:
 
 
 def _is_reworded(env: EnvBase) -> bool:
-    """Whether a policy reads other words than a person says."""
+    """Return whether a policy reads other words than a person says."""
     task = getattr(env, "task", None)
     return task is not None and (task.config.rephrased or task.traits.stepwise)
 
@@ -106,7 +106,7 @@ def _check_scene(env: EnvBase, frame: TensorDictBase) -> Iterator[str]:
 
 
 def _check_keys(env: EnvBase, frame: TensorDictBase, when: str) -> Iterator[str]:
-    """The keys, shapes and types that the specs declare."""
+    """Return the keys, shapes and types that the specs declare."""
     specs = {_name(key): spec for key, spec in env.observation_spec.items(True, True)}
     specs |= {_name(key): spec for key, spec in env.full_done_spec.items(True, True)}
     if when == "step":
@@ -130,7 +130,7 @@ def _check_start(frame: TensorDictBase) -> Iterator[str]:
 
 
 def _check_seeds(env: EnvBase, alone: EnvBase, actions: torch.Tensor, first: list[TensorDictBase]) -> Iterator[str]:
-    """The same seed gives the same bits after other episodes and with other worlds; another seed does not."""
+    """Yield where a seed gives other bits after other episodes or with other worlds, or two seeds the same."""
     again = list(_rollout(env, actions))
     yield from _compare(first, again, "the same seed and actions give other values the second time")
     single = list(_rollout(alone, actions[:, :1]))
@@ -158,7 +158,7 @@ def _check_actions(env: EnvBase, actions: torch.Tensor) -> Iterator[str]:
 
 
 def _check_buffers(env: EnvBase, actions: torch.Tensor) -> Iterator[str]:
-    """Frames that were returned do not change afterwards."""
+    """Yield the keys of frames that change after they were returned."""
     env.set_seed(SEED)
     kept = [env.reset()]
     copies = [kept[0].clone()]
@@ -222,7 +222,7 @@ def _actions(env: EnvBase, steps: int) -> torch.Tensor:
 
 
 def _rollout(env: EnvBase, actions: torch.Tensor, seed: int = SEED) -> Iterator[TensorDictBase]:
-    """The frames after a reset and after each action; ended episodes are not begun again."""
+    """Return the frames after a reset and after each action; ended episodes are not begun again."""
     env.set_seed(seed)
     state = env.reset()
     yield state
@@ -244,7 +244,7 @@ def _compare(one: list[TensorDictBase], other: list[TensorDictBase], problem: st
 
 
 def _differences(one: TensorDictBase, other: TensorDictBase) -> list[str]:
-    """Names of the values that differ in a bit, or that only one of them has; NaN equals itself."""
+    """Return the names of the values that differ in a bit, or that only one of them has; NaN equals itself."""
     a, b = dict(_leaves(one)), dict(_leaves(other))
     names = [key for key in a if key in b and not _same(a[key], b[key])]
     return [*names, *sorted(set(a) ^ set(b))]

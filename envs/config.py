@@ -29,26 +29,26 @@ class EnvConfig:
     gripper: GripperConfig
 
     def without_curriculum(self) -> EnvConfig:
-        """The config for evaluation: one instruction an episode, no curriculum and no domain randomisation."""
+        """Return the config for evaluation: one instruction an episode, no curriculum and no domain randomisation."""
         task = replace(self.task, curriculum=NO_CURRICULUM, instructions=1)
         return replace(self, task=task).randomized(RandomizeConfig())
 
     def drawn(self) -> EnvConfig:
-        """The config of scenes that words are learned from, but that are not simulated: they may have more objects."""
+        """Return the config of scenes that words are learned from without simulation: they may have more objects."""
         most = max(self.task.num_objects, self.task.drawn_objects)
         return replace(self, task=replace(self.task, num_objects=most))
 
     def with_instructions(self, count: int) -> EnvConfig:
-        """The config whose episodes have `count` instructions, one after another."""
+        """Return the config whose episodes have `count` instructions, one after another."""
         return replace(self, task=replace(self.task, instructions=count))
 
     def randomized(self, randomize: RandomizeConfig) -> EnvConfig:
-        """The config with this domain randomisation."""
+        """Return the config with this domain randomisation."""
         return replace(self, task=replace(self.task, randomize=randomize))
 
 
 def read_env(config: Any) -> EnvConfig:
-    """The groups of a composed config, checked. Raises ConfigError before anything is loaded."""
+    """Return the groups of a composed config, checked. Raises ConfigError before anything is loaded."""
     for name, default in (("gesture", "none"), ("gripper", "own")):
         if name not in config:
             raise ConfigError(f"{name} is missing: this config is older than the group; give {name}={default}")
@@ -87,7 +87,7 @@ def read_env(config: Any) -> EnvConfig:
 
 
 def _check_board(task: TaskConfig, workspace: WorkspaceConfig) -> None:
-    """Raises ConfigError unless the cells of the task are those of the workspace's board."""
+    """Raise ConfigError unless the cells of the task are those of the workspace's board."""
     board = workspace.board
     if board is None:
         raise ConfigError(f"task.name={task.name} needs a board, which workspace={workspace.name} lacks: choose board")

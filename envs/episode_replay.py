@@ -69,7 +69,7 @@ class EpisodeReplayEnv(EnvBase):
         self.beginnings = [self._beginning(i) for i in range(len(seeds))]
 
     def continue_episodes(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> None:
-        """The next reset of all worlds continues these episodes instead of beginning new ones.
+        """Let the next reset of all worlds continue these episodes instead of beginning new ones.
 
         Args:
             beginnings: for each world, the state of its generator when the episode began.
@@ -90,7 +90,7 @@ class EpisodeReplayEnv(EnvBase):
         return self._begin_episodes(worlds)
 
     def _replay(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> TensorDictBase:
-        """The observation (N,) after the last action. The arguments are those of `continue_episodes`.
+        """Return the observation (N,) after the last action. The arguments are those of `continue_episodes`.
 
         All worlds take their last action in the same step. Worlds with shorter episodes begin them later, and hold
         still until then: what happens in a world before a reset has no effect after it.

@@ -26,7 +26,7 @@ class Condition:
 def each_condition(
     config: Mapping[str, Any], evaluate: Callable[[Condition], dict[str, Any]]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
-    """The results of `evaluate` by the conditions' names, and why the others are impossible for this config.
+    """Return the results of `evaluate` by the conditions' names, and why the others are impossible for this config.
 
     Raises:
         ConfigError: even the plain condition is impossible.
@@ -43,7 +43,7 @@ def each_condition(
 
 
 def conditions(config: Mapping[str, Any]) -> dict[str, Condition]:
-    """The conditions by their names, the plain one first. config: the checkpoint's, composed.
+    """Return the conditions by their names, the plain one first. config: the checkpoint's, composed.
 
     Some may be impossible for a task or robot; building an environment for them raises ConfigError.
     """
@@ -98,7 +98,7 @@ def _time_steps(physics: Mapping[str, Any]) -> dict[str, Condition]:
 
 
 def _workspaces(config: Mapping[str, Any]) -> dict[str, Condition]:
-    """The other workspaces in which the task can be done: with a person, where one points."""
+    """Return the other workspaces in which the task can be done: with a person, where one points."""
     if config["workspace"]["name"] not in WORKSPACES or config["gesture"]["source"] != "none":
         return {}
     others = [name for name in WORKSPACES if name != config["workspace"]["name"]]

@@ -174,7 +174,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self.task.reset(np.array([i]), self._state)
 
     def _outcome(self) -> dict[str, Tensor]:
-        """The rewards of a control step, and the ends of episodes."""
+        """Return the rewards of a control step, and the ends of episodes."""
         outcome = compute_outcome(self.task, self._state, self._weights)
         for i, goal in self._next_goals(outcome["success"][:, 0]):
             self._set_goal(i, goal)
@@ -185,7 +185,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return {name: torch.from_numpy(values) for name, values in outcome.items()}
 
     def _next_goals(self, success: NDArray[np.bool_]) -> Iterator[tuple[int, Goal]]:
-        """The worlds whose episodes go on after a success, each with its next goal. success: (N,)."""
+        """Return the worlds whose episodes go on after a success, each with its next goal. success: (N,)."""
         return next_goals(self._arrays, self.task, success, self._generators)
 
     def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
@@ -217,7 +217,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self._gestures.read(worlds.tolist())
 
     def _first_observation(self) -> TensorDictBase:
-        """The observation before any action."""
+        """Return the observation before any action."""
         values = self._observer.observe(self._source)
         values["reward_terms"] = torch.zeros(*self.batch_size, len(self.reward_names))
         values |= {name: torch.zeros(*self.batch_size, 1, dtype=torch.bool) for name in (*OUTCOMES, *ENDS)}
@@ -242,7 +242,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return self._sample(count, seed)
 
     def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:
-        """Relabels episodes with the goal they achieved (HER).
+        """Relabel episodes with the goal they achieved (HER).
 
         episodes: (T,) recorded frames each. Those that achieved no other goal are left out. Targets stand elsewhere, or
         other objects are named in other words; rewards and ends are the task's, and an episode is cut where it would
@@ -256,7 +256,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return self._arrays.steps.copy()
 
     def sentence(self, world: int = 0) -> str:
-        """The instruction of this world's episode."""
+        """Return the instruction of this world's episode."""
         return self._arrays.goals[world].sentence
 
     @property
@@ -298,7 +298,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return self.task.traits.moves
 
     def is_reachable(self, place: Tensor) -> bool:
-        """Whether a gripper gets within the task's radius of an object at place (3,), metres."""
+        """Return whether a gripper gets within the task's radius of an object at place (3,), metres."""
         return self.control.outside(place.numpy()) <= self.config.task.radius
 
     @property
@@ -317,7 +317,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         close: NDArray[np.bool_] | None = None,
         yaw: NDArray[np.float64] | None = None,
     ) -> Tensor:
-        """The action (N, A) that brings each gripper nearer to position (N, 3), metres: for scripted experts.
+        """Return the action (N, A) that brings each gripper nearer to position (N, 3), metres: for scripted experts.
 
         close: (N,) whether it is to grip. yaw: (N,) radians about the vertical, where the task turns. None: as now.
         """
@@ -340,7 +340,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
 def next_goals(
     arrays: WorldState, task: Task, success: NDArray[np.bool_], generators: Sequence[Generator]
 ) -> Iterator[tuple[int, Goal]]:
-    """The worlds whose episodes go on after this control step, each with its next goal. Their steps count from 0.
+    """Yield the worlds whose episodes go on after this control step, with their next goals. Their steps count from 0.
 
     success: (N,). generators: of each world.
     """
@@ -361,7 +361,7 @@ def next_goals(
 
 
 def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task:
-    """The task of N worlds. person: the person who points, or None."""
+    """Make the task of N worlds. person: the person who points, or None."""
     task = TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
     task.furnish(config.workspace.fittings)
     task.prepare(config.workspace)
@@ -369,7 +369,7 @@ def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task
 
 
 def make_kinematics(config: EnvConfig, task: Task) -> Kinematics:
-    """The kinematics of the arm. Its rest pose depends on whether the task moves objects.
+    """Return the kinematics of the arm. Its rest pose depends on whether the task moves objects.
 
     With a rod, the gripper rests over the middle of the object area, at the greatest allowed height.
     """
@@ -397,7 +397,7 @@ def make_world(config: EnvConfig, task: Task, render: bool = False, window: Wind
 
 
 def gripper_name(config: EnvConfig, task: Task) -> str | None:
-    """The gripper on the robot: "magnet" or "fingers"; None if the task moves no objects."""
+    """Return the gripper on the robot: "magnet" or "fingers"; None if the task moves no objects."""
     return config.gripper.of(config.robot) if task.traits.moves else None
 
 
@@ -423,7 +423,7 @@ def gripper_box(config: EnvConfig, task: Task) -> Array:
 
 
 def make_control(config: EnvConfig, task: Task, kinematics: Kinematics) -> Control:
-    """The control that the config names."""
+    """Make the control that the config names."""
     speed = np.array(config.robot.max_speed) * (config.physics.time_step * config.physics.substeps)
     return CONTROLS[config.control.name](
         config.control,
@@ -436,7 +436,7 @@ def make_control(config: EnvConfig, task: Task, kinematics: Kinematics) -> Contr
 
 
 def make_initial_states(config: EnvConfig, task: Task, kinematics: Kinematics) -> InitialStates:
-    """Where the arm begins episodes."""
+    """Return where the arm begins episodes."""
     curriculum = config.task.curriculum.share > 0
     noise = max(config.task.reset_noise, config.task.randomize.start)
     return InitialStates(kinematics, noise, gripper_box(config, task) if curriculum else None)
@@ -445,7 +445,7 @@ def make_initial_states(config: EnvConfig, task: Task, kinematics: Kinematics) -
 def make_grip_controller(
     config: EnvConfig, task: Task, worlds: Sequence[SimulatedWorld], state: State
 ) -> GripController:
-    """The controller of all worlds' grippers. state: the arrays to which it writes the held slots."""
+    """Make the controller of all worlds' grippers. state: the arrays to which it writes the held slots."""
     return GripController(
         gripper=gripper_name(config, task) if task.traits.grips else None,
         robot=config.robot,
@@ -472,7 +472,7 @@ class NotFiniteError(ValueError):
 
 
 def read_action(frame: TensorDictBase) -> NDArray[np.float64]:
-    """The action (N, A) of a frame (N,), clipped to [-1, 1]. Raises NotFiniteError."""
+    """Return the action (N, A) of a frame (N,), clipped to [-1, 1]. Raises NotFiniteError."""
     action = frame["action"].detach().numpy().astype(np.float64)
     if not np.isfinite(action).all():
         raise NotFiniteError(frame)
@@ -480,7 +480,7 @@ def read_action(frame: TensorDictBase) -> NDArray[np.float64]:
 
 
 def _not_finite(frame: TensorDictBase) -> str:
-    """The name of the value that is not finite: an observation if there is one, otherwise the action."""
+    """Return the name of the value that is not finite: an observation if there is one, otherwise the action."""
     for key, value in frame.items():
         if key != "action" and isinstance(value, Tensor) and value.is_floating_point() and not value.isfinite().all():
             return f"the observation {key}"

@@ -23,10 +23,11 @@ from core.errors import ConfigError
 from core.overrides import compose, groups
 from core.schema import Checked, read
 from envs.config import EnvConfig, read_env
+from envs.experts import EXPERTS
 from envs.mdp.controls import CONTROLS
 from envs.mdp.object_rows import CLOSE, NEAR
 from envs.mdp.observations import descriptions
-from envs.tasks import TASKS
+from envs.tasks import TASK_VERBS, TASKS
 from envs.workspace_env import WorkspaceEnv
 from language import DEVICES, SHAPES
 
@@ -105,9 +106,15 @@ def pages() -> dict[str, str]:
 def _tasks_page(tasks: dict[str, EnvironmentSpecs], made: dict[tuple[str, str, str], EnvironmentSpecs]) -> str:
     lines = [
         NOTE,
-        "# Tasks: observations",
+        "# Tasks",
         "",
         *TASKS_INTRODUCTION,
+        "",
+        "## Index",
+        "",
+        "Where each option is defined: its class, its YAML, its scripted expert, and the verb of its sentences.",
+        "",
+        *_table(["`task=`", "class", "YAML", "expert", "verb"], _index(tasks)),
         "",
         "## Keys",
         "",
@@ -130,6 +137,29 @@ def _tasks_page(tasks: dict[str, EnvironmentSpecs], made: dict[tuple[str, str, s
     for name, each in tasks.items():
         lines += ["", *_task_section(name, each)]
     return "\n".join(lines) + "\n"
+
+
+def _index(tasks: dict[str, EnvironmentSpecs]) -> Rows:
+    """The class, YAML, expert and verb of each option."""
+    rows = []
+    for option_name, each in tasks.items():
+        name = each.config.task.name
+        verbs = TASKS[name].verbs or (TASK_VERBS[name],)
+        rows.append(
+            [
+                f"[`{option_name}`](#{option_name})",
+                _source(TASKS[name]),
+                f"`conf/task/{option_name}.yaml`",
+                _source(EXPERTS[name]),
+                f"`{verbs[0]}`" if len(verbs) == 1 else "several",
+            ]
+        )
+    return rows
+
+
+def _source(cls: type) -> str:
+    """A class, and the file that defines it."""
+    return f"`{cls.__name__}`, `{cls.__module__.replace('.', '/')}.py`"
 
 
 def _object_rows(tasks: dict[str, EnvironmentSpecs]) -> Rows:

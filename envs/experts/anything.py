@@ -76,7 +76,7 @@ class AnythingExpert(AimingExpert):
         return choose_rows(other, gripper, place), close & ~other
 
     def _over_the_hand(self, place: Array, handing: NDArray[np.bool_]) -> Array:
-        """The places (N, 3), raised above what lies on the hand for grippers near it that bring nothing there.
+        """Return the places (N, 3), raised above what lies on the hand for grippers near it that bring nothing there.
 
         handing: (N,) whether something is to be handed over.
         """
@@ -91,7 +91,7 @@ class AnythingExpert(AimingExpert):
         return place
 
     def _past_the_lid(self, place: Array) -> Array:
-        """The places (N, 3), or waypoints to them from a fitting, past its open lid.
+        """Return the places (N, 3), or waypoints to them from a fitting, past its open lid.
 
         A gripper goes down only once it is away from the fitting. It moves to a device along y, and then along x.
         """

@@ -42,7 +42,7 @@ class Expert(ABC):
 
     @abstractmethod
     def act(self, referent: Slots, target: Slots) -> Tensor:
-        """The action (N, A) for each world's referent and target (N,); a target equal to the referent means none."""
+        """Return the action (N, A) for referents and targets (N,); a target equal to the referent means none."""
 
     def _place(self, slots: Slots) -> Array:
         """(N, 3) positions of the objects in these slots (N,), metres."""
@@ -57,7 +57,7 @@ class AimingExpert(Expert):
 
     @abstractmethod
     def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
-        """Where the grippers go (N, 3), metres, and whether they close (N,). Arguments: of `act`."""
+        """Return where the grippers go (N, 3), metres, and whether they close (N,). Arguments: of `act`."""
 
 
 def choose_rows(which: NDArray[np.bool_], these: Array, those: Array) -> Array:
@@ -96,7 +96,7 @@ def register_expert(*tasks: str) -> Callable[[ExpertClass], ExpertClass]:
 
 
 def expert(env: WorkspaceEnv) -> Expert:
-    """Returns a new expert for the environment's task. Raises ConfigError where none is registered."""
+    """Return a new expert for the environment's task. Raises ConfigError where none is registered."""
     name = env.config.task.name
     if name not in EXPERTS:
         raise ConfigError(

@@ -78,7 +78,7 @@ class Carrier:
         self._ceiling = env.config.workspace.gripper_box[-1]
 
     def act(self, things: Slots, places: Array, release: NDArray[np.bool_] | bool = True) -> Tensor:
-        """The action (N, A) that brings the objects in slots `things` (N,) to `places` (N, 3), metres.
+        """Return the action (N, A) that brings the objects in slots `things` (N,) to `places` (N, 3), metres.
 
         release: (N,) whether the object is released there; otherwise the gripper holds it there, in the air.
         """
@@ -180,7 +180,7 @@ def moves_of(
     *,
     hold: float = BOARD_HEIGHT - 1,
 ) -> list[Move]:
-    """The moves that carry out the steps of a command.
+    """Return the moves that carry out the steps of a command.
 
     An object that is taken and not placed by the next step is held over where it stood.
 
@@ -220,7 +220,7 @@ def _moves(
 
 
 def without_takes(actions: Sequence[Action]) -> list[Action]:
-    """The steps without each "take" whose object the next step places, since placing includes taking."""
+    """Return the steps without each "take" whose object the next step places, since placing includes taking."""
     following = [*actions[1:], None]
     return [
         action
@@ -248,7 +248,7 @@ class MoveRunner:
         self.done: list[bool] = []
 
     def __call__(self) -> Tensor | None:
-        """The next action (1, A); None once all moves are done, or one was given up."""
+        """Return the next action (1, A); None once all moves are done, or one was given up."""
         while len(self.done) < len(self._moves) and all(self.done):
             move = self._moves[len(self.done)]
             if self._is_done(move):
@@ -281,7 +281,7 @@ def carry_out(
     max_steps: int = MAX_STEPS,
     watch: Callable[[TensorDictBase], None] | None = None,
 ) -> list[bool]:
-    """Carries out moves in the only world of an environment whose episode has begun.
+    """Carry out moves in the only world of an environment whose episode has begun.
 
     Args:
         env: with one world and a task that grips, such as `rearrange`. Ends of its episode are ignored.

@@ -50,13 +50,13 @@ class DeviceExpert(AimingExpert):
 
     @abstractmethod
     def _operate(self, place: Array, turn: Array, way: Array, before: Array) -> Array:
-        """Where the gripper goes (N, 3).
+        """Return where the gripper goes (N, 3).
 
         place, turn, way: (N, 3), (N, 4) and (N,) of the handles. before: (N,) of `OperateDevice.before`.
         """
 
     def _down(self, start: Array) -> Array:
-        """Where the gripper goes (N, 3): up, over the start (N, 3), and down to it."""
+        """Return where the gripper goes (N, 3): up, over the start (N, 3), and down to it."""
         gripper = self._env.gripper
         offset = start - gripper
         over = length(offset[:, :2]) < OVER

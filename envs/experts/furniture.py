@@ -41,7 +41,7 @@ class FittingExpert(AimingExpert):
         }
 
     def _move_to(self, slots: Slots, end: float) -> tuple[Array, NDArray[np.bool_]]:
-        """Where the gripper goes (N, 3), and whether it closes (N,), to move fittings, in slots (N,), to the share."""
+        """Return where grippers go (N, 3), and whether they close (N,), to move fittings in slots (N,) to the share."""
         env, held = self._env, self._env.state.held == slots
         handle, top, onward = self._place(slots), *self._path(slots, end)
         grip = handle + top[:, None] * UP
@@ -52,7 +52,7 @@ class FittingExpert(AimingExpert):
         return place, held | close
 
     def _take(self, grip: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """The way to `grip` (N, 3): up, over the handle and down on it; and whether the gripper closes (N,)."""
+        """Return the way to `grip` (N, 3): up, over the handle and down on it; and whether the gripper closes (N,)."""
         gripper = self._env.gripper
         travel, up, down = grip + HOVER * UP, gripper.copy(), grip - PRESS * (self._env.grip_depth > 0) * UP
         up[:, 2] = travel[:, 2]
@@ -126,7 +126,7 @@ class InOutExpert(StackExpert):
         return TRAVEL - goal[:, 2]
 
     def _straight(self, place: Array) -> Array:
-        """The places (N, 3), or waypoints to them: first along x, then along y."""
+        """Return the places (N, 3), or waypoints to them: first along x, then along y."""
         gripper, way = self._env.gripper, place.copy()
         at, aim = np.abs(gripper[:, 1]) > self._beside, np.abs(place[:, 1]) > self._beside
         away, aside = at & ~aim, aim & ~at & (np.abs(place[:, 0] - gripper[:, 0]) > STRAIGHT)

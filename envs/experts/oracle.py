@@ -43,7 +43,7 @@ class Oracle:
         return (self._env.elapsed == 0) | moved
 
     def _sentence(self, world: int, tensordict: TensorDictBase) -> str:
-        """The instruction: of a sentence of several steps, the one that is carried out now."""
+        """Return the instruction: of a sentence of several steps, the one that is carried out now."""
         if not self._env.task.traits.stepwise:
             return self._env.sentence(world)
         return self._env.tokenizer.decode(tensordict["instruction"][world].tolist())
@@ -51,7 +51,7 @@ class Oracle:
     def _understood(
         self, world: int, sentence: str, *, objects: NDArray, shown: NDArray[np.bool_], ray: NDArray
     ) -> tuple[int, int]:
-        """The slots of the referent and of its target: the referent's own if there is none."""
+        """Return the slots of the referent and of its target: the referent's own if there is none."""
         viewpoint, slots = self._env.config.task.viewpoint, np.flatnonzero(shown)
         rows, task = objects[shown], self._env.task
         scene = scene_of_rows(rows, viewpoint, nouns_of_rows(rows, task.traits.operates, task.fixtures))
@@ -64,7 +64,7 @@ class Oracle:
         return int(slots[both[0]]), int(slots[both[-1]])
 
     def _shown(self, world: int, sentence: str, scene: Scene, ray: NDArray) -> int | None:
-        """The most likely object by words and gesture; None while a moving finger points at no object that fits."""
+        """Return the likeliest object by words and gesture; None while a moving finger points at none that fits."""
         phrase = referring_phrase(sentence)
         try:
             return int(fuse(phrase, scene, self._weights(scene, ray)).argmax())

@@ -44,7 +44,7 @@ class Fetch(Expert):
     hover: float | NDArray[np.float64] = HOVER
 
     def _fetch(self, thing: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Where the gripper goes (N, 3) to take hold of the object, and whether it closes (N,)."""
+        """Return where the gripper goes (N, 3) to take hold of the object, and whether it closes (N,)."""
         grip = thing + self._env.grip_depth * UP
         offset = grip - self._env.gripper
         beside = length(offset[:, :2])
@@ -67,7 +67,7 @@ class GraspExpert(Fetch, AimingExpert):
         return choose_rows(held, self._keep(), place), held | close
 
     def _keep(self) -> Array:
-        """Where the gripper goes (N, 3) with the held object."""
+        """Return where the gripper goes (N, 3) with the held object."""
         return self._env.gripper
 
 
@@ -107,7 +107,7 @@ class PlaceExpert(Fetch, AimingExpert):
         return self._place(target)
 
     def _carry(self, thing: Array, goal: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Where the gripper goes (N, 3) with the object that it holds, and whether it keeps it (N,)."""
+        """Return where the gripper goes (N, 3) with the object that it holds, and whether it keeps it (N,)."""
         offset, height = goal - thing, self._height(thing, goal)
         aim = choose_rows(thing[:, 2] < height - self._travel(goal) / 2, thing, goal)
         aim[:, 2] = height
@@ -196,7 +196,7 @@ class RotateExpert(Fetch):
         return env.towards(place, np.where(held, keep, close) & ~done, yaw)
 
     def _carry(self, thing: Array, turned: NDArray[np.bool_], rest: float) -> tuple[Array, NDArray[np.bool_]]:
-        """Where the gripper goes (N, 3) with the object that it holds, and whether it keeps it (N,)."""
+        """Return where the gripper goes (N, 3) with the object that it holds, and whether it keeps it (N,)."""
         place = self._env.gripper
         place[:, 2] += np.where(turned, np.maximum(rest - thing[:, 2], -GENTLY), rest + CARRY - thing[:, 2])
         # The object may have slipped upwards in the fingers, which then come down to the table first.

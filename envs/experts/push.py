@@ -55,14 +55,14 @@ class Pusher(Expert):
         self._apart = env.config.task.object_size / 2 + TOOL  # metres between the centres as they touch
 
     def _push(self, thing: Array, way: Array, step: float = STEP) -> Array:
-        """Where the gripper goes (N, 3) to push the object `step` metres along `way`, a unit vector (N, 3)."""
+        """Return where the gripper goes (N, 3) to push the object `step` metres along `way`, a unit vector (N, 3)."""
         pushing, aside = self._pushing(thing, way)
         onward = self._env.gripper - STEER * aside + step * way
         onward[:, 2] = self._height
         return choose_rows(pushing, onward, self._around(thing, way))
 
     def _pushing(self, thing: Array, way: Array) -> tuple[NDArray[np.bool_], Array]:
-        """Whether the gripper is low behind the object (N,), and how far beside the line (N, 3)."""
+        """Return whether the gripper is low behind the object (N,), and how far beside the line (N, 3)."""
         offset = (self._env.gripper - thing) * [1.0, 1.0, 0.0]
         along = (offset * way).sum(1)
         aside = offset - along[:, None] * way
@@ -70,7 +70,7 @@ class Pusher(Expert):
         return behind & (self._env.gripper[:, 2] < self._height + FREE), aside
 
     def _around(self, thing: Array, way: Array) -> Array:
-        """Where the gripper goes (N, 3): back, up, over, and down behind the object."""
+        """Return where the gripper goes (N, 3): back, up, over, and down behind the object."""
         start = thing - (self._apart + FREE) * way
         gripper = self._env.gripper
         high = gripper[:, 2] > HOVER - 0.02
@@ -79,7 +79,7 @@ class Pusher(Expert):
         return choose_rows(over | high, start, self._back(thing, -horizontal(gripper - thing)))
 
     def _back(self, thing: Array, way: Array) -> Array:
-        """Where the gripper goes (N, 3) from the object that it touches: back, and then up.
+        """Return where the gripper goes (N, 3) from the object that it touches: back, and then up.
 
         A gripper that rises at once would lift the object. One with parts beyond the object rises at once all the same,
         since going back would drag it.
@@ -197,7 +197,7 @@ class ThrowExpert(Fetch):
         return self._env.towards(place, np.where(held, ~self._letting_go, close & ~follow & ~landed))
 
     def _note(self, thing: Array, goal: Array, way: Array, held: NDArray[np.bool_]) -> None:
-        """Updates which grippers are in their run-up, and which have released."""
+        """Update which grippers are in their run-up, and which have released."""
         left, pace = ((goal - thing) * way).sum(1), ((thing - self._last) * way).sum(1)
         start = self._start(goal, way)
         self._running = held & ((self._running & (left > SHORT)) | (length(start - thing) < AT))
@@ -210,13 +210,13 @@ class ThrowExpert(Fetch):
         self._last = thing
 
     def _start(self, goal: Array, way: Array) -> Array:
-        """Where the run begins (N, 3)."""
+        """Return where the run begins (N, 3)."""
         start = goal - self._run * way
         start[:, 2] = self._style.height
         return start
 
     def _carry(self, thing: Array, goal: Array, way: Array) -> Array:
-        """Where the held object goes (N, 3): up, to the start of the run-up, and on."""
+        """Return where the held object goes (N, 3): up, to the start of the run-up, and on."""
         start = self._start(goal, way)
         up, run = thing.copy(), start.copy()
         up[:, 2] = self._style.height

@@ -19,7 +19,7 @@ class ReachExpert(AimingExpert):
         return self.over(self._place(referent)), np.zeros(len(referent), bool)
 
     def over(self, goal: Array) -> Array:
-        """Where each gripper goes (N, 3), metres, over its goal (N, 3) and then down on it."""
+        """Return where each gripper goes (N, 3), metres, over its goal (N, 3) and then down on it."""
         goal = goal.copy()
         beside = np.linalg.norm((goal - self._env.gripper)[:, :2], axis=1)
         height = reaching_height(self._task.config, self._env.config.robot.clearance)

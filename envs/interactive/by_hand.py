@@ -55,12 +55,12 @@ class ByHandEnv(WorkspaceEnv):
         super().__init__(config, seed=seed, window=self._window)
 
     def user_interface(self) -> tuple[KeySource, Display]:
-        """The keys and the display of the window."""
+        """Return the keys and the display of the window."""
         assert self._window is not None
         return WindowKeys(self._window.client), WindowDisplay(self._window.client)
 
     def point_at(self, target: Array) -> tuple[Array, Array]:
-        """Moves the finger to target (3,), metres, within `gesture.frames` physics steps, and takes no control step.
+        """Move the finger to target (3,), metres, within `gesture.frames` physics steps, and take no control step.
 
         Returns the fingertip (3,) and the unit direction (3,) afterwards. Raises Unreachable, and then nothing moves.
         """
@@ -70,14 +70,14 @@ class ByHandEnv(WorkspaceEnv):
         return gesture.origin, gesture.direction
 
     def set_referent(self, index: int) -> TensorDictBase:
-        """Makes object `index` of the scene the referent, and starts the episode. Returns the observation."""
+        """Make object `index` of the scene the referent, and start the episode. Returns the observation."""
         self._arrays.read(self._arrays.index)
         slot = int(np.flatnonzero(self._state.shown[0])[index])
         self._set_goal(0, replace(self._arrays.goals[0], referent=slot))
         return self._first_observation()
 
     def scene(self) -> Scene:
-        """The objects as the language sees them."""
+        """Return the objects as the language sees them."""
         shown = self._state.shown[0]
         return scene_of_rows(self._arrays.rows[0, shown], self.config.task.viewpoint, self._state.nouns[0, shown])
 
@@ -97,16 +97,16 @@ class ScenePointer:
         return self._ray[0]
 
     def nearest(self) -> int:
-        """The object nearest to the ray. Raises NothingPointedAt."""
+        """Return the object nearest to the ray. Raises NothingPointedAt."""
         return int(pointed_object(*self._ray, self._scene.positions))
 
     def meant(self) -> int:
-        """The referent by ray and words. Raises NothingPointedAt."""
+        """Return the referent by ray and words. Raises NothingPointedAt."""
         by_ray = posterior(*self._ray, self._scene.positions, noise_deg=0)
         return int((by_ray if self._phrase is None else fuse(self._phrase, self._scene, by_ray)).argmax())
 
     def name(self, index: int) -> str:
-        """The object in words."""
+        """Return the object in words."""
         return object_name(index, self._scene)
 
 
@@ -135,7 +135,7 @@ def run_by_hand(
     display: Display,
     real_time: bool = True,
 ) -> list[EpisodeResult]:
-    """Runs episodes with the deterministic policy until there are `episodes` results or the person presses Escape.
+    """Run episodes with the deterministic policy until there are `episodes` results or the person presses Escape.
 
     Args:
         policy: writes "action"; is not given the privileged keys.
@@ -161,7 +161,7 @@ def run_by_hand(
 def _run_episode(
     env: ByHandEnv, policy: Callable, *, keys: KeySource, display: Display, period: float
 ) -> EpisodeResult | None:
-    """The result; None if the person quit."""
+    """Return the result; None if the person quit."""
     env.reset()
     sentence = f'"{env.sentence()}"'
     pointer, workspace = ScenePointer(env), env.config.workspace
@@ -183,7 +183,7 @@ def _run_episode(
 def _run_policy(
     env: ByHandEnv, policy: Callable, state: TensorDictBase, *, keys: KeySource, period: float
 ) -> TensorDictBase | None:
-    """The last step of the episode, with a control step every `period` seconds; None if the person quit."""
+    """Return the last step of the episode, with a control step every `period` seconds; None if the person quit."""
     due = time.monotonic()
     while not keys.escape_pressed():
         state["action"] = policy(state.exclude("privileged"))["action"]
@@ -196,7 +196,7 @@ def _run_policy(
 
 
 def _wait_for_enter(keys: KeySource) -> bool:
-    """Waits for Enter (True) or Escape (False)."""
+    """Wait for Enter (True) or Escape (False)."""
     while True:
         for key in keys.poll():
             if key in ("enter", "escape"):

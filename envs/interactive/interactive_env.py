@@ -40,7 +40,7 @@ class InteractiveEnv(WorkspaceEnv):
     # ---- State
 
     def scene(self) -> Scene:
-        """The objects as the language sees them."""
+        """Return the objects as the language sees them."""
         slots = self._slots
         return scene_of_rows(self._arrays.rows[0, slots], self.config.task.viewpoint, self._state.nouns[0, slots])
 
@@ -55,7 +55,7 @@ class InteractiveEnv(WorkspaceEnv):
         return [next(shown) if each else None for each in loose]
 
     def shapes(self) -> list[str]:
-        """The shape of each loose object: a noun of the scene, or "pyramid"."""
+        """Return the shape of each loose object: a noun of the scene, or "pyramid"."""
         return list(self._single_world.pool.nouns)
 
     @property
@@ -82,7 +82,7 @@ class InteractiveEnv(WorkspaceEnv):
     def give_instruction(
         self, sentence: str, referent: int, target: int | None = None, verb: str | None = None
     ) -> TensorDictBase:
-        """Starts an episode with this instruction. Moves nothing. Returns the observation.
+        """Start an episode with this instruction. Moves nothing. Returns the observation.
 
         verb: of the sentence, where the task has several (`Task.verbs`).
         """
@@ -109,7 +109,7 @@ class InteractiveEnv(WorkspaceEnv):
     # ---- Actions of the person
 
     def point_at(self, target: ArrayLike) -> tuple[Array, Array]:
-        """Lets the person point at target (3,), metres. Returns origin (3,) and direction (3,) of the final ray.
+        """Let the person point at target (3,), metres. Returns origin (3,) and direction (3,) of the final ray.
 
         Raises Unreachable, and then nothing moves.
         """
@@ -123,7 +123,7 @@ class InteractiveEnv(WorkspaceEnv):
         return origin, direction
 
     def put_object(self, index: int, position: Sequence[float]) -> None:
-        """Puts a loose object at position (3,), metres, without turning it. A held object is released first."""
+        """Put a loose object at position (3,), metres, without turning it. A held object is released first."""
         if self._state.held[0] == self._slots[index]:
             self._single_world.release()
         pool, body = self._single_world.pool, self.bodies()[index]
@@ -136,12 +136,12 @@ class InteractiveEnv(WorkspaceEnv):
 
 
 def object_names(scene: Scene) -> list[str]:
-    """The name of each object."""
+    """Return the name of each object."""
     return [object_name(index, scene) for index in range(len(scene))]
 
 
 def object_name(index: int, scene: Scene) -> str:
-    """The shortest description that fits this object only; "a <colour> <noun>" if there is none."""
+    """Return the shortest description that fits this object only; "a <colour> <noun>" if there is none."""
     try:
         return describe(index, scene)
     except LanguageError:

@@ -63,14 +63,14 @@ class Control(ABC):
 
     @abstractmethod
     def hold(self, angles: Array, gripper: Array) -> Array:
-        """The action (N, size) that keeps arms at angles (N, J), grippers at (N, 3), where they are."""
+        """Return the action (N, size) that keeps arms at angles (N, J), grippers at (N, 3), where they are."""
 
     def outside(self, position: Array) -> float:
         """Metres from position (3,) to the gripper box; 0 in it."""
         return float(np.linalg.norm(position - np.clip(position, *self.box)))
 
     def targets(self, action: Array, commanded: Array, measured: Array) -> Array:
-        """The joint angles to command.
+        """Return the joint angles to command.
 
         Args:
             action: (N, size) in [-1, 1].
@@ -86,7 +86,7 @@ class Control(ABC):
 
     @abstractmethod
     def towards(self, position: Array, commanded: Array, yaw: Array | None = None) -> Array:
-        """The action (N, size) that brings the gripper nearer to position (N, 3), metres, for scripted experts.
+        """Return the action (N, size) that brings the gripper nearer to position (N, 3), metres, for scripted experts.
 
         yaw: (N,) radians about the vertical from the orientation at rest, where the gripper can be turned; None: as it
         is turned now.
@@ -165,7 +165,7 @@ class AbsoluteControl(Control):
         return self._with_yaw(self._scaled(gripper), angles)
 
     def _with_yaw(self, place: Array, angles: Array, yaw: Array | None = None) -> Array:
-        """The action (N, size) for scaled positions (N, 3). yaw: (N,); None: that of arms at angles (N, J)."""
+        """Return the action (N, size) for scaled positions (N, 3). yaw: (N,); None: that of arms at angles (N, J)."""
         if not self._turns:
             return place
         if yaw is None:

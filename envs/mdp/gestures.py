@@ -20,7 +20,7 @@ NEVER = -1  # control step of a switch that does not happen
 
 
 def make_person(human: HumanConfig | None, config: GestureConfig) -> Person | None:
-    """The person who points; None if gesture.source=none. Raises ConfigError for a workspace without a person."""
+    """Make the person who points; None if gesture.source=none. Raises ConfigError for a workspace without one."""
     if config.source == "none":
         return None
     if human is None:
@@ -29,7 +29,7 @@ def make_person(human: HumanConfig | None, config: GestureConfig) -> Person | No
 
 
 def make_ray_reader(workspace: WorkspaceConfig, config: GestureConfig) -> CameraRayReader | None:
-    """Reads rays from camera images; None unless gesture.source=camera. Raises ConfigError."""
+    """Read rays from camera images; None unless gesture.source=camera. Raises ConfigError."""
     if config.source != "camera" or workspace.human is None:
         return None
     blocks = [FurnitureBox(box.size, box.position, box.color) for box in workspace.furniture.values()]

@@ -27,7 +27,7 @@ class Goal:
 
     @classmethod
     def of(cls, episode: EpisodeSpec, slots: NDArray[np.int64]) -> Goal:
-        """The goal of an episode whose objects stand in these slots (K,)."""
+        """Return the goal of an episode whose objects stand in these slots (K,)."""
         target = episode.referent if episode.target is None else episode.target
         return cls(
             referent=int(slots[episode.referent]),
@@ -39,7 +39,7 @@ class Goal:
 
     @classmethod
     def of_instruction(cls, given: GivenInstruction, slots: NDArray[np.int64]) -> Goal:
-        """The goal of an instruction in a scene whose objects stand in these slots (K,)."""
+        """Return the goal of an instruction in a scene whose objects stand in these slots (K,)."""
         target = given.referent if given.target is None else given.target
         heard = given.sentence if given.heard is None else given.heard
         return cls(
@@ -51,7 +51,7 @@ class Goal:
         )
 
     def instruction(self, slots: NDArray[np.int64]) -> GivenInstruction:
-        """The instruction, in a scene whose objects stand in these slots (K,) in ascending order."""
+        """Return the instruction, in a scene whose objects stand in these slots (K,) in ascending order."""
         referent, target = np.searchsorted(slots, (self.referent, self.target)).tolist()
         return GivenInstruction(
             kind=self.kind,
@@ -63,7 +63,7 @@ class Goal:
 
 
 def policy_sentence(episode: EpisodeSpec) -> str:
-    """The sentence that the policy reads: the episode's own, unless it is rephrased."""
+    """Return the sentence that the policy reads: the episode's own, unless it is rephrased."""
     return episode.sentence if episode.heard is None else episode.heard
 
 
@@ -73,7 +73,7 @@ def tokens(episode: EpisodeSpec, tokenizer: Tokenizer) -> NDArray[np.int64]:
 
 
 def sentence_bytes(tokenizer: Tokenizer) -> int:
-    """Bytes that the longest sentence of known words needs, with a space and a mark after each word."""
+    """Return the bytes that the longest sentence of known words needs, with a space and a mark after each word."""
     return tokenizer.length * (max(len(word.encode()) for word in tokenizer.vocabulary) + 2)
 
 

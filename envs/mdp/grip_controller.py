@@ -71,7 +71,7 @@ class GripController:
         return np.repeat(self._opening[:, None], self._num_fingers, axis=1)
 
     def initial_opening(self, held: bool) -> float:
-        """Where each finger begins an episode, metres. held: whether the episode begins with an object held."""
+        """Return where each finger begins an episode, metres. held: whether the episode begins with an object held."""
         return self._opening_around_object if held else self._max_opening
 
     def command(self, command: NDArray[np.float64]) -> None:

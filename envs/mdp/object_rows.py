@@ -34,7 +34,7 @@ _ONE_HOTS = np.eye(_NONE + 1, _NONE)
 
 
 def row_bounds(task: Task, low: Array, high: Array) -> tuple[list, list]:
-    """The least and greatest values of a row, in parts to concatenate.
+    """Return the least and greatest values of a row, in parts to concatenate.
 
     Args:
         task: of the rows.
@@ -83,7 +83,7 @@ def nouns_of_rows(rows: NDArray, devices: bool = False, fixtures: Sequence[str] 
 
 
 def scene_of_rows(rows: NDArray, viewpoint: str = "robot", nouns: NDArray[np.int64] | None = None) -> Scene:
-    """The scene that rows (K, D) describe: the inverse of `static_rows`. nouns: (K,); None: shapes, as the rows say."""
+    """Return the scene that rows (K, D) describe: the inverse of `static_rows`. nouns: (K,); None: the rows' shapes."""
     return Scene.from_arrays(
         nouns=nouns_of_rows(rows) if nouns is None else nouns,
         colors=[list(COLORS).index(color_name(color)) for color in rows[:, 7:11]],

@@ -84,7 +84,7 @@ class Perturbations:
             table[world] = 0.0 if drawn is None else std * rng.standard_normal(table.shape[1:])
 
     def action(self, action: Array, steps: NDArray[np.int64], hold: Callable[[], NDArray]) -> Array:
-        """The action (N, A) that is carried out: late, and with noise.
+        """Return the action (N, A) that is carried out: late, and with noise.
 
         Args:
             action: (N, A) as the policy gives it.

@@ -1,4 +1,4 @@
-"""Relabels episodes with the goal they achieved: hindsight experience replay, for places and for words.
+"""Relabelling of episodes with the goal they achieved: hindsight experience replay, for places and for words.
 
 See-through targets and sentences have no physical effect. So the recorded motion stays valid if the target stood where
 the object ended up, or if another object was named. `Task.relabel` returns such a goal. A sentence is generated for the
@@ -62,7 +62,7 @@ class Relabeller:
         self._gripper = slice(2 * joints, 2 * joints + 3)  # the gripper centre's columns in `robot`
 
     def __call__(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:
-        """The episodes that achieved another goal, relabelled: (T,) each, all observations, cut where they now end."""
+        """Relabel the episodes that achieved another goal: (T,) each, all observations, cut where they now end."""
         if self._task.points:
             return []  # the finger points at the recorded goal
         rng = np.random.default_rng(seed)
@@ -72,7 +72,7 @@ class Relabeller:
         return [frames for batch in batches for frames in self._evaluate(batch)]
 
     def _relabel(self, frames: TensorDictBase, rng: Generator) -> RelabelledEpisode | None:
-        """The episode with the goal that it achieved; None if that is no other one, or no sentence names it."""
+        """Return the episode with the goal that it achieved; None if that is no other one, or no sentence names it."""
         rows = np.concatenate((frames["objects"][:1].numpy(), frames["next", "objects"].numpy()))
         states = self._states(frames, rows)
         shown = np.flatnonzero(states.shown[0])
@@ -98,7 +98,7 @@ class Relabeller:
         return RelabelledEpisode(frames=frames, states=states, rows=rows, episode=episode)
 
     def _states(self, frames: TensorDictBase, rows: NDArray[np.float32]) -> State:
-        """The T + 1 states of an episode, as the task saw them."""
+        """Return the T + 1 states of an episode, as the task saw them."""
         shown = self._history(frames, "objects_mask")
         places = np.where(shown[..., None], rows[..., :3], PARKED)
         gripper = self._history(frames, "robot")[:, self._gripper].astype(np.float64)
@@ -129,7 +129,7 @@ class Relabeller:
         return torch.cat((frames[key][:1], frames[("next", *key)])).numpy()
 
     def _evaluate(self, batch: Sequence[RelabelledEpisode]) -> list[TensorDictBase]:
-        """The frames of up to N episodes with the rewards and terminations of their new goals."""
+        """Return the frames of up to N episodes with the rewards and terminations of their new goals."""
         spans = [len(each.frames) for each in batch]
         steps = self._side_by_side([each.states for each in batch], max(spans))
         self._task.reset(np.arange(self._num_episodes), steps[0])
@@ -163,7 +163,7 @@ class Relabeller:
     def _frames(
         self, relabelled: RelabelledEpisode, observed: TensorDictBase, outcomes: TensorDictBase
     ) -> TensorDictBase:
-        """The frames that would have been recorded, up to the end. observed: (T + 1 or more,). outcomes: (T,)."""
+        """Return the frames as they would have been recorded. observed: (T + 1 or more,). outcomes: (T,)."""
         over = outcomes["terminated"].flatten().nonzero()
         count = int(over[0]) + 1 if len(over) else len(outcomes)
         observed, outcomes = self._observations(relabelled, observed, count + 1), outcomes[:count].clone()
@@ -193,7 +193,7 @@ def _one_step_later(outcomes: TensorDictBase) -> TensorDictBase:
 
 
 def _select_slots(states: State, slots: NDArray[np.int64]) -> State:
-    """The states with these slots alone, renumbered from 0."""
+    """Return the states with these slots alone, renumbered from 0."""
     selected: dict[str, Any] = {"objects": states.objects[:, slots], "shown": states.shown[:, slots]}
     selected["referent"] = np.searchsorted(slots, states.referent)
     if len(states.held):

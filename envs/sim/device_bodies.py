@@ -132,7 +132,7 @@ class DeviceBodies:
         return [self.pose(body) for body in self.shown]
 
     def _collision_shape(self, parts: Sequence[DevicePart], origin: Point) -> int:
-        """The parts as one collision shape about `origin`."""
+        """Return the parts as one collision shape about `origin`."""
         return bullet.createCollisionShapeArray(
             **self._shapes(parts),
             lengths=[self._width * _cylinder_length(part) for part in parts],
@@ -142,7 +142,7 @@ class DeviceBodies:
         )
 
     def _visual_shape(self, parts: Sequence[DevicePart], origin: Point) -> int:
-        """The parts as one visual shape about `origin`; -1 without visuals."""
+        """Return the parts as one visual shape about `origin`; -1 without visuals."""
         if not self._visuals:
             return -1
         return bullet.createVisualShapeArray(
@@ -168,7 +168,7 @@ class DeviceBodies:
 
 
 def _cylinder_length(part: DevicePart) -> float:
-    """The length of a cylinder, widths."""
+    """Return the length of a cylinder, widths."""
     return part.size["xyz".index(part.cylinder or "z")]
 
 

@@ -55,7 +55,7 @@ class Device:
     drawn: tuple[DevicePart, ...] = ()
 
     def scale(self, width: float) -> float:
-        """The factor from a joint value in widths or radians to one in metres or radians."""
+        """Return the factor from a joint value in widths or radians to one in metres or radians."""
         return width if self.joint == "slide" else 1.0
 
     @property

@@ -106,7 +106,7 @@ class Furniture:
         return tuple(fitting.handle_at(value).tolist()), turn
 
     def values(self) -> list[float]:
-        """The joint value of each fitting, metres or radians. A blow can move it past its limits by millimetres."""
+        """Return each fitting's joint value, metres or radians. A blow can move it past its limits by millimetres."""
         return [bullet.getJointState(body, LINK, self._client)[0] for body in self._fittings]
 
     def _box(self, box: Box) -> int:
@@ -117,7 +117,7 @@ class Furniture:
         return bullet.createMultiBody(0, shape, visual, box.position, physicsClientId=self._client)
 
     def _visual_shape(self, boxes: Sequence[Box], origin: Sequence[float]) -> int:
-        """The boxes as one visual shape about `origin`; -1 without visuals."""
+        """Return the boxes as one visual shape about `origin`; -1 without visuals."""
         if not self._visuals:
             return -1
         return bullet.createVisualShapeArray(
@@ -129,7 +129,7 @@ class Furniture:
         )
 
     def _collision_shape(self, boxes: Sequence[Box], origin: Sequence[float]) -> int:
-        """The boxes with contact as one collision shape about `origin`; -1 for none."""
+        """Return the boxes with contact as one collision shape about `origin`; -1 for none."""
         solid = [box for box in boxes if box.contact]
         if not solid:
             return -1
@@ -175,7 +175,7 @@ def _offset(position: Sequence[float], origin: Sequence[float]) -> list[float]:
 
 
 def _centre(boxes: Sequence[Box]) -> list[float]:
-    """The centre of the boxes' bounding box, which is taken as the centre of mass."""
+    """Return the centre of the boxes' bounding box, which is taken as the centre of mass."""
     position, half = np.array([box.position for box in boxes]), np.array([box.size for box in boxes]) / 2
     return (((position - half).min(0) + (position + half).max(0)) / 2).tolist()
 
@@ -238,7 +238,7 @@ class Palm:
 
 
 def _shape(client: int) -> int:
-    """The palm and its four borders as one collision shape about the middle of the surface."""
+    """Return the palm and its four borders as one collision shape about the middle of the surface."""
     x, y, z = SIZE
     half, middle = RIM / 2, BORDER / 2
     boxes = [((x / 2, y / 2, z / 2), (0.0, 0.0, -z / 2))]

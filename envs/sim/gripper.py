@@ -49,7 +49,7 @@ class GripperConfig(Checked):
             raise ConfigError(f"rod={self.rod} must be {wanted} with name={self.name}")
 
     def of(self, robot: RobotConfig) -> str:
-        """The key of GRIPPERS that this robot grips with. Raises ConfigError where it has no such gripper."""
+        """Return the key of GRIPPERS that this robot grips with. Raises ConfigError where it has no such gripper."""
         if self.name == "own":
             return robot.grippers[0]
         name = "magnet" if self.name == "rod" else self.name
@@ -58,7 +58,7 @@ class GripperConfig(Checked):
         return name
 
     def on_rod(self, robot: RobotConfig) -> RobotConfig:
-        """The robot with its magnet at the end of the rod. Raises ConfigError where its gripper tilts."""
+        """Return the robot with its magnet at the end of the rod. Raises ConfigError where its gripper tilts."""
         if robot.position_first:
             raise ConfigError(
                 f"gripper.rod={self.rod}: robot={robot.name} tilts its gripper (position_first), and a rod must point "

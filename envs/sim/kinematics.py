@@ -84,7 +84,7 @@ class Kinematics:
         return Pose(gripper[:, :3, 3], gripper[:, :3, :3])
 
     def jacobian(self, joints: Array) -> tuple[Pose, Array]:
-        """The gripper's pose and (N, 6, J): linear, then angular velocity for each unit joint velocity."""
+        """Return the gripper's pose and (N, 6, J): linear, then angular velocity for each unit joint velocity."""
         frames, gripper = self._frames(joints)
         by_world = frames.transpose(1, 0, 2, 3)
         axes = (by_world[:, :, :3, :3] @ self._axes[:, :, None])[..., 0]
@@ -131,7 +131,7 @@ class Kinematics:
         return delta[..., 0]
 
     def resting_at(self, position: Array) -> Kinematics:
-        """The same arm with another rest pose: its gripper at position (3,), metres, oriented as it is at rest now."""
+        """Return the arm with another rest pose: its gripper at position (3,), metres, oriented as at rest now."""
         rotation, moved = self.forward(self.rest[None]).rotation[0], copy(self)
         moved.rest = self.solve(self.rest[None], position[None], rotation, RESTING_STEPS)[0]
         return moved
@@ -192,7 +192,7 @@ def prioritized_step(
 
 
 def _moved(joints: Array, linear: Array, *, move: Array, limits: Array, damping: float) -> tuple[Array, Array]:
-    """The step (N, J) for the position alone, and (N, J) 1 for each joint that is not at its limit after it, else 0.
+    """Return the step (N, J) for the position alone, and (N, J) 1 for joints that are not at their limits after it.
 
     A joint that would go beyond its limit stops there, and the others make up for it.
     """
@@ -221,7 +221,7 @@ def _share_to_limits(joints: Array, change: Array, limits: Array) -> Array:
 
 
 def _pseudoinverse(matrix: Array, damping: float) -> Array:
-    """The damped pseudoinverse (N, J, R) of matrices (N, R, J)."""
+    """Return the damped pseudoinverse (N, J, R) of matrices (N, R, J)."""
     transposed = matrix.transpose(0, 2, 1)
     return transposed @ np.linalg.inv(matrix @ transposed + _damped_identity(damping, matrix.shape[1]))
 
@@ -232,7 +232,7 @@ def _damped_identity(damping: float, size: int) -> Array:
 
 
 def _solved(matrix: Array, task: Array, damping: float) -> Array:
-    """The damped least-squares solution (N, J) of matrices (N, R, J) for tasks (N, R)."""
+    """Return the damped least-squares solution (N, J) of matrices (N, R, J) for tasks (N, R)."""
     return _product(_pseudoinverse(matrix, damping), task)
 
 

@@ -306,7 +306,7 @@ class ShownObjects:
 
 
 def _by_kind(nouns: Sequence[int]) -> tuple[list[int], list[int], list[int], list[int]]:
-    """The numbers of the loose objects, the devices, the fittings and the palms.
+    """Return the numbers of the loose objects, the devices, the fittings and the palms.
 
     nouns: indices; of loose ones, into the pool.
     """
@@ -317,5 +317,5 @@ def _by_kind(nouns: Sequence[int]) -> tuple[list[int], list[int], list[int], lis
 
 
 def _chosen(numbers: Sequence[int], values: Sequence) -> list:
-    """The values with these numbers."""
+    """Return the values with these numbers."""
     return [values[number] for number in numbers]

@@ -69,7 +69,7 @@ class Renderer:
         return image
 
     def _image(self, camera: Camera, window: Window) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
-        """Colors (h, w, 3), and links (h, w) as `_in_mask` numbers them, in a window of the camera's image."""
+        """Return colors (h, w, 3), and links (h, w) as `_in_mask` numbers them, in a window of the camera's image."""
         top, bottom, left, right = window
         height, width = bottom - top, right - left
         view = bullet.computeViewMatrixFromYawPitchRoll(camera.target, camera.distance, camera.yaw, camera.pitch, 0, 2)
@@ -103,7 +103,7 @@ def _projection(camera: Camera, window: Window) -> list[float]:
 
 
 def _in_mask(body: int, link: int) -> int:
-    """The number of a link in PyBullet's segmentation masks."""
+    """Return the number of a link in PyBullet's segmentation masks."""
     return body + ((link + 1) << 24)
 
 

@@ -72,14 +72,14 @@ class RobotConfig(Checked):
             raise ConfigError(f"reach={self.reach} must be 6 numbers (x0, x1, y0, y1, z0, z1), or [] for no limit")
 
     def reaching(self) -> RobotConfig:
-        """The robot for reaching tasks: the last joint is turned by 90 degrees, so that no finger leads."""
+        """Return the robot for reaching tasks: the last joint is turned by 90 degrees, so that no finger leads."""
         if not self.fingers:
             return self
         return replace(self, rest=[*self.rest[:-1], self.rest[-1] - math.copysign(math.pi / 2, self.rest[-1])])
 
 
 def urdf_path(config: RobotConfig) -> Path:
-    """The URDF's place on disk. Raises ConfigError when there is none."""
+    """Return the URDF's place on disk. Raises ConfigError when there is none."""
     if config.package == "pybullet_data":
         import pybullet_data
 
@@ -125,7 +125,7 @@ class Robot:
         self._bind(self._forces)
 
     def _check(self, info: list[tuple]) -> None:
-        """Raises ConfigError for masses and limits that are not numbers, which PyBullet loads silently."""
+        """Raise ConfigError for masses and limits that are not numbers, which PyBullet loads silently."""
         config = self.config
         for j in range(len(info)):
             mass = bullet.getDynamicsInfo(self.body, j, self._client)[0]
@@ -175,7 +175,7 @@ class Robot:
             bullet.resetJointState(self.body, index, opening, 0.0, self._client)
 
     def fixed_links(self) -> list[int]:
-        """The base and the links before the first arm joint, which can touch furniture but never move."""
+        """Return the base and the links before the first arm joint, which can touch furniture but never move."""
         return list(range(-1, self.arm[0]))
 
 

@@ -39,7 +39,7 @@ def _read(urdf: Path) -> Any:
 
 
 def _absolute(mesh: str, folders: Sequence[Path]) -> str:
-    """The mesh's absolute path, searched beside the URDF and above it, as Bullet does; unchanged if there is none."""
+    """Return the mesh's absolute path, searched beside the URDF and above it, as Bullet does, or what was given."""
     name = mesh.removeprefix("package://")
     return next((path for folder in folders if os.path.isfile(path := os.path.join(folder, name))), mesh)
 
@@ -143,7 +143,7 @@ def _write_hulls(tree: Any, name: str, load: Load, folder: Path) -> None:
 
 
 def _vertices(body: int, link: int, shape: int, client: int) -> list[list[float]]:
-    """The hull's points in the mesh's frame. Bullet gives them in the frame of the link's centre of mass."""
+    """Return the hull's points in the mesh's frame. Bullet gives them in the frame of the link's centre of mass."""
     points = bullet.getMeshData(body, link, shape, bullet.MESH_DATA_SIMULATION_MESH, client)[1]
     position, quaternion = bullet.getCollisionShapeData(body, link, client)[shape][5:7]
     rotation = np.reshape(bullet.getMatrixFromQuaternion(quaternion), (3, 3))
@@ -151,7 +151,7 @@ def _vertices(body: int, link: int, shape: int, client: int) -> list[list[float]
 
 
 def obj(vertices: list[list[float]]) -> str:
-    """The points as an OBJ file. Bullet takes the hull of the points of faces, so each point is in a face."""
+    """Return the points as an OBJ file. Bullet takes the hull of the points of faces, so each point is in a face."""
     count = len(vertices)
     rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices]
     faces = [f"f {i + 1} {(i + 1) % count + 1} {(i + 2) % count + 1}" for i in range(0, count, 3)]

@@ -68,7 +68,7 @@ class Window:
 
 
 def _check_display(asked: str) -> None:
-    """Raises ConfigError without a display or OpenGL, where PyBullet would end the program."""
+    """Raise ConfigError without a display or OpenGL, where PyBullet would end the program."""
     if not sys.platform.startswith("linux"):
         return
     name = os.environ.get("DISPLAY")

@@ -136,7 +136,7 @@ class BoardConfig(Checked):
         return [x, round(x + self.columns * self.cell, 6), y, round(y + self.rows * self.cell, 6)]
 
     def cells(self) -> list[Box]:
-        """The drawn parts: a light plate, and each dark cell on it."""
+        """Return the drawn parts: a light plate, and each dark cell on it."""
         x0, x1, y0, y1 = self.area
         plate = Box(
             size=[x1 - x0, y1 - y0, PLATE],
@@ -176,7 +176,7 @@ class WorkspaceConfig(Checked):
             _check_box("device_area", self.device_area, 4)
 
     def within_reach(self, reach: Sequence[float]) -> WorkspaceConfig:
-        """The workspace with object_area and gripper_box cut to a robot's reach: (x0, x1, y0, y1, z0, z1).
+        """Return the workspace with object_area and gripper_box cut to a robot's reach: (x0, x1, y0, y1, z0, z1).
 
         Raises ConfigError where nothing is left.
         """
@@ -192,7 +192,7 @@ class WorkspaceConfig(Checked):
 
 
 def _common(box: Sequence[float], other: Sequence[float]) -> list[float]:
-    """The intersection of two boxes, in the dimensions of the first one."""
+    """Return the intersection of two boxes, in the dimensions of the first one."""
     pairs = enumerate(zip(box, other, strict=False))
     return [min(pair) if i % 2 else max(pair) for i, pair in pairs]
 

@@ -302,7 +302,7 @@ class SimulatedWorld:
         return self._shown.poses()
 
     def fitting_positions(self) -> list[float]:
-        """The joint value of each of the workspace's fittings, metres or radians."""
+        """Return the joint value of each of the workspace's fittings, metres or radians."""
         return self.furniture.values()
 
     def render(self, camera: Camera | None = None) -> NDArray[np.uint8]:
@@ -348,7 +348,7 @@ class Stepper:
 
 @cache
 def _divides(time_step: float, count: int) -> bool:
-    """Whether Bullet, which divides the total time by `count`, then takes steps of exactly this length, seconds."""
+    """Return whether Bullet, which divides the total time by `count`, takes steps of exactly this length, seconds."""
     total = time_step * count
     return total / count == time_step and int(total / time_step) == count
 

@@ -232,7 +232,7 @@ class Anything(RoomScenes):
 
 
 def _needs_no_name(option: Option) -> bool:
-    """Whether words need not name the target: there is none, or it is the only hand."""
+    """Return whether words need not name the target: there is none, or it is the only hand."""
     return option.target is None or option.verb == HANDING
 
 

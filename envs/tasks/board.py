@@ -89,7 +89,7 @@ class Grid:
     def _next(
         self, heights: NDArray[np.int64], room: NDArray[np.int64], share: float, rng: Generator
     ) -> tuple[int, int]:
-        """The cell and level of one more object: with this share on a stack, else in an empty cell."""
+        """Return the cell and level of one more object: with this share on a stack, else in an empty cell."""
         open_ = heights < room
         stacked, empty = np.flatnonzero(open_ & (heights > 0)), np.flatnonzero(open_ & (heights == 0))
         on_stack = len(stacked) > 0 and (rng.random() < share or not len(empty))

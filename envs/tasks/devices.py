@@ -201,7 +201,7 @@ class DevicesAmongObjects(OperateDevice):
         return (*(self.noun,) * ALIKE, *self._other_nouns() * OTHERS)
 
     def _other_nouns(self) -> tuple[str, ...]:
-        """The nouns of devices that the verb does not operate."""
+        """Return the nouns of devices that the verb does not operate."""
         return tuple(noun for noun in DEVICES if noun != self.noun)
 
     # ---- evaluating

@@ -124,7 +124,7 @@ class Push(Manipulation):
         return self.config.object_size / 2 + BEHIND
 
     def _near_offset(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Array:
-        """The gripper begins low behind the object."""
+        """Return an offset low behind the object."""
         assert target is not None
         way = horizontal(scene.positions[target] - scene.positions[referent])
         back, up = rng.uniform(0.0, NEAR, 2)

@@ -259,7 +259,7 @@ class NLReachGesture(ReachGesture):
 
     @staticmethod
     def _same(looks: np.ndarray, said: list[bool]) -> np.ndarray:
-        """Which of objects 2, 3, ... the words would fit as well."""
+        """Return which of objects 2, 3, ... the words would fit as well."""
         return (looks[2:, said] == looks[0, said]).all(1)
 
 

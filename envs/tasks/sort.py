@@ -178,7 +178,7 @@ class Sort(PickAndPlace):
         raise ConfigError(f"task.kinds={list(self.config.kinds)} cannot name what task.name={self.config.name} sorts")
 
     def _begun_scene(self, placed: Placed, rng: Generator) -> Scene:
-        """The scene with some of the objects of a colour at spots of the marked place, but not all."""
+        """Return the scene with some of the objects of a colour at spots of the marked place, but not all."""
         scene = placed.scene
         group = np.flatnonzero(_alike(scene, self._one_of(self._movable(placed), rng)))
         mark, places = scene.positions[scene.targets], scene.positions.copy()

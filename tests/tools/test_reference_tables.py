@@ -28,7 +28,7 @@ def test_the_committed_pages_are_up_to_date(pages):
 
 
 def test_every_task_and_robot_has_a_section(pages):
-    assert [line[3:] for line in pages["tasks.md"].splitlines() if line[:3] == "## "][3:] == groups()["task"]
+    assert [line[3:] for line in pages["tasks.md"].splitlines() if line[:3] == "## "][4:] == groups()["task"]
     assert [line[3:] for line in pages["robots.md"].splitlines() if line[:3] == "## "] == groups()["robot"]
 
 

@@ -52,7 +52,7 @@ def find_achieved_goal(
 
 
 def first_moved(moments: State, moved: float) -> int | None:
-    """The movable object that was first more than `moved` metres from where it began; None if none was."""
+    """Return the movable object that was first more than `moved` metres from where it began; None if none was."""
     gone = _gone(moments, moved)
     movable = np.flatnonzero(moments.movable[0] & gone.any(0))
     return int(movable[gone[:, movable].argmax(0).argmin()]) if len(movable) else None

@@ -360,5 +360,5 @@ class Task(ABC):
 
 
 def unfixed(scene: Scene) -> Placed:
-    """The scene with no object rotated or fixed."""
+    """Return the scene with no object rotated or fixed."""
     return Placed(scene, np.zeros(len(scene)), np.zeros(len(scene), bool))

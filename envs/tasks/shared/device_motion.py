@@ -77,7 +77,7 @@ def _behind(places: Array, quaternions: Array, grippers: Array, before: Array) -
 
 
 def _nearer_side(places: Array, quaternions: Array, grippers: Array, before: Array) -> Array:
-    """The side of the peg nearer to the gripper; for a turned wheel, the side from which it is turned back."""
+    """Return the side of the peg nearer to the gripper; for a turned wheel, the side from which it is turned back."""
     out = facing(quaternions)
     along = BESIDE * np.stack((-out[:, 1], out[:, 0], np.zeros(len(out))), axis=1)
     nearer = length(places + along - grippers) < length(places - along - grippers)

@@ -75,7 +75,7 @@ class FreeTable:
 
 
 def ways_to(places: Array, objects: Array, real: NDArray[np.bool_], clearance: float) -> Array:
-    """The ways of objects to places; one that other objects leave no room at counts as further away.
+    """Return the ways of objects to places; one that other objects leave no room at counts as further away.
 
     Args:
         places: (P, 2), or (N, P, 2) for each world, metres.

@@ -67,7 +67,7 @@ def tops_on_the_way(places: Array, which: NDArray[np.bool_], *, starts: Array, e
 
 
 def paths_are_clear(placed: Placed) -> bool:
-    """Whether no object is within `CLEAR` of the straight path of another one to a target."""
+    """Return whether no object is within `CLEAR` of the straight path of another one to a target."""
     targets = placed.scene.targets
     places, goals = placed.scene.positions[~targets, :2], placed.scene.positions[targets, :2]
     apart = distance_to_segment(
@@ -141,7 +141,7 @@ def places_in_air(
 
 
 def with_object_at(scene: Scene, index: int, place: NDArray[np.float64]) -> Scene:
-    """The scene with one object at another place (3,)."""
+    """Return the scene with one object at another place (3,)."""
     positions = scene.positions.copy()
     positions[index] = place
     return scene.moved(positions)

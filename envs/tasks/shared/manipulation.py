@@ -335,7 +335,7 @@ def carrying_stage(state: State, grips: bool, radius: float) -> NDArray[np.int64
 
 
 def traits_by_counts(traits: TaskTraits, config: TaskConfig) -> TaskTraits:
-    """The traits, with those that follow from the config: whether it has words, and goals."""
+    """Return the traits, with those that follow from the config: whether it has words, and goals."""
     targets = len(config.objects.goal) or config.num_targets
     return replace(traits, speaks=bool(config.kinds), places=targets > 0 or traits.real_goals)
 

@@ -28,7 +28,7 @@ def lies_on_palm(offset: Array) -> NDArray[np.bool_]:
 
 
 def with_hand(placed: Placed, place: Array) -> Placed:
-    """The scene with a hand as its last object, which nothing moves. place: (3,) of its palm, metres."""
+    """Return the scene with a hand as its last object, which nothing moves. place: (3,) of its palm, metres."""
     scene = placed.scene
     joined = Scene.from_arrays(
         nouns=np.append(scene.nouns, HAND_NUMBER),
@@ -70,7 +70,7 @@ def palm_region(config: TaskConfig, workspace: WorkspaceConfig, better: str) -> 
 
 
 def _check_arm(human: HumanConfig, region: Array) -> None:
-    """Raises ConfigError unless this person can hold an open hand at all corners of region (2, 3), metres."""
+    """Raise ConfigError unless this person can hold an open hand at all corners of region (2, 3), metres."""
     arm = read_arm(human).model.other
     if arm is None:
         raise ConfigError(

@@ -201,7 +201,7 @@ class RoomScenes(Task):
 
 
 def most_devices(count: int) -> tuple[str, ...]:
-    """The nouns of all devices that scenes with `count` devices can show."""
+    """Return the nouns of all devices that scenes with `count` devices can show."""
     return tuple(noun for noun in DEVICES for _ in range(min(MOST_ALIKE, count)))
 
 
@@ -291,6 +291,6 @@ def directions(nouns: NDArray[np.int64], yaw: Array, moved: Array) -> Array:
 
 
 def _split(columns: tuple[Column, ...]) -> tuple[tuple[Column, ...], tuple[Column, ...]]:
-    """The columns that mark what an object is, and the others."""
+    """Return the columns that mark what an object is, and the others."""
     marks = tuple(column for column in columns if column.name.startswith("is a "))
     return marks, columns[len(marks) :]

@@ -179,7 +179,7 @@ class ObjectsConfig(Checked):
         return len(self.init) + len(self.goal)
 
     def layout(self, size: float) -> Layout | None:
-        """The listed objects, each `size` metres wide, init first; None if none is listed. Raises ConfigError."""
+        """Return the listed objects, `size` metres wide, init first; None if none is listed. Raises ConfigError."""
         if not len(self):
             return None
         try:
