@@ -42,10 +42,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from core.command_line import check_file, run_program, split
+from core.command_line import check_file, split
 from core.errors import ConfigError
 from core.overrides import apply
-from core.schema import Checked, one_of, read, within
+from core.program import run_program
+from core.schema import Checked, any_path, one_of, read, within
 
 if TYPE_CHECKING:
     from envs.tasks import RandomizeConfig
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
 class EvaluateConfig(Checked):
     """The program's own keys; see the top of this file."""
 
-    checkpoint: str
+    checkpoint: str = any_path()
     episodes: int = within(1, 10_000_000)
     seed: int = within(0, 2**31 - 1)
     worlds: int = within(1, 4096)
@@ -64,7 +65,7 @@ class EvaluateConfig(Checked):
     splits: bool
     words: str = one_of("said", "blank", "swapped")
     reader: str = one_of("policy", "oracle", "expert")
-    specialists: str | None
+    specialists: str | None = any_path()
     robustness: bool
     in_turn: int = within(0, 100_000)
     chains: int = within(0, 1_000_000)
@@ -72,7 +73,7 @@ class EvaluateConfig(Checked):
     by_hand: bool
     shards: int | None = within(1, 10_000)
     collector: str = one_of("local", "ray")
-    out: str | None
+    out: str | None = any_path()
 
 
 DEFAULTS = {
@@ -295,7 +296,7 @@ def _by_hand(env: Any, actor: Any, episodes: int) -> dict[str, Any]:
 
 def cli(words: Sequence[str] | None = None) -> None:
     """Run `main` with `words`, by default those of this process. Exits with one line for bad input."""
-    run_program(main, __doc__, words)
+    run_program(main, __file__, words)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 from core.command_line import check_file
 from core.errors import ConfigError
+from core.program import help_text, program
 
 if TYPE_CHECKING:
     from demo.session import Session
@@ -39,7 +40,7 @@ FINAL_VIDEO_STEPS = 20  # control steps shown after the end: one second
 def parser() -> argparse.ArgumentParser:
     """Build the parser of the options."""
     options = argparse.ArgumentParser(
-        prog="play.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="play.py", description=help_text(__file__), formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument("overrides", nargs="*", metavar="key=value")
     options.add_argument("--port", type=int, default=8080)
@@ -54,10 +55,8 @@ def parser() -> argparse.ArgumentParser:
 
 def cli(words: Sequence[str] | None = None) -> None:
     """Run `main` with these words, or the process's arguments. Exits with one line for bad input."""
-    try:
+    with program():
         main(sys.argv[1:] if words is None else words)
-    except ConfigError as error:
-        sys.exit(f"error: {error}")
 
 
 def main(words: Sequence[str]) -> None:

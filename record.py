@@ -27,10 +27,11 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from core.command_line import check_folder, run_program, split
+from core.command_line import check_folder, split
 from core.errors import ConfigError
 from core.overrides import apply, check, compose
-from core.schema import Checked, one_of, read, within
+from core.program import run_program
+from core.schema import Checked, any_path, one_of, read, within
 
 if TYPE_CHECKING:
     from core.system import StopSignal
@@ -45,15 +46,15 @@ BLOCK = 25  # episodes of a task on a cluster
 class RecordConfig(Checked):
     """The program's own keys; see the top of this file."""
 
-    checkpoint: str | None
+    checkpoint: str | None = any_path()
     episodes: int = within(1, 10_000_000)
     format: str = one_of("lerobot", "minari")
     expert: bool
     camera: bool
     seed: int = within(0, 2**31 - 1)
     collector: str = one_of("local", "ray")
-    out: str | None
-    replay: str | None
+    out: str | None = any_path()
+    replay: str | None = any_path()
     tolerance: float = within(0.0)
 
 
@@ -261,7 +262,7 @@ def _replay(folder: Path, tolerance: float) -> None:
 
 def cli(words: Sequence[str] | None = None) -> None:
     """Run `main` with `words`, by default those of this process. Exits with one line for bad input."""
-    run_program(main, __doc__, words)
+    run_program(main, __file__, words)
 
 
 if __name__ == "__main__":

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any, cast
 import hydra
 
 from core.command_line import check_run
-from core.composition import quoted, with_choices
-from core.errors import ConfigError, RunError
+from core.composition import quoted, raised_by_hydra, with_choices
 from core.overrides import apply
+from core.path_keys import escaped, from_hydra
 from core.platform_tuning import lean_imports
+from core.program import program
 from trainers.sweeps.arguments import expand_resume, register_resolvers
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
     file = find(Path(path), key="resume")
     overrides = [word for word in overrides if not word.startswith("resume=")]
     config = apply(load(file, to_train=True, given=overrides)["config"], overrides)
-    config.resume = path
+    config.resume = escaped(path)
     return config, file.parent.parent if file.parent.name == "checkpoints" else None
 
 
@@ -130,13 +131,11 @@ def main(config: Any) -> dict[str, Any] | None:
         return None
     try:
         if config.resume:
-            config, own_folder = resumed(config.resume, list(job.overrides.task))
+            config, own_folder = resumed(config.resume, [from_hydra(word) for word in job.overrides.task])
             folder = own_folder or hydra_folder
         else:
             config = with_choices(config, job.runtime.choices)
         result = run(config, folder)
-    except (ConfigError, RunError) as error:
-        sys.exit(f"error: {error}")
     finally:
         if hydra_folder.is_dir() and not any(hydra_folder.iterdir()):
             hydra_folder.rmdir()  # not used by a refused or a resumed run
@@ -161,14 +160,13 @@ def cli(words: Sequence[str] | None = None) -> None:
     Args:
         words: command-line words; by default those of this process.
     """
-    register_resolvers()
-    try:
+    with program():
+        register_resolvers()
         words = expand_resume(sys.argv[1:] if words is None else words)
         check_run(words)
-    except ConfigError as error:
-        sys.exit(f"error: {error}")
-    sys.argv[1:] = quoted(words)  # Hydra reads them there
-    main()
+        sys.argv[1:] = quoted(words)  # Hydra reads them there
+        with raised_by_hydra():
+            main()
 
 
 if __name__ == "__main__":

@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 import os
-import sys
-from collections.abc import Callable, Collection, Sequence
+import re
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
 from core.composition import compose, groups, output_folder, parse
 from core.errors import ConfigError, did_you_mean
 from core.overrides import check, first_value, known_keys
+from core.path_keys import from_hydra, unescaped
 from core.stored_config import UNUSED, config_from_file
 
 MULTIRUN = ("-m", "--multirun")
-FLAGS = (
-    *MULTIRUN,
-    "-h",
-    "--help",
-    "--hydra-help",
-    "--version",
-    "--resolve",
-    "--run",
-    "-r",
-    "-sc",
-    "--shell-completion",
+FLAGS = (*MULTIRUN, "-h", "--help", "--hydra-help", "--version", "--resolve", "--run", "-r")
+CONFIGS = ("job", "hydra", "all")
+INFORMATION = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
+WITH_VALUE = {"--cfg": CONFIGS, "-c": CONFIGS, "--info": INFORMATION, "-i": INFORMATION, "--package": (), "-p": ()}
+COMPLETION = ("-sc", "--shell-completion")  # followed by one of these words
+COMPLETION_WORDS = tuple(
+    f"{do}={shell}" for do in ("install", "uninstall", "query") for shell in ("bash", "zsh", "fish")
 )
-WITH_VALUE = {"--cfg": ("job", "hydra", "all"), "-c": ("job", "hydra", "all"), "--info": (), "-i": (), "--package": ()}
 REFUSED = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn", "--experimental-rerun")
 STORED_HYDRA_KEYS = ("hydra.run.dir", "hydra.sweep.dir", "hydra/launcher", "hydra.launcher.n_jobs")
 STORED_LAUNCHERS = ("basic", "joblib")
@@ -112,24 +108,6 @@ def _check_place(problem: str, folder: Path) -> None:
         raise ConfigError(f"{problem}: nothing can be created in {existing}; choose another place")
 
 
-def run_program(main: Callable[[list[str]], object], help_text: str | None, words: Sequence[str] | None = None) -> None:
-    """Run a program: print its help for -h or --help; otherwise call `main`. Exits with one line for bad input.
-
-    Args:
-        main: takes the words; raises ConfigError for bad input.
-        help_text: the program's help.
-        words: command-line words; by default those of this process.
-    """
-    words = sys.argv[1:] if words is None else list(words)
-    if any(word in ("-h", "--help") for word in words):
-        print(help_text)
-        return
-    try:
-        main(words)
-    except ConfigError as error:
-        sys.exit(f"error: {error}")
-
-
 def check_run(words: Sequence[str]) -> None:
     """Check the words after `train.py`. Raises ConfigError before Hydra starts, whose messages take many lines."""
     overrides = _without_flags(words)
@@ -144,7 +122,8 @@ def check_run(words: Sequence[str]) -> None:
         return
     mode = "sweep" if multirun else "run"
     folder = output_folder([first_value(each) for each in parsed], mode)
-    check_folder(f"hydra.{mode}.dir", folder.partition("${")[0] or ".")
+    fixed = re.split(r"(?<!\\)\$\{", folder)[0]  # what stands before the first interpolation
+    check_folder(f"hydra.{mode}.dir", unescaped(fixed) or ".")
 
 
 def check_stored(words: Sequence[str], source: Path) -> None:
@@ -190,7 +169,7 @@ def _check_places(override: Any, source: Path) -> None:
         raise ConfigError(f"{override.input_line} is not accepted from a file")
     values = override.sweep_string_iterator() if override.is_sweep_override() else [override.input_line]
     for value in values:
-        word = value if value == override.input_line else f"{key}={value}"
+        word = value if value == override.input_line else from_hydra(f"{key}={value}")
         config: Any = OmegaConf.to_container(compose([word]), resolve=True)
         config_from_file(config, source, to_train=True)
 
@@ -203,14 +182,20 @@ def _without_flags(words: Sequence[str]) -> list[str]:
         flag, _, value = word.partition("=")
         if flag in REFUSED:
             raise ConfigError(f"{word}: the config is that of this project; change its keys with key=value")
-        if flag in WITH_VALUE:
+        if flag in COMPLETION:
+            value = rest.pop(0) if rest else ""
+            if value not in COMPLETION_WORDS or (value.startswith("query") and "COMP_LINE" not in os.environ):
+                raise ConfigError(f"{flag} {value}".strip() + f" needs one of {', '.join(COMPLETION_WORDS[:6])}")
+        elif flag in WITH_VALUE:
             value = value or (rest.pop(0) if rest else "")
             choices = WITH_VALUE[flag]
             if choices and value not in choices:
                 raise ConfigError(f"{flag} {value} is not known" + did_you_mean(value, choices))
         elif word.startswith("-"):
             if flag not in FLAGS:
-                raise ConfigError(f"{word} is not a flag of this program" + did_you_mean(flag, [*FLAGS, *WITH_VALUE]))
+                raise ConfigError(
+                    f"{word} is not a flag of this program" + did_you_mean(flag, [*FLAGS, *WITH_VALUE, *COMPLETION])
+                )
         else:
             overrides.append(word)
     return overrides

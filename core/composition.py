@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import re
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from core.errors import ConfigError, did_you_mean
+from core.path_keys import to_hydra
 
 ROOT = Path(__file__).parents[1] / "conf"
+MAX_RUNS = 10_000  # of a sweep
 
 
 def groups() -> dict[str, list[str]]:
@@ -27,9 +33,18 @@ def _groups_on_disk() -> list[tuple[str, list[str]]]:
 
 
 def quoted(arguments: Iterable[str]) -> list[str]:
-    """Return the arguments with numeric options (scenario=1,2) in quotes, since Hydra accepts only strings there."""
+    """Return the arguments as Hydra reads them: numeric options (scenario=1,2) and paths are in quotes."""
     names = set(groups())
-    return [re.sub(r"(?<=[=,])\d+(?=,|$)", r"'\g<0>'", w) if w.split("=")[0] in names else w for w in arguments]
+    words = [to_hydra(word, _is_interpolated) for word in arguments]
+    return [re.sub(r"(?<=[=,])\d+(?=,|$)", r"'\g<0>'", w) if w.split("=")[0] in names else w for w in words]
+
+
+def _is_interpolated(name: str) -> bool:
+    """Whether `${name}` or `${name:...}` in the name of an output folder is an interpolation."""
+    from omegaconf import OmegaConf
+
+    known: Any = OmegaConf.select(composed([])[0], name, default=ROOT) if name != "hydra" else None
+    return known is not ROOT or OmegaConf.has_resolver(name)
 
 
 def parse(words: Sequence[str]) -> list[Any]:
@@ -40,14 +55,46 @@ def parse(words: Sequence[str]) -> list[Any]:
     parser, overrides = OverridesParser.create(), []
     for word in words:
         try:
-            overrides += parser.parse_overrides([word])
+            [override] = parser.parse_overrides([to_hydra(word, _is_interpolated)])
+            override.input_line = word
+            override.config_loader = _Options()
+            overrides.append(override)
         except (HydraException, ValueError) as error:
             key = word.partition("=")[0].lstrip("+~")
             if "=" in word and key and not key.isascii():
                 raise ConfigError(f"{word}: {key} is not a known key; keys are written in Latin letters") from None
             reason = " ".join((str(error).splitlines() or ["not an override"])[0].split())
             raise ConfigError(f"{word}: {reason}; overrides are written key=value") from None
+        _check_values(overrides[-1])
     return overrides
+
+
+class _Options:
+    """What Hydra's `Override` asks for the options that `glob(...)` stands for."""
+
+    def get_group_options(self, group: str, results_filter: Any = None) -> list[str]:
+        """Return the options of a group. Raises ValueError for a key that is none."""
+        if group not in groups():
+            raise ValueError(f"glob(...) chooses among the options of a group, and {group} is a single key")
+        return groups()[group]
+
+
+def _check_values(override: Any) -> None:
+    """Raises ConfigError for a sweep whose values cannot be listed."""
+    from hydra.core.override_parser.types import IntervalSweep
+    from hydra.errors import HydraException
+
+    word = override.input_line
+    if isinstance(override.value(), IntervalSweep):
+        raise ConfigError(f"{word}: an interval has no values to list; give choice(0,1) or range(0,2)")
+    if not override.is_sweep_override():
+        return
+    try:
+        count = sum(1 for _ in islice(override.sweep_iterator(), MAX_RUNS + 1))
+    except (HydraException, ValueError, ArithmeticError) as error:
+        raise ConfigError(f"{word}: {' '.join(str(error).split())}") from None
+    if count > MAX_RUNS:
+        raise ConfigError(f"{word} are more than {MAX_RUNS:,} runs; give fewer values")
 
 
 def compose(overrides: Iterable[str] = ()) -> Any:
@@ -125,12 +172,34 @@ def compose_hydra(overrides: Iterable[str]) -> Any:
     from hydra.errors import HydraException
 
     words = list(overrides)
+    hydra_words = quoted(words)
     GlobalHydra.instance().clear()
     try:
         with initialize_config_module("conf", version_base="1.3"):
-            return hydra_compose("config", quoted(words), return_hydra_config=True)
+            return hydra_compose("config", hydra_words, return_hydra_config=True)
     except (HydraException, ValueError) as error:  # ValueError: a value that names no option
         raise ConfigError(_one_line(f"{error}\n{error.__cause__ or ''}", words)) from None
+
+
+@contextmanager
+def raised_by_hydra() -> Iterator[None]:
+    """Within this block, which starts Hydra, an error that Hydra or OmegaConf raises itself is a ConfigError.
+
+    Without it, Hydra prints a traceback and exits.
+    """
+    os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra raises
+    try:
+        yield
+    except ConfigError:
+        raise
+    except Exception as error:
+        place = error.__traceback__
+        while place is not None and place.tb_next is not None:
+            place = place.tb_next
+        module = "" if place is None else str(place.tb_frame.f_globals.get("__name__"))
+        if module.partition(".")[0] not in ("hydra", "omegaconf"):
+            raise
+        raise ConfigError(f"Hydra refuses this: {_one_line(str(error), sys.argv[1:])}") from None
 
 
 def _one_line(text: str, words: Sequence[str]) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 
 from core.composition import ROOT, compose, composed, groups, parse
 from core.errors import ConfigError, did_you_mean
+from core.path_keys import escaped, from_hydra, is_path
 
 FIXED_BY_TRAINING = ("robot", "control", "policy", "algo")  # groups that a checkpoint can't change
 
@@ -65,7 +66,7 @@ def first_value(override: Any) -> str:
     """Return the word of an override with the first of its values, if it has several."""
     if not override.is_sweep_override():
         return str(override.input_line)
-    return f"{override.key_or_group}={next(iter(override.sweep_string_iterator()))}"
+    return from_hydra(f"{override.key_or_group}={next(iter(override.sweep_string_iterator()))}")
 
 
 def known_keys(chosen: Sequence[str]) -> list[str]:
@@ -111,7 +112,7 @@ def apply(config: Any, overrides: Sequence[str]) -> Any:
 
     parsed = parse([word for word in overrides if not word.startswith("-")])
     _check_keys(parsed, _check_words(parsed))
-    if any("${" in each.input_line or each.is_delete() for each in parsed):
+    if any(("${" in each.input_line and not is_path(each.input_line)) or each.is_delete() for each in parsed):
         check(overrides)  # composes them all, which takes Hydra 0.1 s more
     options = [word for word in overrides if word.split("=")[0] in groups()]
     fresh: Any = compose(options) if options else None
@@ -147,7 +148,8 @@ def _update(config: Any, word: str) -> None:
 
     key, _, value = word.partition("=")
     try:
-        OmegaConf.update(config, key, OmegaConf.from_dotlist([f"v={value}"]).v)
+        new = escaped(value) if is_path(word) else OmegaConf.from_dotlist([f"v={value}"]).v
+        OmegaConf.update(config, key, new)
     except (OmegaConfBaseException, YAMLError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise ConfigError(f"{word}: {reason}; it is {OmegaConf.select(config, key)} in the run's config") from None

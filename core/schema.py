@@ -37,6 +37,11 @@ def one_of(*choices: str) -> Any:
     return dataclasses.field(metadata={"one_of": choices})
 
 
+def any_path(default: Any = dataclasses.MISSING) -> Any:
+    """Declares a field: the path of a file or folder, with any characters that a path may have."""
+    return dataclasses.field(default=default, metadata={"path": True})
+
+
 @dataclasses.dataclass(frozen=True)
 class Checked:
     """A dataclass whose fields are checked against their metadata on construction. Raises ConfigError."""
@@ -60,6 +65,8 @@ def _check(name: str, value: Any, rule: Any) -> None:
         if not low <= value <= high:
             wanted = f"in [{low:g}, {high:g}]" if math.isfinite(high) else f"at least {low:g}"
             raise ConfigError(f"{name}={value} is out of range: it must be {wanted}")
+    if value is not None and "path" in rule and ("\0" in value or not value):
+        raise ConfigError(f"{name}={value!r} is no path")
     if value is not None and "one_of" in rule and value not in rule["one_of"]:
         raise ConfigError(f"{name}={value} is not known" + did_you_mean(value, rule["one_of"]))
 
@@ -92,8 +99,9 @@ def read(cls: type[T], node: Any, key: str) -> T:
     for name in container:
         if name not in fields:
             raise ConfigError(f"{prefix}{name} is not a known key" + did_you_mean(name, fields))
+    paths = {field.name for field in declared if "path" in field.metadata}
     for name, value in container.items():
-        if isinstance(value, str) and "${" in value:
+        if isinstance(value, str) and "${" in value and name not in paths:
             raise ConfigError(f"{prefix}{name}={value} cannot be resolved; write the value itself")
         if hints.get(name) is bool and isinstance(value, str) and value.lstrip("+-").isdigit():
             raise ConfigError(f"{prefix}{name}={value} must be true or false")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from core.errors import ConfigError, did_you_mean
+from core.program import program
 from deixis import __version__
 from deixis.origins import ForeignPackageError, check_origins
 
@@ -46,6 +47,11 @@ SHARED = ("parse", "describe")  # sub-commands of `python -m language`, which re
 
 def main() -> int:
     """Run the sub-command that `sys.argv` names, and return the exit code."""
+    with program():
+        return _main()
+
+
+def _main() -> int:
     words = sys.argv[1:]
     if not words or words[0] in ("-h", "--help"):
         print(usage())
@@ -60,9 +66,8 @@ def main() -> int:
     sys.argv = ["deixis", *words] if name in SHARED else [f"deixis {name}", *rest]
     try:
         return PROGRAMS[name].load()() or 0
-    except (ConfigError, ForeignPackageError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
+    except ForeignPackageError as error:
+        raise ConfigError(str(error)) from None
 
 
 def usage() -> str:

@@ -31,10 +31,11 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from torch import Tensor
 
-from core.command_line import check_file, run_program, split
+from core.command_line import check_file, split
 from core.errors import ConfigError, did_you_mean
 from core.overrides import check, compose
-from core.schema import Checked, one_of, read, within
+from core.program import run_program
+from core.schema import Checked, any_path, one_of, read, within
 from human.arms import Unreachable
 from human.body.person_camera import FurnitureBox, PersonCamera, camera_of
 from human.config import HumanConfig
@@ -64,7 +65,7 @@ class ReaderTraining(Checked):
 class ReaderEvaluation(Checked):
     """Keys of `evaluate`; the module's docstring describes them."""
 
-    weights: str | None
+    weights: str | None = any_path()
     scenes: int = within(1, 1_000_000)
     objects: int = within(1, 12)
     aim: str = one_of("object", "area")
@@ -336,4 +337,4 @@ def main(arguments: Sequence[str]) -> Any:
 
 if __name__ == "__main__":
     torch.set_num_threads(1)
-    run_program(main, __doc__)
+    run_program(main, __file__)

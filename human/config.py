@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from core.errors import ConfigError
-from core.schema import Checked, one_of, within
+from core.schema import Checked, any_path, one_of, within
 
 STYLES = ("finger", "wrist", "eye")  # the line of the body that is aimed at the target
 SOURCES = ("none", "ray", "camera")
@@ -41,7 +41,7 @@ class HumanConfig(Checked):
     palm: x0, x1, y0, y1, z0, z1 where the person holds an open hand, palm up, metres; []: they hold out none.
     """
 
-    urdf: str | None
+    urdf: str | None = any_path()
     position: list[float] = within(-20, 20, count=3)
     yaw: float = within(-360, 360)
     rest: dict[str, float] = within(-6.3, 6.3)
@@ -74,7 +74,7 @@ class GestureConfig(Checked):
     dropout: float = within(0, 1)
     switch: float = within(0, 1)
     frames: int = within(1, 10_000)
-    weights: str | None
+    weights: str | None = any_path()
 
     def __post_init__(self) -> None:
         super().__post_init__()

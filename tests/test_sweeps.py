@@ -53,7 +53,7 @@ def wait_for(condition, process, seconds=240):
 def stopped(tmp_path_factory):
     """A sweep in which one job failed and one finished beside the first, until Ctrl-C came."""
     folder = tmp_path_factory.mktemp("with space, [and more]") / "sweep"
-    process = start("-m", f"total_frames={LONG},0,128", *TINY, f"hydra.sweep.dir='{folder}'")
+    process = start("-m", f"total_frames={LONG},0,128", *TINY, f"hydra.sweep.dir={folder}")
     try:
         half_way = [("0_*", "checkpoints/last.pt"), ("1_*", "error.txt"), ("2_*", "eval.json")]
         wait_for(lambda: all(list(folder.glob(f"{job}/{name}")) for job, name in half_way), process)
@@ -110,7 +110,7 @@ def test_a_resumed_sweep_runs_only_missing_jobs(stopped):
     untouched = [path.stat().st_mtime_ns for path in (finished / "eval.json", finished / "checkpoints" / "last.pt")]
     before = read_metrics(halted / "metrics.csv")
     shorten(halted, int(before[-1]["frames"]) + 256)
-    process = start("-m", f"sweep.resume='{folder}'")
+    process = start("-m", f"sweep.resume={folder}")
     said, _ = process.communicate(timeout=240)
     assert process.returncode == 1, said  # job 1 fails again
     after = read_metrics(halted / "metrics.csv")

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from core.command_line import out_folder, run_program, split
+from core.command_line import out_folder, split
 from core.overrides import check, compose, groups
+from core.program import run_program
 from core.schema import Checked, read, within
 from envs.config import EnvConfig, read_env
 from envs.experts import expert
@@ -132,4 +133,4 @@ def main(arguments: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    run_program(main, __doc__)
+    run_program(main, __file__)

@@ -18,9 +18,10 @@ from typing import Any
 from torchrl.data import Composite
 
 from core import overrides
-from core.command_line import out_folder, run_program, split
+from core.command_line import out_folder, split
 from core.errors import ConfigError
 from core.overrides import compose, groups
+from core.program import run_program
 from core.schema import Checked, read
 from envs.config import EnvConfig, read_env
 from envs.experts import EXPERTS
@@ -296,4 +297,4 @@ def main(arguments: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    run_program(main, __doc__)
+    run_program(main, __file__)

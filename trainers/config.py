@@ -7,14 +7,14 @@ from importlib.util import find_spec
 from typing import Any
 
 from core.errors import ConfigError, did_you_mean
-from core.schema import Checked, one_of, read, within
+from core.schema import Checked, any_path, one_of, read, within
 from core.system import cores
 from trainers.algorithms.settings import AlgorithmConfig, OffPolicyConfig, read_algorithm
 
 
 @dataclass(frozen=True)
 class SweepConfig(Checked):
-    resume: str | None  # the directory of a sweep to resume
+    resume: str | None = any_path()  # the directory of a sweep to resume
     jobs: int = within(1, 256)  # runs at a time
     cpus: int = within(1, 1024)  # cores of each run on a cluster
     gpus: float = within(0, 64)  # GPUs of each run on a cluster
@@ -42,7 +42,7 @@ class CheckpointConfig(Checked):
 @dataclass(frozen=True)
 class RunConfig(Checked):
     device: str  # of the updates: cpu, cuda, cuda:1; worlds stay on the CPU
-    init: str | None  # a run, checkpoint or pretrained policy whose networks the policy begins with
+    init: str | None = any_path()  # a run, checkpoint or pretrained policy whose networks the policy begins with
     total_frames: int = within(1)  # control steps over all worlds
     seed: int = within(0, 2**31 - 1)
     update_threads: int = within(0, 1024)  # CPU threads of an update; 0 = one per core

@@ -15,7 +15,7 @@ import pybullet as bullet
 
 from core.errors import ConfigError, did_you_mean
 from core.file_cache import file_digest
-from core.schema import Checked, one_of, within
+from core.schema import Checked, any_path, one_of, within
 from core.system import suppress_stdout
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.urdf import simplified, with_hulls, with_magnet
@@ -27,7 +27,7 @@ class RobotConfig(Checked):
 
     name: str
     package: str = one_of("pybullet_data", "example_robot_data", "file")  # where `urdf` is searched
-    urdf: str
+    urdf: str = any_path()
     base: list[float] = within(-1, 1, count=3)  # where the URDF's origin stands in the workspace frame
     joints: list[str]  # the arm's revolute joints, from the base on
     max_speed: list[float] = within(0.01, 20)  # rad/s of each joint

@@ -12,9 +12,9 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from core.command_line import run_program
 from core.errors import ConfigError
 from core.overrides import comment
+from core.program import run_program
 from core.system import system_info
 from trainers.export import policy_file
 from trainers.reports.scores import result_of, time_to_level
@@ -161,7 +161,7 @@ def main(words: Sequence[str]) -> None:
 
 def cli(words: Sequence[str] | None = None) -> None:
     """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
-    run_program(main, __doc__, words)
+    run_program(main, __file__, words)
 
 
 if __name__ == "__main__":

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from core.command_line import run_program
 from core.errors import ConfigError
+from core.program import run_program
 from core.system import system_info
 from trainers.reports import plots
 from trainers.reports.plots import MAIN_TASKS
@@ -274,7 +274,7 @@ def main(words: Sequence[str]) -> None:
 
 def cli(words: Sequence[str] | None = None) -> None:
     """The program: `main` with `words`, by default those of this process. Exits with one line for bad input."""
-    run_program(main, __doc__, words)
+    run_program(main, __file__, words)
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ def expand_resume(words: Sequence[str]) -> list[str]:
         ConfigError: no sweep was started in the directory, or its sweep.yaml holds overrides that are refused.
     """
     own = [word for word in words if word.startswith(RESUME)]
-    value = own[-1].removeprefix(RESUME).strip("'\"") if own else "null"
+    value = own[-1].removeprefix(RESUME) if own else "null"
     if value == "null":
         return list(words)
     folder = Path(value)
@@ -48,9 +48,4 @@ def expand_resume(words: Sequence[str]) -> list[str]:
     if all(word.startswith(NON_JOB_PREFIXES) for word in others):
         check_stored(starts[-1]["overrides"], folder / NAME)
         others = [*starts[-1]["overrides"], *others]
-    return ["--multirun", *others, f"hydra.sweep.dir={quote_path(folder.absolute())}"]
-
-
-def quote_path(path: Path) -> str:
-    """A path as the value of a Hydra override, with any characters escaped."""
-    return "'" + str(path).replace("\\", "\\\\").replace("'", "\\'") + "'"
+    return ["--multirun", *others, f"hydra.sweep.dir={folder.absolute()}"]

@@ -15,10 +15,11 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from core.errors import ConfigError
+from core.path_keys import from_hydra
 from core.stored_config import place_overrides
 from core.system import cores, signal_at_parent_death
 from trainers.config import most_workers, read_collector
-from trainers.sweeps.arguments import NON_JOB_PREFIXES, quote_path
+from trainers.sweeps.arguments import NON_JOB_PREFIXES
 from trainers.sweeps.runs import read_overrides, read_result
 from trainers.utils.files import write_checked_json, write_text
 
@@ -117,8 +118,8 @@ def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder:
 
 
 def job_overrides(overrides: Sequence[str]) -> list[str]:
-    """Those overrides that identify a job of the sweep."""
-    return [word for word in overrides if not word.startswith(NON_JOB_PREFIXES)]
+    """Those overrides that identify a job of the sweep. overrides: as Hydra has them."""
+    return [from_hydra(word) for word in overrides if not word.startswith(NON_JOB_PREFIXES)]
 
 
 def begin_job(place: Path, overrides: list[str]) -> None:
@@ -182,9 +183,9 @@ def job_command(
 
     share: number of cores; None: those of this machine, shared by the concurrent jobs of a sweep that runs here.
     """
-    words = [f"hydra.run.dir={quote_path(place)}"]
+    words = [f"hydra.run.dir={place}"]
     if any((place / "checkpoints").glob("*.pt")):
-        words += [f"resume={quote_path(place)}", *place_overrides(overrides)]
+        words += [f"resume={place}", *place_overrides(overrides)]
     else:
         words += overrides
     return [sys.executable, str(program), *words, *core_share(config, share)]

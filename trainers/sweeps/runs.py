@@ -17,6 +17,7 @@ import yaml
 
 from core.errors import ConfigError
 from core.overrides import compose, groups
+from core.path_keys import PATH_KEYS
 from core.safe_files import FileError, check_plain, read_bytes
 from core.system import system_info
 from trainers.run.metrics import read_metrics
@@ -83,7 +84,7 @@ def overrides_of(config: Mapping[str, Any]) -> list[str]:
             words.append(f"{group}={option}")
     defaults = dict(flatten(_composed(words)))
     values = flatten(config)
-    return words + [f"{key}={_hydra_value(value)}" for key, value in values if defaults.get(key, ...) != value]
+    return words + [_word(key, value) for key, value in values if defaults.get(key, ...) != value]
 
 
 def _composed(words: list[str]) -> dict[str, Any]:
@@ -96,6 +97,11 @@ def _composed_once(words: tuple[str, ...]) -> dict[str, Any]:
 
     plain: Any = OmegaConf.to_container(compose(words), resolve=True)
     return plain
+
+
+def _word(key: str, value: Any) -> str:
+    """The override that gives a key this value."""
+    return f"{key}={value if key in PATH_KEYS and isinstance(value, str) else _hydra_value(value)}"
 
 
 def _hydra_value(value: Any) -> str:

@@ -24,6 +24,7 @@ from typing import Any
 from hydra.experimental.callback import Callback
 
 from core.errors import ConfigError
+from core.path_keys import from_hydra
 from core.schema import read
 from trainers.config import SweepConfig
 from trainers.run.run_folder import FolderLock
@@ -66,7 +67,7 @@ class SweepCallback(Callback):
 
     def _begin(self, config: Any, folder: Path) -> None:
         read(SweepConfig, config.sweep, "sweep")
-        overrides = list(config.hydra.overrides.task)
+        overrides = [from_hydra(word) for word in config.hydra.overrides.task]
         if any(word.startswith("resume=") for word in overrides):
             raise ConfigError("resume=<run dir> resumes a single run; a sweep is resumed with sweep.resume=<sweep dir>")
         self.lock = FolderLock(folder, "sweep").__enter__()  # held until this process ends
