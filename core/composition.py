@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from core.errors import ConfigError, did_you_mean
 from core.path_keys import to_hydra
@@ -57,7 +57,7 @@ def parse(words: Sequence[str]) -> list[Any]:
         try:
             [override] = parser.parse_overrides([to_hydra(word, _is_interpolated)])
             override.input_line = word
-            override.config_loader = _Options()
+            override.config_loader = cast(Any, _Options())
             overrides.append(override)
         except (HydraException, ValueError) as error:
             key = word.partition("=")[0].lstrip("+~")

@@ -49,14 +49,14 @@ def to_hydra(word: str, is_known: Callable[[str], bool] = lambda name: False) ->
 
 
 def from_hydra(word: str) -> str:
-    """Return a word that `to_hydra` made as it was before; another word unchanged."""
-    key, _, value = word.partition("=")
-    if key.lstrip("+") not in PATH_KEYS or value[:1] not in ("'", '"'):
+    """Return a word of Hydra's with its path as it is; a word that sets no path, or several, unchanged."""
+    key = word.partition("=")[0]
+    if not is_path(word):
         return word
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
-    text = str(OverridesParser.create().parse_override(word).value())
-    return f"{key}={unescaped(text)}"
+    path = OverridesParser.create().parse_override(word).value()
+    return f"{key}={unescaped(path)}" if isinstance(path, str) else word
 
 
 def escaped(path: str, is_known: Callable[[str], bool] = lambda name: False) -> str:

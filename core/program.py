@@ -133,9 +133,11 @@ def run_program(main: Callable[[list[str]], object], file: str, words: Sequence[
 
 
 def _end(reason: str, code: int) -> None:
-    """Print the reason and exit."""
+    """Exit with the reason on stderr."""
     if not _output_works():
         _discard_output()
+    if code == FAILED:
+        raise SystemExit(f"error: {reason}") from None  # printed by Python
     print(f"error: {reason}", file=sys.stderr)
     raise SystemExit(code) from None
 

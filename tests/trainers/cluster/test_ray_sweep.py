@@ -15,7 +15,7 @@ PROGRAM = """
 import os, signal, sys, time
 from pathlib import Path
 words = dict(word.split("=", 1) for word in sys.argv[1:])
-place = Path(words["hydra.run.dir"].strip("'"))
+place = Path(words["hydra.run.dir"])
 starts = Path(__file__).with_name("starts-" + words["seed"])
 with open(starts, "a") as file:
     file.write("started ")

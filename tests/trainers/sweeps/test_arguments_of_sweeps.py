@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from core.errors import ConfigError
-from trainers.sweeps.arguments import expand_resume, quote_path
+from trainers.sweeps.arguments import expand_resume
 
 
 def started_sweep(folder: Path, *overrides: str) -> Path:
@@ -20,7 +20,7 @@ def started_sweep(folder: Path, *overrides: str) -> Path:
 @pytest.mark.slow
 def test_resume_alone_takes_the_overrides_of_the_last_start(tmp_path):
     folder = started_sweep(tmp_path, "scenario='1','2'", "seed=0,1")
-    expected = ["--multirun", "scenario='1','2'", "seed=0,1", f"hydra.sweep.dir='{folder}'"]
+    expected = ["--multirun", "scenario='1','2'", "seed=0,1", f"hydra.sweep.dir={folder}"]
     assert expand_resume(["-m", f"sweep.resume={folder}"]) == expected
     assert expand_resume([f"sweep.resume={folder}"]) == expected
     assert expand_resume([f"sweep.resume={folder}", "sweep.jobs=1"]) == [*expected[:-1], "sweep.jobs=1", expected[-1]]
@@ -29,7 +29,7 @@ def test_resume_alone_takes_the_overrides_of_the_last_start(tmp_path):
 def test_resume_accepts_other_overrides(tmp_path):
     folder = started_sweep(tmp_path, "seed=0,1")
     words = ["-m", "seed=0,1,2", f"sweep.resume={folder}"]
-    assert expand_resume(words) == ["--multirun", "seed=0,1,2", f"hydra.sweep.dir='{folder}'"]
+    assert expand_resume(words) == ["--multirun", "seed=0,1,2", f"hydra.sweep.dir={folder}"]
     assert expand_resume(["robot=panda", "sweep.resume=null"]) == ["robot=panda", "sweep.resume=null"]
 
 
@@ -39,14 +39,9 @@ def test_a_damaged_sweep_file_is_named(tmp_path):
         expand_resume([f"sweep.resume={tmp_path}"])
 
 
-def test_a_path_is_quoted_for_hydra():
-    assert quote_path(Path("a, [b]")) == "'a, [b]'"
-    assert quote_path(Path("it's")) == "'it\\'s'"
-
-
 def test_a_sweep_file_that_names_other_keys_is_refused(tmp_path):
     folder = started_sweep(tmp_path, "seed=0,1", "+hydra.callbacks.x._target_=joblib.load")
     with pytest.raises(ConfigError, match=r"sweep\.yaml is refused: \+hydra\.callbacks\.x\._target_=joblib\.load adds"):
         expand_resume([f"sweep.resume={folder}"])
     words = expand_resume([f"sweep.resume={folder}", "seed=0"])
-    assert words == ["--multirun", "seed=0", f"hydra.sweep.dir='{folder}'"]
+    assert words == ["--multirun", "seed=0", f"hydra.sweep.dir={folder}"]
