@@ -33,7 +33,7 @@ MARK, IN_THE_AIR = "is the one to be moved; 0 where words say it", "is in the ai
 def env(request):
     # Where what is asked has been done already, doing nothing succeeds; so does holding what is to be held there.
     begun = ["task.curriculum.placed=0", *["task.curriculum.held=0"] * (request.param[2] == "rearrange")]
-    made = make(*request.param, *begun, worlds=WORLDS, seed=3)
+    made = make(*request.param, *begun, "task.max_steps=40", worlds=WORLDS, seed=3)
     yield made
     made.close()
 
