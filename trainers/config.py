@@ -243,15 +243,18 @@ def read_collector(node: Any) -> CollectorConfig:
 
 
 def workers(config: CollectorConfig, runs: int = 1) -> int:
-    """How many processes collect, each an equal share of the worlds. runs: number of runs that share the cores."""
+    """Return how many processes collect, each an equal share of the worlds.
+
+    runs: number of runs that share the cores.
+    """
     return config.workers or most_workers(config, cores() // runs)
 
 
 def uses_processes(config: CollectorConfig) -> bool:
-    """Whether processes of this machine collect, beside the main one."""
+    """Return whether processes of this machine collect, beside the main one."""
     return not isinstance(config, RayCollectorConfig) and workers(config) > 1
 
 
 def most_workers(config: CollectorConfig, most: int) -> int:
-    """The largest number of workers, up to `most`, that share the worlds evenly; at least 1."""
+    """Return the largest number of workers, up to `most`, that share the worlds evenly; at least 1."""
     return next(count for count in range(max(1, most), 0, -1) if config.worlds % count == 0)

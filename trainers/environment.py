@@ -70,7 +70,7 @@ class TrainingEnv(Protocol):
     def moves_referent(self) -> bool: ...
 
     def is_reachable(self, place: Tensor) -> bool:
-        """Whether a gripper gets within reach of an object at place (3,), metres."""
+        """Return whether a gripper gets within reach of an object at place (3,), metres."""
 
     @property
     def observation_spec(self) -> Composite: ...
@@ -102,10 +102,10 @@ class TrainingEnv(Protocol):
         """
 
     def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
-        """Scenes (count,) with their sentences and labels, drawn but not simulated."""
+        """Return scenes (count,) with their sentences and labels, drawn but not simulated."""
 
     def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> Sequence[TensorDictBase]:
-        """Those of the episodes (T,) that achieved another goal, relabelled with it (HER)."""
+        """Return those of the episodes (T,) that achieved another goal, relabelled with it (HER)."""
 
 
 def readers_of(env: Any) -> Readers:

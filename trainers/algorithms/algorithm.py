@@ -41,7 +41,7 @@ def build_algorithm(
     relabel: Relabel | None = None,
     readers: Readers = DEFAULT_READERS,
 ) -> tuple[Policy, Algorithm]:
-    """Networks on run.device and the algorithm that trains them.
+    """Return networks on run.device and the algorithm that trains them.
 
     Args:
         training: of the run.
@@ -61,7 +61,7 @@ def build_algorithm(
 
 
 def find_device(name: str) -> torch.device:
-    """The torch device of run.device. Raises ConfigError if it is not available."""
+    """Return the torch device of run.device. Raises ConfigError if it is not available."""
     try:
         device = torch.device(name)
         torch.ones(1, device=device).item()
@@ -92,7 +92,7 @@ class Algorithm(ABC):
     @classmethod
     @abstractmethod
     def build(cls, config: Any, policy: Policy, critics: CriticBuilder, relabel: Relabel | None) -> Algorithm:
-        """The algorithm that trains this policy, with critics of its own.
+        """Return the algorithm that trains this policy, with critics of its own.
 
         Args:
             config: of the class that was registered for this algorithm.
@@ -131,7 +131,9 @@ class Algorithm(ABC):
         """
 
     def make_optimizer(self, learned: Sequence[Tensor], **options: Any) -> torch.optim.Adam:
-        """Adam over these parameters. Those that only the grounding loss trains are a group with its own learning rate.
+        """Return Adam over these parameters.
+
+        Those that only the grounding loss trains are a group with its own learning rate.
 
         options: of Adam.
         """
@@ -148,7 +150,7 @@ class Algorithm(ABC):
         return self.rates[0] * left
 
     def state_dict(self) -> dict[str, Any]:
-        """Networks and optimizers, without replayed frames."""
+        """Return networks and optimizers, without replayed frames."""
         return {name: getattr(self, name).state_dict() for name in self.saved}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -162,7 +164,7 @@ class Algorithm(ABC):
         return {"scenes": self.grounding.scenes} if self.grounding.active else {}
 
     def running_state(self) -> dict[str, Any]:
-        """The rest of the state on which later updates depend: plain values and tensors."""
+        """Return the rest of the state on which later updates depend: plain values and tensors."""
         return {}
 
     def load_running_state(self, state: dict[str, Any]) -> None:  # noqa: B027
@@ -213,16 +215,21 @@ class GroundingSupervision:
         self.scenes.extend(with_slots(scenes, slots))
 
     def sample(self, count: int = 1) -> Sequence[TensorDictBase]:
-        """`count` batches of scenes (grounding_batch,), drawn evenly with replacement in one draw."""
+        """Return `count` batches of scenes (grounding_batch,), drawn evenly with replacement in one draw."""
         return self.scenes.sample(count * self.config.grounding_batch).split(self.config.grounding_batch)
 
     def paired(
         self, parts: Iterable[TensorDictBase], count: int, share: float
     ) -> Iterator[tuple[TensorDictBase, TensorDictBase | None]]:
-        """Pairs each of `count` parts with a batch of scenes for the same gradient step, or with None.
+        """Generate each of the parts with the scenes of its gradient step, or None for a step without scenes.
 
-        A pass over scenes costs more than one over frames, and fewer passes suffice. So only a share of the parts,
-        evenly spaced, has scenes; none has if the words are not supervised. All scenes are drawn at once.
+        A pass over scenes costs more than one over frames, and fewer passes suffice. All scenes are drawn at once.
+
+        Args:
+            parts: of the frames, `count` in all.
+            count: number of parts.
+            share: of the parts that have scenes; these are evenly spaced. No part has any where the words are not
+                supervised.
         """
         chosen = math.ceil(count * share) if self.active else 0
         drawn = self.sample(chosen) if chosen else ()
@@ -231,18 +238,18 @@ class GroundingSupervision:
             yield part, scenes.get(i)
 
     def measure_fresh(self, scenes: TensorDictBase) -> float:
-        """The accuracy on scenes (count,) that no step has learned from yet. Updates `error`."""
+        """Return the accuracy on scenes (count,) that no step has learned from yet. Updates `error`."""
         accuracy = float(self.measure(scenes)["grounding/accuracy"])
         self.error += SMOOTHING * (1 - accuracy - self.error)
         return accuracy
 
     def measure(self, scenes: TensorDictBase) -> dict[str, Tensor]:
-        """The loss, before its weight, and the accuracy on scenes (count,), under the names of GROUNDING_METRICS."""
+        """Return the loss, unweighted, and the accuracy on scenes (count,), under the names of GROUNDING_METRICS."""
         return dict(zip(GROUNDING_METRICS, grounding_loss(self.policy.encode(scenes)), strict=True))
 
 
 def with_slots(scenes: TensorDictBase, slots: int) -> TensorDictBase:
-    """The scenes (count,) with at least so many slots: those that are added show nothing."""
+    """Return the scenes (count,) with at least this number of slots: added ones show no object."""
     missing = slots - scenes["objects"].shape[1]
     if missing <= 0:
         return scenes
@@ -252,7 +259,10 @@ def with_slots(scenes: TensorDictBase, slots: int) -> TensorDictBase:
 
 
 def first_steps(batch: TensorDictBase, starts: Tensor) -> Tensor:
-    """(worlds, steps) bool: whether a frame is the first one of its episode. starts: (worlds, 1) of the first step."""
+    """Return whether each frame is the first one of its episode, (worlds, steps) bool.
+
+    starts: (worlds, 1) of the first step.
+    """
     return torch.cat([starts, batch["next", "done"][:, :-1, 0]], 1)
 
 
@@ -334,12 +344,12 @@ def apply_gradients(optimizer: torch.optim.Optimizer, max_norm: float, *clipped:
 
 
 def total_loss(measured: dict[str, Tensor]) -> Tensor:
-    """The sum of the scalars that are named loss/..."""
+    """Return the sum of the scalars that are named loss/..."""
     return torch.stack([value for name, value in measured.items() if name.startswith("loss/")]).sum()
 
 
 def averages(rows: list[dict[str, Tensor]]) -> dict[str, float]:
-    """The mean of each measured name over those gradient steps of an update that measured it."""
+    """Return the mean of each measured name over those gradient steps of an update that measured it."""
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: torch.stack([row[name] for row in rows if name in row]).mean().item() for name in names}
 
@@ -377,5 +387,5 @@ def one_thread() -> Iterator[None]:
 
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
-    """Threads that use one core each: the number is a setting of each thread."""
+    """Return a pool of threads that use one core each: the number is a setting of each thread."""
     return ThreadPoolExecutor(threads, "gradients", initializer=torch.set_num_threads, initargs=(1,))

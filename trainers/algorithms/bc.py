@@ -83,7 +83,7 @@ class BC(Algorithm):
         return averages(self.learn(steps)) | {"expert_share": share, "updates": float(steps), "lr": rate}
 
     def labelled(self, frames: TensorDictBase) -> TensorDictBase:
-        """The entries of frames (B,) that are kept: inputs of the actor, or of the encoder, and the expert's "move"."""
+        """Return what is kept of frames (B,): the inputs of actor or encoder, and the expert's "move"."""
         frames = frames.copy()
         if self.grounding.active:
             self.policy.encoder.select_labelled(frames)
@@ -112,7 +112,7 @@ class BC(Algorithm):
 
 
 def preimage(move: Tensor) -> Tensor:
-    """The inverse of the actor's tanh.
+    """Return the inverse of the actor's tanh.
 
     The loss compares preimages, because a saturated tanh has no gradient: a gripper command that is right in nearly all
     states could then not be corrected in the few states where the opposite is right.

@@ -108,7 +108,7 @@ class OffPolicyAlgorithm(Algorithm):
         return averages(self.learn(steps)) | {name: float(count) for name, count in counts.items()}
 
     def observed(self, frames: TensorDictBase) -> list[Tensor]:
-        """What the critic reads of frames (B,) beside the move."""
+        """Return what the critic reads of frames (B,) beside the move."""
         return [frames[key] for key in self.critic_keys]
 
     @property
@@ -133,7 +133,7 @@ class OffPolicyAlgorithm(Algorithm):
             return [self.step(part, scenes) for part, scenes in pairs]
 
     def sample(self, steps: int) -> TensorDictBase:
-        """The frames of `steps` batches, one after another; half of each are demonstrations, where there are any."""
+        """Return the frames of `steps` batches in a row; half of each are demonstrations, where there are any."""
         if self.demonstrations is None:
             return self.replay.sample(steps * self.config.batch)
         shown = self.config.batch // 2
@@ -155,7 +155,7 @@ class OffPolicyAlgorithm(Algorithm):
         return measured
 
     def parts(self, frames: TensorDictBase, scenes: TensorDictBase | None) -> list[Part]:
-        """The parts of a gradient step, the longest first. Each measures losses and adds their gradients."""
+        """Return the parts of a gradient step, the longest first. Each measures losses and adds their gradients."""
 
         def whole() -> dict[str, Tensor]:
             measured = backward(self.losses(frames), self.learned)
@@ -180,7 +180,10 @@ class OffPolicyAlgorithm(Algorithm):
 
     @abstractmethod
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
-        """The scalars that a gradient step on frames (B,) measures; the sum of those named loss/... is minimised."""
+        """Return the scalars that a gradient step on frames (B,) measures; the sum of those named loss/...
+
+        is minimised.
+        """
 
     def after_step(self, frames: TensorDictBase) -> None:
         """Called after each gradient step on frames (B,): moves target networks."""

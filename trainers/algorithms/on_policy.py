@@ -79,7 +79,7 @@ class OnPolicyAlgorithm(Algorithm):
         return averages(rows) | fresh | {"explained_variance": explained, "lr": rate}
 
     def stops_early(self, row: dict[str, Tensor]) -> bool:
-        """Whether to skip the remaining epochs, given the measured values of the latest gradient step."""
+        """Return whether to skip the remaining epochs, given the measured values of the latest gradient step."""
         return False
 
     @torch.no_grad()
@@ -101,7 +101,7 @@ class OnPolicyAlgorithm(Algorithm):
 
     @torch.no_grad()
     def compute_advantages(self, batch: TensorDictBase) -> tuple[TensorDictBase, float]:
-        """Frames (worlds x steps) with normalised advantage and value_target, and the critic's explained variance."""
+        """Return frames (worlds x steps) with advantage and value_target, and the critic's explained variance."""
         value, next_value = self.value(batch), self.value(batch["next"])
         advantage, target = advantages(batch["next"], value, next_value, self.gamma, self.config.lmbda)
         explained = 1 - (target - value).var() / target.var().clamp_min(1e-8)
@@ -110,7 +110,7 @@ class OnPolicyAlgorithm(Algorithm):
         return frames.reshape(-1), float(explained)
 
     def value(self, frames: TensorDictBase) -> Tensor:
-        """State values (worlds, steps, 1), in one pass over all frames, which are encoded if they are not."""
+        """Return state values (worlds, steps, 1), in one pass over all frames, which are encoded if they are not."""
         context = self.policy.context_key
         encodes = context in self.critic.in_keys and context not in frames.keys()
         keys = [key for key in self.critic.in_keys if key != context or not encodes]
@@ -135,7 +135,7 @@ class OnPolicyAlgorithm(Algorithm):
 
     @abstractmethod
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
-        """The scalars that a step on encoded frames (B,) measures; the sum of those named loss/... is minimised.
+        """Return the scalars that a step on encoded frames (B,) measures; the sum of those named loss/... is minimised.
 
         The frames have the keys of actor and critic, "move", "move_log_prob" (B,), "advantage" and "value_target"
         (B, 1).
@@ -145,7 +145,7 @@ class OnPolicyAlgorithm(Algorithm):
 def advantages(
     after: TensorDictBase, value: Tensor, next_value: Tensor, gamma: float, lmbda: float
 ) -> tuple[Tensor, Tensor]:
-    """Generalised advantages and value targets, (worlds, steps, 1), Schulman et al. 2016 (arXiv:1506.02438).
+    """Return generalised advantages and value targets, (worlds, steps, 1), Schulman et al. 2016 (arXiv:1506.02438).
 
     A truncated episode bootstraps from `next_value` of its last observation; a terminated one does not.
     TorchRL's loop over the steps takes half a millisecond for 64 x 64 frames. Only its GAE module, which calls the

@@ -54,7 +54,7 @@ class PPO(OnPolicyAlgorithm):
         return frames.set("move_log_prob", log_prob), explained
 
     def evaluate_moves(self, frames: TensorDictBase) -> tuple[Tensor, Tensor]:
-        """(B,) log-probabilities of the moves of encoded frames, and (B, A) scales of their distributions."""
+        """Return log-probabilities (B,) of the moves of encoded frames, and scales (B, A) of their distributions."""
         loc, scale = self.policy.move_parameters(frames)
         return normal_log_prob((frames["move"] - loc) / scale, scale).sum(-1), scale
 
@@ -78,7 +78,7 @@ class PPO(OnPolicyAlgorithm):
         }
 
     def stops_early(self, row: dict[str, Tensor]) -> bool:
-        """Whether the policy has moved beyond 1.5 times target_kl."""
+        """Return whether the policy has moved beyond 1.5 times target_kl."""
         return bool(self.config.target_kl) and float(row["kl"]) > 1.5 * self.config.target_kl
 
 

@@ -63,7 +63,7 @@ class Replay:
         self.frames.extend(frames.select(*self.state_keys, *words, "move", *after))
 
     def sample(self, count: int) -> TensorDictBase:
-        """Frames (count,)."""
+        """Return frames (count,)."""
         return self.frames.sample(count)
 
 
@@ -81,14 +81,14 @@ class Relabelling:
         self.begins: list[int] = []  # the step of `unfinished` at which each world's present episode began
 
     def __call__(self, batch: TensorDictBase) -> list[TensorDictBase]:
-        """Relabelled copies (T,) of the episodes that end in a batch (worlds, steps), which continues the last one."""
+        """Return relabelled copies (T,) of the episodes that end in a batch (worlds, steps) after the last one."""
         if self.relabel is None or not self.copies:
             return []
         ended = [episode for episode in self.episodes(batch) for _ in range(self._draw_copies())]
         return list(self.relabel(ended, int(torch.randint(2**31, ())))) if ended else []
 
     def episodes(self, batch: TensorDictBase) -> list[TensorDictBase]:
-        """The episodes (T,) that end in this batch, each of one world and with all its frames."""
+        """Return the episodes (T,) that end in this batch, each of one world and with all its frames."""
         before = 0 if self.unfinished is None else self.unfinished.shape[1]
         frames = batch.clone() if self.unfinished is None else torch.cat([self.unfinished, batch], 1)
         begins, ended = self.begins or [0] * len(batch), []
@@ -101,7 +101,7 @@ class Relabelling:
         return ended
 
     def state_dict(self) -> dict[str, Any] | None:
-        """The frames of the unfinished episodes, as plain values and tensors; None if there are none."""
+        """Return the frames of the unfinished episodes, as plain values and tensors; None if there are none."""
         if self.unfinished is None:
             return None
         worlds, steps = self.unfinished.shape
@@ -121,7 +121,7 @@ class Relabelling:
         self.unfinished[chosen] = frames
 
     def _is_unfinished(self, worlds: int, steps: int) -> Tensor:
-        """(worlds, steps) bool: which frames belong to an unfinished episode."""
+        """Return which frames belong to an unfinished episode, (worlds, steps) bool."""
         return torch.arange(steps).expand(worlds, steps) >= torch.tensor(self.begins)[:, None]
 
     def _draw_copies(self) -> int:

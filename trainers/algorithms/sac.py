@@ -81,12 +81,12 @@ class SAC(OffPolicyAlgorithm):
         ]
 
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
-        """The three losses. `parts` gives each the gradients of its own parameters only."""
+        """Return the three losses. `parts` gives each the gradients of its own parameters only."""
         later, present = draw_noise(frames), draw_noise(frames)
         return self.critic_loss(frames, later) | self.actor_losses(frames, present)
 
     def critic_loss(self, frames: TensorDictBase, noise: Tensor) -> dict[str, Tensor]:
-        """The critics' loss on frames (B,). noise: (B, A), of the moves after them."""
+        """Return the critics' loss on frames (B,). noise: (B, A), of the moves after them."""
         after = frames["next"]
         with torch.no_grad():
             # A truncated frame bootstraps, a terminated one does not.
@@ -98,7 +98,7 @@ class SAC(OffPolicyAlgorithm):
         return {"loss/critic": F.mse_loss(q, target_value.expand_as(q)) * len(q), "q": q.mean()}
 
     def actor_losses(self, frames: TensorDictBase, noise: Tensor) -> dict[str, Tensor]:
-        """The losses of the actor and of the temperature on frames (B,). noise: (B, A), of the moves."""
+        """Return the losses of the actor and of the temperature on frames (B,). noise: (B, A), of the moves."""
         alpha = self.log_alpha.detach().exp()
         action, log_prob = self.sample_moves(frames, noise)
         value = self.critic(*self.observed(frames), action).amin(0)
@@ -110,7 +110,7 @@ class SAC(OffPolicyAlgorithm):
         }
 
     def sample_moves(self, frames: TensorDictBase, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """Moves (B, A) of standard normal noise (B, A), differentiable, and their log-probability (B, 1)."""
+        """Return moves (B, A) of standard normal noise (B, A), differentiable, and their log-probability (B, 1)."""
         return sample_tanh_normal(*self.policy.move_parameters(frames), noise)
 
     def after_step(self, frames: TensorDictBase) -> None:
@@ -128,7 +128,7 @@ class SAC(OffPolicyAlgorithm):
 
 
 def draw_noise(frames: TensorDictBase) -> Tensor:
-    """Standard normal noise (B, A) for the moves of frames (B,)."""
+    """Return standard normal noise (B, A) for the moves of frames (B,)."""
     return torch.randn_like(frames["move"])
 
 

@@ -17,6 +17,9 @@ from core.schema import Checked, one_of, read, within
 PACKAGE = "trainers.algorithms"  # of the algorithms and, with dotted names, of losses
 
 
+_CLASSES: dict[str, type[AlgorithmConfig]] = {}
+
+
 @dataclass(frozen=True, kw_only=True)
 class AlgorithmConfig(Checked):
     """The settings of every algorithm; `register` names those of one algorithm."""
@@ -55,7 +58,6 @@ class AlgorithmConfig(Checked):
 
 
 C = TypeVar("C", bound=type[AlgorithmConfig])
-_CLASSES: dict[str, type[AlgorithmConfig]] = {}
 
 
 def register(name: str, builds: str) -> Callable[[C], C]:
@@ -109,7 +111,7 @@ class OnPolicyConfig(AlgorithmConfig):
     grounding_gain: float | None = within(0.0)
 
     def discount(self, progress: float) -> float:
-        """The discount factor after this share of the run."""
+        """Return the discount factor after this share of the run."""
         last = self.gamma if self.final_gamma is None else self.final_gamma
         return self.gamma + (last - self.gamma) * progress
 
@@ -179,7 +181,7 @@ class SACConfig(OffPolicyConfig):
         return True
 
     def for_torchrl(self, actions: int) -> TorchRLOffPolicyConfig:
-        """The settings with which TorchRL's SACLoss computes what SAC computes. actions: width of a move."""
+        """Return the settings with which TorchRL's SACLoss computes what SAC computes. actions: width of a move."""
         return TorchRLOffPolicyConfig(
             **{field.name: getattr(self, field.name) for field in fields(OffPolicyConfig)},
             adapter="torchrl_off_policy",

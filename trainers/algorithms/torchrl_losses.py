@@ -1,4 +1,4 @@
-"""TorchRL's loss modules by name, built from plain values."""
+"""Two adapters, on-policy and off-policy, which train with any loss module of TorchRL or of this package."""
 
 from __future__ import annotations
 
@@ -27,45 +27,6 @@ from trainers.models.policy import Policy, deterministic_actor, parameters, stoc
 OWN = "trainers.algorithms"  # where "<module>.<class>" is looked for
 
 
-def find_loss(name: str) -> type[LossModule]:
-    """The loss class of torchrl.objectives, or <module>.<class> of trainers.algorithms. Raises ConfigError."""
-    module, _, cls = name.rpartition(".")
-    try:
-        found = getattr(import_module(f"{OWN}.{module}") if module else objectives, cls, None)
-    except ModuleNotFoundError:
-        found = None
-    if not (inspect.isclass(found) and issubclass(found, LossModule)):
-        known = [each for each in objectives.__all__ if each.endswith("Loss")]
-        raise ConfigError(f"algo.loss={name} is not known" + did_you_mean(name, known))
-    return found
-
-
-def takes(cls: type[LossModule], parameter: str) -> bool:
-    """Whether the class has a parameter of this name."""
-    return parameter in inspect.signature(cls.__init__).parameters
-
-
-def build_loss(cls: type[LossModule], options: Mapping[str, Any], given: Mapping[str, Any]) -> LossModule:
-    """An instance of a loss.
-
-    Args:
-        cls: the class.
-        options: keyword arguments of the config; they win over `given`.
-        given: values that the adapter can supply, by parameter names; those that the class does not take are left out.
-
-    Raises:
-        ConfigError: an option that the class does not take, or one that it refuses.
-    """
-    for name in options:
-        if not takes(cls, name):
-            known = [each for each in inspect.signature(cls.__init__).parameters if each != "self"]
-            raise ConfigError(f"algo.options.{name} is not a parameter of {cls.__name__}" + did_you_mean(name, known))
-    try:
-        return cls(**{name: value for name, value in given.items() if takes(cls, name)} | dict(options))
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"algo.options={dict(options)} was refused by {cls.__name__}: {error}") from None
-
-
 # Outputs of TorchRL's losses, and the names that they are reported under.
 OFF_POLICY_OUTPUTS = {
     "loss_actor": "loss/actor",
@@ -78,100 +39,6 @@ OFF_POLICY_OUTPUTS = {
     "pred_value": "q",
 }
 ACTOR_LOSSES = ("loss/actor", "loss/alpha")
-
-
-class TorchRLOffPolicy(OffPolicyAlgorithm):
-    """The loss module holds the critics, their targets and the temperature; the actor's parameters are the policy's."""
-
-    saved = ("policy", "loss", "optimizer")
-
-    def __init__(
-        self, config: TorchRLOffPolicyConfig, policy: Policy, critics: CriticBuilder, relabel: Relabel | None
-    ) -> None:
-        super().__init__(config, policy, critics.keys, relabel)
-        self.config: TorchRLOffPolicyConfig = config
-        self.loss = build_off_policy_loss(config, policy, critics)
-        self.outputs = {key: name for key, name in OFF_POLICY_OUTPUTS.items() if key in self.loss.out_keys}
-        self.metrics = (*self.outputs.values(), "std", "updates", "relabelled", *GROUNDING_METRICS)
-        self.updater = build_target_updater(config, self.loss)
-        self.exploration = ExplorationSchedule(policy, config.final_std) if config.final_std else None
-        learned = parameters(policy, self.loss)
-        self.optimizer = self.make_optimizer(learned, betas=(config.adam_beta1, 0.999))
-
-    @classmethod
-    def build(
-        cls, config: TorchRLOffPolicyConfig, policy: Policy, critics: CriticBuilder, relabel: Relabel | None
-    ) -> TorchRLOffPolicy:
-        return cls(config, policy, critics, relabel)
-
-    def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
-        if self.exploration is not None:
-            self.exploration.step(progress)
-        return super().update(batch, progress)
-
-    def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
-        """The outputs of the loss module. The actor's losses are included in one of `actor_every` steps only."""
-        frames["next", "done"] = frames["next", "terminated"]  # a truncated frame bootstraps
-        out = self.loss(frames)
-        measured = {name: out[key].mean() for key, name in self.outputs.items()}
-        measured["std"] = self.policy.actor.log_std.exp().mean()
-        if self.steps_taken % self.config.actor_every:
-            measured = {name: value for name, value in measured.items() if name not in ACTOR_LOSSES}
-        return measured
-
-    def after_step(self, frames: TensorDictBase) -> None:
-        if self.updater is not None:
-            self.updater.step()
-
-    def running_state(self) -> dict[str, Any]:
-        counter = self.updater.counter if isinstance(self.updater, HardUpdate) else 0
-        return super().running_state() | {"steps_since_copy": counter}
-
-    def load_running_state(self, state: dict[str, Any]) -> None:
-        super().load_running_state(state)
-        if isinstance(self.updater, HardUpdate):
-            self.updater.counter = state["steps_since_copy"]
-
-    def state_dict(self) -> dict[str, Any]:
-        return super().state_dict() | {"steps_taken": self.steps_taken}
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        super().load_state_dict(state)
-        self.steps_taken = state["steps_taken"]
-
-
-def build_off_policy_loss(config: TorchRLOffPolicyConfig, policy: Policy, builder: CriticBuilder) -> LossModule:
-    """The loss module of a config, with critics of its own. Raises ConfigError."""
-    cls = find_loss(config.loss)
-    make_actor = deterministic_actor if config.deterministic else stochastic_actor
-    critics = builder.build_q_modules(config.critics, config.quantiles, config.critic_normalisation)
-    given = {
-        "actor_network": make_actor(policy, builder.keys),
-        "qvalue_network": critics,
-        "num_qvalue_nets": config.critics,
-        "value_network": critics[0],
-        "action_spec": Bounded(-1.0, 1.0, (len(policy.action_unit),), device=builder.device),
-        "deactivate_vmap": True,  # a loop over few small critics is faster on a CPU
-    }
-    if takes(cls, "qvalue_network"):
-        del given["value_network"]
-    loss = build_loss(cls, config.options, given)
-    if hasattr(loss.tensor_keys, "action"):  # DDPGLoss takes the key from its networks
-        loss.set_keys(action="move")
-    getattr(loss, "target_entropy", None)  # REDQLoss registers this buffer at its first use: a checkpoint has it
-    loss.make_value_estimator(loss.default_value_estimator, gamma=config.gamma)
-    return loss.to(builder.device)
-
-
-def build_target_updater(config: TorchRLOffPolicyConfig, loss: LossModule) -> TargetNetUpdater | None:
-    """The updater of the target networks, used after each gradient step; None: the loss has no targets."""
-    if config.target == "soft":
-        return SoftUpdate(loss, tau=config.tau)
-    if config.target == "hard":
-        return HardUpdate(loss, value_network_update_interval=config.target_interval)
-    return None
-
-
 # Outputs of TorchRL's losses, and the names that they are reported under.
 ON_POLICY_OUTPUTS = {
     "loss_objective": "loss/actor",
@@ -204,6 +71,137 @@ class TorchRLOnPolicy(OnPolicyAlgorithm):
 
 
 def loss_outputs(loss: LossModule, frames: TensorDictBase) -> dict[str, Tensor]:
-    """The outputs of the loss on frames (B,), under our names."""
+    """Return the outputs of the loss on frames (B,), under our names."""
     out = loss(frames)
     return {name: out[key] for key, name in ON_POLICY_OUTPUTS.items() if key in loss.out_keys}
+
+
+class TorchRLOffPolicy(OffPolicyAlgorithm):
+    """The loss module holds the critics, their targets and the temperature; the actor's parameters are the policy's."""
+
+    saved = ("policy", "loss", "optimizer")
+
+    def __init__(
+        self, config: TorchRLOffPolicyConfig, policy: Policy, critics: CriticBuilder, relabel: Relabel | None
+    ) -> None:
+        super().__init__(config, policy, critics.keys, relabel)
+        self.config: TorchRLOffPolicyConfig = config
+        self.loss = build_off_policy_loss(config, policy, critics)
+        self.outputs = {key: name for key, name in OFF_POLICY_OUTPUTS.items() if key in self.loss.out_keys}
+        self.metrics = (*self.outputs.values(), "std", "updates", "relabelled", *GROUNDING_METRICS)
+        self.updater = build_target_updater(config, self.loss)
+        self.exploration = ExplorationSchedule(policy, config.final_std) if config.final_std else None
+        learned = parameters(policy, self.loss)
+        self.optimizer = self.make_optimizer(learned, betas=(config.adam_beta1, 0.999))
+
+    @classmethod
+    def build(
+        cls, config: TorchRLOffPolicyConfig, policy: Policy, critics: CriticBuilder, relabel: Relabel | None
+    ) -> TorchRLOffPolicy:
+        return cls(config, policy, critics, relabel)
+
+    def update(self, batch: TensorDictBase, progress: float) -> dict[str, float]:
+        if self.exploration is not None:
+            self.exploration.step(progress)
+        return super().update(batch, progress)
+
+    def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
+        """Return the outputs of the loss module. The actor's losses are included in one of `actor_every` steps only."""
+        frames["next", "done"] = frames["next", "terminated"]  # a truncated frame bootstraps
+        out = self.loss(frames)
+        measured = {name: out[key].mean() for key, name in self.outputs.items()}
+        measured["std"] = self.policy.actor.log_std.exp().mean()
+        if self.steps_taken % self.config.actor_every:
+            measured = {name: value for name, value in measured.items() if name not in ACTOR_LOSSES}
+        return measured
+
+    def after_step(self, frames: TensorDictBase) -> None:
+        if self.updater is not None:
+            self.updater.step()
+
+    def running_state(self) -> dict[str, Any]:
+        counter = self.updater.counter if isinstance(self.updater, HardUpdate) else 0
+        return super().running_state() | {"steps_since_copy": counter}
+
+    def load_running_state(self, state: dict[str, Any]) -> None:
+        super().load_running_state(state)
+        if isinstance(self.updater, HardUpdate):
+            self.updater.counter = state["steps_since_copy"]
+
+    def state_dict(self) -> dict[str, Any]:
+        return super().state_dict() | {"steps_taken": self.steps_taken}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        super().load_state_dict(state)
+        self.steps_taken = state["steps_taken"]
+
+
+def build_off_policy_loss(config: TorchRLOffPolicyConfig, policy: Policy, builder: CriticBuilder) -> LossModule:
+    """Return the loss module of a config, with critics of its own. Raises ConfigError."""
+    cls = find_loss(config.loss)
+    make_actor = deterministic_actor if config.deterministic else stochastic_actor
+    critics = builder.build_q_modules(config.critics, config.quantiles, config.critic_normalisation)
+    given = {
+        "actor_network": make_actor(policy, builder.keys),
+        "qvalue_network": critics,
+        "num_qvalue_nets": config.critics,
+        "value_network": critics[0],
+        "action_spec": Bounded(-1.0, 1.0, (len(policy.action_unit),), device=builder.device),
+        "deactivate_vmap": True,  # a loop over few small critics is faster on a CPU
+    }
+    if takes(cls, "qvalue_network"):
+        del given["value_network"]
+    loss = build_loss(cls, config.options, given)
+    if hasattr(loss.tensor_keys, "action"):  # DDPGLoss takes the key from its networks
+        loss.set_keys(action="move")
+    getattr(loss, "target_entropy", None)  # REDQLoss registers this buffer at its first use: a checkpoint has it
+    loss.make_value_estimator(loss.default_value_estimator, gamma=config.gamma)
+    return loss.to(builder.device)
+
+
+def build_target_updater(config: TorchRLOffPolicyConfig, loss: LossModule) -> TargetNetUpdater | None:
+    """Return the updater of the target networks, used after each gradient step; None: the loss has no targets."""
+    if config.target == "soft":
+        return SoftUpdate(loss, tau=config.tau)
+    if config.target == "hard":
+        return HardUpdate(loss, value_network_update_interval=config.target_interval)
+    return None
+
+
+def find_loss(name: str) -> type[LossModule]:
+    """Return the loss class of torchrl.objectives, or <module>.<class> of trainers.algorithms. Raises ConfigError."""
+    module, _, cls = name.rpartition(".")
+    try:
+        found = getattr(import_module(f"{OWN}.{module}") if module else objectives, cls, None)
+    except ModuleNotFoundError:
+        found = None
+    if not (inspect.isclass(found) and issubclass(found, LossModule)):
+        known = [each for each in objectives.__all__ if each.endswith("Loss")]
+        raise ConfigError(f"algo.loss={name} is not known" + did_you_mean(name, known))
+    return found
+
+
+def takes(cls: type[LossModule], parameter: str) -> bool:
+    """Return whether the class has a parameter of this name."""
+    return parameter in inspect.signature(cls.__init__).parameters
+
+
+def build_loss(cls: type[LossModule], options: Mapping[str, Any], given: Mapping[str, Any]) -> LossModule:
+    """Return an instance of a loss.
+
+    Args:
+        cls: the class.
+        options: keyword arguments of the config; they win over `given`.
+        given: values that the adapter can supply, by parameter names; those that the class does not take are left out.
+
+    Raises:
+        ConfigError: an option that the class does not take, or one that it refuses.
+    """
+    for name in options:
+        if not takes(cls, name):
+            known = [each for each in inspect.signature(cls.__init__).parameters if each != "self"]
+            raise ConfigError(f"algo.options.{name} is not a parameter of {cls.__name__}" + did_you_mean(name, known))
+    try:
+        return cls(**{name: value for name, value in given.items() if takes(cls, name)} | dict(options))
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"algo.options={dict(options)} was refused by {cls.__name__}: {error}") from None

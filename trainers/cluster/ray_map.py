@@ -1,4 +1,7 @@
-"""Evaluation in shards: environments with seeds of their own, one after another here or side by side on a cluster."""
+"""Work that is shared out over a Ray cluster: a function over many inputs, and an evaluation in shards.
+
+A shard is a part of an evaluation with a seed of its own, so the result is the same wherever it is evaluated.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +21,16 @@ EPISODES = 500  # of a shard on a cluster, if their number is not given
 Evaluate = Callable[[tuple[int, int]], tuple[list[EpisodeOutcome], Sequence[str]]]
 
 
+POLL_SECONDS = 0.2
+RETRIES = 3  # of an input whose task was lost
+WINDOW = 2  # tasks that are started for each core: few, so that few results wait for an earlier one
+T = TypeVar("T")
+
+
 def evaluate_shards(evaluate: Evaluate, episodes: int, shards: int | None, on_cluster: bool) -> dict[str, Any]:
-    """The result over all shards as plain values. It depends on their number, and not on where they are evaluated.
+    """Return the result over all shards as plain values.
+
+    It depends on their number, and not on where they are evaluated.
 
     Args:
         evaluate: evaluates a shard; picklable.
@@ -29,21 +40,9 @@ def evaluate_shards(evaluate: Evaluate, episodes: int, shards: int | None, on_cl
     """
     count = min(episodes, shards or (-(-episodes // EPISODES) if on_cluster else 1))
     inputs = list(enumerate(quotas(episodes, count)))
-    if on_cluster:
-        pass
-
-        parts = list(map_on_cluster(evaluate, inputs, "shard"))
-    else:
-        parts = [evaluate(each) for each in inputs]
+    parts = list(map_on_cluster(evaluate, inputs, "shard") if on_cluster else map(evaluate, inputs))
     result = summarize([outcome for part, _ in parts for outcome in part], parts[0][1]).as_dict()
     return result | ({"shards": count} if count > 1 else {})
-
-
-POLL_SECONDS = 0.2
-RETRIES = 3  # of an input whose task was lost
-WINDOW = 2  # tasks that are started for each core: few, so that few results wait for an earlier one
-
-T = TypeVar("T")
 
 
 def map_on_cluster(
@@ -53,7 +52,9 @@ def map_on_cluster(
     address: str | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> Iterator[T]:
-    """The results of `function(each)`, in order. It must depend on its input alone, since a lost task is done again.
+    """Return the results of `function(each)`, in order.
+
+    It must depend on its input alone, since a lost task is done again.
 
     Args:
         function: picklable.
@@ -84,7 +85,7 @@ class _Tasks:
         self.starts = [0] * len(inputs)
 
     def results(self, stop: Callable[[], bool]) -> Iterator[Any]:
-        """Generates the results in order."""
+        """Generate the results in order."""
         done: dict[int, Any] = {}
         started = 0
         for wanted in range(len(self.inputs)):
@@ -123,7 +124,7 @@ class _Tasks:
 
 
 def _call(function: Callable[[Any], T], value: Any) -> T:
-    """Runs in a task, with one thread, so that the bits do not depend on the node's cores."""
+    """Run in a task, with one thread, so that the bits do not depend on the node's cores."""
     import torch
 
     torch.set_num_threads(1)

@@ -1,4 +1,7 @@
-"""The versions that must be equal on all nodes of a cluster, so that the nodes compute the same."""
+"""A Ray cluster that is joined or started, and the check that its nodes compute the same as this machine.
+
+Ray is imported here alone.
+"""
 
 from __future__ import annotations
 
@@ -24,32 +27,6 @@ SUFFIXES = (".py", ".yaml")
 LIBRARIES = ("torch", "torchrl", "tensordict", "pybullet", "numpy")
 
 
-def versions() -> dict[str, str]:
-    """By name: Python's and the libraries' versions, and for Deixis a checksum of its sources."""
-    found = {"Deixis": f"sources {_checksum():08x}", "Python": ".".join(platform.python_version_tuple()[:2])}
-    for name in LIBRARIES:
-        try:
-            found[name] = version(name).partition("+")[0]
-        except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
-
-
-def difference(own: Mapping[str, str], theirs: Mapping[str, str]) -> str:
-    """The first difference as text; "" if there is none."""
-    names = [name for name in own if own[name] != theirs.get(name)]
-    return f"{names[0]} {theirs.get(names[0])} there, {own[names[0]]} here" if names else ""
-
-
-def _checksum() -> int:
-    checksum = 0
-    for package in OWN:
-        for file in sorted((ROOT / package).rglob("*")):
-            if file.suffix in SUFFIXES:
-                checksum = zlib.crc32(file.relative_to(ROOT).as_posix().encode() + file.read_bytes(), checksum)
-    return checksum
-
-
 CURRENT_CLUSTER = Path("/tmp/ray/ray_current_cluster")  # `ray start` writes its address there
 CONNECT_SECONDS = 3.0
 CHECK_SECONDS = 60.0  # for a node to start a process and to import this project
@@ -68,17 +45,6 @@ class Node:
     id: str
     address: str
     cpus: float
-
-
-def import_ray() -> Any:
-    """The module. No usage statistics are sent. Raises ConfigError if it is not installed."""
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")  # its future default; silences a warning
-    try:
-        import ray
-    except ImportError:
-        raise ConfigError('a cluster needs ray, which is not installed: pip install -e ".[cluster]"') from None
-    return ray
 
 
 class RaySession:
@@ -124,13 +90,13 @@ class RaySession:
         return float(self.ray.available_resources().get("CPU", 0.0))
 
     def on(self, node: Node, soft: bool = False) -> Any:
-        """The scheduling strategy for a task on this node. soft: elsewhere if the node has died."""
+        """Return the scheduling strategy for a task on this node. soft: elsewhere if the node has died."""
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
         return NodeAffinitySchedulingStrategy(node.id, soft=soft)
 
     def check_cpus(self, key: str, count: int, each: float) -> None:
-        """Checks that the cluster has enough cores for actors or tasks that run at the same time.
+        """Check that the cluster has enough cores for actors or tasks that run at the same time.
 
         Args:
             key: of `count` in the config.
@@ -151,7 +117,7 @@ class RaySession:
         )
 
     def check_nodes(self) -> None:
-        """Raises ConfigError if a node has other versions than this process, or lacks this project."""
+        """Raise ConfigError if a node has other versions than this process, or lacks this project."""
         own = versions()
         task = self.ray.remote(num_cpus=0, max_retries=0)(versions)
         asked = {task.options(scheduling_strategy=self.on(node)).remote(): node for node in self.nodes}
@@ -195,7 +161,7 @@ class RaySession:
         self.folder = Path(context.address_info["session_dir"])
 
     def _join(self, address: str, options: dict[str, Any], or_none: bool) -> bool:
-        """Whether the cluster was joined. or_none: False is returned where it has ended. Raises ConfigError."""
+        """Return whether the cluster was joined. or_none: False is returned where it has ended. Raises ConfigError."""
         try:
             self.ray.init(address=address, **options)
             return True
@@ -215,6 +181,43 @@ class RaySession:
             ) from None
 
 
+def import_ray() -> Any:
+    """Return the module. No usage statistics are sent. Raises ConfigError if it is not installed."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")  # its future default; silences a warning
+    try:
+        import ray
+    except ImportError:
+        raise ConfigError('a cluster needs ray, which is not installed: pip install -e ".[cluster]"') from None
+    return ray
+
+
+def versions() -> dict[str, str]:
+    """By name: Python's and the libraries' versions, and for Deixis a checksum of its sources."""
+    found = {"Deixis": f"sources {_checksum():08x}", "Python": ".".join(platform.python_version_tuple()[:2])}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name).partition("+")[0]
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def difference(own: Mapping[str, str], theirs: Mapping[str, str]) -> str:
+    """Return the first difference as text; "" if there is none."""
+    names = [name for name in own if own[name] != theirs.get(name)]
+    return f"{names[0]} {theirs.get(names[0])} there, {own[names[0]]} here" if names else ""
+
+
+def _checksum() -> int:
+    checksum = 0
+    for package in OWN:
+        for file in sorted((ROOT / package).rglob("*")):
+            if file.suffix in SUFFIXES:
+                checksum = zlib.crc32(file.relative_to(ROOT).as_posix().encode() + file.read_bytes(), checksum)
+    return checksum
+
+
 def _store_bytes() -> int:
     """Size of the object store: half of the free shared memory. Pages are taken when they are used.
 
@@ -226,7 +229,7 @@ def _store_bytes() -> int:
 
 
 def _find_address(address: str | None) -> str | None:
-    """The address to join, which something listens at; "auto": that of this machine. None to start a Ray.
+    """Return the address to join, which something listens at; "auto": that of this machine. None to start a Ray.
 
     Raises ConfigError.
     """

@@ -1,4 +1,4 @@
-"""One job of a sweep on a node of a cluster: `train.py` in a process of its own. This code runs in a Ray task."""
+"""Sweeps on a Ray cluster: each job is a task, which runs `train.py` in a process of its own on its node."""
 
 from __future__ import annotations
 
@@ -42,6 +42,9 @@ POLL_SECONDS = 0.2
 STOP_SECONDS = 60.0  # for a run to save a checkpoint after SIGTERM
 
 
+SWEEP_POLL_SECONDS = 0.5
+
+
 @dataclass(frozen=True)
 class NodeJob:
     """A job as it is sent to a node.
@@ -69,84 +72,8 @@ class JobResult:
     files: bytes | None
 
 
-def run_on_node(job: NodeJob) -> JobResult:
-    """Run a job in its folder where this node sees it, and otherwise in a temporary one, which is sent back."""
-    import ray
-
-    node = ray.util.get_node_ip_address()
-    if _sees(job):
-        return JobResult(node, _run(job, job.place), None)
-    with tempfile.TemporaryDirectory(prefix="deixis-job-") as name:
-        place = Path(name) / job.place.name
-        place.mkdir()
-        if job.files is not None:
-            unpack(job.files, place)
-        error = _run(job, place)
-        return JobResult(node, error, pack(place))
-
-
-def _sees(job: NodeJob) -> bool:
-    """Whether this node sees the folder of the job."""
-    try:
-        return (job.place / TOKEN).read_text() == job.token
-    except OSError:
-        return False
-
-
-def _run(job: NodeJob, place: Path) -> str | None:
-    """The error message of the run; None if it has finished."""
-    with tempfile.TemporaryFile("w+") as errors:
-        command = job_command(job.program or PROGRAM, job.config, job.overrides, place, job.share)
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=errors,
-            env={**os.environ, **ENVIRONMENT},
-            preexec_fn=_end_with_parent,
-        )
-        code = _wait(process)
-        errors.seek(0)
-        return failure_message(code, errors.read()) if code else None
-
-
-def _wait(process: subprocess.Popen[bytes]) -> int:
-    """The exit status. A run whose task is cancelled is asked to save a checkpoint and to end."""
-    try:
-        while process.poll() is None:
-            time.sleep(POLL_SECONDS)  # Ray's cancellation interrupts no system call
-    except KeyboardInterrupt:
-        process.terminate()
-        process.wait(STOP_SECONDS)
-    return process.returncode
-
-
-def _end_with_parent() -> None:
-    """The run ends with the task's process: a lost job is started again elsewhere, and must not be run twice."""
-    signal_at_parent_death(signal.SIGKILL)
-    signal.pthread_sigmask(signal.SIG_SETMASK, ())  # Ray blocks some
-
-
-def pack(folder: Path) -> bytes:
-    """An archive of the files in a folder."""
-    with tarfile.open(fileobj=(file := io.BytesIO()), mode="w:gz") as archive:
-        for path in sorted(folder.rglob("*")):
-            if path.is_file() and not path.is_symlink() and path.name not in LEFT_OUT:
-                archive.add(path, path.relative_to(folder).as_posix(), recursive=False)
-    return file.getvalue()
-
-
-def unpack(files: bytes, folder: Path) -> None:
-    """Write the files of an archive into a folder."""
-    with tarfile.open(fileobj=io.BytesIO(files), mode="r:gz") as archive:
-        archive.extractall(folder, filter="data")
-
-
-SWEEP_POLL_SECONDS = 0.5
-
-
 def make_job(config: DictConfig, overrides: Sequence[str]) -> NodeJob:
-    """A job of a sweep, in the folder that Hydra would give it or that an earlier start of the sweep gave it.
+    """Return a job of a sweep, in the folder that Hydra would give it or that an earlier start of the sweep gave it.
 
     Args:
         config: of the job, with Hydra's own settings.
@@ -246,8 +173,81 @@ class RaySweep:
 
 
 def _check_resources(session: RaySession, config: SweepConfig) -> None:
-    """Raises ConfigError if no node has the cores and GPUs of a job."""
+    """Raise ConfigError if no node has the cores and GPUs of a job."""
     for key, name, wanted in (("sweep.cpus", "CPU", config.cpus), ("sweep.gpus", "GPU", config.gpus)):
         most = max((node["Resources"].get(name, 0.0) for node in session.ray.nodes() if node["Alive"]), default=0.0)
         if wanted > most:
             raise ConfigError(f"{key}={wanted:g} is more than any node of the Ray cluster has: {most:g}")
+
+
+def run_on_node(job: NodeJob) -> JobResult:
+    """Run a job in its folder where this node sees it, and otherwise in a temporary one, which is sent back."""
+    import ray
+
+    node = ray.util.get_node_ip_address()
+    if _sees(job):
+        return JobResult(node, _run(job, job.place), None)
+    with tempfile.TemporaryDirectory(prefix="deixis-job-") as name:
+        place = Path(name) / job.place.name
+        place.mkdir()
+        if job.files is not None:
+            unpack(job.files, place)
+        error = _run(job, place)
+        return JobResult(node, error, pack(place))
+
+
+def _sees(job: NodeJob) -> bool:
+    """Return whether this node sees the folder of the job."""
+    try:
+        return (job.place / TOKEN).read_text() == job.token
+    except OSError:
+        return False
+
+
+def _run(job: NodeJob, place: Path) -> str | None:
+    """Return the error message of the run; None if it has finished."""
+    with tempfile.TemporaryFile("w+") as errors:
+        command = job_command(job.program or PROGRAM, job.config, job.overrides, place, job.share)
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+            env={**os.environ, **ENVIRONMENT},
+            preexec_fn=_end_with_parent,
+        )
+        code = _wait(process)
+        errors.seek(0)
+        return failure_message(code, errors.read()) if code else None
+
+
+def _wait(process: subprocess.Popen[bytes]) -> int:
+    """Return the exit status. A run whose task is cancelled is asked to save a checkpoint and to end."""
+    try:
+        while process.poll() is None:
+            time.sleep(POLL_SECONDS)  # Ray's cancellation interrupts no system call
+    except KeyboardInterrupt:
+        process.terminate()
+        process.wait(STOP_SECONDS)
+    return process.returncode
+
+
+def _end_with_parent() -> None:
+    """The run ends with the task's process: a lost job is started again elsewhere, and must not be run twice."""
+    signal_at_parent_death(signal.SIGKILL)
+    signal.pthread_sigmask(signal.SIG_SETMASK, ())  # Ray blocks some
+
+
+def pack(folder: Path) -> bytes:
+    """Return an archive of the files in a folder."""
+    with tarfile.open(fileobj=(file := io.BytesIO()), mode="w:gz") as archive:
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and not path.is_symlink() and path.name not in LEFT_OUT:
+                archive.add(path, path.relative_to(folder).as_posix(), recursive=False)
+    return file.getvalue()
+
+
+def unpack(files: bytes, folder: Path) -> None:
+    """Write the files of an archive into a folder."""
+    with tarfile.open(fileobj=io.BytesIO(files), mode="r:gz") as archive:
+        archive.extractall(folder, filter="data")

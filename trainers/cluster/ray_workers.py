@@ -1,4 +1,4 @@
-"""A worker in a Ray actor, which may be on any node of the cluster and can be lost at any time."""
+"""Collection on a Ray cluster: workers in actors, which may be on any node and can be lost at any time."""
 
 from __future__ import annotations
 
@@ -35,13 +35,18 @@ SILENCE_SECONDS = 6.0  # without an answer, after which an actor counts as lost
 Arrays = Mapping[Any, NDArray[Any]]  # a nested key or a parameter's name -> its values
 
 
+NODE_SECONDS = 1.0  # between two looks at the nodes
+SUSPECT_SECONDS = 30.0  # for which no worker is started on a node where one was silent
+RATE_BATCHES = 8  # latest batches of a node, over which its frames per second are measured
+
+
 def to_arrays(values: Mapping[str, torch.Tensor]) -> Arrays:
-    """The tensors as arrays, which Ray's object store shares without copies."""
+    """Return the tensors as arrays, which Ray's object store shares without copies."""
     return {name: value.detach().cpu().numpy() for name, value in values.items()}
 
 
 def to_tensor(array: NDArray[Any]) -> torch.Tensor:
-    """A tensor that shares the memory of an array, which may be read-only: it must not be written to."""
+    """Return a tensor that shares the memory of an array, which may be read-only: it must not be written to."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         return torch.from_numpy(array)
@@ -66,7 +71,7 @@ class CollectorActor:
         self.error: Exception | None = None
 
     def where(self) -> tuple[str, int]:
-        """The id of the node, and that of this process. It is answered once the actor has started."""
+        """Return the id of the node, and that of this process. It is answered once the actor has started."""
         import ray
 
         return ray.get_runtime_context().get_node_id(), os.getpid()
@@ -139,7 +144,7 @@ class RayWorker(RequestClock):
         """Nothing: batches come through the object store."""
 
     def receive(self) -> tuple[TensorDictBase, Mapping[int, Beginning]]:
-        """The batch, in read-only memory, and the beginnings that `Worker.collect` returns.
+        """Return the batch, in read-only memory, and the beginnings that `Worker.collect` returns.
 
         Raises:
             WorkerLostError: the actor has died, is silent or has raised an exception.
@@ -163,7 +168,7 @@ class RayWorker(RequestClock):
         return TensorDict(values, values["action"].shape[:2]), beginnings
 
     def ready(self) -> bool:
-        """Whether the next batch, or the exception in its place, is there."""
+        """Return whether the next batch, or the exception in its place, is there."""
         return bool(self.ray.wait([self.answers[0]], timeout=0)[0])
 
     def listen(self) -> bool:
@@ -191,7 +196,7 @@ class RayWorker(RequestClock):
         self.answers.clear()
 
     def started(self) -> bool:
-        """Whether the actor's process runs."""
+        """Return whether the actor's process runs."""
         if self.node_id is None:
             self._find_place()
         return self.node_id is not None
@@ -205,16 +210,11 @@ class RayWorker(RequestClock):
 
 
 def _reason(error: Exception) -> str:
-    """The cause in a Ray error of many lines, as one clause."""
+    """Return the cause in a Ray error of many lines, as one clause."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     told = next((line for line in lines if "because" in line), lines[0] if lines else type(error).__name__)
     clause = told.partition("because ")[2] or told
     return clause.partition(" Worker exit type")[0].partition(". ")[0].rstrip(".")
-
-
-NODE_SECONDS = 1.0  # between two looks at the nodes
-SUSPECT_SECONDS = 30.0  # for which no worker is started on a node where one was silent
-RATE_BATCHES = 8  # latest batches of a node, over which its frames per second are measured
 
 
 class RayHost:
@@ -263,7 +263,7 @@ class RayHost:
         self.weights = self.session.ray.put(to_arrays(self.policy.state_dict()))
 
     def start(self, spec: WorkerSpec, episodes: Episodes | None, buffers: Sequence[TensorDictBase]) -> RayWorker:
-        """A new actor, or the one that was prepared for this worker."""
+        """Return a new actor, or the one that was prepared for this worker."""
         before = self.latest.get(spec.index)
         if before is not None and before.unresponsive and before.node_id is not None:
             self.suspects[before.node_id] = time.monotonic()
@@ -276,7 +276,7 @@ class RayHost:
         return worker
 
     def wait(self, workers: Sequence[RayWorker], seconds: float) -> list[RayWorker]:
-        """The workers whose next batch has arrived, that have died or are silent, after at most `seconds`."""
+        """Return the workers whose next batch has arrived, that have died or are silent, after at most `seconds`."""
         waited = {worker.answers[0]: worker for worker in workers}
         ready, _ = self.session.ray.wait(list(waited), num_returns=1, timeout=seconds)
         if ready:
@@ -290,13 +290,13 @@ class RayHost:
         return found
 
     def moved(self, workers: Sequence[RayWorker]) -> list[int]:
-        """The indices of workers for which an actor has started on a node with more free cores."""
+        """Return the indices of workers for which an actor has started on a node with more free cores."""
         if time.monotonic() - self.looked_at > NODE_SECONDS:
             self._look(workers)
         return [index for index, (worker, _) in self.prepared.items() if worker.started()]
 
     def allocate(self, batch: TensorDictBase) -> TensorDictBase:
-        """The batch itself."""
+        """Return the batch itself."""
         return batch
 
     def close(self) -> None:
@@ -323,7 +323,7 @@ class RayHost:
         return RayWorker(self.session, actor, spec)
 
     def _place(self) -> dict[str, Any]:
-        """Where a worker is started, as options of an actor: on all nodes evenly.
+        """Return where a worker is started, as options of an actor: on all nodes evenly.
 
         After a loss, a worker starts on the remaining nodes: not on a node where a worker was silent, which Ray may
         still count as alive, and without reserved cores if there are too few.

@@ -39,6 +39,9 @@ MARGIN_SECONDS = 4.0  # added to twice the slowest of the latest batches
 RECENT_BATCHES = 50
 
 
+W = TypeVar("W", bound=RemoteWorker)
+
+
 class CollectionError(RunError):
     """A batch could not be collected. The run cannot continue."""
 
@@ -117,17 +120,17 @@ class Rollouts:
                 self.published = recent | {self.iteration: copy.deepcopy(self.cpu_policy.state_dict())}
 
     def status(self) -> dict[str, str]:
-        """The state of the workers, for display; {} unless a cluster collects."""
+        """Return the state of the workers, for display; {} unless a cluster collects."""
         return {} if self.pool is None else self.pool.host.status(self.pool.workers, self.pool.restarts, self.pool.age)
 
     def measures(self) -> dict[str, float]:
-        """The values of the columns `collector_columns(config)` of metrics.csv for the latest batch."""
+        """Return the values of the columns `collector_columns(config)` of metrics.csv for the latest batch."""
         if self.pool is None or not collector_columns(self.pool.config):
             return {}
         return {"time/batch_age": float(self.pool.age), "time/restarts": float(self.pool.restarts)}
 
     def next(self, stop: Callable[[], bool] = lambda: False) -> TensorDictBase:
-        """The next batch. The batch after it reuses its memory.
+        """Return the next batch. The batch after it reuses its memory.
 
         Args:
             stop: called while worker processes collect; True gives up the batch.
@@ -150,14 +153,14 @@ class Rollouts:
         return batch
 
     def state_dict(self) -> dict[str, Any] | None:
-        """The state from which collection continues, bit for bit, after the latest batch; None before the first one."""
+        """Return the state from which collection continues, bit for bit; None before the first batch."""
         episodes = self.log.episodes
         if episodes is None:
             return None
         return {"seed": self.seed, "episodes": episodes.state_dict(), "ahead": self._ahead()}
 
     def _ahead(self) -> list[dict[str, Any]]:
-        """The requested batches whose weights are older than the present ones, each with its weights."""
+        """Return the requested batches whose weights are older than the present ones, each with its weights."""
         asked = {} if self.pool is None else self.pool.asked
         later = [(k, since) for k, (_, since) in sorted(asked.items()) if since < self.iteration <= k]
         return [{"iteration": k, "since": since, "weights": self.published[since]} for k, since in later]
@@ -183,7 +186,10 @@ class Rollouts:
 
 
 def collector_columns(config: CollectorConfig) -> tuple[str, ...]:
-    """The columns of metrics.csv that describe collection on a cluster. Like timings, they differ between runs."""
+    """Return the columns of metrics.csv that describe collection on a cluster.
+
+    Like timings, they differ between runs.
+    """
     return ("time/batch_age", "time/restarts") if isinstance(config, RayCollectorConfig) else ()
 
 
@@ -227,7 +233,7 @@ class WorkerPool:
         self.workers = [self._start(spec, episodes) for spec in specs]
 
     def collect(self, order: Order) -> tuple[TensorDictBase, dict[int, Beginning]]:
-        """The batch, whose memory the next one reuses, and the beginnings of its new episodes, by world.
+        """Return the batch, whose memory the next one reuses, and the beginnings of its new episodes, by world.
 
         Raises:
             Interrupted: `stop` returned True.
@@ -274,7 +280,7 @@ class WorkerPool:
                 self.ask(replace(order, iteration=iteration), order.iteration)
 
     def _ready(self, indices: set[int]) -> list[int]:
-        """The workers that have answered or ended, after at most POLL_SECONDS."""
+        """Return the workers that have answered or ended, after at most POLL_SECONDS."""
         waited = [self.workers[index] for index in sorted(indices)]
         return [worker.spec.index for worker in self.host.wait(waited, POLL_SECONDS)]
 
@@ -294,7 +300,7 @@ class WorkerPool:
         return self.patience_factor * (2 * max(self.durations) + MARGIN_SECONDS)
 
     def _whole(self, iteration: int, parts: Sequence[TensorDictBase | None]) -> TensorDictBase:
-        """The batch of all workers, in a buffer. The first batch allocates the buffers."""
+        """Return the batch of all workers, in a buffer. The first batch allocates the buffers."""
         if not self.buffers:
             whole = torch.cat([part for part in parts if part is not None])
             self.buffers = [self.host.allocate(whole.clone()) for _ in range(self.host.buffers)]
@@ -357,9 +363,6 @@ class WorkerPool:
         self._request(index, order, sorted(self.asked))
 
 
-W = TypeVar("W", bound=RemoteWorker)
-
-
 class WorkerHost(Protocol, Generic[W]):
     """Starts workers, and waits for them.
 
@@ -376,19 +379,25 @@ class WorkerHost(Protocol, Generic[W]):
         """The policy's weights have changed."""
 
     def start(self, spec: WorkerSpec, episodes: Episodes | None, buffers: Sequence[TensorDictBase]) -> W:
-        """A new worker, whose batches are written to `buffers` if it can. episodes: of its worlds, to continue."""
+        """Return a new worker, whose batches are written to `buffers` if it can.
+
+        episodes: of its worlds, to continue.
+        """
 
     def wait(self, workers: Sequence[W], seconds: float) -> list[W]:
-        """The workers that have answered, ended or become silent, after at most `seconds`."""
+        """Return the workers that have answered, ended or become silent, after at most `seconds`."""
 
     def moved(self, workers: Sequence[W]) -> list[int]:
-        """The indices of workers that are to be started again because there is a better place for them."""
+        """Return the indices of workers that are to be started again because there is a better place for them."""
 
     def allocate(self, batch: TensorDictBase) -> TensorDictBase:
-        """A buffer for batches, with the contents of the first one."""
+        """Return a buffer for batches, with the contents of the first one."""
 
     def status(self, workers: Sequence[W], restarts: int, age: int) -> dict[str, str]:
-        """The state of the workers, for display: values by their labels. age: of the latest batch, in iterations."""
+        """Return the state of the workers, for display: values by their labels.
+
+        age: of the latest batch, in iterations.
+        """
 
     def close(self) -> None:
         """Release the host's resources. The workers have been killed."""
@@ -419,11 +428,11 @@ class ProcessHost:
         self.policies[self.weights].load_state_dict(self.policy.state_dict())
 
     def start(self, spec: WorkerSpec, episodes: Episodes | None, buffers: Sequence[TensorDictBase]) -> WorkerProcess:
-        """A new process."""
+        """Return a new process."""
         return WorkerProcess(self.make_env, self.policies, spec, episodes, buffers)
 
     def wait(self, workers: Sequence[WorkerProcess], seconds: float) -> list[WorkerProcess]:
-        """The workers that have answered or ended, after at most `seconds`."""
+        """Return the workers that have answered or ended, after at most `seconds`."""
         waited: dict[Any, WorkerProcess] = {worker.connection: worker for worker in workers}
         return [waited[connection] for connection in wait(list(waited), seconds)]
 
@@ -432,7 +441,7 @@ class ProcessHost:
         return []
 
     def allocate(self, batch: TensorDictBase) -> TensorDictBase:
-        """The batch in shared memory."""
+        """Return the batch in shared memory."""
         return batch.share_memory_()
 
     def status(self, workers: Sequence[WorkerProcess], restarts: int, age: int) -> dict[str, str]:
@@ -460,7 +469,7 @@ class EpisodeStatistics:
         return (*(f"train/{name}" for name in names), *(f"reward/{name}" for name in self.reward_names))
 
     def state_dict(self) -> dict[str, Any]:
-        """The returns and lengths of the running episodes, as plain values."""
+        """Return the returns and lengths of the running episodes, as plain values."""
         return {"running": None if self._running is None else self._running.tolist()}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -468,7 +477,7 @@ class EpisodeStatistics:
         self._running = None if state["running"] is None else np.array(state["running"])
 
     def measure(self, batch: TensorDictBase) -> dict[str, float]:
-        """Means over the episodes that end in a batch (worlds, steps), and over all steps for the reward terms.
+        """Return means over the episodes that end in a batch (worlds, steps), and over all steps for the reward terms.
 
         NaN if no episode ends.
         """
@@ -481,7 +490,7 @@ class EpisodeStatistics:
         return dict(zip(self.metrics, [*means, float(done.sum()), *terms], strict=True))
 
     def _accumulate(self, reward: np.ndarray, done: np.ndarray) -> np.ndarray:
-        """Returns and lengths (2, ended) of the episodes that ended, in the order of the steps.
+        """Return returns and lengths (2, ended) of the episodes that ended, in the order of the steps.
 
         reward, done: (worlds, steps).
         """

@@ -45,7 +45,7 @@ Policies = Sequence[Policy | ExpertMixture]
 
 
 def derive_seed(seed: int, index: int, evaluation: bool = False) -> int:
-    """A seed of 31 bits for worker or evaluation `index` of a run.
+    """Return a seed of 31 bits for worker or evaluation `index` of a run.
 
     Bit 30 separates evaluation from training, so that an evaluation never uses a seed of training.
     """
@@ -54,7 +54,7 @@ def derive_seed(seed: int, index: int, evaluation: bool = False) -> int:
 
 
 def noise_seed(seed: int, worker: int, iteration: int) -> int:
-    """The seed of a worker's exploration noise in one batch, so that no worker's generator need be saved."""
+    """Return the seed of a worker's exploration noise in one batch, so that no worker's generator need be saved."""
     return int(np.random.SeedSequence([seed, worker, NOISE, iteration]).generate_state(1, np.uint64)[0])
 
 
@@ -71,13 +71,13 @@ class Episodes:
     lengths: Tensor
 
     def part(self, first: int, count: int) -> Episodes:
-        """Those of worlds first to first + count - 1."""
+        """Return those of worlds first to first + count - 1."""
         worlds = slice(first, first + count)
         lengths = self.lengths[worlds]
         return Episodes(self.beginnings[worlds], self.actions[worlds, -int(lengths.max()) or None :], lengths)
 
     def state_dict(self) -> dict[str, Any]:
-        """Plain values and tensors."""
+        """Return plain values and tensors."""
         return {"beginnings": list(self.beginnings), "actions": self.actions.clone(), "lengths": self.lengths.clone()}
 
 
@@ -102,7 +102,7 @@ class EpisodeLog:
 
 
 def _last(flags: Tensor) -> Tensor:
-    """(N,) the index of the last true value in each row of (N, T); -1 where there is none."""
+    """Return the index (N,) of the last true value in each row of (N, T); -1 where there is none."""
     order = torch.arange(1, flags.shape[1] + 1)
     return (flags * order).amax(1) - 1
 
@@ -153,7 +153,7 @@ class Worker:
         self.reported: list[Beginning | None] = [None] * spec.worlds
 
     def collect(self, iteration: int) -> tuple[TensorDictBase, dict[int, Beginning]]:
-        """A batch (worlds, steps), and the generators' states of those worlds whose episode began in it.
+        """Return a batch (worlds, steps), and the generators' states of those worlds whose episode began in it.
 
         The first call returns the states of all worlds.
         """
@@ -187,7 +187,7 @@ class WorkerLostError(Exception):
 
 
 def raised(error: BaseException) -> str:
-    """An exception as a clause: "raised ValueError: <the first line of its text>"."""
+    """Return an exception as a clause: "raised ValueError: <the first line of its text>"."""
     return f"raised {type(error).__name__}: {(str(error).splitlines() or [''])[0]}"
 
 
@@ -211,7 +211,7 @@ class Failure:
         return cls(raised(error), file.getvalue())
 
     def error(self) -> WorkerLostError:
-        """The error to raise in the main process."""
+        """Return the error to raise in the main process."""
         error = WorkerLostError(self.text)
         if self.frame is not None:
             error.frame = TensorDict.from_dict(torch.load(io.BytesIO(self.frame), weights_only=True))
@@ -239,10 +239,13 @@ class RemoteWorker(Protocol):
         """
 
     def receive(self) -> tuple[TensorDictBase | None, Mapping[int, Beginning]]:
-        """The batch, None if it is in its buffer, and the beginnings from `Worker.collect`. Raises WorkerLostError."""
+        """Return the batch, None if it is in its buffer, and the beginnings from `Worker.collect`.
+
+        Raises WorkerLostError.
+        """
 
     def overdue(self, patience: float, waiting_since: float) -> bool:
-        """Whether it has not answered for `patience` seconds, or more if it is starting.
+        """Return whether it has not answered for `patience` seconds, or more if it is starting.
 
         waiting_since: as `time.monotonic` has it. The seconds count from then, or from a later request.
         """
@@ -294,7 +297,7 @@ class ChildProcess:
         self.connection.close()
 
     def ending(self) -> str:
-        """How the process ended, as a clause. Its pipe is closed."""
+        """Return how the process ended, as a clause. Its pipe is closed."""
         self.process.join(EXIT_SECONDS)
         code = self.process.exitcode
         if code is not None and code < 0:
@@ -344,7 +347,9 @@ class WorkerProcess(ChildProcess, RequestClock):
         self.send(tuple(buffers))
 
     def receive(self) -> tuple[TensorDictBase | None, Mapping[int, Beginning]]:
-        """The batch, None if it is in its buffer, and the beginnings from `Worker.collect`. Raises WorkerLostError.
+        """Return the batch, None if it is in its buffer, and the beginnings from `Worker.collect`.
+
+        Raises WorkerLostError.
 
         To be called once the connection has something to read. A process that was stopped while it wrote its answer
         does not block for more than RECEIVE_SECONDS.

@@ -71,7 +71,7 @@ def write(
 
 
 def read(folder: Path) -> tuple[dict[str, Any], Iterator[Demonstration]]:
-    """The metadata and the episodes of a recording. Raises ConfigError for a missing or damaged one."""
+    """Return the metadata and the episodes of a recording. Raises ConfigError for a missing or damaged one."""
     file = folder / METADATA
     if not file.is_file():
         problem = f"is not a recording of this project: it has no {METADATA}" if folder.exists() else "does not exist"

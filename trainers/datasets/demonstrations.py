@@ -1,4 +1,4 @@
-"""Recorded episodes: observations, actions and outcomes of each step, and the seed that reproduces the episode."""
+"""Recorded episodes: observations, actions and outcomes of each step, how they are recorded, replayed and compared."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _run_episode(
 
 
 def _stack(states: list[TensorDictBase], key: str | tuple[str, str]) -> NDArray:
-    """The values of a key in world 0, stacked over the steps."""
+    """Return the values of a key in world 0, stacked over the steps."""
     return np.stack([state[key][0].numpy() for state in states])
 
 
@@ -144,7 +144,7 @@ def verify_replay(env: EnvBase, recorded: Iterable[Demonstration]) -> ReplayResu
 
 
 def _differences(recorded: Demonstration, replayed: Demonstration) -> dict[str, float]:
-    """The greatest difference of each key; infinite if the sentence or the number of values differs.
+    """Return the greatest difference of each key; infinite if the sentence or the number of values differs.
 
     A format may leave out the state after the last action; then that state is not compared.
     """
@@ -156,7 +156,7 @@ def _differences(recorded: Demonstration, replayed: Demonstration) -> dict[str, 
 
 
 def _difference(recorded: NDArray, replayed: NDArray) -> float:
-    """The greatest absolute difference, in whatever shape a format stores the values of a step."""
+    """Return the greatest absolute difference, in whatever shape a format stores the values of a step."""
     if recorded.size != replayed.size:
         return float("inf")
     apart = np.abs(recorded.astype(np.float64).ravel() - replayed.astype(np.float64).ravel())

@@ -1,4 +1,7 @@
-"""Tables in Parquet files of limited size, written incrementally."""
+"""Writing and reading demonstrations as a LeRobot dataset, version 3: https://huggingface.co/docs/lerobot.
+
+Tables are Parquet files of limited size; images are one video for each episode; each feature has statistics.
+"""
 
 from __future__ import annotations
 
@@ -19,148 +22,9 @@ from trainers.utils.files import write_json
 COMPRESSION = "snappy"
 
 
-class Shards:
-    """Writes a table to chunk-000/file-000.parquet and so on. The rows of one `write` go to the same file.
-
-    Args:
-        folder: the directory of the chunks.
-        files: in a chunk.
-        megabytes: size after which a new file is started.
-        rows: how many are collected before they are written together.
-    """
-
-    def __init__(self, folder: Path, files: int, megabytes: float, rows: int = 1) -> None:
-        self._folder, self._files, self._max_bytes, self._rows = folder, files, megabytes * 2**20, rows
-        self._number = 0
-        self._writer: Any = None
-        self._pending: list[Any] = []
-
-    @property
-    def place(self) -> tuple[int, int]:
-        """The numbers of the chunk and the file of the next rows."""
-        return divmod(self._number, self._files)
-
-    def write(self, columns: dict[str, Any]) -> tuple[int, int]:
-        """Add rows, given by column; returns the numbers of their chunk and file."""
-        import pyarrow
-
-        place = self.place
-        self._pending.append(pyarrow.table(columns))
-        if sum(map(len, self._pending)) >= self._rows:
-            self._flush()
-        return place
-
-    def _flush(self) -> None:
-        import pyarrow
-        from pyarrow import parquet
-
-        if not self._pending:
-            return
-        table, self._pending = pyarrow.concat_tables(self._pending), []
-        path = self._folder / "chunk-{:03d}/file-{:03d}.parquet".format(*self.place)
-        if self._writer is None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._writer = parquet.ParquetWriter(path, table.schema, compression=COMPRESSION)
-        self._writer.write_table(table)
-        if path.stat().st_size >= self._max_bytes:
-            self._start_next_file()
-
-    def _start_next_file(self) -> None:
-        self._writer.close()
-        self._writer, self._number = None, self._number + 1
-
-    def close(self) -> None:
-        """Write the pending rows and close the last file, which is not readable before."""
-        self._flush()
-        if self._writer is not None:
-            self._writer.close()
-
-
-def as_column(values: NDArray) -> Any:
-    """Values (T, n) as a column of lists of length n, or of plain values if n is 1."""
-    import pyarrow
-
-    flat = pyarrow.array(values.reshape(-1))
-    return flat if values.shape[1] == 1 else pyarrow.FixedSizeListArray.from_arrays(flat, values.shape[1])
-
-
-def write_index(path: Path, words: list[str], column: str) -> None:
-    """Write a table that pandas reads with the words as its index and their numbers as its only column."""
-    import pyarrow
-    from pyarrow import parquet
-
-    index = "__index_level_0__"
-
-    def column_metadata(name: str | None, field: str | None, kind: str, numpy: str) -> dict[str, Any]:
-        return {"name": name, "field_name": field, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
-
-    metadata = {
-        "index_columns": [index],
-        "column_indexes": [column_metadata(None, None, "unicode", "object") | {"metadata": {"encoding": "UTF-8"}}],
-        "columns": [
-            column_metadata(column, column, "int64", "int64"),
-            column_metadata(None, index, "unicode", "object"),
-        ],
-        "creator": {"library": "pyarrow", "version": pyarrow.__version__},
-        "pandas_version": "2.0.0",
-    }
-    table = pyarrow.table({column: pyarrow.array(range(len(words)), pyarrow.int64()), index: words})
-    path.parent.mkdir(parents=True, exist_ok=True)
-    parquet.write_table(table.replace_schema_metadata({"pandas": json.dumps(metadata)}), path)
-
-
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 SAMPLED_IMAGES, PIXEL_STRIDE = 20, 4  # of an episode: enough for the statistics of its colours
-
 Stats = dict[str, NDArray[np.float64]]  # minimum, maximum, mean, ... of one feature, and the count
-
-
-def of_values(values: NDArray) -> Stats:
-    """Statistics of a feature's values (T, n), for each of its n numbers."""
-    values = values.astype(np.float64)
-    out = {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0)}
-    out["count"] = np.array([len(values)])
-    return out | {name: np.quantile(values, share, axis=0) for name, share in QUANTILES.items()}
-
-
-def of_images(images: Sequence[NDArray[np.uint8]]) -> Stats:
-    """Statistics of each colour channel, (3, 1, 1), in [0, 1]. images: (H, W, 3) each."""
-    chosen = np.unique(np.linspace(0, len(images) - 1, SAMPLED_IMAGES).astype(int))
-    pixels = np.stack([images[i][::PIXEL_STRIDE, ::PIXEL_STRIDE] for i in chosen]).reshape(-1, 3) / 255.0
-    colours = {name: value.reshape(3, 1, 1) for name, value in of_values(pixels).items() if name != "count"}
-    return colours | {"count": np.array([len(chosen)])}
-
-
-def merge(one: Stats | None, other: Stats) -> Stats:
-    """Statistics over the values of two sets. Quantiles are weighted means of both, as in LeRobot itself."""
-    if one is None:
-        return other
-    counts = one["count"][0], other["count"][0]
-    total = sum(counts)
-
-    def mean(name: str) -> NDArray[np.float64]:
-        return (counts[0] * one[name] + counts[1] * other[name]) / total
-
-    means = mean("mean")
-    variance = sum(
-        count * (each["std"] ** 2 + (each["mean"] - means) ** 2)
-        for count, each in zip(counts, (one, other), strict=True)
-    )
-    return {
-        "min": np.minimum(one["min"], other["min"]),
-        "max": np.maximum(one["max"], other["max"]),
-        "mean": means,
-        "std": np.sqrt(variance / total),
-        "count": np.array([total]),
-        **{name: mean(name) for name in QUANTILES},
-    }
-
-
-def as_lists(stats: Stats) -> dict[str, Any]:
-    """The statistics as lists of numbers."""
-    return {name: value.tolist() for name, value in stats.items()}
-
-
 VERSION = "v3.0"
 FILE_PATH = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 CHUNK_FILES, DATA_MB, VIDEO_MB = 1000, 100, 200  # files in a chunk, and the maximum size of a file
@@ -214,7 +78,7 @@ class LeRobotWriter:
         self._count += 1
 
     def _columns(self, episode: Demonstration) -> dict[str, NDArray]:
-        """The values (T, n) of each feature."""
+        """Return the values (T, n) of each feature."""
         steps, done = len(episode), episode.outcomes["terminated"] | episode.outcomes["truncated"]
         task = self._tasks.setdefault(episode.sentence, len(self._tasks))
         columns = {FEATURES.get(key, f"observation.{key}"): value[:-1] for key, value in episode.observations.items()}
@@ -228,7 +92,7 @@ class LeRobotWriter:
         return {key: value.reshape(steps, -1) for key, value in columns.items()}
 
     def _feature_table(self, values: dict[str, NDArray]) -> dict[str, dict[str, Any]]:
-        """The features of info.json. values: an episode's columns."""
+        """Return the features of info.json. values: an episode's columns."""
         names = {FEATURES.get(key, key): each for key, each in self._about["names"].items()}
         features = {
             key: {"dtype": str(value.dtype), "shape": list(value.shape[1:]), "names": names.get(key)}
@@ -291,7 +155,7 @@ class LeRobotWriter:
 
 
 def read_lerobot(folder: Path) -> Iterator[Demonstration]:
-    """The episodes of a dataset, without images, and without the observation after the last action."""
+    """Return the episodes of a dataset, without images, and without the observation after the last action."""
     import_optional("pyarrow")
     from pyarrow import parquet
 
@@ -322,15 +186,151 @@ def read_lerobot(folder: Path) -> Iterator[Demonstration]:
 
 
 def _path(place: tuple[int, int]) -> str:
-    """The path of a file without its suffix. place: the numbers of its chunk and of the file."""
+    """Return the path of a file without its suffix. place: the numbers of its chunk and of the file."""
     return FILE_PATH.format(chunk_index=place[0], file_index=place[1])
 
 
 def _file_columns(name: str, place: tuple[int, int]) -> dict[str, Any]:
-    """The columns of an episode\'s row that say in which file of `name` its data are."""
+    """Return the columns of an episode's row that say in which file of `name` its data are."""
     return {f"{name}/chunk_index": place[0], f"{name}/file_index": place[1]}
 
 
 def _even_size(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """The shape with even height and width, as H.264 requires."""
+    """Return the shape with even height and width, as H.264 requires."""
     return (shape[0] - shape[0] % 2, shape[1] - shape[1] % 2, shape[2])
+
+
+class Shards:
+    """Writes a table to chunk-000/file-000.parquet and so on. The rows of one `write` go to the same file.
+
+    Args:
+        folder: the directory of the chunks.
+        files: in a chunk.
+        megabytes: size after which a new file is started.
+        rows: how many are collected before they are written together.
+    """
+
+    def __init__(self, folder: Path, files: int, megabytes: float, rows: int = 1) -> None:
+        self._folder, self._files, self._max_bytes, self._rows = folder, files, megabytes * 2**20, rows
+        self._number = 0
+        self._writer: Any = None
+        self._pending: list[Any] = []
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """The numbers of the chunk and the file of the next rows."""
+        return divmod(self._number, self._files)
+
+    def write(self, columns: dict[str, Any]) -> tuple[int, int]:
+        """Add rows, given by column; returns the numbers of their chunk and file."""
+        import pyarrow
+
+        place = self.place
+        self._pending.append(pyarrow.table(columns))
+        if sum(map(len, self._pending)) >= self._rows:
+            self._flush()
+        return place
+
+    def _flush(self) -> None:
+        import pyarrow
+        from pyarrow import parquet
+
+        if not self._pending:
+            return
+        table, self._pending = pyarrow.concat_tables(self._pending), []
+        path = self._folder / "chunk-{:03d}/file-{:03d}.parquet".format(*self.place)
+        if self._writer is None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._writer = parquet.ParquetWriter(path, table.schema, compression=COMPRESSION)
+        self._writer.write_table(table)
+        if path.stat().st_size >= self._max_bytes:
+            self._start_next_file()
+
+    def _start_next_file(self) -> None:
+        self._writer.close()
+        self._writer, self._number = None, self._number + 1
+
+    def close(self) -> None:
+        """Write the pending rows and close the last file, which is not readable before."""
+        self._flush()
+        if self._writer is not None:
+            self._writer.close()
+
+
+def as_column(values: NDArray) -> Any:
+    """Return values (T, n) as a column of lists of length n, or of plain values if n is 1."""
+    import pyarrow
+
+    flat = pyarrow.array(values.reshape(-1))
+    return flat if values.shape[1] == 1 else pyarrow.FixedSizeListArray.from_arrays(flat, values.shape[1])
+
+
+def write_index(path: Path, words: list[str], column: str) -> None:
+    """Write a table that pandas reads with the words as its index and their numbers as its only column."""
+    import pyarrow
+    from pyarrow import parquet
+
+    index = "__index_level_0__"
+
+    def column_metadata(name: str | None, field: str | None, kind: str, numpy: str) -> dict[str, Any]:
+        return {"name": name, "field_name": field, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
+
+    metadata = {
+        "index_columns": [index],
+        "column_indexes": [column_metadata(None, None, "unicode", "object") | {"metadata": {"encoding": "UTF-8"}}],
+        "columns": [
+            column_metadata(column, column, "int64", "int64"),
+            column_metadata(None, index, "unicode", "object"),
+        ],
+        "creator": {"library": "pyarrow", "version": pyarrow.__version__},
+        "pandas_version": "2.0.0",
+    }
+    table = pyarrow.table({column: pyarrow.array(range(len(words)), pyarrow.int64()), index: words})
+    path.parent.mkdir(parents=True, exist_ok=True)
+    parquet.write_table(table.replace_schema_metadata({"pandas": json.dumps(metadata)}), path)
+
+
+def of_values(values: NDArray) -> Stats:
+    """Return statistics of a feature's values (T, n), for each of its n numbers."""
+    values = values.astype(np.float64)
+    out = {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0)}
+    out["count"] = np.array([len(values)])
+    return out | {name: np.quantile(values, share, axis=0) for name, share in QUANTILES.items()}
+
+
+def of_images(images: Sequence[NDArray[np.uint8]]) -> Stats:
+    """Return statistics of each colour channel, (3, 1, 1), in [0, 1]. images: (H, W, 3) each."""
+    chosen = np.unique(np.linspace(0, len(images) - 1, SAMPLED_IMAGES).astype(int))
+    pixels = np.stack([images[i][::PIXEL_STRIDE, ::PIXEL_STRIDE] for i in chosen]).reshape(-1, 3) / 255.0
+    colours = {name: value.reshape(3, 1, 1) for name, value in of_values(pixels).items() if name != "count"}
+    return colours | {"count": np.array([len(chosen)])}
+
+
+def merge(one: Stats | None, other: Stats) -> Stats:
+    """Return statistics over the values of two sets. Quantiles are weighted means of both, as in LeRobot itself."""
+    if one is None:
+        return other
+    counts = one["count"][0], other["count"][0]
+    total = sum(counts)
+
+    def mean(name: str) -> NDArray[np.float64]:
+        return (counts[0] * one[name] + counts[1] * other[name]) / total
+
+    means = mean("mean")
+    variance = sum(
+        count * (each["std"] ** 2 + (each["mean"] - means) ** 2)
+        for count, each in zip(counts, (one, other), strict=True)
+    )
+    return {
+        "min": np.minimum(one["min"], other["min"]),
+        "max": np.maximum(one["max"], other["max"]),
+        "mean": means,
+        "std": np.sqrt(variance / total),
+        "count": np.array([total]),
+        **{name: mean(name) for name in QUANTILES},
+    }
+
+
+def as_lists(stats: Stats) -> dict[str, Any]:
+    """Return the statistics as lists of numbers."""
+    return {name: value.tolist() for name, value in stats.items()}

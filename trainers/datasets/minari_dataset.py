@@ -78,11 +78,11 @@ class MinariWriter:
         self._count += 1
 
     def finish(self) -> None:
-        """Does nothing: `add` has written everything."""
+        """Do nothing: `add` has written everything."""
 
 
 def read_minari(folder: Path) -> Iterator[Demonstration]:
-    """The episodes of a dataset, without images. Raises ConfigError if minari is not installed."""
+    """Return the episodes of a dataset, without images. Raises ConfigError if minari is not installed."""
     (minari,) = import_optional("minari")
     dataset = minari.MinariDataset(folder / "data")
     metadata = dataset.storage.get_episode_metadata(range(dataset.total_episodes))
@@ -105,7 +105,7 @@ def read_minari(folder: Path) -> Iterator[Demonstration]:
 
 
 def _observation_space(env: EnvBase, shape: tuple[int, ...] | None) -> spaces.Dict:
-    """The Gymnasium space of one world's observations. shape: of the images, if any."""
+    """Return the Gymnasium space of one world's observations. shape: of the images, if any."""
     members: dict[str, spaces.Space] = {
         key: space_of(env.observation_spec[key]) for key in public_keys(env.observation_spec)
     }

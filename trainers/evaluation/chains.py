@@ -26,7 +26,7 @@ START = "start"  # in place of a kind: before the first instruction
 
 
 @dataclass(frozen=True)
-class Chain:
+class InstructionChain:
     """kinds: of the instructions that were said, indices. reached: how many of them were carried out in a row."""
 
     kinds: tuple[int, ...]
@@ -40,7 +40,7 @@ def run_chains(
     chains: int,
     seed: int,
     stop: Callable[[], bool] = lambda: False,
-) -> list[Chain]:
+) -> list[InstructionChain]:
     """Run exactly `chains` episodes with the deterministic policy.
 
     Args:
@@ -57,7 +57,7 @@ def run_chains(
     worlds = env.batch_size[0]
     left: list[int] = quotas(chains, worlds)
     said: list[list[int]] = [[] for _ in range(worlds)]
-    found: list[Chain] = []
+    found: list[InstructionChain] = []
     state = env.reset()
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         while any(left):
@@ -73,13 +73,13 @@ def run_chains(
                 if done[world]:
                     if left[world]:
                         left[world] -= 1
-                        found.append(Chain(tuple(said[world]), len(said[world]) - (not success[world])))
+                        found.append(InstructionChain(tuple(said[world]), len(said[world]) - (not success[world])))
                     said[world] = []
     return found
 
 
-def summarize_chains(chains: Sequence[Chain], length: int, kind_names: Sequence[str]) -> dict[str, Any]:
-    """Plain values for JSON: `mean_length` and `reached`, with 95 % intervals, and success by task and by transition.
+def summarize_chains(chains: Sequence[InstructionChain], length: int, kind_names: Sequence[str]) -> dict[str, Any]:
+    """Return plain values for JSON: `mean_length`, `reached`, and success by task and by transition, with intervals.
 
     reached: for 1, 2, ... `length`, the share of chains in which at least as many instructions were carried out in a
     row, with Wilson's intervals. mean_length_ci95: bootstrap over chains. by_task: of each kind. by_transition: of each
@@ -106,7 +106,7 @@ def summarize_chains(chains: Sequence[Chain], length: int, kind_names: Sequence[
 
 
 def _shares(tried: Iterable[tuple[str, bool]]) -> dict[str, dict[str, Any]]:
-    """Success of those of each name, the worst first."""
+    """Return success of those of each name, the worst first."""
     groups: dict[str, list[bool]] = {}
     for name, done in tried:
         groups.setdefault(name, []).append(done)

@@ -35,7 +35,7 @@ class AblatedInstructions(TensorDictModuleBase):
         self._swapped = torch.empty(0)
 
     def forward(self, frames: TensorDictBase) -> TensorDictBase:
-        """Act on frames (worlds,). Raises ValueError if the instructions of a single world are to be swapped."""
+        """Return act on frames (worlds,). Raises ValueError if the instructions of a single world are to be swapped."""
         instructions = frames["instruction"]
         other = torch.zeros_like(instructions) if self.ablation == "blank" else self._swap(instructions)
         return self.policy(frames.copy().set("instruction", other))
@@ -75,7 +75,7 @@ def run_to_end(env: EnvBase, policy: TensorDictModuleBase, state: TensorDictBase
 
 
 def success_in_turn(env: Any, policy: Any, scenes: int, seed: int) -> dict[str, Any]:
-    """Success over episodes that name each object of a scene in turn, with all else equal.
+    """Return success over episodes that name each object of a scene in turn, with all else equal.
 
     Where a scene has more episodes than there are worlds, they take turns.
 

@@ -32,7 +32,7 @@ class Specialists(TensorDictModuleBase):
         self.in_keys, self.out_keys = first.in_keys, ["action"]
 
     def forward(self, frames: TensorDictBase) -> TensorDictBase:
-        """Writes "action" (N, A) to frames (N,)."""
+        """Write "action" (N, A) to frames (N,)."""
         kinds = torch.as_tensor(self._kinds())
         rows = {kind: (kinds == kind).nonzero().flatten() for kind in kinds.unique().tolist()}
         actions = torch.cat([self.policies[kind](frames[each])["action"] for kind, each in rows.items()])
@@ -40,7 +40,7 @@ class Specialists(TensorDictModuleBase):
 
 
 def load_specialists(folder: Path, env: TrainingEnv, kinds: Callable[[], NDArray]) -> Specialists:
-    """The last policies of a sweep over `task.verbs`, one verb each, to act in this environment.
+    """Return the last policies of a sweep over `task.verbs`, one verb each, to act in this environment.
 
     Args:
         folder: of the sweep.

@@ -50,13 +50,13 @@ def record_video(env: EnvBase, policy: TensorDictModuleBase, path: Path, episode
 
 
 def sentence_of(state: TensorDictBase) -> str:
-    """The instruction of world 0 as text; "" if there is none."""
+    """Return the instruction of world 0 as text; "" if there is none."""
     text = bytes(state["privileged", "sentence"][0].tolist()).rstrip(b"\0")
     return text.decode("utf-8", errors="replace")
 
 
 def outcome_of(state: TensorDictBase) -> str:
-    """How the episode of world 0 ended. state: after its last step."""
+    """Return how the episode of world 0 ended. state: after its last step."""
     for name in ("success", "wrong_object", "wrong_target"):
         if name in state.keys() and state[name][0]:
             return name.replace("_", " ")
@@ -64,7 +64,7 @@ def outcome_of(state: TensorDictBase) -> str:
 
 
 def add_caption(frame: np.ndarray, sentence: str, outcome: str = "", note: str = "") -> np.ndarray:
-    """The frame (H, W, 3) uint8 with lines of text below it. H.264 requires the even height and width.
+    """Return the frame (H, W, 3) uint8 with lines of text below it. H.264 requires the even height and width.
 
     note: a last line in small grey letters.
     """
@@ -86,7 +86,7 @@ def add_caption(frame: np.ndarray, sentence: str, outcome: str = "", note: str =
 
 
 def wrap_text(text: str, width: float, font: Any) -> list[str]:
-    """The text in lines of at most `width` pixels; a longer word gets a line of its own."""
+    """Return the text in lines of at most `width` pixels; a longer word gets a line of its own."""
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".strip()
@@ -98,7 +98,7 @@ def wrap_text(text: str, width: float, font: Any) -> list[str]:
 
 
 def open_video(path: Path, fps: int, *options: str) -> Any:
-    """An mp4 file to append frames to, as a context manager. options: ffmpeg's output options."""
+    """Return an mp4 file to append frames to, as a context manager. options: ffmpeg's output options."""
     from imageio.v2 import get_writer
 
     return get_writer(path, fps=fps, macro_block_size=2, output_params=list(options))

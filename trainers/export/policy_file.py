@@ -1,7 +1,7 @@
 """A policy as one safetensors file: its weights, and the config, vocabulary and widths it was built from as metadata.
 
 Reading safetensors executes nothing. The format has no checksums, so that a flipped bit would load as a weight;
-therefore the metadata has one.
+therefore the metadata has one. Pretrained policies are such files in `FOLDER`, and are found by name.
 """
 
 from __future__ import annotations
@@ -26,8 +26,11 @@ MAX_HEADER_BYTES = 2**20  # the library accepts a hundred times as many, and rea
 ENTRY = "deixis"  # the only metadata entry: the order of several would differ between runs
 
 
+FOLDER = Path(__file__).resolve().parents[2] / "pretrained"  # beside the packages, in a checkout and in an install
+
+
 def pack(payload: dict[str, Any], form: int) -> bytes:
-    """The file's content.
+    """Return the file's content.
 
     Args:
         payload: of a checkpoint, as `checkpoint.load` returns it.
@@ -39,7 +42,7 @@ def pack(payload: dict[str, Any], form: int) -> bytes:
 
 
 def unpack(path: Path) -> dict[str, Any]:
-    """A checkpoint payload with the policy only, on the CPU. Raises ValueError, or an error of safetensors."""
+    """Return a checkpoint payload with the policy only, on the CPU. Raises ValueError, or an error of safetensors."""
     check_size(path, MAX_BYTES)
     with open(path, "rb") as file:
         header = int.from_bytes(file.read(8), "little")
@@ -64,21 +67,18 @@ def _digest(weights: dict[str, Tensor], metadata: dict[str, Any]) -> str:
     return sha.hexdigest()
 
 
-FOLDER = Path(__file__).resolve().parents[2] / "pretrained"  # beside the packages, in a checkout and in an install
-
-
 def names() -> list[str]:
-    """The names of the pretrained policies, sorted."""
+    """Return the names of the pretrained policies, sorted."""
     return sorted(file.parent.name for file in FOLDER.glob(f"*/{NAME}"))
 
 
 def folder_of(path: Path) -> Path | None:
-    """The folder of the policy that `<name>` or `pretrained/<name>` stands for; None for any other path."""
+    """Return the folder of the policy that `<name>` or `pretrained/<name>` stands for; None for any other path."""
     if path.parent in (Path(), Path("pretrained")) and path.name in names():
         return FOLDER / path.name
     return None
 
 
 def suggestion(path: Path) -> str:
-    """The end of an error message about a checkpoint that does not exist: all names, and the nearest one."""
+    """Return the end of an error message about a checkpoint that does not exist: all names, and the nearest one."""
     return f" ({', '.join(names())}){did_you_mean(path.name, names()).partition('; choose')[0]}"

@@ -50,7 +50,7 @@ def publish(folder: Path, place: Path) -> Path:
 
 
 def _files(folder: Path, place: Path) -> dict[str, bytes]:
-    """The content of each file of the new directory."""
+    """Return the content of each file of the new directory."""
     run = _finished(folder)
     payload = checkpoint.load(folder / "checkpoints" / "last.pt")
     if payload["counters"]["frames"] != result_of(run)["frames"]:
@@ -64,7 +64,7 @@ def _files(folder: Path, place: Path) -> dict[str, bytes]:
 
 
 def _finished(folder: Path) -> RunRecord:
-    """The run in `folder`. Raises ConfigError if it is not a single run or has not finished."""
+    """Return the run in `folder`. Raises ConfigError if it is not a single run or has not finished."""
     run = next((run for run in find_runs(folder) if run.folder == folder), None)
     if run is None:
         raise ConfigError(f"{folder} holds several runs; give the directory of one")
@@ -74,13 +74,13 @@ def _finished(folder: Path) -> RunRecord:
 
 
 def _without_resume(config: dict[str, Any]) -> dict[str, Any]:
-    """The config without the directories that the run was resumed from."""
+    """Return the config without the directories that the run was resumed from."""
     sweep = {"sweep": config["sweep"] | {"resume": None}} if "sweep" in config else {}
     return config | {"resume": None} | sweep
 
 
 def _card(run: RunRecord, place: Path, words: Sequence[str]) -> bytes:
-    """The card, in Markdown. words: the overrides that compose the run's config."""
+    """Return the card, in Markdown. words: the overrides that compose the run's config."""
     config, final = run.config, result_of(run)
     rows = [[name, config[name]["name"]] for name in CARD_GROUPS]
     rows += [["seed", config["seed"]], ["frames", f"{final['frames']:,}, in {_minutes(final['wall_s'])}"]]
@@ -125,7 +125,7 @@ The machine and the versions are those with which this card was written.
 
 
 def _kinds(kinds: dict[str, Any]) -> str:
-    """The table of success by kind of instruction; "" without one."""
+    """Return the table of success by kind of instruction; "" without one."""
     rows = [[name, _interval(part), part["episodes"]] for name, part in kinds.items()]
     return (
         f"\n| kind of instruction | success_at_end (95 %) | episodes |\n|---|---|---|\n{_lines(rows)}\n" if rows else ""
@@ -133,7 +133,7 @@ def _kinds(kinds: dict[str, Any]) -> str:
 
 
 def _interval(part: dict[str, Any]) -> str:
-    """The success of an evaluation, or of a part of it, with its interval."""
+    """Return the success of an evaluation, or of a part of it, with its interval."""
     return f"{part['success_at_end']:.3f} ({part['ci95'][0]:.3f}-{part['ci95'][1]:.3f})"
 
 
@@ -146,7 +146,7 @@ def _minutes(seconds: float) -> str:
 
 
 def _purpose(config: dict[str, Any]) -> str:
-    """The purpose of the task, from the comment at the top of its YAML file."""
+    """Return the purpose of the task, from the comment at the top of its YAML file."""
     return comment("task", config["choices"]["task"])
 
 

@@ -54,16 +54,16 @@ class CriticBuilder:
         return (*state, *(key for key in own if isinstance(key, str)), self.policy.context_key)
 
     def build_value(self) -> TensorDictModule:
-        """A state value: writes state_value (N, 1)."""
+        """Return a state value: writes state_value (N, 1)."""
         value = SingleCritic(self._inputs(), actions=0, heads=1, **self._options())
         return TensorDictModule(value, in_keys=list(self.keys), out_keys=["state_value"]).to(self.device)
 
     def build_q(self) -> Critic:
-        """Two action values on the observations of `keys` and the move: (2, N, 1)."""
+        """Return two action values on the observations of `keys` and the move: (2, N, 1)."""
         return Critic(self._inputs(), actions=self._actions, heads=2, **self._options()).to(self.device)
 
     def build_q_modules(self, count: int, quantiles: int = 1, normalisation: str = "none") -> list[TensorDictModule]:
-        """`count` action values as TorchRL's losses take them: each writes state_action_value (N, quantiles)."""
+        """Return `count` action values as TorchRL's losses take them: each writes state_action_value (N, quantiles)."""
         # Each has buffers of its own: TorchRL expands shared ones to views, which `load_state_dict` cannot write.
         options = self._options() | {"outputs": quantiles, "normalisation": normalisation}
         critics = [SingleCritic(self._inputs(), actions=self._actions, heads=1, **options) for _ in range(count)]

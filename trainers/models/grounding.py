@@ -61,7 +61,7 @@ class QueryEncoder(nn.Module):
         return self.encode(tokens[first])[copy]
 
     def encode(self, tokens: Tensor) -> Tensor:
-        """Queries, without the search for repetitions.
+        """Return queries, without the search for repetitions.
 
         Which words belong to which query depends on the whole sentence; their content depends on each word alone. So a
         known word means the same beside an unknown one, and pairs of words that were never trained together have the
@@ -152,7 +152,7 @@ class GroundingEncoder(nn.Module):
         return self.attend(self.encode_words(instruction), *scene)
 
     def encode_words(self, instruction: Tensor) -> Tensor:
-        """Tokens (N, L) to queries (N, Q, E)."""
+        """Return the queries (N, Q, E) of tokens (N, L)."""
         return self.query_encoder(instruction)
 
     def attend(self, queries: Tensor, objects: Tensor, mask: Tensor, *more: Tensor) -> tuple[Tensor, ...]:
@@ -171,7 +171,7 @@ class GroundingEncoder(nn.Module):
         return *logits, torch.cat(context, -1)
 
     def rows(self, objects: Tensor, *further: Tensor) -> Tensor:
-        """(N, K, D) the normalised rows of objects (N, K, ...), with the columns of further observations."""
+        """Return the normalised rows (N, K, D) of objects (N, K, ...), with the columns of further observations."""
         rows = self.normalise(objects)
         if not further:
             return rows
@@ -180,13 +180,13 @@ class GroundingEncoder(nn.Module):
         return torch.cat([rows, *(each.expand(*rows.shape[:2], -1) for each in repeated)], -1)
 
     def rows_of(self, frames: TensorDictBase) -> Tensor:
-        """(N, K, D) the rows of frames (N,)."""
+        """Return the rows (N, K, D) of frames (N,)."""
         return self.rows(frames["objects"], *(frames[key] for key in self.further_keys))
 
     def _attention_logits(
         self, queries: Tensor, rows: Tensor, slots: Tensor, objects: Tensor, mask: Tensor, gesture: Tensor | None
     ) -> Tensor:
-        """Attention logits (N, K) of one choice's queries (N, 4, E), given the features of the slots."""
+        """Return attention logits (N, K) of one choice's queries (N, 4, E), given the features of the slots."""
         scores = slots @ self.query_projection(queries[:, :3]).transpose(1, 2) * self.scale
         scores = scores.masked_fill(~mask.unsqueeze(-1), MASKED)
         positions = self.position_maps(rows[..., :3])
@@ -206,7 +206,7 @@ class GroundingEncoder(nn.Module):
         return logits.masked_fill(~mask, MASKED)
 
     def _pairwise_lead(self, features: Tensor, relation: Tensor) -> Tensor:
-        """(N, K, K): how far each slot (N, K, F) exceeds each other one, as relation (N, K, E) compares."""
+        """Return (N, K, K): how far each slot (N, K, F) exceeds each other one, as relation (N, K, E) compares."""
         difference = features.unsqueeze(2) - features.unsqueeze(1)
         relation = relation.unsqueeze(2).expand(-1, -1, features.shape[1], -1)
         return self.comparison_scorer(torch.cat([difference, relation], -1)).squeeze(-1)
@@ -255,7 +255,7 @@ class GroundingEncoder(nn.Module):
 
 
 def ray_features(positions: Tensor, gesture: Tensor) -> Tensor:
-    """(N, K, RAY_FEATURES) the positions (N, K, 3), metres, relative to the finger's ray (N, 7); 0 without a ray.
+    """Return (N, K, RAY_FEATURES): positions (N, K, 3), metres, relative to the finger's ray (N, 7); 0 without one.
 
     The angle to the ray and the distance from it, each with its square, and whether it lies behind the fingertip.
     """
@@ -281,5 +281,5 @@ def grounding_loss(frames: TensorDictBase) -> tuple[Tensor, Tensor]:
 
 
 def _lengths(positions: Tensor) -> Tensor:
-    """(..., 3 * MAPS) to the length of each three, (..., MAPS)."""
+    """Return the length (..., MAPS) of each three of (..., 3 * MAPS)."""
     return (positions.unflatten(-1, (MAPS, 3)).square().sum(-1) + 1e-6).sqrt()  # a finite gradient at 0

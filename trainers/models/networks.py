@@ -1,4 +1,4 @@
-"""Batch renormalisation, Ioffe 2017 (arXiv:1702.03275), for CrossQ's critics."""
+"""The networks of actors and critics, and the layers that they are made of."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ from torchrl.data import Binary, Bounded, TensorSpec
 from torchrl.modules import BatchRenorm1d
 
 WARMUP_STEPS = 5_000
+
+
+ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU, "elu": nn.ELU}
+LOG_STD = (-4.0, 1.0)  # bounds of the logarithm of the exploration noise
 
 
 class BatchRenorm(BatchRenorm1d):
@@ -29,9 +33,7 @@ class BatchRenorm(BatchRenorm1d):
         return super().forward(x)
 
 
-ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU, "elu": nn.ELU}
 NORMALISATIONS: dict[str, type[nn.Module]] = {"layer": nn.LayerNorm, "batch_renorm": BatchRenorm}
-LOG_STD = (-4.0, 1.0)  # bounds of the logarithm of the exploration noise
 
 
 def mlp(
@@ -82,11 +84,6 @@ class Normalise(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         x = x if x.is_floating_point() else x.float()
         return ((x.flatten(-self.dims) if self.dims > 1 else x) - self.centre) * self.gain
-
-
-def normal_log_prob(noise: Tensor, scale: Tensor) -> Tensor:
-    """The log-density of loc + scale * noise under Normal(loc, scale), element by element."""
-    return -0.5 * noise.square() - scale.log() - 0.5 * math.log(2 * math.pi)
 
 
 class GaussianActor(nn.Module):
@@ -224,3 +221,8 @@ class SingleCritic(Critic):
 
     def forward(self, *values: Tensor) -> Tensor:
         return super().forward(*values)[0]
+
+
+def normal_log_prob(noise: Tensor, scale: Tensor) -> Tensor:
+    """Return the log-density of loc + scale * noise under Normal(loc, scale), element by element."""
+    return -0.5 * noise.square() - scale.log() - 0.5 * math.log(2 * math.pi)

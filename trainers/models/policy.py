@@ -109,12 +109,12 @@ class Policy(nn.Module):
         return self.actor.log_stds if isinstance(self.actor, SeveralActors) else [self.actor.log_std]
 
     def move_parameters(self, frames: TensorDictBase) -> tuple[Tensor, Tensor]:
-        """The loc and scale (N, A) of a move, given encoded frames (N,)."""
+        """Return the loc and scale (N, A) of a move, given encoded frames (N,)."""
         robot, *more = (frames[key] for key in self.actor_keys)
         return self.actor(robot, frames[self.context_key], *more)
 
     def sample_move(self, loc: Tensor, scale: Tensor, noise: Tensor) -> Tensor:
-        """The move (N, A) of standard normal noise (N, A)."""
+        """Return the move (N, A) of standard normal noise (N, A)."""
         move = loc + scale * noise
         if self.bounds.squash:
             return move.tanh()
@@ -213,7 +213,7 @@ class FlatEncoder(nn.Module):
         return self.attend(self.encode_words(instruction), *scene)
 
     def encode_words(self, instruction: Tensor) -> Tensor:
-        """Tokens (N, L) to their mean embedding (N, E); zeros, which need no gradient, for tasks without words."""
+        """Return the mean embedding (N, E) of tokens (N, L); zeros, which need no gradient, for tasks without words."""
         if not instruction.any():
             return self.word_embedding.weight.new_zeros(len(instruction), self.word_embedding.embedding_dim)
         return self.word_embedding(instruction)
@@ -227,12 +227,12 @@ class FlatEncoder(nn.Module):
         return (torch.cat([rows.flatten(1), present, words, *more[:taken], *further], -1),)
 
     def keep_mean(self, frames: TensorDictBase) -> None:
-        """Does nothing: there is no attention."""
+        """Do nothing: there is no attention."""
 
     select_likeliest = select_labelled = keep_mean
 
     def write_obstacle(self, frames: TensorDictBase, referent: Tensor) -> None:
-        """Does nothing: the actor is given all rows."""
+        """Do nothing: the actor is given all rows."""
 
 
 def build_policy(
@@ -243,7 +243,7 @@ def build_policy(
     vocabulary: Sequence[str] = (),
     readers: Readers = DEFAULT_READERS,
 ) -> Policy:
-    """A policy for these observations and actions.
+    """Return a policy for these observations and actions.
 
     Args:
         config: the key `policy` of a run.
@@ -264,7 +264,7 @@ def build_policy(
 
 
 def further_input(spec: Composite, key: NestedKey, reader: str, flat: bool = True) -> Normalise:
-    """The normalisation of an observation that a network reads. Raises ConfigError."""
+    """Return the normalisation of an observation that a network reads. Raises ConfigError."""
     try:
         return Normalise(spec[key], flat)
     except ValueError as error:
@@ -354,12 +354,12 @@ def _build_word_embedding(config: GroundedConfig, count: int, vocabulary: Sequen
 
 
 def parameters(*modules: nn.Module) -> list[Tensor]:
-    """The distinct trainable parameters of the modules."""
+    """Return the distinct trainable parameters of the modules."""
     return list(dict.fromkeys(p for module in modules for p in module.parameters() if p.requires_grad))
 
 
 def stochastic_actor(policy: Policy, passed: Sequence[NestedKey] = ()) -> ProbabilisticActor:
-    """(robot, context, ...) to the distribution of "move": a normal one, or its tanh where the policy squashes.
+    """Return the module from (robot, context, ...) to the distribution of "move": normal, or its tanh (`squash`).
 
     passed: keys that the critic reads and the actor does not. TorchRL's TD3Loss and REDQLoss give the critic only those
     entries of a frame that are inputs of the actor, so these are declared as inputs and ignored.
@@ -374,7 +374,7 @@ def stochastic_actor(policy: Policy, passed: Sequence[NestedKey] = ()) -> Probab
 
 
 def deterministic_actor(policy: Policy, passed: Sequence[NestedKey] = ()) -> TensorDictModule:
-    """(robot, context, ...) to the mean "move" (N, A). passed: as in `stochastic_actor`."""
+    """Return the module from (robot, context, ...) to the mean "move" (N, A). passed: as in `stochastic_actor`."""
     return TensorDictModule(_Mean(policy), in_keys=_in_keys(policy, passed), out_keys=["move"])
 
 
@@ -400,7 +400,7 @@ def _in_keys(policy: Policy, passed: Sequence[NestedKey]) -> list[NestedKey]:
 
 
 def expert_move(frames: TensorDictBase, policy: Policy) -> Tensor:
-    """(N, A) the expert's action as a move of the policy, relative to `hold`, in [-1, 1]."""
+    """Return the expert's action as a move (N, A) of the policy, relative to `hold`, in [-1, 1]."""
     return ((frames[LABEL] - frames["hold"]) / policy.action_unit).clamp(-1.0, 1.0)
 
 

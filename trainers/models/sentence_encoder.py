@@ -41,7 +41,7 @@ class SentenceWords(nn.Module):
 
 @lru_cache(maxsize=8)
 def cached_states(words: tuple[str, ...], device: torch.device) -> States:
-    """The states of this vocabulary's sentences: one cache for all networks of a process."""
+    """Return the states of this vocabulary's sentences: one cache for all networks of a process."""
     return States(words, device)
 
 
@@ -56,7 +56,7 @@ class States:
 
     @torch.no_grad()
     def __call__(self, tokens: Tensor) -> Tensor:
-        """Tokens (N, L) to the states (W, 384) of their W words, row after row."""
+        """Return the states (W, 384) of the W words of tokens (N, L), row after row."""
         rows = tokens.cpu().numpy()
         keys = [row.tobytes() for row in rows]
         self._encode(dict(zip(keys, rows, strict=True)))
@@ -89,7 +89,7 @@ class States:
         return end
 
     def _words_of(self, row: Any) -> list[str]:
-        """The words of a row of tokens; the encoder was trained with "[UNK]" for unknown ones."""
+        """Return the words of a row of tokens; the encoder was trained with "[UNK]" for unknown ones."""
         return [self.words[token].replace("<unk>", "[UNK]") for token in row.tolist() if token]
 
 
@@ -130,7 +130,7 @@ class Encoder:
 
 
 def _means(states: Tensor, owners: list[int], count: int) -> Tensor:
-    """States (P, 384) to their means (count, 384) over those with one owner."""
+    """Return the means (count, 384) of the states (P, 384) that have the same owner."""
     owner = torch.tensor(owners, dtype=torch.int64, device=states.device)
     sums = states.new_zeros(count, STATE).index_add_(0, owner, states)
     return sums / torch.bincount(owner, minlength=count).clamp(min=1).unsqueeze(1)

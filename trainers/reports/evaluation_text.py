@@ -1,4 +1,4 @@
-"""The result of an evaluation as lines of text."""
+"""Results of evaluations as text: lines for one, a table for several conditions."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from trainers.sweeps.runs import share_cell
 
 WORST = 5  # transitions that are shown
 SHARES = {"success_once": "success_once", "wrong_object": "wrong object", "disturbed": "disturbed"}
+
+
+HEADER = ("condition", "success (95 %)", "/ plain", "disturbed", "wrong object", "episodes")
 
 
 def describe(report: dict[str, Any]) -> str:
@@ -26,7 +29,7 @@ def describe(report: dict[str, Any]) -> str:
 
 
 def _chains(report: dict[str, Any]) -> str:
-    """How many instructions were carried out in a row, and which ones were not."""
+    """Return how many instructions were carried out in a row, and which ones were not."""
     rows = [*report["by_task"].items(), *list(report["by_transition"].items())[:WORST]]
     lines = [f"{name:34} {row['success']:.3f} of {row['tried']}" for name, row in rows]
     low, high = report["mean_length_ci95"]
@@ -44,25 +47,22 @@ def _line(name: str, part: dict[str, Any]) -> str:
 
 
 def _moved(report: dict[str, Any]) -> list[str]:
-    """How far objects were moved; no line where that was not measured."""
+    """Return how far objects were moved; no line where that was not measured."""
     measured = {name: value for name, value in report.get("moved", {}).items() if value is not None}
     parts = [f"{name.replace('_', ' ')} {share_cell(value)}" for name, value in measured.items()]
     return [f"{'moved':16} {', '.join(parts)}"] if parts else []
 
 
 def bin_name(name: str, ends: Sequence[float | None]) -> str:
-    """The label of a bin: "2-3", "30+", and "6" for a count. ends: its lower and upper edge."""
+    """Return the label of a bin: "2-3", "30+", and "6" for a count. ends: its lower and upper edge."""
     low, high = ends
     if name == "objects":
         return f"{low:g}"
     return f"{low:g}+" if high is None else f"{low:g}-{high:g}"
 
 
-HEADER = ("condition", "success (95 %)", "/ plain", "disturbed", "wrong object", "episodes")
-
-
 def with_ratios(results: Mapping[str, dict[str, Any]]) -> list[dict[str, Any]]:
-    """The results of `conditions` as rows, with their names and the ratio of their success to that of the first one."""
+    """Return results by condition as rows, with the ratio of their success to that of the first one."""
     plain = next(iter(results.values()))["success_at_end"]
     return [
         {"condition": name, "over_plain": result["success_at_end"] / plain if plain else None, **result}
@@ -71,7 +71,7 @@ def with_ratios(results: Mapping[str, dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows of `with_ratios` as a table in Markdown, the row with the least success marked."""
+    """Return rows of `with_ratios` as a table in Markdown, the row with the least success marked."""
     worst = min(rows, key=lambda row: row["success_at_end"])
     lines = [HEADER, ["---"] * len(HEADER), *(_cells(row, row is worst and len(rows) > 1) for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

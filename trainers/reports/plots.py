@@ -142,12 +142,12 @@ def losses(groups: Groups, target: Path) -> bool:
 
 
 def algorithm(run: RunRecord) -> str:
-    """The name of the algorithm of a run."""
+    """Return the name of the algorithm of a run."""
     return str(run.config.get("algo", {}).get("name", "-"))
 
 
 def _panels(groups: Groups) -> dict[str, list[str]]:
-    """The losses of each algorithm that are finite and not 0 in at least one bin of a run."""
+    """Return the losses of each algorithm that are finite and not 0 in at least one bin of a run."""
     found: dict[str, dict[str, None]] = {}
     for run in (run for runs in groups.values() for run in runs):
         names = [
@@ -163,7 +163,7 @@ def evaluation_curves(runs: Sequence[RunRecord], column: str) -> list[np.ndarray
 
 
 def binned_curve(run: RunRecord, column: str) -> np.ndarray:
-    """(2, points) frames and values of a column, averaged over at most `LOSS_POINTS` intervals of the run."""
+    """Return frames and values (2, points) of a column, averaged over at most `LOSS_POINTS` intervals of the run."""
     points = np.array([(row["frames"], row.get(column, np.nan)) for row in run.rows]).reshape(-1, 2)
     points = points[np.isfinite(points[:, 1])]
     parts = [part.mean(0) for part in np.array_split(points, LOSS_POINTS) if len(part)]
@@ -185,7 +185,7 @@ def _band(axes: Any, label: str, curves: Sequence[np.ndarray], style: tuple[Any,
 
 
 def _styles(count: int) -> list[tuple[Any, str]]:
-    """A colour and a line style for each of `count` curves; distinct for up to thirty curves."""
+    """Return a colour and a line style for each of `count` curves; distinct for up to thirty curves."""
     colors = colormaps["tab10"].colors  # type: ignore[attr-defined]
     return [(colors[i % 10], STYLES[i // 10 % len(STYLES)]) for i in range(count)]
 

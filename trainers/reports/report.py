@@ -1,4 +1,7 @@
-"""A report as Markdown with image files, and as one HTML file with embedded images."""
+"""The report of a sweep: `python -m trainers.reports.report <sweep dir>`.
+
+It is written twice: as Markdown with image files, and as one HTML file with embedded images.
+"""
 
 from __future__ import annotations
 
@@ -37,6 +40,21 @@ table { border-collapse: collapse; font-size: 13px; margin: 1em 0; }
 th, td { border-bottom: 1px solid #ddd; padding: 4px 9px; text-align: left; vertical-align: top; }
 th { border-bottom: 2px solid #888; }
 """
+
+
+Groups = dict[str, list[RunRecord]]
+USAGE = "give one directory of runs: python -m trainers.reports.report <sweep dir>"
+SEEDS = "The line is the mean over seeds; the band reaches from the worst to the best seed."
+LEVEL_NAMES = [f"{level:.0%}".replace("%", " %") for level in LEVELS]
+METHOD = (
+    "Success: interquartile mean of the seeds' final success (of fewer than four seeds, their mean), with a bootstrap "
+    "interval over seeds, resampled within each configuration. The worst seed's interval is Wilson's, over its "
+    "episodes. Wrong object: share of the final episodes, mean over seeds. Disturbed: share of the successful "
+    "final episodes in which an object was moved by more than 1 cm that the task does not move; the greatest over "
+    "seeds. Final / best: final success over the best "
+    "evaluation during training, minimum over seeds. Frames and seconds: to the first evaluation with that success, "
+    "median over seeds; '-' if it was never reached. Seconds are wall-clock time with start-up and evaluations."
+)
 
 
 @dataclass(frozen=True)
@@ -114,21 +132,6 @@ def write_page(folder: Path, title: str, blocks: Sequence[Block]) -> Path:
     return folder / "report.html"
 
 
-Groups = dict[str, list[RunRecord]]
-USAGE = "give one directory of runs: python -m trainers.reports.report <sweep dir>"
-SEEDS = "The line is the mean over seeds; the band reaches from the worst to the best seed."
-LEVEL_NAMES = [f"{level:.0%}".replace("%", " %") for level in LEVELS]
-METHOD = (
-    "Success: interquartile mean of the seeds' final success (of fewer than four seeds, their mean), with a bootstrap "
-    "interval over seeds, resampled within each configuration. The worst seed's interval is Wilson's, over its "
-    "episodes. Wrong object: share of the final episodes, mean over seeds. Disturbed: share of the successful "
-    "final episodes in which an object was moved by more than 1 cm that the task does not move; the greatest over "
-    "seeds. Final / best: final success over the best "
-    "evaluation during training, minimum over seeds. Frames and seconds: to the first evaluation with that success, "
-    "median over seeds; '-' if it was never reached. Seconds are wall-clock time with start-up and evaluations."
-)
-
-
 def write(folder: Path) -> Path:
     """Write report.html and report.md about the runs in `folder`.
 
@@ -160,7 +163,7 @@ def write(folder: Path) -> Path:
 
 
 def failures(runs: Sequence[RunRecord]) -> str:
-    """The number of failed runs and the first error, as the end of a message; "" if none has failed."""
+    """Return the number of failed runs and the first error, as the end of a message; "" if none has failed."""
     errors = [run.reason for run in runs if run.error]
     return f"; {len(errors)} failed: {errors[0]}" if errors else ""
 
@@ -189,7 +192,7 @@ def _configuration_table(groups: Groups, started: dict[str, int]) -> list[Block]
 
 
 def _overall_row(groups: Groups, width: int) -> list[str]:
-    """The row for all configurations together."""
+    """Return the row for all configurations together."""
     strata = [[result_of(run)["success_at_end"] for run in runs] for runs in groups.values()]
     scores = [x for each in strata for x in each]
     row = ["all", f"{len(scores)}", _with_interval(float(iqm(np.array(scores))), bootstrap(strata))]
@@ -214,7 +217,7 @@ def _seed_row(label: str, run: RunRecord) -> list[str]:
 
 
 def _main_tasks_section(groups: Groups, folder: Path) -> list[Block]:
-    """The figure of the tasks that the original project was evaluated on; empty if no run has one of them."""
+    """Return the figure of the tasks that the original project was evaluated on; empty if no run has one of them."""
     main = {label: runs for label, runs in groups.items() if _task(runs[0]) in MAIN_TASKS}
     if not main:
         return []
@@ -236,7 +239,7 @@ def _losses_section(groups: Groups, folder: Path) -> list[Block]:
 
 
 def _unfinished_section(runs: Sequence[RunRecord]) -> list[Block]:
-    """The runs that the figures and tables leave out."""
+    """Return the runs that the figures and tables leave out."""
     rows = [[run.folder.name, run.command, run.status] for run in runs if not run.result]
     return [Heading("Runs that did not finish"), Table(["run", "command", "why"], rows)] if rows else []
 

@@ -40,7 +40,7 @@ def bootstrap(strata: Sequence[Sequence[float]], seed: int = 0) -> tuple[float, 
 
 
 def time_to_level(evaluations: Sequence[Mapping[str, float]], level: float) -> tuple[float, float]:
-    """Frames and seconds at the first evaluation with a success rate of at least `level`; infinite if there is none.
+    """Return frames and seconds at the first evaluation with success of at least `level`; infinite without one.
 
     Args:
         evaluations: rows of metrics.csv, in order.
@@ -60,7 +60,7 @@ def final_over_best(run: RunRecord) -> float:
 
 
 def result_of(run: RunRecord) -> dict[str, Any]:
-    """A finished run's eval.json. Raises ValueError if the run has not finished."""
+    """Return a finished run's eval.json. Raises ValueError if the run has not finished."""
     if run.result is None:
         raise ValueError(f"{run.folder} has not finished: it has no eval.json")
     return run.result
@@ -88,7 +88,7 @@ class Score:
 
 
 def score(runs: Sequence[RunRecord]) -> Score:
-    """The statistics over at least one finished run of a configuration."""
+    """Return the statistics over at least one finished run of a configuration."""
     success = [result_of(run)["success_at_end"] for run in runs]
     times = np.median([[time_to_level(run.evaluations, level) for level in LEVELS] for run in runs], axis=0)
     ratios = [final_over_best(run) for run in runs]

@@ -87,7 +87,7 @@ def load(path: Path, to_train: bool = False, given: Sequence[str] | None = ()) -
 
 
 def _read(path: Path, is_policy: bool) -> dict[str, Any]:
-    """The payload of a file, whose config is not checked. Raises CheckpointError."""
+    """Return the payload of a file, whose config is not checked. Raises CheckpointError."""
     try:
         if is_policy:
             return _validated(path, policy_file.unpack(path), POLICY_KEYS)
@@ -101,7 +101,7 @@ def _read(path: Path, is_policy: bool) -> dict[str, Any]:
 
 
 def find(path: Path, name: str = "last", key: str = "checkpoint") -> Path:
-    """The checkpoint file that a path stands for.
+    """Return the checkpoint file that a path stands for.
 
     Args:
         path: a file, a run directory, its checkpoints/, the directory of a published policy, or the name of a
@@ -132,7 +132,7 @@ def find(path: Path, name: str = "last", key: str = "checkpoint") -> Path:
 
 
 def result_file(path: Path) -> Path:
-    """A file for a result of this checkpoint, with a number that is not taken yet.
+    """Return a file for a result of this checkpoint, with a number that is not taken yet.
 
     It is in the run directory; that of a published policy is in outputs/.
     """
@@ -146,7 +146,7 @@ def result_file(path: Path) -> Path:
 
 
 def widths(observation_spec: Any, action_spec: Any) -> dict[str, list[int]]:
-    """The shapes of one world's observations and actions, for which the networks are built."""
+    """Return the shapes of one world's observations and actions, for which the networks are built."""
     shapes = {key: list(observation_spec[key].shape[1:]) for key in public_keys(observation_spec)}
     return {"gesture": []} | shapes | {"action": list(action_spec.shape[1:])}
 
@@ -175,7 +175,7 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
 
 
 def _check_vocabulary(theirs: list[str], ours: list[str]) -> None:
-    """Raises CheckpointError, which says what to do, unless both are equal."""
+    """Raise CheckpointError, which says what to do, unless both are equal."""
     if theirs == ours:
         return
     extra, missing = sorted(set(theirs) - set(ours)), sorted(set(ours) - set(theirs))
@@ -189,7 +189,7 @@ def _check_vocabulary(theirs: list[str], ours: list[str]) -> None:
 
 
 def fitted_policy(payload: dict[str, Any], config: Any, env: TrainingEnv) -> Policy:
-    """The policy of a checkpoint for this environment, to act on the CPU, built by `config`.
+    """Return the policy of a checkpoint for this environment, to act on the CPU, built by `config`.
 
     Raises CheckpointError if it does not fit the environment.
     """
@@ -229,7 +229,7 @@ def start_from(path: Path, policy: Policy, vocabulary: Sequence[str], widths: di
 
 
 def _load_networks(policy: Policy, weights: Mapping[str, torch.Tensor], problem: str, remedy: str = "") -> None:
-    """Raises CheckpointError, which begins with `problem`, if the policy has other networks."""
+    """Raise CheckpointError, which begins with `problem`, if the policy has other networks."""
     try:
         policy.load_state_dict(dict(weights))
     except RuntimeError as error:
@@ -238,7 +238,7 @@ def _load_networks(policy: Policy, weights: Mapping[str, torch.Tensor], problem:
 
 
 def extend_vocabulary(payload: dict[str, Any], vocabulary: Sequence[str]) -> dict[str, Any]:
-    """The payload of a checkpoint, with its policy's word embeddings extended to a vocabulary that begins with its own.
+    """Return the payload of a checkpoint with word embeddings for a vocabulary that begins with its own.
 
     The policy reads the added words as unknown ones, and all others as before. Returns the payload itself where its
     vocabulary is not a proper beginning of this one.
@@ -262,7 +262,10 @@ def _extended(weight: torch.Tensor, words: int) -> torch.Tensor:
 
 
 def _validated(path: Path, payload: Any, keys: Sequence[str] = KEYS) -> dict[str, Any]:
-    """The payload, if it has a known format and all keys with good values. Raises CheckpointError or FileError."""
+    """Return the payload, if it has a known format and all keys with good values.
+
+    Raises CheckpointError or FileError.
+    """
     if not isinstance(payload, dict) or not isinstance(payload.get("format"), int):
         raise CheckpointError(f"{path} is not a checkpoint of this project")
     if payload["format"] != FORMAT:
@@ -287,7 +290,7 @@ def _first_line(error: Exception) -> str:
 
 
 def check_content(payload: Mapping[str, Any]) -> None:
-    """Checks the type and the values of each known key of a payload. Other keys are not looked at.
+    """Check the type and the values of each known key of a payload. Other keys are not looked at.
 
     Raises:
         FileError: a sentence that the file's path begins; it names the key and what it must be.

@@ -91,7 +91,7 @@ class MetricsWriter:
 
 
 def _read_or_set_aside(path: Path) -> list[dict[str, float]]:
-    """The rows of a metrics.csv. A damaged file is renamed, with a warning: it costs the curve, not the run."""
+    """Return the rows of a metrics.csv. A damaged file is renamed, with a warning: it costs the curve, not the run."""
     try:
         return read_metrics(path)
     except ConfigError as error:
@@ -102,7 +102,7 @@ def _read_or_set_aside(path: Path) -> list[dict[str, float]]:
 
 
 def read_metrics(path: Path) -> list[dict[str, float]]:
-    """The rows of a metrics.csv without checksums; an empty cell is NaN. [] if there is no file.
+    """Return the rows of a metrics.csv without checksums; an empty cell is NaN. [] if there is no file.
 
     A last line without an end, as a killed process leaves it, is ignored.
 

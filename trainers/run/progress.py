@@ -87,7 +87,7 @@ class Progress:
         print(f"{frames:.0f} of {self.total} frames, {seconds:.0f} s: {text}", flush=True)
 
     def _training_success(self, row: Mapping[str, float]) -> float:
-        """Mean success of the last `WINDOW` training episodes, rounded up to whole rows; NaN before the first one."""
+        """Return the mean success of the last `WINDOW` training episodes, in whole rows; NaN before the first one."""
         count = row.get("train/episodes", 0.0)
         if count:
             self.recent.append((count, row["train/success"]))

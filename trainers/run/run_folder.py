@@ -59,7 +59,7 @@ class FolderLock:
 
 
 def _refuse_links(folder: Path, place: Path) -> None:
-    """Raises ConfigError if `place`, or a file in it, is a symbolic link that leads out of the run's folder."""
+    """Raise ConfigError if `place`, or a file in it, is a symbolic link that leads out of the run's folder."""
     inside = folder.resolve()
     for path in (place, *(place.iterdir() if place.is_dir() else ())):
         if path != folder and path.is_symlink() and not path.resolve().is_relative_to(inside):

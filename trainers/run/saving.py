@@ -1,4 +1,4 @@
-"""Saves the ring buffers of an algorithm, such as its replay buffer, incrementally.
+"""Writing of a run's checkpoints, with the algorithm's ring buffers, such as its replay buffer, in files beside them.
 
 Otherwise each checkpoint of a long run would write hundreds of thousands of frames. The rows that are new since the
 last checkpoint go to files of their own, which are written once; a checkpoint lists the files that it needs, with
@@ -31,6 +31,71 @@ from trainers.utils.tensor_archive import read_tensors
 FILES_PER_BUFFER = 16  # a file holds at most this share of a buffer, so that few rows outlive their place in it
 
 References = dict[str, Any]  # for each buffer: rows ever written, and its files with first row, rows and checksum
+
+
+class CheckpointWriter:
+    """Writes checkpoints/last.pt, best.pt and, where checkpoint.keep asks for them, <frames>.pt.
+
+    Only best.pt lacks the running state: a run resumed from it begins new episodes with empty memories.
+
+    Args:
+        folder: of the checkpoints.
+        config: how often, and how many are kept.
+        memories: the files of the algorithm's ring buffers.
+    """
+
+    def __init__(self, folder: Path, config: CheckpointConfig, memories: MemoryFiles) -> None:
+        self.folder, self.config, self.memories = folder, config, memories
+        self.saved_at = time.monotonic()
+
+    def due(self) -> bool:
+        """Return whether checkpoint.every minutes have passed since the last checkpoint."""
+        minutes = self.config.every
+        return minutes is not None and time.monotonic() - self.saved_at > 60 * minutes
+
+    def save_best(self, payload: dict[str, Any]) -> None:
+        """Write best.pt."""
+        checkpoint.save(self.folder / "best.pt", payload)
+
+    def save_last(self, payload: dict[str, Any], state: dict[str, Any]) -> None:
+        """Write last.pt, and remove memory files to which no checkpoint refers any more.
+
+        Args:
+            payload: the keys of a checkpoint.
+            state: the running state.
+
+        Raises:
+            CheckpointError: the disk is full.
+        """
+        last = self.folder / "last.pt"
+        payload = payload | {"state": state | {"memories": self.memories.save()}}
+        checkpoint.save(last, payload)
+        if self.config.keep:
+            _link(last, self.folder / f"{payload['counters']['frames']}.pt")
+        kept = sorted(self._kept(), key=lambda path: path.stat().st_mtime_ns, reverse=True)
+        for path in kept[self.config.keep :]:
+            path.unlink()
+        self.memories.remove_unused(map(_references, kept[: self.config.keep]))
+        self.saved_at = time.monotonic()
+
+    def _kept(self) -> list[Path]:
+        return [path for path in self.folder.glob("*.pt") if path.stem.isdecimal()]
+
+
+def _references(path: Path) -> dict[str, Any]:
+    """Return the memory files of a checkpoint; none if it cannot be read."""
+    with suppress(checkpoint.CheckpointError):
+        return checkpoint.load(path).get("state", {}).get("memories", {})
+    return {}
+
+
+def _link(source: Path, target: Path) -> None:
+    """A second name for a file, or a copy where the file system has no such names."""
+    target.unlink(missing_ok=True)
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
 
 
 class MemoryFiles:
@@ -95,7 +160,7 @@ class MemoryFiles:
         return {"name": file, "first": first, "rows": rows, "bytes": content.tell()}
 
     def _read(self, file: Mapping[str, Any]) -> TensorDictBase:
-        """The rows of a file. Its name has its checksum."""
+        """Return the rows of a file. Its name has its checksum."""
         path = self.folder / Path(file["name"]).name
         if not path.is_file() or path.stat().st_size != file["bytes"]:
             raise CheckpointError(f"{path} is missing or damaged, so the run cannot be resumed from this checkpoint")
@@ -122,68 +187,3 @@ def _fill(buffer: ReplayBuffer, rows: TensorDictBase, written: int) -> None:
     buffer.extend(in_place)
     if turn:
         buffer.extend(in_place[:turn])  # once more, to move the place of the next row
-
-
-class CheckpointWriter:
-    """Writes checkpoints/last.pt, best.pt and, where checkpoint.keep asks for them, <frames>.pt.
-
-    Only best.pt lacks the running state: a run resumed from it begins new episodes with empty memories.
-
-    Args:
-        folder: of the checkpoints.
-        config: how often, and how many are kept.
-        memories: the files of the algorithm's ring buffers.
-    """
-
-    def __init__(self, folder: Path, config: CheckpointConfig, memories: MemoryFiles) -> None:
-        self.folder, self.config, self.memories = folder, config, memories
-        self.saved_at = time.monotonic()
-
-    def due(self) -> bool:
-        """Whether checkpoint.every minutes have passed since the last checkpoint."""
-        minutes = self.config.every
-        return minutes is not None and time.monotonic() - self.saved_at > 60 * minutes
-
-    def save_best(self, payload: dict[str, Any]) -> None:
-        """Write best.pt."""
-        checkpoint.save(self.folder / "best.pt", payload)
-
-    def save_last(self, payload: dict[str, Any], state: dict[str, Any]) -> None:
-        """Write last.pt, and remove memory files to which no checkpoint refers any more.
-
-        Args:
-            payload: the keys of a checkpoint.
-            state: the running state.
-
-        Raises:
-            CheckpointError: the disk is full.
-        """
-        last = self.folder / "last.pt"
-        payload = payload | {"state": state | {"memories": self.memories.save()}}
-        checkpoint.save(last, payload)
-        if self.config.keep:
-            _link(last, self.folder / f"{payload['counters']['frames']}.pt")
-        kept = sorted(self._kept(), key=lambda path: path.stat().st_mtime_ns, reverse=True)
-        for path in kept[self.config.keep :]:
-            path.unlink()
-        self.memories.remove_unused(map(_references, kept[: self.config.keep]))
-        self.saved_at = time.monotonic()
-
-    def _kept(self) -> list[Path]:
-        return [path for path in self.folder.glob("*.pt") if path.stem.isdecimal()]
-
-
-def _references(path: Path) -> dict[str, Any]:
-    """The memory files of a checkpoint; none if it cannot be read."""
-    with suppress(checkpoint.CheckpointError):
-        return checkpoint.load(path).get("state", {}).get("memories", {})
-    return {}
-
-
-def _link(source: Path, target: Path) -> None:
-    """A second name for a file, or a copy where the file system has no such names."""
-    target.unlink(missing_ok=True)
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copy2(source, target)

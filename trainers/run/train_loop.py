@@ -181,7 +181,7 @@ class TrainingRun:
         self.kept_frames = int(self.rows[0]["frames"]) - 1 if self.rows else self.counters["frames"]
 
     def running_state(self) -> dict[str, Any]:
-        """The state on which the next iteration depends beside networks, optimizers, counters and memories."""
+        """Return the state on which the next iteration depends beside networks, optimizers, counters and memories."""
         rollouts = self.resumed.get("rollouts") if self.rollouts is None else self.rollouts.state_dict()
         return {
             "rows": [dict(row) for row in self.rows],
@@ -207,11 +207,11 @@ class TrainingRun:
             torch.cuda.set_rng_state(state["cuda_rng"])
 
     def seconds(self) -> float:
-        """Seconds of the run, including start-up and the time before a resume."""
+        """Return seconds of the run, including start-up and the time before a resume."""
         return self.earlier_seconds + time.perf_counter() - self.start_time
 
     def payload(self) -> dict[str, Any]:
-        """The content of every checkpoint."""
+        """Return the content of every checkpoint."""
         return {
             "config": self.config,
             "vocabulary": list(self.vocabulary),
@@ -312,11 +312,11 @@ class TrainingRun:
             self.algorithm.add_scenes(self.env.draw_scenes(self.algorithm.scenes_per_update, seed))
 
     def schedule_ended(self) -> bool:
-        """Whether all frames of the schedule are used. The last row then waits for the final evaluation."""
+        """Return whether all frames of the schedule are used. The last row then waits for the final evaluation."""
         return not self.budget.left_of_schedule(self.counters["frames"])
 
     def evaluation_due(self) -> bool:
-        """Whether to request the evaluation of the last row."""
+        """Return whether to request the evaluation of the last row."""
         frames = self.counters["frames"]
         requested = any(payload["counters"]["frames"] == frames for payload in self.pending)  # in a resumed run
         known = "time/evaluated" in self.rows[-1]
@@ -374,16 +374,16 @@ class FrameBudget:
         self.interval = training.eval.interval
 
     def left_of_schedule(self, frames: int) -> int:
-        """Frames of whole steps of all worlds until the end of the schedule. frames: used so far."""
+        """Return frames of whole steps of all worlds until the end of the schedule. frames: used so far."""
         return self._left(self.schedule, frames)
 
     def exhausted(self, frames: int) -> bool:
-        """Whether another batch would exceed total_frames. The last one of the schedule is shortened to fit."""
+        """Return whether another batch would exceed total_frames. The last one of the schedule is shortened to fit."""
         batch = min(self.batch, self.left_of_schedule(frames))
         return not 0 < batch <= self._left(self.total, frames)
 
     def evaluation_due(self, frames: int) -> bool:
-        """Whether to evaluate now: once every eval.interval frames, but not just before the final evaluation."""
+        """Return whether to evaluate now: once every eval.interval frames, but not just before the final evaluation."""
         before = frames - self.batch
         return frames // self.interval > before // self.interval and self.left_of_schedule(frames) > 0
 

@@ -118,7 +118,7 @@ def run_job(program: Path, config: DictConfig, overrides: Sequence[str], folder:
 
 
 def job_overrides(overrides: Sequence[str]) -> list[str]:
-    """Those overrides that identify a job of the sweep. overrides: as Hydra has them."""
+    """Return those overrides that identify a job of the sweep. overrides: as Hydra has them."""
     return [from_hydra(word) for word in overrides if not word.startswith(NON_JOB_PREFIXES)]
 
 
@@ -136,7 +136,7 @@ def record_failure(place: Path, message: str) -> None:
 
 
 def find_job_folder(folder: Path, overrides: Sequence[str]) -> Path:
-    """The folder of a job in its sweep.
+    """Return the folder of a job in its sweep.
 
     Args:
         folder: where Hydra would put the job.
@@ -154,7 +154,7 @@ def find_job_folder(folder: Path, overrides: Sequence[str]) -> Path:
 
 
 def _known_overrides(place: Path) -> list[str] | None:
-    """The overrides in a job.json; None for a damaged one, whose job is run again in another folder."""
+    """Return the overrides in a job.json; None for a damaged one, whose job is run again in another folder."""
     try:
         return read_overrides(place)
     except ConfigError as error:
@@ -163,7 +163,10 @@ def _known_overrides(place: Path) -> list[str] | None:
 
 
 def has_finished(place: Path) -> bool:
-    """Whether the job has a result. Prints that it has. A damaged result is removed, and the job is finished again."""
+    """Return whether the job has a result.
+
+    Prints that it has. A damaged result is removed, and the job is finished again.
+    """
     if not (place / "eval.json").exists():
         return False
     try:
@@ -179,7 +182,7 @@ def has_finished(place: Path) -> bool:
 def job_command(
     program: Path, config: DictConfig, overrides: Sequence[str], place: Path, share: int | None = None
 ) -> list[str]:
-    """The command that runs the job on its share of the cores. It resumes from a checkpoint in `place`, if any.
+    """Return the command that runs the job on its share of the cores. It resumes from a checkpoint in `place`, if any.
 
     share: number of cores; None: those of this machine, shared by the concurrent jobs of a sweep that runs here.
     """
@@ -192,7 +195,7 @@ def job_command(
 
 
 def core_share(config: DictConfig, share: int | None = None) -> list[str]:
-    """Overrides that limit a job to its share of the cores, for the keys that the user left at their defaults.
+    """Return overrides that limit a job to its share of the cores, for the keys that the user left at their defaults.
 
     share: as of `job_command`.
     """
@@ -208,7 +211,7 @@ def core_share(config: DictConfig, share: int | None = None) -> list[str]:
 
 
 def failure_message(code: int, errors: str) -> str:
-    """Why a job failed.
+    """Return why a job failed.
 
     Args:
         code: its exit status; negative for a signal.

@@ -1,4 +1,7 @@
-"""sweep.yaml: each start of a sweep, with its time, overrides and machine."""
+"""The records that sweeps and runs leave in their folders: sweep.yaml, config.yaml, job.json, eval.json, metrics.csv.
+
+`find_runs` reads them, `group_by_configuration` compares them, and `overrides_of` says how to repeat one.
+"""
 
 from __future__ import annotations
 
@@ -27,92 +30,7 @@ NAME = "sweep.yaml"
 SWEEP_FILE_BYTES = 2**20
 
 
-def read_starts(folder: Path) -> list[dict[str, Any]]:
-    """The starts recorded in a sweep's directory, oldest first.
-
-    Raises:
-        ConfigError: the directory has no sweep.yaml, or a damaged one.
-    """
-    path = folder / NAME
-    if not path.exists():
-        raise ConfigError(f"sweep.resume={folder} is not the directory of a sweep: it has no {NAME}")
-    try:
-        starts = read_checked_yaml(path, SWEEP_FILE_BYTES)
-    except FileError as error:
-        raise ConfigError(f"{path} is damaged: it {error}") from None
-    if not isinstance(starts, list) or not starts or not all(_is_start(start) for start in starts):
-        raise ConfigError(f"{path} is damaged: it is no list of starts with their overrides")
-    return starts
-
-
-def _is_start(start: Any) -> bool:
-    words = start.get("overrides") if isinstance(start, dict) else None
-    machine = start.get("machine", {}) if isinstance(start, dict) else None
-    return isinstance(words, list) and all(isinstance(word, str) for word in words) and isinstance(machine, dict)
-
-
-def add_start(folder: Path, overrides: list[str]) -> None:
-    """Record that the sweep in `folder` starts now with these overrides. Raises ConfigError for a damaged file."""
-    earlier = read_starts(folder) if (folder / NAME).exists() else []
-    start = {"time": f"{datetime.now():%Y-%m-%d %H:%M:%S}", "overrides": overrides, "machine": system_info()}
-    write_checked_yaml(folder / NAME, yaml.safe_dump([*earlier, start], sort_keys=False))
-
-
 FIRST = ("scenario", "task")  # their options choose options of other groups
-
-
-def overrides_of(config: Mapping[str, Any]) -> list[str]:
-    """The words after `python train.py` that compose this config, except keys that do not identify a configuration.
-
-    Args:
-        config: a composed config as plain values, or groups of it, with the option of each group under `choices`.
-
-    Returns:
-        Options first, then each key whose value differs from that of the options.
-
-    Raises:
-        ConfigError: the config has no `choices`, or one of its options no longer exists.
-    """
-    if "choices" not in config:
-        raise ConfigError("the config was saved by an earlier version, which did not record the options of its groups")
-    words: list[str] = []
-    for group in (*FIRST, *(name for name in groups() if name not in FIRST)):
-        if group not in config:  # the groups of an environment alone
-            continue
-        option = config["choices"][group]
-        if _composed(words)["choices"][group] != option:
-            words.append(f"{group}={option}")
-    defaults = dict(flatten(_composed(words)))
-    values = flatten(config)
-    return words + [_word(key, value) for key, value in values if defaults.get(key, ...) != value]
-
-
-def _composed(words: list[str]) -> dict[str, Any]:
-    return _composed_once(tuple(words))
-
-
-@lru_cache(maxsize=64)
-def _composed_once(words: tuple[str, ...]) -> dict[str, Any]:
-    from omegaconf import OmegaConf
-
-    plain: Any = OmegaConf.to_container(compose(words), resolve=True)
-    return plain
-
-
-def _word(key: str, value: Any) -> str:
-    """The override that gives a key this value."""
-    return f"{key}={value if key in PATH_KEYS and isinstance(value, str) else _hydra_value(value)}"
-
-
-def _hydra_value(value: Any) -> str:
-    """A plain value in Hydra's override syntax."""
-    if isinstance(value, list):
-        return f"[{','.join(map(_hydra_value, value))}]"
-    if isinstance(value, str) and re.fullmatch(r"[A-Za-z][\w.-]*", value) and value not in ("true", "false", "null"):
-        return value
-    return json.dumps(value)
-
-
 # Keys that do not identify a configuration: the seed, and how or on what hardware it was run. `choices` repeats values.
 NOT_CONFIGURATION = (
     "seed",
@@ -184,13 +102,8 @@ class RunRecord:
         return command_line(self.overrides) if self.overrides else "-"
 
 
-def share_cell(share: float | None) -> str:
-    """A share in a table; "-" where it was not measured, as by runs of older versions."""
-    return "-" if share is None else f"{share:.3f}"
-
-
 def find_runs(folder: Path) -> list[RunRecord]:
-    """The runs in a directory: the directory itself, those in it, and those of sweeps in it.
+    """Return the runs in a directory: the directory itself, those in it, and those of sweeps in it.
 
     Raises:
         ConfigError: it is not a directory, holds no runs, or holds damaged files.
@@ -206,7 +119,7 @@ def find_runs(folder: Path) -> list[RunRecord]:
 
 
 def _job_number(place: Path) -> tuple[Any, ...]:
-    """Sorts the jobs of a sweep by their numbers."""
+    """Sort the jobs of a sweep by their numbers."""
     number = place.name.partition("_")[0]
     return (str(place.parent), int(number) if number.isdigit() else -1, place.name)
 
@@ -223,7 +136,7 @@ def _load(place: Path) -> RunRecord:
 
 
 def read_config(place: Path) -> dict[str, Any]:
-    """The config of the run in `place`; {} if it was refused. Raises ConfigError for a damaged config.yaml."""
+    """Return the config of the run in `place`; {} if it was refused. Raises ConfigError for a damaged config.yaml."""
     file = place / "config.yaml"
     values = _read_mapping(file, CONFIG_KEYS if file.exists() else ())
     try:
@@ -234,7 +147,7 @@ def read_config(place: Path) -> dict[str, Any]:
 
 
 def read_overrides(place: Path) -> list[str]:
-    """The overrides of the job in `place`; [] if it is no job. Raises ConfigError for a damaged job.json."""
+    """Return the overrides of the job in `place`; [] if it is no job. Raises ConfigError for a damaged job.json."""
     file = place / "job.json"
     words = _read_mapping(file, ("overrides",) if file.exists() else ()).get("overrides", [])
     if not isinstance(words, list) or not all(isinstance(word, str) for word in words):
@@ -243,7 +156,7 @@ def read_overrides(place: Path) -> list[str]:
 
 
 def read_result(place: Path) -> dict[str, Any]:
-    """The result of the run in `place`. Raises ConfigError for a damaged eval.json."""
+    """Return the result of the run in `place`. Raises ConfigError for a damaged eval.json."""
     values = _read_mapping(place / "eval.json", RESULT_KEYS)
     numbers = [*(values[name] for name in RESULT_KEYS if name != "ci95"), *_pair(values["ci95"])]
     if not all(type(number) in (int, float) and math.isfinite(number) for number in numbers):
@@ -263,7 +176,7 @@ def _read_error(file: Path) -> str:
 
 
 def _read_mapping(file: Path, required: Sequence[str] = ()) -> dict[str, Any]:
-    """The mapping in a YAML or JSON file; {} if there is no file. Raises ConfigError."""
+    """Return the mapping in a YAML or JSON file; {} if there is no file. Raises ConfigError."""
     if not file.exists():
         return {}
     try:
@@ -278,24 +191,112 @@ def _read_mapping(file: Path, required: Sequence[str] = ()) -> dict[str, Any]:
     return values
 
 
+def read_starts(folder: Path) -> list[dict[str, Any]]:
+    """Return the starts recorded in a sweep's directory, oldest first.
+
+    Raises:
+        ConfigError: the directory has no sweep.yaml, or a damaged one.
+    """
+    path = folder / NAME
+    if not path.exists():
+        raise ConfigError(f"sweep.resume={folder} is not the directory of a sweep: it has no {NAME}")
+    try:
+        starts = read_checked_yaml(path, SWEEP_FILE_BYTES)
+    except FileError as error:
+        raise ConfigError(f"{path} is damaged: it {error}") from None
+    if not isinstance(starts, list) or not starts or not all(_is_start(start) for start in starts):
+        raise ConfigError(f"{path} is damaged: it is no list of starts with their overrides")
+    return starts
+
+
+def _is_start(start: Any) -> bool:
+    words = start.get("overrides") if isinstance(start, dict) else None
+    machine = start.get("machine", {}) if isinstance(start, dict) else None
+    return isinstance(words, list) and all(isinstance(word, str) for word in words) and isinstance(machine, dict)
+
+
+def add_start(folder: Path, overrides: list[str]) -> None:
+    """Record that the sweep in `folder` starts now with these overrides. Raises ConfigError for a damaged file."""
+    earlier = read_starts(folder) if (folder / NAME).exists() else []
+    start = {"time": f"{datetime.now():%Y-%m-%d %H:%M:%S}", "overrides": overrides, "machine": system_info()}
+    write_checked_yaml(folder / NAME, yaml.safe_dump([*earlier, start], sort_keys=False))
+
+
+def overrides_of(config: Mapping[str, Any]) -> list[str]:
+    """Return the words after `python train.py` that compose this config, without `NOT_CONFIGURATION`.
+
+    Args:
+        config: a composed config as plain values, or groups of it, with the option of each group under `choices`.
+
+    Returns:
+        Options first, then each key whose value differs from that of the options.
+
+    Raises:
+        ConfigError: the config has no `choices`, or one of its options no longer exists.
+    """
+    if "choices" not in config:
+        raise ConfigError("the config was saved by an earlier version, which did not record the options of its groups")
+    words: list[str] = []
+    for group in (*FIRST, *(name for name in groups() if name not in FIRST)):
+        if group not in config:  # the groups of an environment alone
+            continue
+        option = config["choices"][group]
+        if _composed(words)["choices"][group] != option:
+            words.append(f"{group}={option}")
+    defaults = dict(flatten(_composed(words)))
+    values = flatten(config)
+    return words + [_word(key, value) for key, value in values if defaults.get(key, ...) != value]
+
+
+def _composed(words: list[str]) -> dict[str, Any]:
+    return _composed_once(tuple(words))
+
+
+@lru_cache(maxsize=64)
+def _composed_once(words: tuple[str, ...]) -> dict[str, Any]:
+    from omegaconf import OmegaConf
+
+    plain: Any = OmegaConf.to_container(compose(words), resolve=True)
+    return plain
+
+
+def _hydra_value(value: Any) -> str:
+    """Return a plain value in Hydra's override syntax."""
+    if isinstance(value, list):
+        return f"[{','.join(map(_hydra_value, value))}]"
+    if isinstance(value, str) and re.fullmatch(r"[A-Za-z][\w.-]*", value) and value not in ("true", "false", "null"):
+        return value
+    return json.dumps(value)
+
+
+def _word(key: str, value: Any) -> str:
+    """Return the override that gives a key this value."""
+    return f"{key}={value if key in PATH_KEYS and isinstance(value, str) else _hydra_value(value)}"
+
+
+def share_cell(share: float | None) -> str:
+    """Return a share in a table; "-" where it was not measured."""
+    return "-" if share is None else f"{share:.3f}"
+
+
 def command_line(overrides: Sequence[str], *flags: str) -> str:
-    """The shell command that runs train.py with these overrides and flags."""
+    """Return the shell command that runs train.py with these overrides and flags."""
     return shlex.join(["python", "train.py", *flags, *map(unquote_numbers, overrides)])
 
 
 def unquote_numbers(override: str) -> str:
-    """An override without the quotes that Hydra requires around an option that is a number."""
+    """Return an override without the quotes that Hydra requires around an option that is a number."""
     return re.sub(r"'(\d+)'", r"\1", override)
 
 
 def distinct_overrides(overrides: Sequence[Sequence[str]]) -> list[str]:
-    """A name for each list of overrides: the overrides that not all lists contain."""
+    """Return a name for each list of overrides: the overrides that not all lists contain."""
     common = set.intersection(*map(set, overrides)) if len(overrides) > 1 else set()
     return [" ".join(unquote_numbers(w) for w in words if w not in common) or "default" for words in overrides]
 
 
 def group_by_configuration(runs: Sequence[RunRecord]) -> dict[str, list[RunRecord]]:
-    """Runs that have the same configuration except for the seed, by a label of the configuration.
+    """Run that have the same configuration except for the seed, by a label of the configuration.
 
     A label names what differs between the groups: robot, control, task, algo and policy, and few other keys.
     """
@@ -308,7 +309,10 @@ def group_by_configuration(runs: Sequence[RunRecord]) -> dict[str, list[RunRecor
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    """The values of a nested config with their dotted keys. Excludes keys that do not identify a configuration."""
+    """Return the values of a nested config with their dotted keys.
+
+    Excludes keys that do not identify a configuration.
+    """
     items: list[tuple[str, Any]] = []
     for name, value in config.items():
         key = f"{prefix}{name}"
@@ -332,7 +336,7 @@ def _count_groups(configs: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> 
 
 
 def label(keys: Sequence[str], values: Mapping[str, Any]) -> str:
-    """The label of a configuration: "2: kuka step ppo", "panda joints sac", "kuka step ppo, policy.networks=2".
+    """Return the label of a configuration: "2: kuka step ppo", "panda joints sac", "kuka step ppo, policy.networks=2".
 
     Args:
         keys: those that distinguish the configurations.

@@ -119,7 +119,7 @@ def summarize(folder: Path) -> bool:
 
 
 def table_rows(runs: Sequence[RunRecord]) -> list[tuple[str, ...]]:
-    """A row for each run, named by the overrides that distinguish it from the other runs."""
+    """Return a row for each run, named by the overrides that distinguish it from the other runs."""
     names = distinct_overrides([run.overrides for run in runs])
     return [(name, *_result_cells(run)) for name, run in zip(names, runs, strict=True)]
 
@@ -139,7 +139,10 @@ def _result_cells(run: RunRecord) -> tuple[str, ...]:
 
 
 def format_table(rows: Sequence[Sequence[str]]) -> str:
-    """Rows of cells as aligned columns with a rule under the header. The last cell of a row may exceed its column."""
+    """Return rows of cells as aligned columns with a rule under the header.
+
+    The last cell of a row may exceed its column.
+    """
     columns = zip(*(row if any(row[2:]) else (row[0], *[""] * (len(row) - 1)) for row in rows), strict=True)
     widths = [max(map(len, column)) for column in columns]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

@@ -1,1 +1,1 @@
-"""Atomic file writes, optional imports and system information."""
+"""Files that are written whole, and tensors that are read safely."""

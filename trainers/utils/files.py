@@ -1,7 +1,7 @@
 """Files and directories that appear under their name complete or not at all, also if the process is killed.
 
 Each is written under a temporary name that nobody can predict, which is created new: a symbolic link or a hard link
-that stands under the final name is replaced, and what it points at is not touched.
+that stands under the final name is replaced, and what it points at is not touched. Records of runs have a checksum.
 """
 
 from __future__ import annotations
@@ -22,6 +22,11 @@ from core.safe_files import FileError, parse_yaml, read_bytes, read_json
 
 TEMPORARY = re.compile(r"\..+\.[0-9a-f]{16}\.tmp(\.\w+)?")  # names that `_temporary` gives
 NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
+
+
+KEY = "sha256"
+FIRST_LINE = f"# {KEY}: "
+EDITED = f"damaged: its {KEY} does not fit; if you edited it, remove the {KEY}"
 
 
 class WriteError(ConfigError):
@@ -131,18 +136,13 @@ def _temporary(path: Path, suffix: str = "") -> Path:
     return path.with_name(f".{path.name}.{secrets.token_hex(8)}.tmp{suffix}")
 
 
-KEY = "sha256"
-FIRST_LINE = f"# {KEY}: "
-EDITED = f"damaged: its {KEY} does not fit; if you edited it, remove the {KEY}"
-
-
 def write_checked_json(path: Path, values: Mapping[str, Any]) -> None:
     """Write plain values as indented JSON with a checksum, atomically. Raises WriteError."""
     write_json(path, {KEY: _digest(_canonical(values)), **values})
 
 
 def read_checked_json(path: Path) -> dict[str, Any]:
-    """Returns the values of a JSON file without their checksum. Raises FileError for a damaged file."""
+    """Return the values of a JSON file without their checksum. Raises FileError for a damaged file."""
     values = read_json(path)
     if not isinstance(values, dict):
         raise FileError("is damaged: it holds no group of keys")
@@ -158,7 +158,7 @@ def write_checked_yaml(path: Path, text: str) -> None:
 
 
 def read_checked_yaml(path: Path, max_bytes: int) -> Any:
-    """Returns the plain value of a YAML file. Raises FileError for a damaged file."""
+    """Return the plain value of a YAML file. Raises FileError for a damaged file."""
     content = read_bytes(path, max_bytes)
     first, _, rest = content.partition(b"\n")
     checksum = first.removeprefix(FIRST_LINE.encode())

@@ -33,7 +33,7 @@ REFUSED_OPCODES = {"STACK_GLOBAL", "INST", "OBJ", "NEWOBJ", "NEWOBJ_EX", "EXT1",
 
 
 def read_tensors(path: Path) -> Any:
-    """Returns the value of a torch.save file, with its tensors on the CPU.
+    """Return the value of a torch.save file, with its tensors on the CPU.
 
     Raises:
         FileError: the file is no such archive, is damaged, names a function, or describes more than it holds.
@@ -74,7 +74,7 @@ def _check_pickle(data: bytes) -> None:
 
 
 def check_tensors(value: Any, max_bytes: int) -> None:
-    """Checks the tensors in nested dicts, lists and tuples: dense, at most `max_bytes` together. Raises FileError."""
+    """Check the tensors in nested dicts, lists and tuples: dense, at most `max_bytes` together. Raises FileError."""
     values, used, stack = MAX_VALUES, 0, [(value, 0)]
     while stack:
         item, depth = stack.pop()

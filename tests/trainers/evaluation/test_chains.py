@@ -6,13 +6,18 @@ import pytest
 
 from envs.experts import expert
 from tests.helpers.env_cases import make
-from trainers.evaluation.chains import Chain, run_chains, summarize_chains
+from trainers.evaluation.chains import InstructionChain, run_chains, summarize_chains
 
 KINDS = ("reach", "lift", "open")
 
 
 def test_shares_count_the_instructions_that_were_carried_out_in_a_row():
-    chains = [Chain((0, 1, 2), 3), Chain((1,), 0), Chain((0, 2), 1), Chain((2, 0, 1), 2)]
+    chains = [
+        InstructionChain((0, 1, 2), 3),
+        InstructionChain((1,), 0),
+        InstructionChain((0, 2), 1),
+        InstructionChain((2, 0, 1), 2),
+    ]
     result = summarize_chains(chains, 3, KINDS)
     assert result["chains"] == 4
     assert result["mean_length"] == pytest.approx(1.5)
@@ -26,7 +31,12 @@ def test_shares_count_the_instructions_that_were_carried_out_in_a_row():
 
 
 def test_success_is_told_by_task_and_by_transition_the_worst_first():
-    chains = [Chain((0, 1, 2), 3), Chain((1,), 0), Chain((0, 2), 1), Chain((2, 0, 1), 2)]
+    chains = [
+        InstructionChain((0, 1, 2), 3),
+        InstructionChain((1,), 0),
+        InstructionChain((0, 2), 1),
+        InstructionChain((2, 0, 1), 2),
+    ]
     result = summarize_chains(chains, 3, KINDS)
     tasks = {name: (row["tried"], row["success"]) for name, row in result["by_task"].items()}
     assert tasks == {"reach": (3, 1.0), "lift": (3, pytest.approx(1 / 3)), "open": (3, pytest.approx(2 / 3))}
