@@ -12,6 +12,10 @@ class ConfigError(ValueError):
     """An invalid value that the user gave. The text is the whole message, to be shown without a traceback."""
 
 
+class UseError(ValueError):
+    """A call that does not fit an environment: its state, the number of worlds, or the form of the action."""
+
+
 class RunError(RuntimeError):
     """A run that had to stop early. The text is the whole message, to be shown without a traceback."""
 

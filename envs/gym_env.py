@@ -17,10 +17,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 
-from core.errors import ConfigError
+from core.errors import ConfigError, UseError
 from core.spaces import action_space, space_of
 from envs.mdp.observations import OBSERVATIONS
-from envs.registration import make_env
+from envs.registration import check_list, make_env
+from envs.sim.window import display_problem
 
 RENDER_MODES = ("rgb_array", "human")
 
@@ -52,7 +53,9 @@ class GymEnv(gym.Env):
     ) -> None:
         if render_mode not in (None, *RENDER_MODES):
             raise ConfigError(f"render_mode={render_mode} must be None, {' or '.join(RENDER_MODES)}")
+        check_list(overrides)
         self.render_mode, self._due = render_mode, 0.0
+        self.metadata = {**self.metadata, "render_modes": [mode for mode in RENDER_MODES if _can_show(mode)]}
         groups = [f"task={task}", f"robot={robot}", f"control={control}", *overrides]
         asked = "render_mode=human" if render_mode == "human" else None
         self._env = make_env(groups, num_worlds=1, render=render_mode is not None, window=asked)
@@ -76,8 +79,8 @@ class GymEnv(gym.Env):
         return self._observation(values), self._info(values)
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, NDArray], float, bool, bool, dict[str, Any]]:
-        """One control step."""
-        values = self._env.step(_as_tensordict(action))["next"]
+        """One control step. Raises UseError for an action of another shape or type, and before `reset`."""
+        values = self._env.step(_as_tensordict(action, self.action_space))["next"]
         if self.render_mode == "human":
             self._wait()
         return (
@@ -117,5 +120,20 @@ class GymEnv(gym.Env):
         }
 
 
-def _as_tensordict(action: NDArray[np.float32]) -> TensorDict:
-    return TensorDict({"action": torch.as_tensor(action, dtype=torch.float32)[None]}, [1])
+def _can_show(mode: str) -> bool:
+    """Whether this machine can render in this mode."""
+    return mode != "human" or display_problem() is None
+
+
+def _as_tensordict(action: NDArray[np.float32], space: spaces.Box) -> TensorDict:
+    """Return the action as the environment takes it. Raises UseError."""
+    try:
+        values = np.asarray(action)
+    except ValueError:  # lists of different lengths
+        values = np.empty(0, object)
+    if values.shape != space.shape or values.dtype.kind != "f":
+        raise UseError(
+            f"step got an action of shape {values.shape} and {values.dtype}; it must be an array of shape "
+            f"{space.shape} and {space.dtype}"
+        )
+    return TensorDict({"action": torch.as_tensor(values, dtype=torch.float32)[None]}, [1])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import gymnasium
 
+from core.errors import ConfigError
 from core.overrides import check, compose, groups
 from envs.config import EnvConfig, read_env
 from envs.sim.window import Window
@@ -37,6 +38,7 @@ def make_env(
     Raises:
         ConfigError: for an unknown or invalid override, or a window that cannot be opened.
     """
+    check_list(overrides)
     from envs.workspace_env import WorkspaceEnv  # torch is imported only where an environment is built
 
     config = _config(tuple(overrides))
@@ -47,6 +49,13 @@ def make_env(
         if shown is not None:
             shown.close()
         raise
+
+
+def check_list(overrides: Sequence[str]) -> None:
+    """Raise ConfigError unless these are overrides in a list."""
+    if not isinstance(overrides, list | tuple) or not all(isinstance(word, str) for word in overrides):
+        example = f"[{overrides!r}]" if isinstance(overrides, str) else '["robot=panda", "seed=1"]'
+        raise ConfigError(f"overrides={overrides!r} must be a list of words, such as {example}")
 
 
 @lru_cache(maxsize=256)

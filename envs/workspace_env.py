@@ -13,7 +13,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 
-from core.errors import ConfigError
+from core.errors import ConfigError, UseError
 from envs.config import EnvConfig
 from envs.episode_replay import EpisodeReplayEnv
 from envs.mdp.controls import CONTROLS, Control
@@ -67,6 +67,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self, config: EnvConfig, num_worlds: int = 1, seed: int = 0, render: bool = False, window: Window | None = None
     ) -> None:
         for name, value, least in (("num_worlds", num_worlds, 1), ("seed", seed, 0)):
+            if not isinstance(value, int | np.integer):
+                raise ConfigError(f"{name}={value!r} must be a whole number, not of type {type(value).__name__}")
             if value < least:
                 raise ConfigError(f"{name}={value} must be at least {least}")
         super().__init__(batch_size=[num_worlds])
@@ -148,7 +150,10 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return (*self.control.unit.tolist(), *[ACTION_UNIT] * self._grip_controller.width)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
-        action = self._noise.action(read_action(tensordict), self._arrays.steps, self._source.hold)
+        if self.is_closed or not self._arrays.begun.all():
+            raise UseError("step was called " + ("after close" if self.is_closed else "before reset"))
+        action = read_action(tensordict, (self.batch_size[0], len(self.action_unit)))
+        action = self._noise.action(action, self._arrays.steps, self._source.hold)
         self._switch_gestures()
         arrays, arm = self._arrays, action[:, : len(self.control.unit)]
         arrays.commanded = self.control.targets(arm, arrays.commanded, arrays.angles)
@@ -189,6 +194,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return next_goals(self._arrays, self.task, success, self._generators)
 
     def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
+        if self.is_closed:
+            raise UseError("reset was called after close")
         for i in worlds.tolist():
             self._begin(i, self.task.draw(self._generators[i]))
         if len(worlds):
@@ -471,9 +478,20 @@ class NotFiniteError(ValueError):
         self.frame = frame.detach().clone()
 
 
-def read_action(frame: TensorDictBase) -> NDArray[np.float64]:
-    """Return the action (N, A) of a frame (N,), clipped to [-1, 1]. Raises NotFiniteError."""
-    action = frame["action"].detach().numpy().astype(np.float64)
+def read_action(frame: TensorDictBase, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Return the action (N, A) of a frame (N,), clipped to [-1, 1].
+
+    Raises:
+        UseError: there is no action, or one of another shape or type.
+        NotFiniteError: it is not finite.
+    """
+    given = frame.get("action", None)
+    wanted = f"a floating-point tensor of shape {shape}: a row for each world"
+    if given is None:
+        raise UseError(f"step got no action: its TensorDict needs the key action, {wanted}")
+    if tuple(given.shape) != shape or not given.is_floating_point():
+        raise UseError(f"step got an action of shape {tuple(given.shape)} and {given.dtype}; it must be {wanted}")
+    action = given.detach().numpy().astype(np.float64)
     if not np.isfinite(action).all():
         raise NotFiniteError(frame)
     return np.clip(action, -1.0, 1.0, out=action)

@@ -70,6 +70,7 @@ class WorldState:
         self.instruction = np.zeros((count, tokenizer.length), np.int64)
         self.sentence = np.zeros((count, sentence_bytes(tokenizer)), np.uint8)
         self.steps = np.zeros(count, np.int64)
+        self.begun = np.zeros(count, bool)  # whether a world has had an episode
         self.instructions_given = np.ones(count, np.int64)
 
     def begin(self, i: int, episode: EpisodeSpec, slots: NDArray[np.int64], *, joints: Array, opening: float) -> None:
@@ -84,7 +85,7 @@ class WorldState:
         """
         self._show(i, episode, slots)
         self.set_goal(i, Goal.of(episode, slots))
-        self.steps[i], self.instructions_given[i] = 0, 1
+        self.steps[i], self.instructions_given[i], self.begun[i] = 0, 1, True
         self.commanded[i] = joints
         scene, by_slot = episode.scene, np.argsort(slots, kind="stable")
         yaw = np.zeros(len(scene)) if episode.yaw is None else episode.yaw

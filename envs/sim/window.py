@@ -39,7 +39,8 @@ class Window:
     """
 
     def __init__(self, camera: Camera, asked: str = "by_hand=true") -> None:
-        _check_display(asked)
+        if problem := display_problem():
+            raise ConfigError(f"{asked} {problem}")
         try:
             with suppress_stdout():
                 self.client = bullet.connect(bullet.GUI, options=f"--width={WIDTH} --height={HEIGHT} {BACKGROUND}")
@@ -67,23 +68,22 @@ class Window:
             bullet.disconnect(self.client)
 
 
-def _check_display(asked: str) -> None:
-    """Raise ConfigError without a display or OpenGL, where PyBullet would end the program."""
+def display_problem() -> str | None:
+    """Return why no window can be opened: without a display or OpenGL, PyBullet would end the program."""
     if not sys.platform.startswith("linux"):
-        return
+        return None
     name = os.environ.get("DISPLAY")
     if not name:
-        raise ConfigError(f"{asked} needs a display: DISPLAY is not set")
+        return "needs a display: DISPLAY is not set"
     try:
         x11 = ctypes.CDLL("libX11.so.6")
     except OSError:
-        raise ConfigError(f"{asked} needs a display: libX11 is not installed") from None
+        return "needs a display: libX11 is not installed"
     x11.XOpenDisplay.restype = ctypes.c_void_p
     display = ctypes.c_void_p(x11.XOpenDisplay(None))
     if not display:
-        raise ConfigError(f"{asked} needs a display: DISPLAY={name} cannot be opened")
+        return f"needs a display: DISPLAY={name} cannot be opened"
     numbers = [ctypes.byref(ctypes.c_int()) for _ in range(3)]
     opengl = x11.XQueryExtension(display, b"GLX", *numbers)
     x11.XCloseDisplay(display)
-    if not opengl:
-        raise ConfigError(f"{asked} needs OpenGL: the display {name} has none")
+    return None if opengl else f"needs OpenGL: the display {name} has none"

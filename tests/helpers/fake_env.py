@@ -68,7 +68,7 @@ class FakeEnv(EpisodeReplayEnv):
             time.sleep(self.nap)
         self.steps += 1
         world = self.world
-        action = torch.from_numpy(read_action(tensordict)).float()
+        action = torch.from_numpy(read_action(tensordict, tuple(self.action_spec.shape))).float()
         assert tensordict["action"].abs().max() <= 1
         world["hand"] = (world["hand"] + MOVE * action).clamp(-1, 1)
         world["step"] = world["step"] + 1
