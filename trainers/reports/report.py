@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -57,6 +58,14 @@ METHOD = (
 )
 
 
+def markdown_text(text: str) -> str:
+    """Return text as Markdown that shows it: on one line, and without HTML, links, images or emphasis of its own."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    line = re.sub(r"&(?=#?\w+;)|<(?=[A-Za-z/!?])", lambda match: escape(match[0]), line)
+    line = re.sub(r"^[#>+=-]|[\\`*|]|\[(?=[^\]]*\][(\[:])", r"\\\g<0>", line)
+    return re.sub(r"(?<=\w)://|(?<=www)\.", lambda match: match[0].replace(":", "&#58;").replace(".", "&#46;"), line)
+
+
 @dataclass(frozen=True)
 class Heading:
     """A heading of the second level."""
@@ -64,7 +73,7 @@ class Heading:
     text: str
 
     def markdown(self) -> str:
-        return f"## {self.text}"
+        return f"## {markdown_text(self.text)}"
 
     def html(self, folder: Path) -> str:
         return f"<h2>{escape(self.text)}</h2>"
@@ -77,7 +86,7 @@ class Paragraph:
     text: str
 
     def markdown(self) -> str:
-        return self.text
+        return markdown_text(self.text)
 
     def html(self, folder: Path) -> str:
         return f"<p>{escape(self.text)}</p>"
@@ -91,7 +100,8 @@ class Picture:
     title: str
 
     def markdown(self) -> str:
-        return f"![{self.title}]({self.file})"
+        title = re.sub(r"(?<!\\)[\[\]]", r"\\\g<0>", markdown_text(self.title))
+        return f"![{title}]({self.file})"
 
     def html(self, folder: Path) -> str:
         data = base64.b64encode((folder / self.file).read_bytes()).decode()
@@ -106,8 +116,9 @@ class Table:
     rows: Sequence[Sequence[str]]
 
     def markdown(self) -> str:
-        lines = [self.header, ["---"] * len(self.header), *self.rows]
-        return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+        lines = [[markdown_text(cell) for cell in row] for row in (self.header, *self.rows)]
+        rule = ["---"] * len(self.header)
+        return "\n".join("| " + " | ".join(line) + " |" for line in (lines[0], rule, *lines[1:]))
 
     def html(self, folder: Path) -> str:
         head = "".join(f"<th>{escape(cell)}</th>" for cell in self.header)
@@ -124,7 +135,9 @@ def write_page(folder: Path, title: str, blocks: Sequence[Block]) -> Path:
     Returns:
         The path of the HTML file.
     """
-    write_text(folder / "report.md", "\n\n".join([f"# {title}", *(block.markdown() for block in blocks)]) + "\n")
+    write_text(
+        folder / "report.md", "\n\n".join([f"# {markdown_text(title)}", *(block.markdown() for block in blocks)]) + "\n"
+    )
     body = "\n".join(block.html(folder) for block in blocks)
     head = f'<meta charset="utf-8"><title>{escape(title)}</title><style>{STYLE}</style>'
     page = f"<head>{head}</head>\n<body>\n<h1>{escape(title)}</h1>\n{body}\n</body>"
