@@ -136,6 +136,9 @@ def main(config: Any) -> dict[str, Any] | None:
         else:
             config = with_choices(config, job.runtime.choices)
         result = run(config, folder)
+    except KeyboardInterrupt:  # before the loop, which handles signals
+        print("stopped before training began: nothing is saved", flush=True)
+        raise
     finally:
         if hydra_folder.is_dir() and not any(hydra_folder.iterdir()):
             hydra_folder.rmdir()  # not used by a refused or a resumed run

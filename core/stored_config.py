@@ -124,6 +124,19 @@ def place_overrides(words: Sequence[str]) -> list[str]:
     return [word for word in words if word.partition("=")[0].lstrip("+") in keys]
 
 
+def places_of(config: Mapping[str, Any]) -> list[str]:
+    """Return the words that name the config's places: whoever resumes a run from its file gives them again."""
+    words = []
+    for key, place in PLACES.items():
+        value = _get(config, key)
+        if value is None or value in place.harmless or (key == "robot.urdf" and _is_in_package(config)):
+            continue
+        name = "collector" if key == "collector.name" else key
+        shown = f"[{','.join(map(str, value))}]" if isinstance(value, list) else str(value)
+        words.append(f"{name}={shown.lower() if isinstance(value, bool) else shown}")
+    return words
+
+
 def _check_value(key: str, value: Any, source: Path) -> None:
     """Raise ConfigError for an interpolation, a class to be called, and text where no text belongs."""
     name = key.rpartition(".")[2]

@@ -80,7 +80,7 @@ class GymEnv(gym.Env):
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, NDArray], float, bool, bool, dict[str, Any]]:
         """One control step. Raises UseError for an action of another shape or type, and before `reset`."""
-        values = self._env.step(_as_tensordict(action, self.action_space))["next"]
+        values = self._env.step(_as_tensordict(action, self._env.action_spec.shape[-1]))["next"]
         if self.render_mode == "human":
             self._wait()
         return (
@@ -125,15 +125,15 @@ def _can_show(mode: str) -> bool:
     return mode != "human" or display_problem() is None
 
 
-def _as_tensordict(action: NDArray[np.float32], space: spaces.Box) -> TensorDict:
+def _as_tensordict(action: NDArray[np.float32], width: int) -> TensorDict:
     """Return the action as the environment takes it. Raises UseError."""
     try:
         values = np.asarray(action)
     except ValueError:  # lists of different lengths
         values = np.empty(0, object)
-    if values.shape != space.shape or values.dtype.kind != "f":
+    if values.shape != (width,) or values.dtype.kind != "f":
         raise UseError(
-            f"step got an action of shape {values.shape} and {values.dtype}; it must be an array of shape "
-            f"{space.shape} and {space.dtype}"
+            f"step got an action of shape {values.shape} and {values.dtype}; it must be an array of shape ({width},) "
+            "and float32"
         )
     return TensorDict({"action": torch.as_tensor(values, dtype=torch.float32)[None]}, [1])

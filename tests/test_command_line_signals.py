@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import signal
 import subprocess
 import time
@@ -21,8 +23,8 @@ def running(tmp_path, request):
     """A training run with two workers, past its first batch."""
     words = ["collector.workers=2", "collector.worlds=8", "eval.worlds=4", "logger=[]", "algo.horizon=32"]
     words += getattr(request, "param", [])
-    pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-    process = start_train(*words, f"hydra.run.dir={tmp_path}", **pipes)
+    with open(tmp_path / "out.txt", "w") as out:
+        process = start_train(*words, f"hydra.run.dir={tmp_path}", stdout=out.fileno(), stderr=subprocess.PIPE)
     deadline = time.monotonic() + 90
     while len(read_metrics(tmp_path / "metrics.csv")) < 2 and time.monotonic() < deadline:
         time.sleep(0.2)
@@ -43,8 +45,12 @@ def stop(process: subprocess.Popen, folder: Path, number: signal.Signals) -> str
     return errors
 
 
-def test_ctrl_c_saves_and_leaves_no_process(running):
-    stop(*running, signal.SIGINT)
+def test_ctrl_c_saves_says_how_to_go_on_and_leaves_no_process(running):
+    process, folder = running
+    stop(process, folder, signal.SIGINT)
+    last = (folder / "out.txt").read_text().splitlines()[-1]
+    assert re.fullmatch(r"stopped: \d+ frames are saved in .*/last\.pt; go on with: python train\.py .*", last)
+    assert shlex.split(last.partition("go on with: ")[2])[2:] == [f"resume={folder}"]
 
 
 def kill_a_worker(process):

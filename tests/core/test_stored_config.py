@@ -247,3 +247,13 @@ def test_training_does_not_resume_a_run_that_names_an_address(tmp_path, no_conne
         train.resumed(str(tmp_path), [f"resume={tmp_path}"])
     config, folder = train.resumed(str(tmp_path), [f"resume={tmp_path}", "collector=local"])
     assert (config.collector.name, folder) == ("local", tmp_path)
+
+
+def test_the_words_that_a_resumed_run_needs_again_are_known_from_its_config():
+    from core.stored_config import places_of
+
+    config = {"device": "cuda:0", "logger": ["tensorboard"], "collector": {"name": "ray", "address": "10.0.0.1:6379"}}
+    config |= {"robot": {"package": "file", "urdf": "/my robot/a.urdf"}, "gesture": {"weights": None}}
+    wanted = ["device=cuda:0", "collector=ray", "collector.address=10.0.0.1:6379", "robot.urdf=/my robot/a.urdf"]
+    assert places_of(config) == wanted
+    assert places_of({"device": "cpu", "logger": [], "collector": {"name": "local"}}) == []

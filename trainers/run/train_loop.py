@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import math
+import shlex
 import time
 from collections.abc import Callable
 from contextlib import closing, suppress
@@ -20,6 +21,7 @@ from torchrl.envs import EnvBase
 
 from core.errors import Interrupted
 from core.platform_tuning import import_compiler
+from core.stored_config import places_of
 from core.system import StopSignal, cores
 from trainers.algorithms.algorithm import DivergedError, build_algorithm
 from trainers.collect.rollouts import CollectionError, EpisodeStatistics, Rollouts, collector_columns
@@ -463,13 +465,29 @@ def _save_after_error(run: TrainingRun, error: Exception, stop: StopSignal) -> N
         with suppress(Exception):  # the first error is the one to report
             run.save_last()
             if isinstance(error, CollectionError):
-                error.args = (f"{error}; the run is saved, and resume={run.folder} goes on",)
+                error.args = (f"{error}; the run is saved, and goes on with: {resume_command(run)}",)
     if stop():
+        with suppress(OSError):  # a terminal that is gone
+            print(_last_line(run), flush=True)
         raise SystemExit(128 + stop.signal) from None
     frame = getattr(error.__cause__ or error.__context__, "frame", None)
     if isinstance(error, CollectionError) and frame is not None:
         path = _save_diverged(run.folder, frame)
         error.args = (f"{error}; what the step was given is saved in {path}",)
+
+
+def resume_command(run: TrainingRun) -> str:
+    """Return the shell command that goes on with the run from its last checkpoint."""
+    return shlex.join(["python", "train.py", f"resume={run.folder}", *places_of(run.config)])
+
+
+def _last_line(run: TrainingRun) -> str:
+    """Return what is saved of a run that a signal stopped."""
+    last = run.folder / "checkpoints" / "last.pt"
+    if not last.is_file():
+        return "stopped before the first checkpoint: nothing is saved"
+    saved = f"{run.counters['frames']} frames are" if run.consistent else "the frames up to the last checkpoint are"
+    return f"stopped: {saved} saved in {last}; go on with: {resume_command(run)}"
 
 
 def _save_diverged(folder: Path, frames: TensorDictBase) -> Path:
