@@ -20,8 +20,7 @@ from tensordict import TensorDict, TensorDictBase
 from core.errors import ConfigError, UseError
 from core.spaces import action_space, space_of
 from envs.mdp.observations import OBSERVATIONS
-from envs.registration import check_list, make_env
-from envs.sim.window import display_problem
+from envs.registration import can_show, check_list, make_env
 
 RENDER_MODES = ("rgb_array", "human")
 
@@ -55,7 +54,7 @@ class GymEnv(gym.Env):
             raise ConfigError(f"render_mode={render_mode} must be None, {' or '.join(RENDER_MODES)}")
         check_list(overrides)
         self.render_mode, self._due = render_mode, 0.0
-        self.metadata = {**self.metadata, "render_modes": [mode for mode in RENDER_MODES if _can_show(mode)]}
+        self.metadata = {**self.metadata, "render_modes": [mode for mode in RENDER_MODES if can_show(mode)]}
         groups = [f"task={task}", f"robot={robot}", f"control={control}", *overrides]
         asked = "render_mode=human" if render_mode == "human" else None
         self._env = make_env(groups, num_worlds=1, render=render_mode is not None, window=asked)
@@ -118,11 +117,6 @@ class GymEnv(gym.Env):
             "sentence": self._env.sentence(),
             "reward_terms": dict(zip(self._env.reward_names, values["reward_terms"][0].tolist(), strict=True)),
         }
-
-
-def _can_show(mode: str) -> bool:
-    """Whether this machine can render in this mode."""
-    return mode != "human" or display_problem() is None
 
 
 def _as_tensordict(action: NDArray[np.float32], width: int) -> TensorDict:

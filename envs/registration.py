@@ -11,7 +11,7 @@ import gymnasium
 from core.errors import ConfigError
 from core.overrides import check, compose, groups
 from envs.config import EnvConfig, read_env
-from envs.sim.window import Window
+from envs.sim.window import Window, display_problem
 
 if TYPE_CHECKING:
     from envs.workspace_env import WorkspaceEnv
@@ -49,6 +49,11 @@ def make_env(
         if shown is not None:
             shown.close()
         raise
+
+
+def can_show(mode: str) -> bool:
+    """Whether this machine can render in this mode of Gymnasium's."""
+    return mode != "human" or display_problem() is None
 
 
 def check_list(overrides: Sequence[str]) -> None:
