@@ -22,6 +22,7 @@ GROUPS = {
 # Groups, and files without a group, that take more than ten seconds: those that wait for processes, then longest first.
 LONGEST = [
     "ray",
+    "tests/demo/test_page.py",
     "tests/test_command_line.py",
     "tests/envs/test_workspace_env.py",
     "tests/trainers/run/test_train_loop.py",
@@ -29,6 +30,7 @@ LONGEST = [
     "tests/envs/experts/test_experts.py",
     "tests/trainers/run/test_resume.py",
     "tests/test_package.py",
+    "tests/demo/test_recording_panel.py",
     "tests/trainers/algorithms/test_bc.py",
     "tests/envs/test_workspace_env_determinism.py",
     "tests/envs/test_gym_env.py",
