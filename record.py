@@ -55,7 +55,7 @@ class RecordConfig(Checked):
     collector: str = one_of("local", "ray")
     out: str | None = any_path()
     replay: str | None = any_path()
-    tolerance: float = within(0.0)
+    tolerance: float = within(0.0, 1e9)
 
 
 DEFAULTS = {

@@ -133,7 +133,8 @@ def run_program(main: Callable[[list[str]], object], file: str, words: Sequence[
 
 
 def _end(reason: str, code: int) -> None:
-    """Exit with the reason on stderr."""
+    """Exit with the reason on stderr, in one line."""
+    reason = " ".join(reason.split("\n"))
     if not _output_works():
         _discard_output()
     if code == FAILED:

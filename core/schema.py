@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
+import re
 from functools import cache
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
@@ -24,17 +26,54 @@ from core.errors import ConfigError, did_you_mean
 T = TypeVar("T")
 UNKNOWN = object()
 PLAIN = (bool, int, float, str, type(None))
+MOST = 1000  # entries of a list
+MAX_PATH = 4096  # characters of a path
+SHOWN = 200  # characters of a value in a message
+WORD = re.compile(r"[\w.+-][\w .+-]{0,99}")
 EXACT = 2**53  # up to which every whole number is a float
 
 
-def within(low: float, high: float = math.inf, count: int | None = None, default: Any = dataclasses.MISSING) -> Any:
-    """Declare a field: a number in [low, high], or a list or group of such numbers; count: the list's length."""
-    return dataclasses.field(default=default, metadata={"within": (low, high), "count": count})
+def within(
+    low: float,
+    high: float,
+    count: int | tuple[int, int] | None = None,
+    default: Any = dataclasses.MISSING,
+) -> Any:
+    """Declare a field: a number in [low, high], or a list or group of such numbers.
+
+    count: the list's length, or the least and the greatest that it may have; None: up to `MOST`.
+    """
+    return _field(default, {"within": (low, high), "count": count})
 
 
 def one_of(*choices: str) -> Any:
-    """Declare a field: one of these words, or a list of them."""
+    """Declare a field: one of these words, or a list of different ones."""
     return dataclasses.field(metadata={"one_of": choices})
+
+
+def word(default: Any = dataclasses.MISSING) -> Any:
+    """Declare a field: a name that may become part of a file's name, or a list of different ones."""
+    return _field(default, {"matches": (WORD, "letters, digits and . _ + - or spaces")})
+
+
+def _field(default: Any, metadata: dict[str, Any]) -> Any:
+    """Declare a field. default: a tuple stands for a list, of which each object gets its own."""
+    if isinstance(default, tuple):
+        return dataclasses.field(default_factory=lambda: list(default), metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def text(pattern: str, wanted: str, default: Any = dataclasses.MISSING) -> Any:
+    """Declare a field: text that this pattern matches as a whole, or a list of different ones.
+
+    wanted: what would be right, for the error message.
+    """
+    return dataclasses.field(default=default, metadata={"matches": (re.compile(pattern), wanted)})
+
+
+def checked_by(check: str, default: Any = dataclasses.MISSING) -> Any:
+    """Declare a field that no rule here describes. check: what checks it, for the reader."""
+    return dataclasses.field(default=default, metadata={"checked_by": check})
 
 
 def any_path(default: Any = dataclasses.MISSING) -> Any:
@@ -48,13 +87,33 @@ class Checked:
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            name, value, count = field.name, getattr(self, field.name), field.metadata.get("count")
-            if count is not None and len(value) != count:
-                raise ConfigError(f"{name}={value} must be {count} numbers")
+            name, value = field.name, getattr(self, field.name)
             items = value if isinstance(value, list) else [value]
+            if isinstance(value, list):
+                _check_length(name, value, field.metadata)
             named = value.items() if isinstance(value, dict) else ((None, item) for item in items)
             for key, item in named:
                 _check(name if key is None else f"{name}.{key}", item, field.metadata)
+
+
+def _check_length(name: str, value: list[Any], rule: Any) -> None:
+    """Raise ConfigError for a list that is too short or too long, or that has a word twice."""
+    count = rule.get("count")
+    least, most = count if isinstance(count, tuple) else (0, MOST) if count is None else (count, count)
+    if not least <= len(value) <= most:
+        wanted = f"{least}" if least == most else f"{least} to {most}"
+        kind = "numbers" if "within" in rule else "entries"
+        raise ConfigError(f"{name}={shown(value)} must be {wanted} {kind}")
+    if "one_of" in rule or "matches" in rule:
+        twice = next((item for index, item in enumerate(value) if item in value[:index]), None)
+        if twice is not None:
+            raise ConfigError(f"{name}={shown(value)} has {shown(twice)} twice")
+
+
+def shown(value: Any) -> str:
+    """Return a value for a message: on one line, and cut where it is long."""
+    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(value))
+    return line if len(line) <= SHOWN else f"{line[:SHOWN]}..."
 
 
 def _check(name: str, value: Any, rule: Any) -> None:
@@ -62,13 +121,21 @@ def _check(name: str, value: Any, rule: Any) -> None:
         raise ConfigError(f"{name}={value} is not a finite number")
     if value is not None and "within" in rule:
         low, high = rule["within"]
+        if not isinstance(value, int | float):
+            raise ConfigError(f"{name}={shown(value)} must be a number in [{low:g}, {high:g}]")
         if not low <= value <= high:
-            wanted = f"in [{low:g}, {high:g}]" if math.isfinite(high) else f"at least {low:g}"
-            raise ConfigError(f"{name}={value} is out of range: it must be {wanted}")
-    if value is not None and "path" in rule and ("\0" in value or not value):
-        raise ConfigError(f"{name}={value!r} is no path")
+            raise ConfigError(f"{name}={shown(value)} is out of range: it must be in [{low:g}, {high:g}]")
+    if value is not None and "path" in rule and not _is_path(value):
+        raise ConfigError(f"{name}={shown(value)} is no path")
     if value is not None and "one_of" in rule and value not in rule["one_of"]:
-        raise ConfigError(f"{name}={value} is not known" + did_you_mean(value, rule["one_of"]))
+        raise ConfigError(f"{name}={shown(value)} is not known" + did_you_mean(value, rule["one_of"]))
+    if value is not None and "matches" in rule and not rule["matches"][0].fullmatch(str(value)):
+        raise ConfigError(f"{name}={shown(value)} must be {rule['matches'][1]}")
+
+
+def _is_path(value: str) -> bool:
+    """Whether a file system can have such a path."""
+    return 0 < len(value) < MAX_PATH and "\0" not in value and all(len(os.fsencode(x)) < 256 for x in value.split("/"))
 
 
 def read(cls: type[T], node: Any, key: str) -> T:
@@ -94,7 +161,7 @@ def read(cls: type[T], node: Any, key: str) -> T:
     prefix = f"{key}." if key else ""
     container: Any = OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
     if not isinstance(container, dict):
-        raise ConfigError(f"{key}={container} must be a group of keys: {', '.join(fields)}")
+        raise ConfigError(f"{key}={shown(container)} must be a group of keys: {', '.join(fields)}")
     container = dict(container)
     for name in container:
         if name not in fields:
@@ -102,8 +169,8 @@ def read(cls: type[T], node: Any, key: str) -> T:
     paths = {field.name for field in declared if "path" in field.metadata}
     for name, value in container.items():
         if isinstance(value, str) and "${" in value and name not in paths:
-            raise ConfigError(f"{prefix}{name}={value} cannot be resolved; write the value itself")
-        if hints.get(name) is bool and isinstance(value, str) and value.lstrip("+-").isdigit():
+            raise ConfigError(f"{prefix}{name}={shown(value)} cannot be resolved; write the value itself")
+        if hints.get(name) is bool and _is_number(value):
             raise ConfigError(f"{prefix}{name}={value} must be true or false")
     for field in declared:
         if container.get(field.name, "???" if _required(field) else None) == "???":
@@ -120,7 +187,14 @@ def read(cls: type[T], node: Any, key: str) -> T:
     except OmegaConfBaseException as error:
         first = str(error.msg or error).splitlines()[0]
         value = OmegaConf.select(OmegaConf.create(container), str(error.full_key))
-        raise ConfigError(f"{prefix}{error.full_key}={value}: {first}") from None
+        raise ConfigError(f"{prefix}{error.full_key}={shown(value)}: {shown(first)}") from None
+
+
+def _is_number(value: Any) -> bool:
+    """Whether OmegaConf would take a number for a truth value."""
+    if isinstance(value, str):
+        return value.lstrip("+-").isdigit()
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _typed(cls: Any, values: dict[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from core.errors import ConfigError, did_you_mean
 from core.overrides import apply, compose, groups
-from core.schema import Checked, one_of, read, within
+from core.schema import Checked, any_path, checked_by, one_of, read, within
 from envs.config import read_env
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.window import Window
@@ -48,14 +48,14 @@ class SessionConfig(Checked):
     overrides: of any other key of the environment's config, as in `train.py`.
     """
 
-    task: str
-    robot: str
-    control: str
-    workspace: str | None
+    task: str = checked_by("the config group")
+    robot: str = checked_by("the config group")
+    control: str = checked_by("the config group")
+    workspace: str | None = checked_by("the config group")
     objects: int | None = within(1, MOST_OBJECTS)
     driver: str = one_of(*DRIVERS)
-    checkpoint: str | None
-    overrides: list[str]
+    checkpoint: str | None = any_path()
+    overrides: list[str] = checked_by("core.overrides.check")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -55,7 +55,7 @@ VALIDATION_FRAMES = 100  # of each of them
 class ReaderTraining(Checked):
     """Keys of `train`; the module's docstring describes them."""
 
-    out: str
+    out: str = any_path()
     frames: int = within(1, 1_000_000)
     epochs: int = within(1, 10_000)
     seed: int = within(0, 2**31 - 1)

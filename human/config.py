@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from core.errors import ConfigError
 from core.schema import Checked, any_path, one_of, within
@@ -21,7 +21,7 @@ class Camera(Checked):
 
     target: list[float] = within(-20, 20, count=3)
     distance: float = within(0.1, 20)
-    yaw: float
+    yaw: float = within(-360, 360)
     pitch: float = within(-90, 90)
     fov: float = within(1, 120)
     width: int = within(16, 4096)
@@ -46,7 +46,7 @@ class HumanConfig(Checked):
     yaw: float = within(-360, 360)
     rest: dict[str, float] = within(-6.3, 6.3)
     camera: Camera | None
-    palm: list[float] = field(default_factory=list)  # configs of older versions lack it
+    palm: list[float] = within(-20, 20, count=(0, 6), default=())  # configs of older versions lack it
 
     def __post_init__(self) -> None:
         super().__post_init__()

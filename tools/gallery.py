@@ -22,7 +22,7 @@ from PIL import Image, ImageDraw, ImageFont
 from core.command_line import out_folder, split
 from core.overrides import check, compose, groups
 from core.program import run_program
-from core.schema import Checked, read, within
+from core.schema import Checked, any_path, read, within
 from envs.config import EnvConfig, read_env
 from envs.experts import expert
 from envs.workspace_env import WorkspaceEnv
@@ -39,7 +39,7 @@ Picture = NDArray[np.uint8]
 
 @dataclass(frozen=True, kw_only=True)
 class GalleryConfig(Checked):
-    out: str
+    out: str = any_path()
     seed: int = within(0, 2**31 - 1)
 
 

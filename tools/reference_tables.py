@@ -22,7 +22,7 @@ from core.command_line import out_folder, split
 from core.errors import ConfigError
 from core.overrides import compose, groups
 from core.program import run_program
-from core.schema import Checked, read
+from core.schema import Checked, any_path, read
 from envs.config import EnvConfig, read_env
 from envs.experts import EXPERTS
 from envs.mdp.controls import CONTROLS
@@ -61,7 +61,7 @@ Rows = Sequence[Sequence[Any]]
 
 @dataclass(frozen=True, kw_only=True)
 class TablesConfig(Checked):
-    out: str
+    out: str = any_path()
     check: bool
 
 

@@ -7,9 +7,11 @@ from importlib.util import find_spec
 from typing import Any
 
 from core.errors import ConfigError, did_you_mean
-from core.schema import Checked, any_path, one_of, read, within
+from core.schema import Checked, any_path, one_of, read, shown, text, within
 from core.system import cores
 from trainers.algorithms.settings import AlgorithmConfig, OffPolicyConfig, read_algorithm
+
+MOST_FRAMES = 10**12  # of a run
 
 
 @dataclass(frozen=True)
@@ -20,13 +22,17 @@ class SweepConfig(Checked):
     gpus: float = within(0, 64)  # GPUs of each run on a cluster
     retries: int = within(0, 100)  # how often a run that failed or was lost on a cluster is started again
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_share("gpus", self.gpus)
+
 
 @dataclass(frozen=True)
 class EvalConfig(Checked):
     overlap: bool  # evaluations during training and the video run in a process of their own, beside worker processes
-    episodes: int = within(1)  # of the evaluation at the end
-    interval: int = within(1)  # frames between evaluations during training
-    interval_episodes: int = within(1)  # episodes of each of these
+    episodes: int = within(1, 10_000_000)  # of the evaluation at the end
+    interval: int = within(1, MOST_FRAMES)  # frames between evaluations during training
+    interval_episodes: int = within(1, 10_000_000)  # episodes of each of these
     worlds: int = within(1, 4096)
     video_episodes: int = within(0, 100)  # 0 = no video
 
@@ -35,21 +41,23 @@ class EvalConfig(Checked):
 class CheckpointConfig(Checked):
     """Checkpoints beside those of evaluations."""
 
-    every: float | None = within(0.001)  # minutes from one to the next; None = at evaluations alone
+    every: float | None = within(0.001, 1e6)  # minutes from one to the next; None = at evaluations alone
     keep: int = within(0, 10_000)  # how many of the latest ones are kept beside last and best
 
 
 @dataclass(frozen=True)
 class RunConfig(Checked):
-    device: str  # of the updates: cpu, cuda, cuda:1; worlds stay on the CPU
+    device: str = text(
+        r"cpu|(?!cpu)[a-z]+(:\d{1,2})?", "cpu, cuda or cuda:<number>"
+    )  # of the updates: cpu, cuda, cuda:1; worlds stay on the CPU
     init: str | None = any_path()  # a run, checkpoint or pretrained policy whose networks the policy begins with
-    total_frames: int = within(1)  # control steps over all worlds
+    total_frames: int = within(1, MOST_FRAMES)  # control steps over all worlds
     seed: int = within(0, 2**31 - 1)
     update_threads: int = within(0, 1024)  # CPU threads of an update; 0 = one per core
     logger: list[str] = one_of("tensorboard", "wandb")
     # Frames over which learning rate and exploration are annealed; None = total_frames. A run that ends earlier can be
     # resumed with a larger total_frames, as if it had never stopped.
-    schedule_frames: int | None = within(1)
+    schedule_frames: int | None = within(1, MOST_FRAMES)
 
 
 @dataclass(frozen=True)
@@ -60,8 +68,8 @@ class CollectorConfig(Checked):
     workers: int = within(0, 256)  # processes; 0 = one per core if worlds divide evenly, 1 = only the main process
     worlds: int = within(1, 4096)  # over all workers
     # Seconds to wait for a batch of a worker process; None = twice the slowest of the latest batches, plus 4 s.
-    timeout: float | None = within(0.1)
-    restarts: int = within(0)  # worker processes that are replaced in a run, before it gives up
+    timeout: float | None = within(0.1, 1e6)
+    restarts: int = within(0, 1_000_000)  # worker processes that are replaced in a run, before it gives up
 
     @property
     def batches_ahead(self) -> int:
@@ -89,15 +97,27 @@ class LocalCollectorConfig(CollectorConfig):
 class RayCollectorConfig(CollectorConfig):
     """Collection in actors of a Ray cluster."""
 
-    address: str | None  # HOST:PORT; None = RAY_ADDRESS, or a cluster of this machine; without one a Ray is started
+    address: str | None = text(
+        r"[\w.:\[\]-]{1,255}", "HOST:PORT"
+    )  # HOST:PORT; None = RAY_ADDRESS, or a cluster of this machine; without one a Ray is started
     dashboard: bool  # of a Ray that is started
     cpus: float = within(0.001, 1024.0)  # cores that an actor reserves
     mode: str = one_of("sync", "async")
     ahead: int = within(1, 16)  # batches that async collects ahead
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_share("cpus", self.cpus)
+
     @property
     def batches_ahead(self) -> int:
         return self.ahead if self.mode == "async" else 0
+
+
+def _check_share(name: str, value: float) -> None:
+    """Raise ConfigError for a part of a core or GPU beside whole ones, which Ray does not give."""
+    if value > 1 and value % 1:
+        raise ConfigError(f"{name}={value:g} must be a whole number, or less than 1")
 
 
 @dataclass(frozen=True)
@@ -107,8 +127,8 @@ class NetworkConfig(Checked):
     privileged_critic: bool  # the critic is given the goal itself; only losses use it
     state_dependent_std: bool
     networks: int = within(1, 3)  # actors, one for each stage of the task; the last one acts in all later stages
-    hidden: list[int] = within(1, 4096)
-    critic_hidden: list[int] = within(1, 4096)
+    hidden: list[int] = within(1, 4096, count=(0, 32))
+    critic_hidden: list[int] = within(1, 4096, count=(0, 32))
     activation: str = one_of("tanh", "relu", "elu")
     initial_std: float = within(0.01, 2.0)  # of the exploration noise, in units of the action in [-1, 1]
 
@@ -196,8 +216,8 @@ def read_policy(node: Any) -> PolicyConfig:
 
 def _by_name(node: Any, key: str, classes: dict[str, Any]) -> Any:
     name = node.get("name") if hasattr(node, "get") else node
-    if name not in classes:
-        raise ConfigError(f"{key}.name={name} is not known" + did_you_mean(str(name), classes))
+    if not isinstance(name, str) or name not in classes:
+        raise ConfigError(f"{key}.name={shown(name)} is not known" + did_you_mean(str(name), classes))
     return read(classes[name], node, key)
 
 

@@ -15,7 +15,7 @@ import pybullet as bullet
 
 from core.errors import ConfigError, did_you_mean
 from core.file_cache import file_digest
-from core.schema import Checked, any_path, one_of, within
+from core.schema import Checked, any_path, checked_by, one_of, text, within, word
 from core.system import suppress_stdout
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.urdf import simplified, with_hulls, with_magnet
@@ -25,21 +25,27 @@ from envs.sim.urdf import simplified, with_hulls, with_magnet
 class RobotConfig(Checked):
     """One arm. Names are the URDF's own; lengths in metres, angles in radians."""
 
-    name: str
+    name: str = word()
     package: str = one_of("pybullet_data", "example_robot_data", "file")  # where `urdf` is searched
     urdf: str = any_path()
     base: list[float] = within(-1, 1, count=3)  # where the URDF's origin stands in the workspace frame
-    joints: list[str]  # the arm's revolute joints, from the base on
+    joints: list[str] = text(
+        r"[^\x00-\x1f]{1,200}", "a name in the URDF"
+    )  # the arm's revolute joints, from the base on
     max_speed: list[float] = within(0.01, 20)  # rad/s of each joint
-    rest: list[float]  # joint angles at reset: the gripper points down and keeps this orientation
-    tip: str  # the link that carries the gripper
+    rest: list[float] = checked_by(
+        "Robot._check"
+    )  # joint angles at reset: the gripper points down and keeps this orientation
+    tip: str = text(r"[^\x00-\x1f]{1,200}", "a name in the URDF")  # the link that carries the gripper
     tip_offset: list[float] = within(-1, 1, count=3)  # gripper centre in that link's frame
     approach: list[float] = within(-1, 1, count=3)  # unit vector: where the gripper points, in that link's frame
     grippers: list[str] = one_of("magnet", "fingers")  # its possible grippers; the first is its own
     magnet: list[float] = within(
         0.001, 0.5
     )  # radius and length of the cylinder that ends at the gripper centre, if any
-    fingers: list[str]  # prismatic finger joints; empty for a magnet
+    fingers: list[str] = text(
+        r"[^\x00-\x1f]{1,200}", "a name in the URDF"
+    )  # prismatic finger joints; empty for a magnet
     finger_opening: float = within(0, 0.2)  # of each finger, fully open
     # Share of its error that a motor closes in a physics step. 0.3 closes 99 % of it in a control step; motors whose
     # torque is too small for that overshoot, and need less.

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import ConfigError
-from core.schema import Checked, one_of, within
+from core.schema import Checked, one_of, within, word
 from human import Camera, HumanConfig
 
 PLATE, DRAWN = 0.002, 0.0003  # metres: thickness of the drawn parts of a board, and their height above the table
@@ -57,7 +57,7 @@ class Fitting(Checked):
     friction: float = within(0, 1000)
     mass: float = within(0.01, 1000)
     grip: float = within(0, 10)
-    inside: list[float] = within(-20, 20)
+    inside: list[float] = within(-20, 20, count=(0, 6))
     parts: dict[str, Box]
 
     def __post_init__(self) -> None:
@@ -156,22 +156,27 @@ class BoardConfig(Checked):
 class WorkspaceConfig(Checked):
     """Areas are (x0, x1, y0, y1[, z0, z1]) in the workspace frame, metres."""
 
-    name: str
+    name: str = word()
     furniture: dict[str, Box]
     fittings: dict[str, Fitting]
-    object_area: list[float] = within(-5, 5)
-    gripper_box: list[float] = within(-5, 5)
-    bounds: list[float] = within(-10, 10)
+    object_area: list[float] = within(-5, 5, count=4)
+    gripper_box: list[float] = within(-5, 5, count=6)
+    bounds: list[float] = within(-10, 10, count=6)
     camera: Camera
     human: HumanConfig | None  # the person in the workspace, if any
     board: BoardConfig | None  # the board on the table, if any
-    device_area: list[float] = field(default_factory=list)  # where devices stand beside fittings; []: nowhere
+    device_area: list[float] = within(
+        -5, 5, count=(0, 4), default=()
+    )  # where devices stand beside fittings; []: nowhere
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_box("object_area", self.object_area, 4)
         _check_box("gripper_box", self.gripper_box, 6)
         _check_box("bounds", self.bounds, 6)
+        for name in ("object_area", "gripper_box"):
+            if not _holds(self.bounds, getattr(self, name)):
+                raise ConfigError(f"{name}={getattr(self, name)} must lie in bounds={self.bounds}")
         if self.device_area:
             _check_box("device_area", self.device_area, 4)
 
@@ -189,6 +194,12 @@ class WorkspaceConfig(Checked):
                     "choose another workspace or robot"
                 )
         return replace(self, object_area=area, gripper_box=box)
+
+
+def _holds(box: Sequence[float], inner: Sequence[float]) -> bool:
+    """Whether a box has another one in it, in the dimensions of the inner one."""
+    pairs = enumerate(zip(box, inner, strict=False))
+    return all(low <= high for low, high in (pair[::-1] if i % 2 else pair for i, pair in pairs))
 
 
 def _common(box: Sequence[float], other: Sequence[float]) -> list[float]:

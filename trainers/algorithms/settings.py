@@ -12,8 +12,9 @@ from importlib.util import find_spec
 from typing import Any, ClassVar, TypeVar
 
 from core.errors import ConfigError, did_you_mean
-from core.schema import Checked, one_of, read, within
+from core.schema import Checked, checked_by, one_of, read, within, word
 
+MOST_FRAMES = 10**9  # of a batch, a buffer or a memory
 PACKAGE = "trainers.algorithms"  # of the algorithms and, with dotted names, of losses
 
 
@@ -27,16 +28,18 @@ class AlgorithmConfig(Checked):
     algorithm: ClassVar[str]  # <module>.<class> in `PACKAGE`, set by `register`
     on_policy: ClassVar[bool]  # whether an update learns from the latest batch alone
 
-    name: str
+    name: str = word()
     anneal_lr: bool  # linearly to zero over the run
     horizon: int = within(1, 4096)  # steps of each world between updates
     lr: float = within(1e-7, 1.0)
-    max_grad_norm: float = within(1e-3)
+    max_grad_norm: float = within(1e-3, 1e6)
     grounding_weight: float = within(0.0, 100.0)  # 0 = the words must be learned from reward alone
     grounding_lr: float = within(1e-7, 1.0)  # of the parameters that only the grounding loss trains; annealed like lr
-    grounding_batch: int = within(1)  # scenes of one gradient step of the grounding loss
-    grounding_memory: int = within(1)  # latest scenes, on which the grounding loss is computed
-    grounding_scenes: int = within(0)  # scenes added at each update that are drawn and described but never simulated
+    grounding_batch: int = within(1, MOST_FRAMES)  # scenes of one gradient step of the grounding loss
+    grounding_memory: int = within(1, MOST_FRAMES)  # latest scenes, on which the grounding loss is computed
+    grounding_scenes: int = within(
+        0, MOST_FRAMES
+    )  # scenes added at each update that are drawn and described but never simulated
 
     @property
     def squashes(self) -> bool:
@@ -99,7 +102,7 @@ class OnPolicyConfig(AlgorithmConfig):
     horizon: int = within(2, 4096)  # steps of each world between updates
     epochs: int = within(1, 100)
     gamma: float = within(0.0, 1.0)
-    minibatch: int = within(2)
+    minibatch: int = within(2, MOST_FRAMES)
     lmbda: float = within(0.0, 1.0)
     # Discount factor at the end of the run, after a linear change; None: gamma.
     final_gamma: float | None = within(0.0, 1.0, default=None)
@@ -108,7 +111,7 @@ class OnPolicyConfig(AlgorithmConfig):
     critic_warmup: float = within(0.0, 1.0, default=0.0)
     # Share of gradient steps and of added scenes for the grounding loss: this times the attention's error on fresh
     # scenes, at most 1 and at least 1/8. None = all.
-    grounding_gain: float | None = within(0.0)
+    grounding_gain: float | None = within(0.0, 1e6)
 
     def discount(self, progress: float) -> float:
         """Return the discount factor after this share of the run."""
@@ -129,16 +132,16 @@ class OffPolicyConfig(AlgorithmConfig):
 
     on_policy = False
 
-    batch: int = within(2)
+    batch: int = within(2, MOST_FRAMES)
     gamma: float = within(0.0, 1.0)
-    updates_per_frame: float = within(0.0, 100.0)  # gradient steps per collected frame
-    buffer: int = within(100)  # capacity of the replay buffer in frames
-    learning_starts: int = within(0)  # frames collected before the first gradient step
-    grounding_every: int = within(1)  # gradient steps for each one that includes the grounding loss
+    updates_per_frame: float = within(1e-6, 100.0)  # gradient steps per collected frame
+    buffer: int = within(100, MOST_FRAMES)  # capacity of the replay buffer in frames
+    learning_starts: int = within(0, MOST_FRAMES)  # frames collected before the first gradient step
+    grounding_every: int = within(1, 1_000_000)  # gradient steps for each one that includes the grounding loss
     hindsight: float = within(0.0, 100.0)  # relabelled copies of each episode; 0 = none, a fraction is a probability
     # First frames in which the task's expert acts. Half of each batch is drawn from them: RLPD, Ball et al. 2023
     # (arXiv:2302.02948).
-    demonstrations: int = within(0, default=0)
+    demonstrations: int = within(0, MOST_FRAMES, default=0)
 
     @property
     def imitates(self) -> bool:
@@ -162,7 +165,7 @@ class PPOConfig(OnPolicyConfig):
     clip: float = within(1e-3, 1.0)
     entropy: float = within(0.0, 1.0)  # weight of the entropy bonus
     critic_weight: float = within(0.0, 100.0)
-    target_kl: float = within(0.0)  # an update ends early beyond 1.5 times this; 0 = never
+    target_kl: float = within(0.0, 1e6)  # an update ends early beyond 1.5 times this; 0 = never
 
 
 @register("sac", builds="sac.SAC")
@@ -212,10 +215,10 @@ class BCConfig(AlgorithmConfig):
     on_policy = False
 
     name: str = one_of("bc")
-    batch: int = within(2)
-    updates_per_frame: float = within(0.0, 100.0)  # gradient steps per collected frame
-    buffer: int = within(100)  # labelled frames that are kept, the latest ones
-    grounding_every: int = within(1)  # gradient steps for each one that includes the grounding loss
+    batch: int = within(2, MOST_FRAMES)
+    updates_per_frame: float = within(1e-6, 100.0)  # gradient steps per collected frame
+    buffer: int = within(100, MOST_FRAMES)  # labelled frames that are kept, the latest ones
+    grounding_every: int = within(1, 1_000_000)  # gradient steps for each one that includes the grounding loss
     std: float = within(0.01, 2.0)  # exploration noise of the policy's moves
     expert_until: float = within(0.0, 1.0)  # share of the run over which the expert's share of the steps falls to 0
 
@@ -233,8 +236,8 @@ class TorchRLOnPolicyConfig(OnPolicyConfig):
     """An on-policy loss of TorchRL: A2CLoss, PPOLoss, ClipPPOLoss, ..."""
 
     adapter: str = one_of("torchrl_on_policy")
-    loss: str  # a class of torchrl.objectives, or <module>.<class> of trainers.algorithms
-    options: dict[str, Any]  # keyword arguments of the loss
+    loss: str = word()  # a class of torchrl.objectives, or <module>.<class> of trainers.algorithms
+    options: dict[str, Any] = checked_by("the loss")  # keyword arguments of the loss
 
 
 @register("torchrl_off_policy", builds="torchrl_losses.TorchRLOffPolicy")
@@ -243,8 +246,8 @@ class TorchRLOffPolicyConfig(OffPolicyConfig):
     """An off-policy loss of TorchRL: TD3Loss, SACLoss, CrossQLoss, TQCLoss, REDQLoss, DDPGLoss, ..."""
 
     adapter: str = one_of("torchrl_off_policy")
-    loss: str  # a class of torchrl.objectives, or <module>.<class> of trainers.algorithms
-    options: dict[str, Any]  # keyword arguments of the loss
+    loss: str = word()  # a class of torchrl.objectives, or <module>.<class> of trainers.algorithms
+    options: dict[str, Any] = checked_by("the loss")  # keyword arguments of the loss
     deterministic: bool  # the actor writes the move itself, and exploration noise of policy.initial_std is added
     final_std: float | None = within(0.01, 2.0)  # deterministic: exploration noise at the end, after a linear decline
     critics: int = within(1, 100)
@@ -252,8 +255,8 @@ class TorchRLOffPolicyConfig(OffPolicyConfig):
     critic_normalisation: str = one_of("none", "layer", "batch_renorm")
     target: str = one_of("none", "soft", "hard")  # how the target networks follow
     tau: float = within(1e-5, 1.0)  # soft: part of the way at each step
-    target_interval: int = within(1)  # hard: gradient steps between two copies
-    actor_every: int = within(1)  # gradient steps of the critics for each one of actor and temperature
+    target_interval: int = within(1, 1_000_000)  # hard: gradient steps between two copies
+    actor_every: int = within(1, 1_000_000)  # gradient steps of the critics for each one of actor and temperature
     adam_beta1: float = within(0.0, 0.999)
 
     @property

@@ -245,7 +245,7 @@ def _find_address(address: str | None) -> str | None:
     assert named is not None
     source = f"collector.address={named}" if address else f"RAY_ADDRESS={named}"
     host, _, port = named.rpartition(":")
-    if not host or not port.isdigit():
+    if not host or not port.isdecimal() or not 0 < int(port[:6]) < 65536:
         raise ConfigError(f"{source} must be HOST:PORT, like 10.0.0.1:6379")
     if not _listens(named):
         raise ConfigError(f"{source} is out of reach: nothing there has answered for {CONNECT_SECONDS:g} s")

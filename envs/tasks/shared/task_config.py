@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import Generator
 
 from core.errors import ConfigError, did_you_mean
-from core.schema import Checked, one_of, within
+from core.schema import Checked, checked_by, one_of, within, word
 from envs.tasks.shared.types import Randomized
 from language import (
     DEVICES,
@@ -44,9 +44,9 @@ def _range(low: float, high: float, off: Sequence[float]) -> Any:
 class HeldOutConfig(Checked):
     """Words and phrases that the split train never uses, as in `language.HeldOut`."""
 
-    color_noun: list[list[str]]
-    relation_noun: list[list[str]]
-    phrases: list[str]
+    color_noun: list[list[str]] = checked_by("language.HeldOut")
+    relation_noun: list[list[str]] = checked_by("language.HeldOut")
+    phrases: list[str] = checked_by("language.HeldOut")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -140,12 +140,14 @@ class RandomizeConfig(Checked):
 class ObjectConfig(Checked):
     """One object that a task lists, as in `ObjectSpec`; area in metres. A noun or color left out is drawn."""
 
-    noun: str | None = None
-    color: str | None = None
-    area: list[float]  # x0, x1, y0, y1, z0, z1 of its centre
+    noun: str | None = checked_by("language.ObjectSpec", default=None)
+    color: str | None = checked_by("language.ObjectSpec", default=None)
+    area: list[float] = checked_by("language.ObjectSpec")  # x0, x1, y0, y1, z0, z1 of its centre
     fixed: bool = False
     random_rotation: bool = False
-    role: str | None = None  # left out: "real" for an init, "target" for a goal
+    role: str | None = checked_by(
+        "language.ObjectSpec", default=None
+    )  # left out: "real" for an init, "target" for a goal
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -208,7 +210,7 @@ class TaskConfig(Checked):
     If objects are listed, num_objects and min_objects are their number and num_targets is 0, whatever was given.
     """
 
-    name: str
+    name: str = word()
     objects: ObjectsConfig
     num_objects: int = within(1, STACKED_SLOTS)
     min_objects: int = within(1, STACKED_SLOTS)  # an episode shows this many to num_objects
@@ -233,7 +235,7 @@ class TaskConfig(Checked):
     curriculum: CurriculumConfig
     randomize: RandomizeConfig = field(default_factory=RandomizeConfig)  # configs of older versions lack it
     instructions: int = within(1, 1000, default=1)  # per episode: after a success the next one is given
-    verbs: list[str] = field(default_factory=list)  # verbs of the task that instructions use; empty: all
+    verbs: list[str] = word(default=())  # verbs of the task that instructions use; empty: all
     reward: dict[str, float] = within(-1000, 1000)  # the weight of every reward term of the task, by name
 
     def __post_init__(self) -> None:
@@ -253,6 +255,8 @@ class TaskConfig(Checked):
         if self.slots > self.most_slots:
             many = f"num_objects={self.num_objects} and num_targets={self.num_targets}"
             raise ConfigError(f"{many}: at most {self.most_slots} can be shown")
+        if self.hold_steps > self.max_steps:
+            raise ConfigError(f"hold_steps={self.hold_steps} must be at most max_steps={self.max_steps}")
         if self.min_objects > self.num_objects:
             raise ConfigError(f"min_objects={self.min_objects} must be at most num_objects={self.num_objects}")
         if self.spacing < 2 * self.radius and self.slots > 1:
