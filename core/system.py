@@ -7,6 +7,7 @@ import os
 import platform
 import signal
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -75,12 +76,42 @@ def suppress_stdout() -> Iterator[None]:
     if os.name != "posix":
         yield
         return
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        with _redirected(null):
+            yield
+    finally:
+        os.close(null)
+
+
+@contextmanager
+def captured_stdout() -> Iterator[list[str]]:
+    """Collect what C code writes to stdout and stderr in the block: the only entry of the list, once the block ends.
+
+    The list stays empty on Windows.
+    """
+    texts: list[str] = []
+    if os.name != "posix":
+        yield texts
+        return
+    with tempfile.TemporaryFile() as file:
+        try:
+            with _redirected(file.fileno()):
+                yield texts
+        finally:
+            file.seek(0)
+            texts.append(file.read().decode(errors="replace"))
+
+
+@contextmanager
+def _redirected(target: int) -> Iterator[None]:
+    """Send stdout and stderr of this process to another file descriptor."""
     flush = ctypes.CDLL(None).fflush
     sys.stdout.flush()
     flush(None)
-    saved, null = [os.dup(1), os.dup(2)], os.open(os.devnull, os.O_WRONLY)
+    saved = [os.dup(1), os.dup(2)]
     for descriptor in (1, 2):
-        os.dup2(null, descriptor)
+        os.dup2(target, descriptor)
     try:
         yield
     finally:
@@ -88,7 +119,6 @@ def suppress_stdout() -> Iterator[None]:
         for descriptor, copy in zip((1, 2), saved, strict=True):
             os.dup2(copy, descriptor)
             os.close(copy)
-        os.close(null)
 
 
 def signal_at_parent_death(number: int) -> None:

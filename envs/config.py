@@ -9,7 +9,7 @@ from core.errors import ConfigError, did_you_mean
 from core.schema import read
 from envs.mdp.controls import ControlConfig
 from envs.sim.gripper import GripperConfig
-from envs.sim.robot import RobotConfig, urdf_path
+from envs.sim.robot_config import RobotConfig, urdf_path
 from envs.sim.workspace import WorkspaceConfig
 from envs.sim.world import PhysicsConfig
 from envs.tasks import NO_CURRICULUM, TASKS, RandomizeConfig, TaskConfig

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.sim.robot import RobotConfig
+from envs.sim.robot_config import RobotConfig
 from envs.sim.world import SimulatedWorld
 from envs.tasks import NOTHING, State
 

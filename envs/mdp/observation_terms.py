@@ -18,7 +18,7 @@ from envs.mdp.grip_controller import GripController
 from envs.mdp.randomization import Perturbations
 from envs.mdp.world_state import WorldState
 from envs.sim.kinematics import Kinematics
-from envs.sim.robot import RobotConfig
+from envs.sim.robot_config import RobotConfig
 from envs.sim.workspace import WorkspaceConfig
 from envs.tasks import State, Task
 from language import Tokenizer

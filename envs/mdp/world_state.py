@@ -12,7 +12,7 @@ from envs.mdp.goals import Goal, in_bytes, sentence_bytes
 from envs.mdp.object_rows import ATTRIBUTES, OBJECT_WIDTH, attributes
 from envs.sim.kinematics import Array, Kinematics, Pose
 from envs.sim.object_pool import PARKED, USUAL, Mobility
-from envs.sim.robot import RobotConfig
+from envs.sim.robot_config import RobotConfig
 from envs.sim.world import SimulatedWorld
 from envs.tasks import EpisodeSpec, State
 from language import Tokenizer

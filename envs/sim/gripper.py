@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from core.errors import ConfigError
 from core.schema import Checked, one_of, within
-from envs.sim.robot import Robot, RobotConfig
+from envs.sim.robot import Robot
+from envs.sim.robot_config import RobotConfig
 
 FACE_RADIUS = 0.03  # metres from the gripper centre within which a contact is one with the magnet's face
 CONTACT_DISTANCE = 1e-3  # metres: Bullet reports contacts of bodies that are only near each other, too; see also `gap`

@@ -6,72 +6,83 @@ a URDF or mesh that was edited gives another copy.
 
 from __future__ import annotations
 
-import io
 import math
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
-from core.file_cache import Source, cached_folder, cached_text
+from core.file_cache import Source, cached_folder
+from envs.sim.urdf_file import decoded_name, name_of, path_of, raw_path, read_urdf, urdf_bytes
 
 MODULE = Path(__file__)  # a source of what it makes
 LARGE = 160_000  # bytes of an STL file from which on its hull is made small
-DIRECTIONS = 200  # a hull keeps the outermost point in each: within 1 % of its size
-MOVABLE = ("revolute", "continuous", "prismatic")
+DIRECTIONS = 200  # a small hull keeps the outermost point in each: within 1 % of its size
 STL = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])  # a triangle of a binary file
 MAGNET_MASS = 0.1  # kg
-Load = Callable[[int], int]  # client -> body, its links not merged
+EXACT = 1e-4  # metres by which the bounding box of a link with hulls may differ from that with its meshes
+ROUGH = 5e-3  # the same for small hulls
+ORIGINAL = "original"  # marks an entry of the cache in which no copy is
+Load = Callable[[Path, int], int]  # a URDF and a client -> body, its links not merged
 Numbers = tuple[float, ...]
 
 
-def _read(urdf: Path) -> Any:
-    """Return the tree of a URDF, its meshes with absolute paths. Raises ElementTree.ParseError."""
-    tree, folders = ElementTree.parse(urdf), urdf.resolve().parents
-    for mesh in tree.iter("mesh"):
-        mesh.set("filename", _absolute(str(mesh.get("filename")), folders))
-    return tree
+def _read(urdf: Path) -> Element:
+    """Return the `robot` element of a URDF, its meshes with absolute paths. Raises URDFError."""
+    robot, folders = read_urdf(urdf), list(dict.fromkeys((*urdf.absolute().parents, *urdf.resolve().parents)))
+    for mesh in robot.iter("mesh"):
+        mesh.set("filename", raw_path(_absolute(path_of(mesh.get("filename", "")), folders)))
+    return robot
 
 
 def _absolute(mesh: str, folders: Sequence[Path]) -> str:
     """Return the mesh's absolute path, searched beside the URDF and above it, as Bullet does, or what was given."""
-    name = mesh.removeprefix("package://")
+    name = mesh.removeprefix("package://").removeprefix("model://")
     return next((path for folder in folders if os.path.isfile(path := os.path.join(folder, name))), mesh)
 
 
-def _text(tree: Any) -> str:
-    file = io.BytesIO()
-    tree.write(file, encoding="utf-8")
-    return file.getvalue().decode()
+def _cached(name: str, robot: Element) -> Path:
+    """Return a file of this name that holds the `robot` element."""
+    content = urdf_bytes(robot)
+    return cached_folder("urdf", [name, content], lambda folder: _write(folder / name, content)) / name
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
 
 
 # ---- unused joints, and large meshes
 
 
-def simplified(urdf: Path, joints: tuple[str, ...]) -> Path:
-    """Return the path of a copy with unused joints fixed, and small hulls in place of large collision meshes.
+def simplified(urdf: Path, joints: tuple[str, ...], small: bool = False) -> Path:
+    """Return the path of a copy in which joints that the robot does not use are fixed at 0.
 
-    It is that of the URDF itself if there is nothing to simplify. joints: those that the robot uses. All others are
-    fixed at 0.
+    It is that of the URDF itself if there is nothing to simplify. Raises URDFError.
+
+    Args:
+        urdf: of the robot.
+        joints: those that it uses.
+        small: put small hulls in place of large collision meshes.
     """
-    try:
-        tree = _read(urdf)
-    except ElementTree.ParseError:
-        return urdf  # Bullet reports what is wrong with it
-    root = tree.getroot()
-    unused = [joint for joint in root.iter("joint") if joint.get("type") in MOVABLE and joint.get("name") not in joints]
+    robot = _read(urdf)
+    unused = [
+        joint for joint in robot.findall("joint") if joint.get("type") != "fixed" and name_of(joint) not in joints
+    ]
     for joint in unused:
         joint.set("type", "fixed")
-    meshes = root.findall("link/collision/geometry/mesh")
-    large = [mesh for mesh in meshes if _is_large(Path(str(mesh.get("filename"))))]
+    meshes = robot.findall("link/collision/geometry/mesh") if small else []
+    large = [mesh for mesh in meshes if _is_large(_file(mesh))]
     for mesh in large:
-        mesh.set("filename", str(_small_hull(Path(str(mesh.get("filename"))))))
-    return cached_text(urdf.name, _text(tree)) if unused or large else urdf
+        mesh.set("filename", raw_path(str(_small_hull(_file(mesh)))))
+    return _cached(urdf.name, robot) if unused or large else urdf
+
+
+def _file(mesh: Element) -> Path:
+    return Path(path_of(mesh.get("filename", "")))
 
 
 def _is_large(mesh: Path) -> bool:
@@ -104,42 +115,81 @@ def _directions() -> NDArray[np.float32]:
     return np.stack((radius * np.cos(turn), radius * np.sin(turn), z), axis=1).astype(np.float32)
 
 
-# ---- hulls of COLLADA meshes
+# ---- hulls of meshes that load slowly
 
 
-def with_hulls(urdf: Path, load: Load) -> Path:
-    """Return a copy of the URDF with OBJ hulls as collision meshes and without visuals.
+def with_hulls(urdf: Path, load: Load, small: bool = False) -> Path:
+    """Return a copy of the URDF with hulls as collision meshes and without visuals. Raises URDFError.
 
-    It is the URDF itself if that has no COLLADA collision meshes. load: loads the URDF in a client.
+    It is the URDF itself if no collision mesh is COLLADA or large, or if a copy would not be as the original. The hulls
+    are those that Bullet itself makes of the meshes.
+
+    Args:
+        urdf: of the robot.
+        load: loads a URDF in a client.
+        small: write OBJ files, around which Bullet's bounding boxes are 1 mm larger.
     """
-    try:
-        tree = _read(urdf)
-    except ElementTree.ParseError:
-        return urdf  # Bullet reports what is wrong with it
-    files = {str(mesh.get("filename")) for mesh in tree.getroot().findall("link/collision/geometry/mesh")}
-    if not any(file.endswith(".dae") for file in files):
+    robot = _read(urdf)
+    files = {_file(mesh) for mesh in robot.findall("link/collision/geometry/mesh")}
+    if not any(_loads_slowly(file) for file in files):
         return urdf
-    meshes = [Path(file) for file in sorted(files) if Path(file).is_file()]
-    sources: list[Source] = [MODULE, urdf.name, _text(tree), *meshes]
-    return cached_folder("hulls", sources, lambda folder: _write_hulls(tree, urdf.name, load, folder)) / urdf.name
+    sources: list[Source] = [MODULE, urdf.name, str(small), urdf_bytes(robot), *sorted(filter(Path.is_file, files))]
+    folder = cached_folder("hulls", sources, lambda folder: _write_hulls(urdf, robot, load, small, folder))
+    return urdf if (folder / ORIGINAL).exists() else folder / urdf.name
 
 
-def _write_hulls(tree: Any, name: str, load: Load, folder: Path) -> None:
-    meshes = {link.get("name"): link.findall("collision/geometry/mesh") for link in tree.iter("link")}
+def _loads_slowly(mesh: Path) -> bool:
+    kind = mesh.suffix.lower()
+    return kind == ".dae" or (kind == ".stl" and mesh.is_file() and mesh.stat().st_size >= LARGE)
+
+
+def _write_hulls(urdf: Path, robot: Element, load: Load, small: bool, folder: Path) -> None:
+    """Write a copy with hulls; if that is not as the original, an empty file in its place."""
+    links, copy = {name_of(link): link for link in robot.findall("link")}, folder / urdf.name
     client = bullet.connect(bullet.DIRECT)
     try:
-        body = load(client)
-        for link in range(bullet.getNumJoints(body, client)):
-            for i, mesh in enumerate(meshes.get(bullet.getJointInfo(body, link, client)[12].decode(), ())):
-                hull = folder / f"{link}_{i}.obj"
-                hull.write_text(obj(_vertices(body, link, i, client)))
+        body = load(urdf, client)
+        wanted, shapes = _boxes(body, client)
+        names = [bullet.getBodyInfo(body, client)[0], *_link_names(body, client)]
+        for number, name in enumerate(names):
+            for i, mesh in _meshes(links[decoded_name(name)], len(shapes[number])):
+                hull = folder / f"{number - 1}_{i}.{'obj' if small else 'stl'}"
+                points = _vertices(body, number - 1, i, client)
+                _write(hull, obj(points).encode() if small else stl(np.array(points)))
                 mesh.set("filename", hull.name)
+                mesh.attrib.pop("scale", None)
+        for link in links.values():
+            for visual in link.findall("visual"):
+                link.remove(visual)
+        _write(copy, urdf_bytes(robot))
+        bullet.resetSimulation(client)
+        boxes, others = _boxes(load(copy, client), client)
+        if others != shapes or not np.allclose(boxes, wanted, rtol=0, atol=ROUGH if small else EXACT):
+            raise ValueError(f"{copy} is not as {urdf}")
+    except (bullet.error, KeyError, ValueError):  # KeyError: a link without a name
+        _write(folder / ORIGINAL, b"")
     finally:
         bullet.disconnect(client)
-    for element in tree.iter("link"):
-        for visual in element.findall("visual"):
-            element.remove(visual)
-    tree.write(folder / name)
+
+
+def _meshes(link: Element, shapes: int) -> list[tuple[int, Element]]:
+    """Return the link's meshes of which hulls are made, each with its number among its collision shapes."""
+    parts = [(part, part.find("geometry/*")) for part in link.findall("collision")]
+    if len(parts) != shapes:  # an OBJ file can be several shapes
+        return []
+    convex = [(i, shape) for i, (part, shape) in enumerate(parts) if shape is not None and "concave" not in part.attrib]
+    return [(i, mesh) for i, mesh in convex if mesh.tag == "mesh" and _file(mesh).suffix.lower() in (".dae", ".stl")]
+
+
+def _link_names(body: int, client: int) -> list[bytes]:
+    return [bullet.getJointInfo(body, j, client)[12] for j in range(bullet.getNumJoints(body, client))]
+
+
+def _boxes(body: int, client: int) -> tuple[NDArray[np.float64], list[list[int]]]:
+    """Return the bounding boxes of base and links, metres, and the kinds of their shapes."""
+    links = range(-1, bullet.getNumJoints(body, client))
+    kinds = [[shape[2] for shape in bullet.getCollisionShapeData(body, link, client)] for link in links]
+    return np.array([bullet.getAABB(body, link, client) for link in links]), kinds
 
 
 def _vertices(body: int, link: int, shape: int, client: int) -> list[list[float]]:
@@ -158,6 +208,14 @@ def obj(vertices: list[list[float]]) -> str:
     return "\n".join([*rows, *faces, ""])
 
 
+def stl(points: NDArray[np.float64]) -> bytes:
+    """Return the points (P, 3) as a binary STL file. Each is in a triangle."""
+    count = math.ceil(len(points) / 3)
+    triangles = np.zeros(count, STL)
+    triangles["points"] = points[np.arange(3 * count) % len(points)].reshape(count, 3, 3)
+    return bytes(80) + count.to_bytes(4, "little") + triangles.tobytes()
+
+
 # ---- the magnet
 
 
@@ -171,24 +229,24 @@ def with_magnet(urdf: Path, link: str, *, end: Numbers, way: Numbers, radius: fl
         way: (3,) the unit vector along which that face points, in the frame of the link.
         radius, length: metres.
     """
-    tree = _read(urdf)
-    root = tree.getroot()
-    body = ElementTree.SubElement(root, "link", name="deixis_magnet")
-    inertial = ElementTree.SubElement(body, "inertial")
-    ElementTree.SubElement(inertial, "mass", value=str(MAGNET_MASS))
+    root = _read(urdf)
+    parent = next((each.get("name", "") for each in root.findall("link") if name_of(each) == link), link)
+    body = SubElement(root, "link", name="deixis_magnet")
+    inertial = SubElement(body, "inertial")
+    SubElement(inertial, "mass", value=str(MAGNET_MASS))
     spin = str(MAGNET_MASS * radius**2)
-    ElementTree.SubElement(inertial, "inertia", ixx=spin, iyy=spin, izz=spin, ixy="0", ixz="0", iyz="0")
+    SubElement(inertial, "inertia", ixx=spin, iyy=spin, izz=spin, ixy="0", ixz="0", iyz="0")
     for kind in ("visual", "collision"):
-        part = ElementTree.SubElement(body, kind)
-        shape = ElementTree.SubElement(part, "geometry")
-        ElementTree.SubElement(shape, "cylinder", radius=str(radius), length=str(length))
+        part = SubElement(body, kind)
+        shape = SubElement(part, "geometry")
+        SubElement(shape, "cylinder", radius=str(radius), length=str(length))
         if kind == "visual":
-            material = ElementTree.SubElement(part, "material", name="deixis_magnet")
-            ElementTree.SubElement(material, "color", rgba="0.25 0.25 0.28 1")
-    joint = ElementTree.SubElement(root, "joint", name="deixis_magnet_mount", type="fixed")
-    ElementTree.SubElement(joint, "parent", link=link)
-    ElementTree.SubElement(joint, "child", link="deixis_magnet")
+            material = SubElement(part, "material", name="deixis_magnet")
+            SubElement(material, "color", rgba="0.25 0.25 0.28 1")
+    joint = SubElement(root, "joint", name="deixis_magnet_mount", type="fixed")
+    SubElement(joint, "parent", link=parent)
+    SubElement(joint, "child", link="deixis_magnet")
     middle = [a - length / 2 * b for a, b in zip(end, way, strict=True)]
     pitch, yaw = math.atan2(math.hypot(way[0], way[1]), way[2]), math.atan2(way[1], way[0])
-    ElementTree.SubElement(joint, "origin", xyz=" ".join(map(str, middle)), rpy=f"0 {pitch} {yaw}")
-    return cached_text(urdf.name, _text(tree))
+    SubElement(joint, "origin", xyz=" ".join(map(str, middle)), rpy=f"0 {pitch} {yaw}")
+    return _cached(urdf.name, root)

@@ -18,7 +18,8 @@ from envs.sim.furniture import Furniture, Palm
 from envs.sim.gripper import BASE, GRIPPERS, Gripper, GripperConfig
 from envs.sim.object_pool import ObjectPool, PoolSpec, ShownObjects
 from envs.sim.rendering import Renderer, paint
-from envs.sim.robot import Robot, RobotConfig
+from envs.sim.robot import Robot
+from envs.sim.robot_config import RobotConfig
 from envs.sim.window import Window
 from envs.sim.workspace import WorkspaceConfig
 from human import Body, Camera, PointingArm, read_arm

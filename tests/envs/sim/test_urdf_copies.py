@@ -13,7 +13,8 @@ import pybullet as bullet
 import pytest
 
 from core.file_cache import cache_folder
-from envs.sim.robot import load, read_kinematics, urdf_path
+from envs.sim.robot import load, read_kinematics
+from envs.sim.robot_config import urdf_path
 from tests.helpers.env_cases import config_of
 
 ROOT = Path(__file__).resolve().parents[3]

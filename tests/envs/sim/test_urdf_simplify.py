@@ -8,13 +8,13 @@ import pytest
 
 from core.overrides import compose
 from envs import read_env
-from envs.sim.robot import urdf_path
+from envs.sim.robot_config import urdf_path
 from envs.sim.urdf import DIRECTIONS, STL, simplified
 
 
 def simple(robot):
     config = read_env(compose([f"robot={robot}"])).robot
-    return urdf_path(config), simplified(urdf_path(config), (*config.joints, *config.fingers))
+    return urdf_path(config), simplified(urdf_path(config), (*config.joints, *config.fingers), small=True)
 
 
 @pytest.mark.slow
