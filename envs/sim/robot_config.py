@@ -61,10 +61,9 @@ class RobotConfig(Checked):
             raise ConfigError(f"grippers={self.grippers} needs names in fingers and a finger_opening above 0")
         if len(self.fingers) not in (0, 2):
             raise ConfigError(f"fingers={self.fingers} must name two joints, which close towards each other")
-        for key, names in (("joints", self.joints), ("fingers", [*self.joints, *self.fingers])):
-            twice = next((name for name in names if names.count(name) > 1), None)
-            if twice is not None:
-                raise ConfigError(f"{key}={getattr(self, key)}: {twice} is named twice; name each joint once")
+        both = next((name for name in self.fingers if name in self.joints), None)
+        if both is not None:
+            raise ConfigError(f"fingers={self.fingers}: {both} is also in joints; name each joint once")
         if abs(math.hypot(*self.approach) - 1) > 0.01:
             raise ConfigError(f"approach={self.approach} must have length 1: the direction in which the gripper points")
         if "fingers" not in self.grippers and (self.fingers or self.finger_opening):

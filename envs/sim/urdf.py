@@ -152,7 +152,7 @@ def _write_hulls(urdf: Path, robot: Element, load: Load, small: bool, folder: Pa
         wanted, shapes = _boxes(body, client)
         names = [bullet.getBodyInfo(body, client)[0], *_link_names(body, client)]
         for number, name in enumerate(names):
-            for i, mesh in _meshes(links[decoded_name(name)], len(shapes[number])):
+            for i, mesh in _meshes(links[decoded_name(name)], shapes[number]):
                 hull = folder / f"{number - 1}_{i}.{'obj' if small else 'stl'}"
                 points = _vertices(body, number - 1, i, client)
                 _write(hull, obj(points).encode() if small else stl(np.array(points)))
@@ -172,10 +172,13 @@ def _write_hulls(urdf: Path, robot: Element, load: Load, small: bool, folder: Pa
         bullet.disconnect(client)
 
 
-def _meshes(link: Element, shapes: int) -> list[tuple[int, Element]]:
-    """Return the link's meshes of which hulls are made, each with its number among its collision shapes."""
+def _meshes(link: Element, shapes: list[int]) -> list[tuple[int, Element]]:
+    """Return the link's meshes of which hulls are made, each with its number among its collision shapes.
+
+    Bullet gives the points of all meshes of a link together, so that a link with several of them keeps them.
+    """
     parts = [(part, part.find("geometry/*")) for part in link.findall("collision")]
-    if len(parts) != shapes:  # an OBJ file can be several shapes
+    if len(parts) != len(shapes) or shapes.count(bullet.GEOM_MESH) != 1:
         return []
     convex = [(i, shape) for i, (part, shape) in enumerate(parts) if shape is not None and "concave" not in part.attrib]
     return [(i, mesh) for i, mesh in convex if mesh.tag == "mesh" and _file(mesh).suffix.lower() in (".dae", ".stl")]

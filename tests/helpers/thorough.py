@@ -15,6 +15,13 @@ def cases(sample: int, thorough: int) -> int:
     return thorough if option["thorough"] else sample
 
 
+def some(names: Iterable[str], sample: int) -> list[str]:
+    """Return `sample` of these names, evenly spread, or all of them with `--thorough`."""
+    every = list(names)
+    count = cases(min(sample, len(every)), len(every))
+    return [every[i * len(every) // count] for i in range(count)]
+
+
 def left_out(items: Iterable[pytest.Item]) -> list[pytest.Item]:
     """Return the cases that the sample leaves out of tests marked `sampled`.
 
