@@ -44,9 +44,11 @@ from typing import TYPE_CHECKING, Any
 
 from core.command_line import check_file, split
 from core.errors import ConfigError
+from core.machine_limits import require_threads
 from core.overrides import apply
 from core.program import run_program
 from core.schema import Checked, any_path, one_of, read, within
+from core.system import cores
 
 if TYPE_CHECKING:
     from envs.tasks import RandomizeConfig
@@ -129,6 +131,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
     Raises:
         ConfigError: for bad input.
     """
+    require_threads(2 * cores())
     config, overrides = parse(arguments)
 
     from trainers.reports.evaluation_text import describe

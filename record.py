@@ -29,9 +29,11 @@ from typing import TYPE_CHECKING, Any
 
 from core.command_line import check_folder, split
 from core.errors import ConfigError
+from core.machine_limits import require_threads
 from core.overrides import apply, check, compose
 from core.program import run_program
 from core.schema import Checked, any_path, one_of, read, within
+from core.system import cores
 
 if TYPE_CHECKING:
     from core.system import StopSignal
@@ -87,6 +89,7 @@ def parse(arguments: list[str]) -> tuple[RecordConfig, list[str]]:
 
 def main(arguments: list[str]) -> None:
     """Record or replay episodes, and print the result. Raises ConfigError."""
+    require_threads(2 * cores())
     config, overrides = parse(arguments)
     if config.replay:
         _replay(Path(config.replay), config.tolerance)

@@ -16,10 +16,12 @@ import hydra
 
 from core.command_line import check_run
 from core.composition import quoted, raised_by_hydra, with_choices
+from core.machine_limits import require_threads
 from core.overrides import apply
 from core.path_keys import escaped, from_hydra
 from core.platform_tuning import lean_imports
-from core.program import program
+from core.program import INTERRUPTED, program
+from core.system import cores
 from trainers.sweeps.arguments import expand_resume, register_resolvers
 
 if TYPE_CHECKING:
@@ -66,8 +68,10 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     from trainers.collect import fork_server
     from trainers.config import read_training, uses_processes
     from trainers.run.progress import Progress
+    from trainers.run.requirements import check_start
 
     env_config, training = read_env(config), read_training(config)
+    check_start(training, folder)
     if uses_processes(training.collector):
         fork_server.start(["hydra", "envs.workspace_env"])  # it imports while this process imports
     with Progress(training.run.total_frames) as progress:
@@ -130,19 +134,20 @@ def main(config: Any) -> dict[str, Any] | None:
         run_job(Path(__file__), config, list(job.overrides.task), folder, job.runtime.choices["hydra/launcher"])
         return None
     try:
-        if config.resume:
-            config, own_folder = resumed(config.resume, [from_hydra(word) for word in job.overrides.task])
-            folder = own_folder or hydra_folder
-        else:
-            config = with_choices(config, job.runtime.choices)
-        result = run(config, folder)
-    except KeyboardInterrupt:  # before the loop, which handles signals
-        print("stopped before training began: nothing is saved", flush=True)
+        with program():  # here: Hydra would add lines of its own
+            if config.resume:
+                config, own_folder = resumed(config.resume, [from_hydra(word) for word in job.overrides.task])
+                folder = own_folder or hydra_folder
+            else:
+                config = with_choices(config, job.runtime.choices)
+            return run(config, folder)
+    except SystemExit as end:
+        if end.code == INTERRUPTED:  # before the loop, which handles signals
+            print("stopped before training began: nothing is saved", flush=True)
         raise
     finally:
         if hydra_folder.is_dir() and not any(hydra_folder.iterdir()):
             hydra_folder.rmdir()  # not used by a refused or a resumed run
-    return result
 
 
 def summary(result: dict[str, Any], folder: Path) -> str:
@@ -164,6 +169,7 @@ def cli(words: Sequence[str] | None = None) -> None:
         words: command-line words; by default those of this process.
     """
     with program():
+        require_threads(2 * cores())
         register_resolvers()
         words = expand_resume(sys.argv[1:] if words is None else words)
         check_run(words)

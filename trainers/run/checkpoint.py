@@ -47,7 +47,7 @@ def save(path: Path, payload: dict[str, Any]) -> None:
         CheckpointError: the disk has too little free space; nothing is written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    required, free = 2 * _size_in_bytes(payload) + MIN_FREE_BYTES, shutil.disk_usage(path.parent).free
+    required, free = 2 * size_in_bytes(payload) + MIN_FREE_BYTES, shutil.disk_usage(path.parent).free
     if free < required:
         raise CheckpointError(
             f"{path}: a checkpoint needs {required / 2**20:.0f} MiB of free disk space, {free / 2**20:.0f} are free"
@@ -277,12 +277,12 @@ def _validated(path: Path, payload: Any, keys: Sequence[str] = KEYS) -> dict[str
     return payload
 
 
-def _size_in_bytes(value: Any) -> int:
+def size_in_bytes(value: Any) -> int:
     if isinstance(value, torch.Tensor):
         return value.numel() * value.element_size()
     if isinstance(value, dict):
-        return sum(map(_size_in_bytes, value.values()))
-    return sum(map(_size_in_bytes, value)) if isinstance(value, list | tuple) else 64
+        return sum(map(size_in_bytes, value.values()))
+    return sum(map(size_in_bytes, value)) if isinstance(value, list | tuple) else 64
 
 
 def _first_line(error: Exception) -> str:

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 from tensordict import TensorDictBase
@@ -34,6 +34,7 @@ from trainers.run.checkpoint import start_from
 from trainers.run.evaluator import Evaluator, VideoTask
 from trainers.run.metrics import EVALUATION_NAMES, MetricsWriter
 from trainers.run.progress import Progress
+from trainers.run.requirements import check_sizes
 from trainers.run.saving import CheckpointWriter, MemoryFiles
 from trainers.utils.files import WriteError, write_checked_json
 
@@ -148,6 +149,9 @@ class TrainingRun:
         self.resumed: dict[str, Any] = {}  # what the first batch after a resume depends on
         memories = MemoryFiles(folder / "checkpoints" / "memory", self.algorithm.memories)
         self.writer = CheckpointWriter(folder / "checkpoints", training.checkpoint, memories)
+
+        step = cast(EnvBase, self.env).fake_tensordict()
+        check_sizes(training, folder, step, self.payload(), self.algorithm.memories)
 
     def close(self) -> None:
         """End the worlds of this process."""
