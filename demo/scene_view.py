@@ -131,7 +131,7 @@ class SceneView:
         place = {"position": shape.position, "wxyz": (w, x, y, z)}
         if shape.rgba[3] == 0 and shape.mesh is None:  # the cone of a ray, which PyBullet's own renderer draws
             return None
-        mesh = _mesh(shape.kind, shape.size, shape.mesh)
+        mesh = _mesh(shape.type, shape.size, shape.mesh)
         if shape.mesh is None or shape.rgba[:3] != (1.0, 1.0, 1.0):  # else the mesh file has colours
             look = {"color": _rgb(shape), "opacity": _opacity(shape)}
             handle = self._scene.add_mesh_simple(name, mesh.vertices, mesh.faces, **look, **place)

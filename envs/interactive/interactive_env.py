@@ -96,7 +96,7 @@ class InteractiveEnv(WorkspaceEnv):
         return self._first_observation()
 
     def _next_goals(self, success: NDArray[np.bool_]) -> Iterator[tuple[int, Goal]]:
-        """None: the person says what is next."""
+        """Return None: the person says what is next."""
         return iter(())
 
     def hold_action(self) -> Tensor:

@@ -147,14 +147,14 @@ class ObjectPool:
         self._wake(body)
 
     def _make(self, noun: str, size: float, mobility: Mobility) -> int:
-        kind, sides = _geometry(noun, size)
+        shape_type, sides = _geometry(noun, size)
         shape = visual = -1
         if mobility != Mobility.GHOST:
-            shape = bullet.createCollisionShape(kind, **sides, physicsClientId=self._client)
+            shape = bullet.createCollisionShape(shape_type, **sides, physicsClientId=self._client)
         if self._visuals:
-            if kind == bullet.GEOM_CYLINDER:
+            if shape_type == bullet.GEOM_CYLINDER:
                 sides = {"radius": sides["radius"], "length": sides["height"]}
-            visual = bullet.createVisualShape(kind, **sides, physicsClientId=self._client)
+            visual = bullet.createVisualShape(shape_type, **sides, physicsClientId=self._client)
         mass = MASS if mobility == Mobility.FREE else 0
         body = bullet.createMultiBody(mass, shape, visual, PARKED, physicsClientId=self._client)
         bullet.changeDynamics(body, -1, **DYNAMICS, physicsClientId=self._client)
@@ -209,7 +209,7 @@ def _pyramid() -> Path:
 
 
 class ShownObjects:
-    """Objects are identified by their number among those that are shown, whatever their kind.
+    """Objects are identified by their number among those that are shown, whatever they are.
 
     holdable: for each of them, the body or handle that a gripper can hold.
 
@@ -251,7 +251,7 @@ class ShownObjects:
     ) -> None:
         """Place the objects of the next episode. The arguments are those of `SimulatedWorld.reset`."""
         rests = [False] * len(nouns) if resting is None else resting
-        loose, devices, fittings, palms = kinds = _by_kind(nouns)
+        loose, devices, fittings, palms = groups = _grouped(nouns)
         self._devices.show(
             nouns=[NAMES[nouns[k]] for k in devices],
             places=_chosen(devices, positions),
@@ -273,7 +273,7 @@ class ShownObjects:
         self._palms = [self._palm] * len(palms) if self._palm is not None else []
         for palm, k in zip(self._palms, palms, strict=True):
             palm.show(positions[k])
-        order = [number for kind in kinds for number in kind]
+        order = [number for numbers in groups for number in numbers]
         self._order = None if order == sorted(order) else np.argsort(order).tolist()
         self.holdable = self._in_order(self._all_holdable())
 
@@ -305,13 +305,13 @@ class ShownObjects:
         return loose + devices + handles + [Holdable(palm.body, palm.pose, LINK) for palm in self._palms]
 
 
-def _by_kind(nouns: Sequence[int]) -> tuple[list[int], list[int], list[int], list[int]]:
+def _grouped(nouns: Sequence[int]) -> tuple[list[int], list[int], list[int], list[int]]:
     """Return the numbers of the loose objects, the devices, the fittings and the palms.
 
     nouns: indices; of loose ones, into the pool.
     """
-    kinds = DEVICES, FITTINGS, (HAND,)
-    devices, fittings, palms = ([i for i, noun in enumerate(nouns) if NAMES[noun] in kind] for kind in kinds)
+    nouns_of = DEVICES, FITTINGS, (HAND,)
+    devices, fittings, palms = ([i for i, noun in enumerate(nouns) if NAMES[noun] in names] for names in nouns_of)
     loose = [i for i in range(len(nouns)) if i not in devices and i not in fittings and i not in palms]
     return loose, devices, fittings, palms
 

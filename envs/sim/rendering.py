@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from human import Camera
 
 Array = NDArray[np.float64]
-KINDS = {
+SHAPE_TYPES = {
     bullet.GEOM_SPHERE: "sphere",
     bullet.GEOM_BOX: "box",
     bullet.GEOM_CYLINDER: "cylinder",
@@ -114,14 +114,14 @@ def _in_mask(body: int, link: int) -> int:
 class VisualShape:
     """One visual shape.
 
-    body, link: Bullet's ids; `VisualShapes.poses` gives the pose. kind: a value of KINDS. size: (3,): metres of a box;
+    body, link: Bullet's ids; `VisualShapes.poses` gives the pose. type: of SHAPE_TYPES. size: (3,): metres of a box;
     the radius first, of a sphere; length and radius of a cylinder or capsule (along z); the scale of a mesh's axes.
     mesh: its file. position (3,), metres, and quaternion (4,), x, y, z, w: in the link's frame. rgba: in [0, 1].
     """
 
     body: int
     link: int
-    kind: str
+    type: str
     size: tuple[float, float, float]
     mesh: Path | None
     position: tuple[float, float, float]
@@ -141,19 +141,19 @@ class VisualShapes:
     def shapes(self) -> list[VisualShape]:
         """Every visual shape in its current colour, always in the same order."""
         listed = (bullet.getVisualShapeData(body, physicsClientId=self._client) for body in self._bodies)
-        return [self._visual_shape(shape) for shapes in listed for shape in shapes if shape[2] in KINDS]
+        return [self._visual_shape(shape) for shapes in listed for shape in shapes if shape[2] in SHAPE_TYPES]
 
     def poses(self, links: list[tuple[int, int]]) -> Array:
         """(len(links), 7) of these (body, link): position, metres, and quaternion (x, y, z, w)."""
         return np.array([self._pose(body, link) for body, link in links])
 
     def _visual_shape(self, shape: tuple) -> VisualShape:
-        body, link, kind, size, file, position, quaternion, rgba = shape[:8]
-        mesh = Path(file.decode()) if kind == bullet.GEOM_MESH else None
+        body, link, number, size, file, position, quaternion, rgba = shape[:8]
+        mesh = Path(file.decode()) if number == bullet.GEOM_MESH else None
         return VisualShape(
             body=body,
             link=link,
-            kind=KINDS[kind],
+            type=SHAPE_TYPES[number],
             size=size,
             mesh=mesh,
             position=position,

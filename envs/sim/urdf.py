@@ -239,11 +239,11 @@ def with_magnet(urdf: Path, link: str, *, end: Numbers, way: Numbers, radius: fl
     SubElement(inertial, "mass", value=str(MAGNET_MASS))
     spin = str(MAGNET_MASS * radius**2)
     SubElement(inertial, "inertia", ixx=spin, iyy=spin, izz=spin, ixy="0", ixz="0", iyz="0")
-    for kind in ("visual", "collision"):
-        part = SubElement(body, kind)
+    for purpose in ("visual", "collision"):
+        part = SubElement(body, purpose)
         shape = SubElement(part, "geometry")
         SubElement(shape, "cylinder", radius=str(radius), length=str(length))
-        if kind == "visual":
+        if purpose == "visual":
             material = SubElement(part, "material", name="deixis_magnet")
             SubElement(material, "color", rgba="0.25 0.25 0.28 1")
     joint = SubElement(root, "joint", name="deixis_magnet_mount", type="fixed")

@@ -108,7 +108,7 @@ class OperateDevice(Manipulation):
         }
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
-        """None: an episode ends before another device is operated."""
+        """Return None: an episode ends before another device is operated."""
         return None
 
 
@@ -276,5 +276,5 @@ class DevicesAmongObjects(OperateDevice):
         return placed.scene.nouns == list(NOUNS).index(self.noun)
 
     def _held_scene(self, scene: Scene, referent: int, target: int | None, rng: Generator) -> Scene | None:
-        """None: devices are not held."""
+        """Return None: devices are not held."""
         return None

@@ -74,7 +74,7 @@ class HandOver(PickAndPlace):
         return self._begun[each][:, 2] - state.objects[each][:, 2] > PUSHED
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
-        """None: the hand does not move to where an object was brought."""
+        """Return None: the hand does not move to where an object was brought."""
         return None
 
     # ---- drawing

@@ -133,7 +133,7 @@ class Sort(PickAndPlace):
         return is_sorted(self._referent(state), mark, size) & stands_apart(state, state.movable, size)
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
-        """None: where an object was brought, there may be no room for the others."""
+        """Return None: the place that an object was brought to may have no room for the others."""
         return None
 
     # ---- drawing

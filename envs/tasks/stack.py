@@ -156,7 +156,7 @@ class Unstack(PickAndPlace):
         return self._table.stands(state)
 
     def relabel(self, placed: Placed, moments: State, rng: Generator) -> EpisodeSpec | None:
-        """None: an object that was moved by mistake did not stand on another one."""
+        """Return None: an object that was moved by mistake did not stand on another one."""
         return None
 
     # ---- drawing
