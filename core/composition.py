@@ -170,6 +170,7 @@ def compose_hydra(overrides: Iterable[str]) -> Any:
     from hydra import initialize_config_module
     from hydra.core.global_hydra import GlobalHydra
     from hydra.errors import HydraException
+    from yaml import YAMLError
 
     words = list(overrides)
     hydra_words = quoted(words)
@@ -177,8 +178,22 @@ def compose_hydra(overrides: Iterable[str]) -> Any:
     try:
         with initialize_config_module("conf", version_base="1.3"):
             return hydra_compose("config", hydra_words, return_hydra_config=True)
-    except (HydraException, ValueError) as error:  # ValueError: a value that names no option
-        raise ConfigError(_one_line(f"{error}\n{error.__cause__ or ''}", words)) from None
+    except (HydraException, ValueError, YAMLError) as error:  # ValueError: a value that names no option
+        raise ConfigError(_yaml_error(error) or _one_line(f"{error}\n{error.__cause__ or ''}", words)) from None
+
+
+def _yaml_error(error: Exception) -> str | None:
+    """Return which file is no YAML, where, and what is wrong, in one line; None for another error."""
+    from yaml import MarkedYAMLError, YAMLError
+
+    if isinstance(error, UnicodeDecodeError):
+        file = next((path for path in ROOT.rglob("*.yaml") if path.read_bytes() == error.object), ROOT)
+        return f"{file} is not UTF-8 text: {error.reason} at byte {error.start}"
+    if isinstance(error, MarkedYAMLError) and error.problem_mark is not None:
+        mark = error.problem_mark
+        problem = " ".join(f"{error.context or ''} {error.problem or ''}".split())
+        return f"{mark.name}, line {mark.line + 1}, column {mark.column + 1}: {problem}"
+    return " ".join(str(error).split()) if isinstance(error, YAMLError) else None
 
 
 @contextmanager
@@ -197,6 +212,8 @@ def raised_by_hydra() -> Iterator[None]:
         while place is not None and place.tb_next is not None:
             place = place.tb_next
         module = "" if place is None else str(place.tb_frame.f_globals.get("__name__"))
+        if text := _yaml_error(error):
+            raise ConfigError(text) from None
         if module.partition(".")[0] not in ("hydra", "omegaconf"):
             raise
         raise ConfigError(f"Hydra refuses this: {_one_line(str(error), sys.argv[1:])}") from None

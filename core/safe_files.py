@@ -125,8 +125,9 @@ def _check_events(events: Iterator[Any], max_nodes: int) -> None:
 
     sizes: dict[str, int] = {}  # of the anchors
     open_nodes: list[tuple[str | None, int]] = []  # anchor, and the count of nodes at its start
-    count = 0
+    count, keys = 0, _KeyCheck()
     for event in events:
+        keys.see(event)
         if isinstance(event, yaml.CollectionEndEvent):
             anchor, start = open_nodes.pop()
             if anchor is not None:
@@ -144,6 +145,31 @@ def _check_events(events: Iterator[Any], max_nodes: int) -> None:
             raise FileError(f"is not YAML that can be read: nested more than {MAX_DEPTH} deep")
         if count > max_nodes:
             raise FileError(f"is not YAML that can be read: it describes more than {max_nodes:,} values")
+
+
+class _KeyCheck:
+    """Raises FileError where a group has a key twice: YAML's libraries take the last value without a word."""
+
+    def __init__(self) -> None:
+        self.open: list[tuple[set[str] | None, list[bool]]] = []  # keys of each open group, and whether a key is next
+
+    def see(self, event: Any) -> None:
+        """Take the next event of the document."""
+        import yaml
+
+        if isinstance(event, yaml.CollectionEndEvent):
+            self.open.pop()
+        if not isinstance(event, yaml.NodeEvent):
+            return
+        keys, key_is_next = self.open[-1] if self.open else (None, [False])
+        if keys is not None and key_is_next[0] and isinstance(event, yaml.ScalarEvent):
+            if event.value in keys:
+                line = f"line {event.start_mark.line + 1}, column {event.start_mark.column + 1}"
+                raise FileError(f"is not YAML: {line}: the key {event.value[:80]} is given twice")
+            keys.add(event.value)
+        key_is_next[0] = not key_is_next[0]
+        if isinstance(event, yaml.CollectionStartEvent):
+            self.open.append((set() if isinstance(event, yaml.MappingStartEvent) else None, [True]))
 
 
 def _check_tag(tag: str | None) -> None:
