@@ -116,7 +116,9 @@ def collector(steps: int, overrides: Sequence[str], workers: int) -> dict[str, A
     env = make(1, 0)
     policy, _ = build_algorithm(training, env.observation_spec, env.action_unit)
     horizon = 64
-    rollouts = Rollouts(make, policy, replace(training.collector, workers=workers, worlds=WORLDS * workers), horizon, 0)
+    rollouts = Rollouts(
+        make, policy, replace(training.collector, workers=workers, worlds=WORLDS * workers), horizon=horizon, seed=0
+    )
     batches = max(steps // (WORLDS * horizon * workers), 1)
 
     def work() -> None:
@@ -155,7 +157,7 @@ def sac_gradient_steps(steps: int) -> dict[str, Any]:
     policy, sac = build_algorithm(training, env.observation_spec, env.action_unit)
     assert isinstance(sac, SAC)
     alone = replace(training.collector, workers=1, worlds=WORLDS)
-    rollouts = Rollouts(partial(build_env, read_env(config)), policy, alone, 128, 0)
+    rollouts = Rollouts(partial(build_env, read_env(config)), policy, alone, horizon=128, seed=0)
     sac.replay.extend(rollouts.next())
     rollouts.close()
     torch.set_num_threads(len(os.sched_getaffinity(0)))
@@ -217,7 +219,7 @@ def _peak_memory(worlds: int) -> float:
     make = partial(build_env, read_env(config))
     env = make(1, 0)
     policy, algorithm = build_algorithm(training, env.observation_spec, env.action_unit)
-    rollouts = Rollouts(make, policy, training.collector, training.algo.horizon, 0)
+    rollouts = Rollouts(make, policy, training.collector, horizon=training.algo.horizon, seed=0)
     try:
         for _ in range(3):
             algorithm.update(rollouts.next(), 0.0)

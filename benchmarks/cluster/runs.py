@@ -221,7 +221,7 @@ def node_added(tries: int, random: Random, folder: Path) -> RowResult:
         training, env = read_training(config), _maker(config)(1, 0)
         words = list(Tokenizer.default().vocabulary)
         policy, _ = build_algorithm(training, env.observation_spec, env.action_unit, words, env.hindsight)
-        rollouts = Rollouts(_maker(config), policy, training.collector, 64, 0)
+        rollouts = Rollouts(_maker(config), policy, training.collector, horizon=64, seed=0)
         rollouts.next()
         start_node(2, cpus=1)
         pool: Any = rollouts.pool

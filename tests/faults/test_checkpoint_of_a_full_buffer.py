@@ -26,9 +26,15 @@ def test_a_checkpoint_of_a_full_replay_buffer_is_hardly_larger_than_it_and_soon_
     """The first try writes the whole buffer, later ones the frames since the last one, as by default."""
     config = compose(["algo=sac", "collector.workers=1", f"algo.horizon={STEPS}"])
     env_config, training = read_env(config), read_training(config)
-    run = TrainingRun(training, partial(WorkspaceEnv, env_config), tmp_path, {}, list(Tokenizer.default().vocabulary))
+    run = TrainingRun(
+        training,
+        partial(WorkspaceEnv, env_config),
+        tmp_path,
+        config={},
+        vocabulary=list(Tokenizer.default().vocabulary),
+    )
     algorithm: Any = run.algorithm
-    run.rollouts = Rollouts(run.make_env, run.policy, training.collector, STEPS, 0)
+    run.rollouts = Rollouts(run.make_env, run.policy, training.collector, horizon=STEPS, seed=0)
     batch = run.rollouts.next()
     algorithm.relabelling.episodes(batch)  # frames of unfinished episodes are saved too
     algorithm.add_batch_scenes(batch, [])

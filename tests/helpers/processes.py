@@ -34,6 +34,22 @@ def parent_of(process: int) -> int:
     return int(_stat(process)[1])
 
 
+def wait_for_end(*processes: int, seconds: float = 10.0) -> None:
+    """Wait until these processes run no more. Raises TimeoutError."""
+    deadline = time.monotonic() + seconds
+    while any(_runs(process) for process in processes):
+        if time.monotonic() > deadline:
+            raise TimeoutError(f"processes {processes} still run after {seconds:g} s")
+        time.sleep(0.01)
+
+
+def _runs(process: int) -> bool:
+    try:
+        return _stat(process)[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
 def workers_of(run: int) -> list[int]:
     """Collection workers of a run that leads a process group: their parent, the fork server, is the run's child."""
     return [process for process in living(run) if process != run and parent_of(process) != run]

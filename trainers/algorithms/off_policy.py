@@ -53,10 +53,14 @@ class OffPolicyAlgorithm(Algorithm):
         super().__init__(config, policy)
         self.config, self.critic_keys = config, tuple(critic_keys)
         self.actor_parameters = parameters(policy)
-        self.replay = Replay(policy, critic_keys, config.buffer, self.device, self.grounding.active)
+        self.replay = Replay(
+            policy, critic_keys, capacity=config.buffer, device=self.device, supervised=self.grounding.active
+        )
         self.demonstrations: ExpertFrames | None = None
         if config.demonstrations:
-            self.demonstrations = ExpertFrames(policy, critic_keys, config, self.device, self.grounding.active)
+            self.demonstrations = ExpertFrames(
+                policy, critic_keys, config, device=self.device, supervised=self.grounding.active
+            )
         self.relabelling = Relabelling(relabel, config.hindsight)
         self.starts: Tensor | None = None  # (worlds, 1) whether the next frame begins an episode
         self.pending_steps = 0.0  # gradient steps that are due for the frames so far, and not taken yet

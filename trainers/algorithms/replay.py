@@ -34,6 +34,7 @@ class Replay:
         self,
         policy: Policy,
         critic_keys: Sequence[NestedKey],
+        *,
         capacity: int,
         device: torch.device,
         supervised: bool,
@@ -143,12 +144,13 @@ class ExpertFrames:
         policy: Policy,
         critic_keys: Sequence[NestedKey],
         config: OffPolicyConfig,
+        *,
         device: torch.device,
         supervised: bool,
     ) -> None:
         self._wanted = config.demonstrations
         self.mixture = ExpertMixture(policy, expert_share=1.0)
-        self.replay = Replay(policy, critic_keys, self._wanted, device, supervised)
+        self.replay = Replay(policy, critic_keys, capacity=self._wanted, device=device, supervised=supervised)
 
     def add(self, batch: TensorDictBase) -> bool:
         """Keep a batch (worlds, steps) if the expert acted in it. Returns whether it did.

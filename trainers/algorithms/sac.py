@@ -50,6 +50,7 @@ class SAC(OffPolicyAlgorithm):
         config: SACConfig,
         policy: Policy,
         critic: Critic,
+        *,
         critic_keys: Sequence[NestedKey],
         relabel: Relabel | None = None,
     ) -> None:
@@ -69,7 +70,7 @@ class SAC(OffPolicyAlgorithm):
     ) -> SAC | TorchRLOffPolicy:
         if config.loss == "torchrl":
             return TorchRLOffPolicy.build(config.for_torchrl(len(policy.action_unit)), policy, critics, relabel)
-        return cls(config, policy, critics.build_q(), critics.keys, relabel)
+        return cls(config, policy, critics.build_q(), critic_keys=critics.keys, relabel=relabel)
 
     def parts(self, frames: TensorDictBase, scenes: TensorDictBase | None) -> list[Part]:
         self.encode(frames)

@@ -70,6 +70,7 @@ class Rollouts:
         make_env: MakeEnv,
         policy: Policy | ExpertMixture,
         config: CollectorConfig,
+        *,
         horizon: int,
         seed: int,
         iteration: int = 0,
@@ -429,7 +430,7 @@ class ProcessHost:
 
     def start(self, spec: WorkerSpec, episodes: Episodes | None, buffers: Sequence[TensorDictBase]) -> WorkerProcess:
         """Return a new process."""
-        return WorkerProcess(self.make_env, self.policies, spec, episodes, buffers)
+        return WorkerProcess(self.make_env, self.policies, spec, episodes=episodes, buffers=buffers)
 
     def wait(self, workers: Sequence[WorkerProcess], seconds: float) -> list[WorkerProcess]:
         """Return the workers that have answered or ended, after at most `seconds`."""

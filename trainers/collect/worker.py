@@ -330,6 +330,7 @@ class WorkerProcess(ChildProcess, RequestClock):
         make_env: MakeEnv,
         policies: Policies,
         spec: WorkerSpec,
+        *,
         episodes: Episodes | None = None,
         buffers: Sequence[TensorDictBase] = (),
     ) -> None:

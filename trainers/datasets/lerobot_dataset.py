@@ -115,15 +115,8 @@ class LeRobotWriter:
         path = self._folder / "videos" / CAMERA / f"{_path(place)}.mp4"
         path.parent.mkdir(parents=True, exist_ok=True)
         fps = self._about["fps"]
-        with open_video(
-            path,
-            fps,
-            "-g",
-            "2",
-            "-pix_fmt",
-            PIXEL_FORMAT,
-            # Short groups of pictures, because training reads single frames in any order.
-        ) as video:
+        # Short groups of pictures, because training reads single frames in any order.
+        with open_video(path, fps, "-g", "2", "-pix_fmt", PIXEL_FORMAT) as video:
             for picture in episode.images[:-1]:
                 video.append_data(picture[:height, :width])
         times = {"from_timestamp": 0.0, "to_timestamp": len(episode) / fps}

@@ -39,7 +39,7 @@ class QueryEncoder(nn.Module):
     hash_weights: Tensor
 
     def __init__(
-        self, word_embedding: nn.Module, length: int, width: int, choices: int = 1, reads_verb: bool = False
+        self, word_embedding: nn.Module, *, length: int, width: int, choices: int = 1, reads_verb: bool = False
     ) -> None:
         super().__init__()
         self.word_embedding = word_embedding  # (N, L) to (N, L, E)
@@ -114,6 +114,7 @@ class GroundingEncoder(nn.Module):
         self,
         objects: Normalise,
         word_embedding: nn.Module,
+        *,
         length: int,
         embedding: int,
         width: int,
@@ -133,7 +134,9 @@ class GroundingEncoder(nn.Module):
         row = objects.shape[-1] + sum(each.shape[-1] for each in (further or {}).values())
         self.normalise, self.outputs = objects, row * choices + verbs
         self.obstacle_width = (row + 1) * observes_obstacles
-        self.query_encoder = QueryEncoder(word_embedding, length, embedding, choices, verbs > 0)
+        self.query_encoder = QueryEncoder(
+            word_embedding, length=length, width=embedding, choices=choices, reads_verb=verbs > 0
+        )
         self.verb_scorer = nn.Linear(embedding, verbs) if verbs else None
         self.slot_mlp = mlp(row, [width], width)
         self.slot_linear = nn.Linear(row, width)

@@ -105,6 +105,7 @@ class GaussianActor(nn.Module):
     def __init__(
         self,
         robot: Normalise,
+        *,
         context: int,
         hidden: Sequence[int],
         actions: int,

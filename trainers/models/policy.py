@@ -72,6 +72,7 @@ class Policy(nn.Module):
         encoder: GroundingEncoder | FlatEncoder,
         actor: GaussianActor | SeveralActors,
         action_unit: Sequence[float],
+        *,
         bounds: MoveBounds = UNBOUNDED,
         further_keys: Sequence[NestedKey] = (),
     ) -> None:
@@ -260,7 +261,7 @@ def build_policy(
     encoder = _build_encoder(config, observation_spec, vocabulary, readers)
     further = keys_read(readers, "actor", observation_spec, further=True)
     actor = _build_actor(config, observation_spec, encoder, len(action_unit), further)
-    return Policy(encoder, actor, action_unit, bounds, further)
+    return Policy(encoder, actor, action_unit, bounds=bounds, further_keys=further)
 
 
 def further_input(spec: Composite, key: NestedKey, reader: str, flat: bool = True) -> Normalise:

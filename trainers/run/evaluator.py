@@ -45,7 +45,7 @@ class Evaluator:
         beside: whether requested tasks run in a process of their own.
     """
 
-    def __init__(self, make_env: MakeEnv, policy: Policy, worlds: int, seed: int, beside: bool) -> None:
+    def __init__(self, make_env: MakeEnv, policy: Policy, *, worlds: int, seed: int, beside: bool) -> None:
         self.make_worlds = partial(make_env, worlds, derive_seed(seed, 0, evaluation=True))
         self.seed, self.beside = seed, beside
         self.policy = copy.deepcopy(policy).cpu()  # with the weights that were requested; worlds are on the CPU

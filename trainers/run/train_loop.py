@@ -83,7 +83,7 @@ def fit(
         CheckpointError: a checkpoint cannot be resumed, begun with or written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    run = TrainingRun(training, make_env, folder, config, vocabulary, make_eval_env)
+    run = TrainingRun(training, make_env, folder, config=config, vocabulary=vocabulary, make_eval_env=make_eval_env)
     with closing(run), progress or Progress(training.run.total_frames, shown=False) as shown:
         _begin(run, shown, resume, init)
         metrics = MetricsWriter(folder, run.columns, training.run.logger, run.kept_frames)
@@ -121,6 +121,7 @@ class TrainingRun:
         training: TrainingConfig,
         make_env: MakeEnv,
         folder: Path,
+        *,
         config: dict[str, Any],
         vocabulary: list[str],
         make_eval_env: MakeEnv | None = None,
@@ -138,7 +139,9 @@ class TrainingRun:
             training, spec, self.env.action_unit, vocabulary, relabel, readers_of(self.env)
         )
         beside = training.eval.overlap and uses_processes(training.collector)
-        self.evaluator = Evaluator(make_eval_env, self.policy, training.eval.worlds, training.run.seed, beside)
+        self.evaluator = Evaluator(
+            make_eval_env, self.policy, worlds=training.eval.worlds, seed=training.run.seed, beside=beside
+        )
         self.widths = checkpoint.widths(spec, self.env.action_spec)
         self.statistics = EpisodeStatistics(self.env.reward_names)
         self.rows: list[dict[str, float]] = []
@@ -245,7 +248,16 @@ class TrainingRun:
         seed = derive_seed(self.training.run.seed, first)
         behaviour, horizon = self.algorithm.behaviour, self.training.algo.horizon
         steps = self.budget.left_of_schedule(self.counters["frames"]) // self.training.collector.worlds
-        self.rollouts = Rollouts(self.make_env, behaviour, self.training.collector, horizon, seed, first, state, steps)
+        self.rollouts = Rollouts(
+            self.make_env,
+            behaviour,
+            self.training.collector,
+            horizon=horizon,
+            seed=seed,
+            iteration=first,
+            state=state,
+            steps=steps,
+        )
         with closing(self.rollouts):
             import_compiler()  # while the workers build their worlds
             if self.resumed:

@@ -19,7 +19,7 @@ def build(*overrides, policy="grounded"):
 
 
 def train(small, bc, updates):
-    rollouts, env = Rollouts(make_labelled, bc.behaviour, small.collector, 16, 0), make_labelled(8, 5)
+    rollouts, env = Rollouts(make_labelled, bc.behaviour, small.collector, horizon=16, seed=0), make_labelled(8, 5)
     measured = []
     try:
         for i in range(updates):
@@ -34,7 +34,7 @@ def train(small, bc, updates):
 @pytest.fixture
 def batch():
     small, _, bc = build()
-    rollouts = Rollouts(make_labelled, bc.behaviour, small.collector, 16, 0)
+    rollouts = Rollouts(make_labelled, bc.behaviour, small.collector, horizon=16, seed=0)
     try:
         return rollouts.next().clone()
     finally:

@@ -18,7 +18,7 @@ def collected(algo, count, *more):
     small, env = training(algo, overrides=(*OVERRIDES, *more)), make_labelled(8, 0)
     torch.manual_seed(0)
     _, algorithm = build_algorithm(small, env.observation_spec, env.action_unit)
-    rollouts, batches = Rollouts(make_labelled, algorithm.behaviour, small.collector, 8, 0), []
+    rollouts, batches = Rollouts(make_labelled, algorithm.behaviour, small.collector, horizon=8, seed=0), []
     try:
         for i in range(count):
             rollouts.sync(algorithm.behaviour)

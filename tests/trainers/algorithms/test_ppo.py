@@ -40,7 +40,7 @@ def learner(*overrides):
 
 
 def batch_of(policy):
-    rollouts = Rollouts(make_env, policy, training().collector, 16, 0)
+    rollouts = Rollouts(make_env, policy, training().collector, horizon=16, seed=0)
     try:
         return rollouts.next().clone()
     finally:

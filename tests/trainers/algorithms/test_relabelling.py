@@ -17,7 +17,7 @@ def batches():
     env, small = make_env(8, 0), training("sac")
     torch.manual_seed(0)
     policy, _ = build_algorithm(small, env.observation_spec, env.action_unit)
-    rollouts = Rollouts(make_env, policy, small.collector, 6, 0)
+    rollouts = Rollouts(make_env, policy, small.collector, horizon=6, seed=0)
     try:
         return [rollouts.next().clone() for _ in range(12)]
     finally:

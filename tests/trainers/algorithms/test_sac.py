@@ -16,7 +16,7 @@ def learned():
     env, small = make_env(8, 0), training("sac")
     torch.manual_seed(0)
     policy, sac = build_algorithm(small, env.observation_spec, env.action_unit)
-    rollouts = Rollouts(make_env, policy, small.collector, 16, 0)
+    rollouts = Rollouts(make_env, policy, small.collector, horizon=16, seed=0)
     try:
         return policy, sac, rollouts.next().clone()
     finally:

@@ -58,7 +58,7 @@ def test_lost_and_stopped_actors_are_replaced_and_change_no_bit(ray, capfd):
     def wanted(iteration):
         return torch.cat([worker.collect(iteration)[0] for worker in workers])
 
-    rollouts = Rollouts(make_env, policy, CONFIG, HORIZON, 0)
+    rollouts = Rollouts(make_env, policy, CONFIG, horizon=HORIZON, seed=0)
     try:
         assert same(wanted(0), rollouts.next())
         priorities = [os.getpriority(os.PRIO_PROCESS, worker.pid) for worker in rollouts.pool.workers]
@@ -87,7 +87,7 @@ def test_lost_and_stopped_actors_are_replaced_and_change_no_bit(ray, capfd):
 
 def test_async_batches_are_collected_with_the_weights_of_one_iteration_before(ray):
     policy, ages, batches = policy_of(make_env(4, 0)), [], []
-    rollouts = Rollouts(make_env, policy, replace(CONFIG, workers=1, worlds=4, mode="async"), HORIZON, 0)
+    rollouts = Rollouts(make_env, policy, replace(CONFIG, workers=1, worlds=4, mode="async"), horizon=HORIZON, seed=0)
     try:
         for _ in range(4):
             rollouts.sync(policy)
@@ -111,7 +111,7 @@ def make_refused(worlds, seed):
 
 def test_the_exception_of_an_actor_is_in_the_message(ray):
     config = replace(CONFIG, workers=1, worlds=4, restarts=0)
-    rollouts = Rollouts(make_crashing, policy_of(make_env(4, 0)), config, HORIZON, 0)
+    rollouts = Rollouts(make_crashing, policy_of(make_env(4, 0)), config, horizon=HORIZON, seed=0)
     try:
         rollouts.next()
         with pytest.raises(CollectionError, match="collector worker 0 raised ArithmeticError: the arm is on fire"):
@@ -122,7 +122,7 @@ def test_the_exception_of_an_actor_is_in_the_message(ray):
 
 def test_a_config_that_a_node_refuses_ends_the_run_at_once(ray):
     config = replace(CONFIG, workers=1, worlds=4)
-    rollouts = Rollouts(make_refused, policy_of(make_env(4, 0)), config, HORIZON, 0)
+    rollouts = Rollouts(make_refused, policy_of(make_env(4, 0)), config, horizon=HORIZON, seed=0)
     try:
         with pytest.raises(ConfigError, match=r"robot.urdf=arm.urdf does not exist \(on a node of the cluster\)"):
             rollouts.next()
@@ -133,7 +133,7 @@ def test_a_config_that_a_node_refuses_ends_the_run_at_once(ray):
 def test_too_few_cores_are_told_at_once(ray):
     start = time.monotonic()
     with pytest.raises(ConfigError, match=r"collector.workers=4 at 1 cores each need 4 cores, and the Ray cluster"):
-        Rollouts(make_env, policy_of(make_env(4, 0)), replace(CONFIG, workers=4), HORIZON, 0)
+        Rollouts(make_env, policy_of(make_env(4, 0)), replace(CONFIG, workers=4), horizon=HORIZON, seed=0)
     assert time.monotonic() - start < 2
 
 

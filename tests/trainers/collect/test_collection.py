@@ -14,7 +14,7 @@ import torch
 
 from core.errors import Interrupted
 from tests.helpers.fake_env import make_crashing, make_env
-from tests.helpers.processes import parent_of
+from tests.helpers.processes import parent_of, wait_for_end
 from tests.helpers.training_configs import training
 from trainers.collect.rollouts import CollectionError, Rollouts
 from trainers.collect.worker import Worker, WorkerSpec
@@ -29,7 +29,9 @@ def policy_of(env):
 
 
 def two_workers(make, policy, *overrides):
-    return Rollouts(make, policy, training(overrides=("collector.workers=2", *overrides)).collector, HORIZON, 0)
+    return Rollouts(
+        make, policy, training(overrides=("collector.workers=2", *overrides)).collector, horizon=HORIZON, seed=0
+    )
 
 
 def expected(policy, batches):
@@ -94,8 +96,10 @@ def test_workers_that_are_lost_with_their_fork_server_are_replaced_and_change_no
     rollouts = two_workers(make_env, policy)
     try:
         assert same(wanted[0], rollouts.next())
-        os.kill(parent_of(rollouts.processes[0].pid), signal.SIGKILL)
-        assert same(wanted[1], rollouts.next())  # it may have been collected before
+        workers = [process.pid for process in rollouts.processes]
+        os.kill(parent_of(workers[0]), signal.SIGKILL)
+        wait_for_end(*workers)  # on a busy machine they live for a moment
+        assert same(wanted[1], rollouts.next())
         assert same(wanted[2], rollouts.next())
         assert rollouts.restarts == 2
     finally:
@@ -116,7 +120,7 @@ def test_the_exception_of_a_worker_is_in_the_message():
 
 
 def test_an_exception_in_this_process_is_in_the_message_too():
-    rollouts = Rollouts(make_crashing, policy_of(make_env(4, 0)), training().collector, HORIZON, 0)
+    rollouts = Rollouts(make_crashing, policy_of(make_env(4, 0)), training().collector, horizon=HORIZON, seed=0)
     rollouts.next()
     with pytest.raises(CollectionError, match="collecting a batch raised ArithmeticError: the arm is on fire"):
         rollouts.next()
@@ -163,7 +167,9 @@ def test_a_batch_that_was_asked_for_before_a_resume_has_the_weights_of_then():
             rollouts.next()
         state = copy.deepcopy(rollouts.state_dict())
     config = training(overrides=("collector.workers=2", "collector.overlap=true")).collector
-    with closing(Rollouts(make_env, moved(policy, 3), config, HORIZON, 0, iteration=3, state=state)) as resumed:
+    with closing(
+        Rollouts(make_env, moved(policy, 3), config, horizon=HORIZON, seed=0, iteration=3, state=state)
+    ) as resumed:
         for k in (3, 4):
             resumed.sync(moved(policy, k))
             assert same(wanted[k], resumed.next()), f"batch {k}"

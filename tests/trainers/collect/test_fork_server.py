@@ -22,7 +22,8 @@ from trainers.collect.rollouts import Rollouts
 if __name__ == "__main__":
     env = FakeEnv(4, 0)
     policy = build_policy(training().policy, env.observation_spec, env.action_unit)
-    rollouts = Rollouts(partial(FakeEnv, nap=0.01), policy, training(overrides=["collector.workers=2"]).collector, 4, 0)
+    small = training(overrides=["collector.workers=2"])
+    rollouts = Rollouts(partial(FakeEnv, nap=0.01), policy, small.collector, horizon=4, seed=0)
     rollouts.next()
     print(*(process.pid for process in rollouts.processes), flush=True)
     while True:

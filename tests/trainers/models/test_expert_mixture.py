@@ -36,7 +36,7 @@ def test_what_the_policy_wrote_is_kept_where_the_expert_acts(policy_and_state):
 def test_worker_processes_are_told_the_share():
     env, small = make_labelled(8, 0), training("bc", overrides=("collector.workers=2",))
     _, bc = build_algorithm(small, env.observation_spec, env.action_unit)
-    rollouts = Rollouts(make_labelled, bc.behaviour, small.collector, 4, 0)
+    rollouts = Rollouts(make_labelled, bc.behaviour, small.collector, horizon=4, seed=0)
     try:
         for share in (1.0, 0.0):
             bc.mixture.expert_share.fill_(share)

@@ -213,7 +213,7 @@ def test_worker_processes_encode_the_same_sentences():
     env = make_env(4, 0)
     small = training(overrides=(*SENTENCE, "collector.workers=2"))
     policy = build_policy(small.policy, env.observation_spec, env.action_unit, vocabulary=WORDS)
-    rollouts = Rollouts(make_env, policy, small.collector, 4, 0)
+    rollouts = Rollouts(make_env, policy, small.collector, horizon=4, seed=0)
     try:
         rollouts.sync(policy)
         batch = rollouts.next().clone()

@@ -24,7 +24,18 @@ def env():
 def actor():
     torch.manual_seed(0)
     robot = Normalise(Bounded(-torch.ones(1, 4), torch.ones(1, 4)))
-    actors = [GaussianActor(robot, ROWS + VERBS, [8], 2, "elu", 0.1 * (1 + i), False) for i in range(VERBS)]
+    actors = [
+        GaussianActor(
+            robot,
+            context=ROWS + VERBS,
+            hidden=[8],
+            actions=2,
+            activation="elu",
+            std=0.1 * (1 + i),
+            state_dependent_std=False,
+        )
+        for i in range(VERBS)
+    ]
     for each in actors:
         torch.nn.init.normal_(each.net[-1].weight)
     return VerbActor(actors)

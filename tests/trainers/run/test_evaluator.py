@@ -44,7 +44,7 @@ def evaluator(policy):
     built = []
 
     def build(make=make_env):
-        built.append(Evaluator(make, policy, 4, 7, beside=True))
+        built.append(Evaluator(make, policy, worlds=4, seed=7, beside=True))
         return built[-1]
 
     yield build
@@ -54,7 +54,7 @@ def evaluator(policy):
 
 @pytest.fixture
 def expected(policy):
-    here = Evaluator(make_env, policy, 4, 7, beside=False)
+    here = Evaluator(make_env, policy, worlds=4, seed=7, beside=False)
     yield here.evaluate(policy, 12, 1, NEVER)
     here.close()
 
@@ -119,7 +119,7 @@ def test_the_error_of_a_video_is_raised_as_it_is(policy, evaluator, tmp_path):
 
 
 def test_the_process_ends_with_the_evaluator(policy):
-    beside = Evaluator(slow_env, policy, 4, 7, beside=True)
+    beside = Evaluator(slow_env, policy, worlds=4, seed=7, beside=True)
     beside.request(policy.state_dict(), 12, 1)
     process = beside.process.process
     beside.close()

@@ -198,7 +198,7 @@ def slow_env(worlds, seed):
 
 
 def test_a_row_that_another_collector_measured_is_resumed_without_its_own_columns(tmp_path):
-    run = TrainingRun(training(), make_env, tmp_path, config(), WORDS)
+    run = TrainingRun(training(), make_env, tmp_path, config=config(), vocabulary=WORDS)
     row = {"frames": 128.0, "time/restarts": 1.0, "time/batch_age": 0.0}
     run.load_running_state({**run.running_state(), "rows": [row], "memories": {}})
     run.close()
