@@ -103,12 +103,15 @@ def _record(config: RecordConfig, overrides: list[str]) -> None:
     from core.system import StopSignal, import_optional
     from envs.workspace_env import WorkspaceEnv
     from trainers.datasets.dataset import write
+    from trainers.datasets.minari_dataset import check_minari_name
     from trainers.utils.files import refuse_existing
 
     import_optional(*{"lerobot": ["pyarrow"], "minari": ["minari", "h5py"]}[config.format])
     saved, whole = _load_config(config, overrides)
     env_config = _eval_config(whole)
     place = Path(config.out) if config.out else _numbered(env_config, config)
+    if config.format == "minari":
+        check_minari_name(place)
     refuse_existing(place)
     check_folder("out", str(place))
     with closing(WorkspaceEnv(env_config, num_worlds=1, seed=0, render=config.camera)) as env, StopSignal() as stop:

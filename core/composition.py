@@ -168,15 +168,13 @@ def compose_hydra(overrides: Iterable[str]) -> Any:
     """Return the composed config with Hydra's own settings under `hydra`. Raises ConfigError for what Hydra refuses."""
     from hydra import compose as hydra_compose
     from hydra import initialize_config_module
-    from hydra.core.global_hydra import GlobalHydra
     from hydra.errors import HydraException
     from yaml import YAMLError
 
     words = list(overrides)
     hydra_words = quoted(words)
-    GlobalHydra.instance().clear()
     try:
-        with initialize_config_module("conf", version_base="1.3"):
+        with _own_hydra(), initialize_config_module("conf", version_base="1.3"):
             return hydra_compose("config", hydra_words, return_hydra_config=True)
     except (HydraException, ValueError, YAMLError) as error:  # ValueError: a value that names no option
         raise ConfigError(_yaml_error(error) or _one_line(f"{error}\n{error.__cause__ or ''}", words)) from None
@@ -194,6 +192,24 @@ def _yaml_error(error: Exception) -> str | None:
         problem = " ".join(f"{error.context or ''} {error.problem or ''}".split())
         return f"{mark.name}, line {mark.line + 1}, column {mark.column + 1}: {problem}"
     return " ".join(str(error).split()) if isinstance(error, YAMLError) else None
+
+
+@contextmanager
+def _own_hydra() -> Iterator[None]:
+    """Within this block, Hydra is as in a fresh process; then as before, for a program with a Hydra of its own."""
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.version import VersionBase
+
+    hydra, version = GlobalHydra.instance(), VersionBase.instance()
+    held, base = hydra.hydra, version.version_base
+    hydra.hydra = None
+    try:
+        yield
+    finally:
+        # Hydra puts other objects in place of both.
+        GlobalHydra.set_instance(hydra)
+        VersionBase.set_instance(version)
+        hydra.hydra, version.version_base = held, base
 
 
 @contextmanager

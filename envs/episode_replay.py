@@ -45,6 +45,8 @@ class EpisodeReplayEnv(EnvBase):
     _draws: Draws | None = None  # draws the episodes
     _generators: list[Generator]
     _continued: tuple[Sequence[Mapping[str, Any]], Tensor, Tensor] | None = None  # arguments of `continue_episodes`
+    _lengths: NDArray[np.int64] | None = None  # (N,) steps of each present episode; None: no episode has begun
+    _actions: list[Tensor]  # (N, A) of each of the latest steps
 
     @abstractmethod
     def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
@@ -56,7 +58,7 @@ class EpisodeReplayEnv(EnvBase):
 
     def _restore(self, i: int, beginning: Mapping[str, Any]) -> None:
         """Make the next episode of world i the one with this beginning."""
-        self.beginnings[i] = beginning
+        self._begin_to_remember(i, beginning)
         self._generators[i].bit_generator.state = {key: beginning[key] for key in beginning if key != "draws"}
         if self._draws is not None:
             self._draws.load_draw_state(beginning.get("draws", {}))  # earlier versions had none
@@ -67,6 +69,51 @@ class EpisodeReplayEnv(EnvBase):
         if self._draws is not None:
             self._draws.load_draw_state({})  # the initial state
         self.beginnings = [self._beginning(i) for i in range(len(seeds))]
+        self._lengths, self._actions = None, []
+
+    def _begin_to_remember(self, i: int, beginning: Mapping[str, Any]) -> None:
+        """Remember the beginning of an episode in world i."""
+        self.beginnings[i] = beginning
+        if self._lengths is None:
+            self._lengths = np.zeros(len(self._generators), np.int64)
+        self._lengths[i] = 0
+        del self._actions[: len(self._actions) - int(self._lengths.max())]
+
+    def _remember(self, action: Tensor) -> None:
+        """Remember the action (N, A) of a step, from which a copy of the environment is made."""
+        if self._lengths is not None:
+            self._lengths += 1
+            self._actions.append(action.detach().clone())
+
+    def present(self) -> dict[str, Any]:
+        """Return what `restore_present` needs to bring another environment, built alike, to where this one is."""
+        return {
+            "beginnings": list(self.beginnings),
+            "lengths": None if self._lengths is None else self._lengths.copy(),
+            "actions": list(self._actions),
+            "generators": [generator.bit_generator.state for generator in self._generators],
+            "draws": None if self._draws is None else dict(self._draws.draw_state),
+            "continued": self._continued,
+        }
+
+    def restore_present(self, present: Mapping[str, Any]) -> None:
+        """Take the steps of another environment's present episodes again. present: what its `present` returned."""
+        lengths, actions = present["lengths"], present["actions"]
+        if lengths is None:
+            self.beginnings = list(present["beginnings"])
+        else:
+            taken = (
+                torch.stack(actions[len(actions) - int(lengths.max()) :], 1) if lengths.max() else self._no_actions()
+            )
+            self._replay(present["beginnings"], taken, torch.from_numpy(lengths))
+        for generator, state in zip(self._generators, present["generators"], strict=True):
+            generator.bit_generator.state = state
+        if self._draws is not None:
+            self._draws.load_draw_state(present["draws"])
+        self._continued = present["continued"]
+
+    def _no_actions(self) -> Tensor:
+        return torch.zeros(self.batch_size[0], 0, self.action_spec.shape[-1])
 
     def continue_episodes(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> None:
         """Let the next reset of all worlds continue these episodes instead of beginning new ones.
@@ -86,7 +133,7 @@ class EpisodeReplayEnv(EnvBase):
         if tensordict is not None and "_reset" in tensordict.keys():
             worlds = np.flatnonzero(tensordict["_reset"].numpy().reshape(len(worlds), -1).any(1))
         for i in worlds.tolist():
-            self.beginnings[i] = self._beginning(i)
+            self._begin_to_remember(i, self._beginning(i))
         return self._begin_episodes(worlds)
 
     def _replay(self, beginnings: Sequence[Mapping[str, Any]], actions: Tensor, lengths: Tensor) -> TensorDictBase:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -62,6 +63,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
     """
 
     batch_locked = True
+    _given = False  # whether a present episode was begun by `start`
 
     def __init__(
         self, config: EnvConfig, num_worlds: int = 1, seed: int = 0, render: bool = False, window: Window | None = None
@@ -72,6 +74,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
             if value < least:
                 raise ConfigError(f"{name}={value} must be at least {least}")
         super().__init__(batch_size=[num_worlds])
+        self._drawn = render, window is not None
         self.is_closed = False  # TorchRL's collectors close an env only if it has this attribute
         self.config, self.tokenizer = config, Tokenizer.default()
         config.task.objects.check(config.workspace.bounds)
@@ -153,6 +156,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         if self.is_closed or not self._arrays.begun.all():
             raise UseError("step was called " + ("after close" if self.is_closed else "before reset"))
         action = read_action(tensordict, (self.batch_size[0], len(self.action_unit)))
+        self._remember(tensordict["action"])
         action = self._noise.action(action, self._arrays.steps, self._source.hold)
         self._switch_gestures()
         arrays, arm = self._arrays, action[:, : len(self.control.unit)]
@@ -194,6 +198,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return next_goals(self._arrays, self.task, success, self._generators)
 
     def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
+        self._given = self._given and len(worlds) < len(self._worlds)
         if self.is_closed:
             raise UseError("reset was called after close")
         for i in worlds.tolist():
@@ -239,10 +244,24 @@ class WorkspaceEnv(EpisodeReplayEnv):
         if not 0 < len(episodes) <= len(self._worlds):
             raise ValueError(f"{len(episodes)} episodes for {len(self._worlds)} worlds")
         self._generators = [np.random.default_rng(seed) for _ in self._worlds]
+        self._given, self._lengths = True, None
         for i in range(len(self._worlds)):
             self._begin(i, episodes[min(i, len(episodes) - 1)])
         self._read_beginning(self._arrays.index)
         return self._first_observation()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle the environment: the copy is built anew, and takes the steps of the present episodes again.
+
+        Raises UseError for an environment that is closed, shown in a window, of a subclass, or begun by `start`.
+        """
+        render, window = self._drawn
+        reasons = {"is closed": self.is_closed, "is shown in a window": window, "was begun by start": self._given}
+        reasons[f"is a {type(self).__name__}"] = type(self) is not WorkspaceEnv
+        for reason, holds in reasons.items():
+            if holds:
+                raise UseError(f"this environment cannot be copied or pickled: it {reason}; make another one")
+        return _copied, (self.config, self.batch_size[0], render, self.present())
 
     def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
         """(count,) observed scenes that are never simulated, of up to task.drawn_objects; see `SceneSampler`."""
@@ -385,6 +404,13 @@ def make_kinematics(config: EnvConfig, task: Task) -> Kinematics:
         return kinematics
     x0, x1, y0, y1 = config.workspace.object_area
     return kinematics.resting_at(np.array([(x0 + x1) / 2, (y0 + y1) / 2, config.workspace.gripper_box[-1]]))
+
+
+def _copied(config: EnvConfig, num_worlds: int, render: bool, present: Mapping[str, Any]) -> WorkspaceEnv:
+    """Build a copy of an environment. present: what its `present` returned."""
+    env = WorkspaceEnv(config, num_worlds, render=render)
+    env.restore_present(present)
+    return env
 
 
 def make_world(config: EnvConfig, task: Task, render: bool = False, window: Window | None = None) -> SimulatedWorld:

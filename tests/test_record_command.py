@@ -27,6 +27,7 @@ ROOT = Path(record.__file__).parent
         (["checkpoint={run}", "robot=panda"], "trained with robot=kuka"),
         (["checkpoint={run}", "gesture=ray", "workspace=collabtable"], "gesture is .* and gesture it was trained with"),
         (["expert=true", "out={run}"], "exists already"),
+        (["expert=true", "format=minari", "out=my demos"], "give out=my_demos-v0"),
         (["replay=/nowhere"], "/nowhere does not exist"),
         (["replay={run}"], "not a recording of this project: it has no deixis.json"),
         (["replay={run}", "episodes=3"], "episodes=3: replay=<dir> takes no other key"),

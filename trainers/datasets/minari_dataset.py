@@ -16,6 +16,7 @@ import numpy as np
 from gymnasium import spaces
 from torchrl.envs import EnvBase
 
+from core.errors import ConfigError
 from core.spaces import action_space, public_keys, space_of
 from core.system import import_optional
 from trainers.datasets.demonstrations import Demonstration
@@ -79,6 +80,16 @@ class MinariWriter:
 
     def finish(self) -> None:
         """Do nothing: `add` has written everything."""
+
+
+def check_minari_name(folder: Path) -> None:
+    """Raise ConfigError for a folder that Minari cannot list: then it lists none of those beside it either."""
+    if not re.fullmatch(r"[-_\w]+-v\d+", folder.name):
+        stem = re.sub(r"[^-_\w]+", "_", re.sub(r"-v\d+$", "", folder.name)) or "recording"
+        raise ConfigError(
+            f"out={folder}: Minari lists no folder whose name does not end in a version; "
+            f"give out={folder.parent / stem}-v0"
+        )
 
 
 def read_minari(folder: Path) -> Iterator[Demonstration]:

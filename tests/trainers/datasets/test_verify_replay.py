@@ -26,8 +26,8 @@ def test_a_replay_is_equal_bit_for_bit(recordings, capsys, form):
 
 def test_recordings_of_a_policy_and_of_moved_objects_replay_bit_for_bit(tiny_run, tmp_path, capsys):
     record.main([f"checkpoint={tiny_run}", "episodes=2", "format=lerobot", f"out={tmp_path / 'policy'}"])
-    record.main(["expert=true", "episodes=1", "format=minari", f"out={tmp_path / 'placed'}", *MOVED_OBJECTS])
-    for name in ("policy", "placed"):
+    record.main(["expert=true", "episodes=1", "format=minari", f"out={tmp_path / 'placed-v0'}", *MOVED_OBJECTS])
+    for name in ("policy", "placed-v0"):
         record.main([f"replay={tmp_path / name}"])
     assert capsys.readouterr().out.count("bit for bit") == 2
 
