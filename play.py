@@ -176,12 +176,13 @@ def _check_address(host: str, port: int) -> None:
 def write_video(args: argparse.Namespace) -> None:
     """Do one instruction and write it to an mp4. Raises ConfigError for words that are not understood."""
     from demo.video_recorder import VideoRecorder
+    from language import Plan
 
     session = make_session(args)
     try:
         names = session.object_names()
         interpretation = session.say(_with_names(args.say, names))
-        if interpretation.understood is None and not interpretation.actions:
+        if not isinstance(interpretation, Plan):
             raise ConfigError(f"--say: {interpretation.message} (the objects are {', '.join(names)})")
         args.headless.parent.mkdir(parents=True, exist_ok=True)
         recorder = VideoRecorder(args.headless)

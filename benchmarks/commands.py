@@ -27,16 +27,17 @@ from benchmarks.results import rows, write_section
 from benchmarks.treebank import world_of
 from benchmarks.treebank_data import read
 from language import Scene, interpret
-from language.commands.lattice import vocabulary
-from language.commands.world import World
+from language.lattice import vocabulary
+from language.world import WorldModel
 from tools.random_scenes import random_scene
 
+KINDS = ("Plan", "Question", "Refusal", "Answer", "Signal")  # of outcomes
 LIMIT = 0.05  # seconds of CPU time a hostile string
 REPEATS = 3  # of strings that take longer than half of that: the least time counts
 SHOWN = 5  # of the slowest strings
 BLOCKS = range(18, 23)
 
-Case = tuple[str, str, Scene | World]  # its kind, the sentence, the scene
+Case = tuple[str, str, Scene | WorldModel]  # its kind, the sentence, the scene
 
 
 def wide_salad(rng: Generator, scene: Scene) -> str:
@@ -74,8 +75,8 @@ def measured(cases: Iterator[Case]) -> dict[str, Any]:
     gc.freeze()
     for kind, text, scene in cases:
         outcome, seconds = _timed(text, scene)
-        outcomes[outcome if outcome in ("Understood", "Question", "Refusal") else "exception"] += 1
-        if outcome not in ("Understood", "Question", "Refusal"):
+        outcomes[outcome if outcome in KINDS else "exception"] += 1
+        if outcome not in KINDS:
             raised.append(f"{outcome} at {text[:200]!r}")
         times.append((1000 * seconds, f"{kind}: {text[:200]!r}"))
     times.sort(reverse=True)
@@ -90,7 +91,7 @@ def measured(cases: Iterator[Case]) -> dict[str, Any]:
     }
 
 
-def _timed(text: str, scene: Scene | World) -> tuple[str, float]:
+def _timed(text: str, scene: Scene | WorldModel) -> tuple[str, float]:
     """Returns the kind of outcome, or the exception, and the seconds of CPU time."""
     best = float("inf")
     outcome = ""

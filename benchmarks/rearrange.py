@@ -8,7 +8,7 @@ FOLDER has `commands.txt` and `configuration.txt`. Each scene is laid out as the
 carries out the move that leads to the board after, and the scene counts as right if every block is then within half a
 cell of where that board has it, at the right level, and held or not as there.
 
-With `--words`, the expert carries out the steps that `language.commands` understands, for each command of the part.
+With `--words`, the expert carries out the steps that `language` understands, for each command of the part.
 Commands of one scene with the same steps are carried out once. The place at which a block is held in the air is not
 compared then.
 
@@ -33,7 +33,7 @@ import numpy as np
 from tensordict import TensorDict
 
 from benchmarks.treebank import world_of
-from benchmarks.treebank_data import PARTS, Block, Item, World, read
+from benchmarks.treebank_data import PARTS, Block, BoardState, TreebankSentence, read
 from core.overrides import apply, compose
 from core.schema import ConfigError
 from deixis.policy import LoadedPolicy, load_policy
@@ -43,9 +43,8 @@ from envs.tasks import EpisodeSpec
 from envs.tasks.board import SHAPES, Grid
 from envs.tasks.shared.types import GripperStart
 from envs.workspace_env import WorkspaceEnv
-from language import COLORS, NOUNS, LanguageError, Scene
-from language.commands import Action, Understood
-from language.commands.interpreting import interpret_alone
+from language import COLORS, NOUNS, LanguageError, Plan, Scene, Step
+from language.settling import interpret_alone
 
 SIZES = (16, 40, 120)  # blocks: a world is made for as many, since parked ones cost time as well
 SETTLING = 10  # control steps after the move
@@ -60,8 +59,8 @@ class Board:
     """A scene of the Treebank: the boards before and after, and which block of the first one goes where."""
 
     number: int
-    before: World
-    after: World
+    before: BoardState
+    after: BoardState
     moved: int
     goal: Block
 
@@ -76,7 +75,7 @@ class Job:
     """A board, and the steps that are carried out on it; None: the move that leads to the board after."""
 
     board: Board
-    steps: tuple[Action, ...] | None = None
+    steps: tuple[Step, ...] | None = None
 
     @property
     def number(self) -> int:
@@ -90,7 +89,7 @@ def boards(folder: Path, part: str) -> list[Board]:
     return [board for number in sorted(known) if (board := _board(number, *known[number])) is not None]
 
 
-def _board(number: int, before: World | None, after: World | None) -> Board | None:
+def _board(number: int, before: BoardState | None, after: BoardState | None) -> Board | None:
     if before is None or after is None:
         return None
     gone = list((Counter(before.blocks) - Counter(after.blocks)).elements())
@@ -210,7 +209,9 @@ def _results(work: tuple[Sequence[Job], str, str | None]) -> list[tuple[Job, str
     return list(results(given, robot) if policy is None else results_of_policy(given, policy))
 
 
-def understood(folder: Path, part: str, numbers: Collection[str] | None = None) -> Iterator[tuple[Item, Job | None]]:
+def understood(
+    folder: Path, part: str, numbers: Collection[str] | None = None
+) -> Iterator[tuple[TreebankSentence, Job | None]]:
     """Generate each command with its job; None if it is not understood.
 
     Args:
@@ -225,7 +226,7 @@ def understood(folder: Path, part: str, numbers: Collection[str] | None = None) 
     for item in read(folder, part).items:
         if item.scene in known and (numbers is None or item.number in numbers):
             outcome = interpret_alone(item.text, world_of(known[item.scene].before))
-            steps = outcome.steps if isinstance(outcome, Understood) else None
+            steps = outcome.steps if isinstance(outcome, Plan) else None
             yield item, None if steps is None else Job(known[item.scene], steps)
 
 

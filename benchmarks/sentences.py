@@ -22,8 +22,8 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from language.commands.world_file import read_world
 from language.errors import LanguageError
+from language.scene_file import read_world
 from tools.sentences import RESULTS, judged, read_sentences
 
 

@@ -21,11 +21,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.results import write_section
-from benchmarks.treebank_data import PARTS, Item, read
-from benchmarks.treebank_data import World as Board
-from language.commands.interpreting import interpret_alone
-from language.commands.outcomes import Question, Refusal, Understood
-from language.commands.world import World, board
+from benchmarks.treebank_data import PARTS, BoardState, TreebankSentence, read
+from language.outcomes import Plan, Question, Refusal
+from language.settling import interpret_alone
+from language.world import WorldModel, board
 
 RESULTS = ("right", "wrong", "asked", "refused")
 
@@ -40,7 +39,7 @@ class Judged(NamedTuple):
     line: str
 
 
-def world_of(before: Board) -> World:
+def world_of(before: BoardState) -> WorldModel:
     """Returns a board's world. Its front is where the arm faces: "front" and "top" are the far side."""
     held = None
     if before.closed:
@@ -49,7 +48,7 @@ def world_of(before: Board) -> World:
     return board(blocks, held, front="far")
 
 
-def judged(task: tuple[Item, bool]) -> Judged:
+def judged(task: tuple[TreebankSentence, bool]) -> Judged:
     """Returns the result of one command. task: the command, and whether the scene helps to choose the reading."""
     item, scene_chooses = task
     try:
@@ -58,16 +57,16 @@ def judged(task: tuple[Item, bool]) -> Judged:
         return Judged("refused", "exception", "exception", 0.0, f"{type(error).__name__}: {error}")
 
 
-def _judged(item: Item, scene_chooses: bool) -> Judged:
+def _judged(item: TreebankSentence, scene_chooses: bool) -> Judged:
     if item.before is None or item.after is None:
         return Judged("refused", "no scene", "no scene", 0.0, "the configuration has no such scene")
     started = time.process_time()
     outcome = interpret_alone(item.text, world_of(item.before), scene_chooses)
     seconds = time.process_time() - started
     kind = "drop" if item.before.closed else "take" if item.after.closed else "move"
-    if isinstance(outcome, Understood):
+    if isinstance(outcome, Plan):
         right = _reached(outcome, item.before, item.after)
-        steps = ", ".join(f"{a.kind} {_block(item.before, a.object)} {a.position or ''}" for a in outcome.steps)
+        steps = ", ".join(f"{a.verb} {_block(item.before, a.object)} {a.place or ''}" for a in outcome.steps)
         return Judged("right" if right else "wrong", "understood", kind, seconds, steps)
     if isinstance(outcome, Question):
         return Judged("asked", "several things" if outcome.candidates else "open", kind, seconds, outcome.text)
@@ -75,11 +74,11 @@ def _judged(item: Item, scene_chooses: bool) -> Judged:
     return Judged("refused", outcome.reason, kind, seconds, outcome.text)
 
 
-def _block(before: Board, index: int | None) -> str:
+def _block(before: BoardState, index: int | None) -> str:
     return "" if index is None else " ".join(map(str, before.blocks[index]))
 
 
-def _reached(outcome: Understood, before: Board, after: Board) -> bool:
+def _reached(outcome: Plan, before: BoardState, after: BoardState) -> bool:
     """Returns whether the virtual result is the scene after; where the arm holds a block makes no difference."""
     assert outcome.result is not None
     held = outcome.result.held
@@ -127,14 +126,14 @@ def _write(path: Path, section: str, results: list[Judged]) -> None:
     write_section(path, "benchmarks.treebank", section, figures)
 
 
-def _judge_all(tasks: list[tuple[Item, bool]], jobs: int) -> Iterable[Judged]:
+def _judge_all(tasks: list[tuple[TreebankSentence, bool]], jobs: int) -> Iterable[Judged]:
     if jobs <= 1:
         return map(judged, tasks)
     with get_context("fork").Pool(jobs) as pool:
         return pool.map(judged, tasks, chunksize=16)
 
 
-def _print_errors(items: list[Item], results: list[Judged]) -> None:
+def _print_errors(items: list[TreebankSentence], results: list[Judged]) -> None:
     for item, result in zip(items, results, strict=True):
         if result.result != "right":
             print(f"{result.result} ({result.reason})\t{item.number}\tscene {item.scene}\t{item.text}\n\t{result.line}")

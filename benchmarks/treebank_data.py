@@ -29,7 +29,7 @@ Block = tuple[int, int, int, str, str]  # x, y, z in cells, z up; colour; shape
 
 
 @dataclass(frozen=True)
-class World:
+class BoardState:
     """A board: the arm's position in cells, whether its gripper is closed, and the blocks."""
 
     arm: tuple[int, int, int]
@@ -38,21 +38,21 @@ class World:
 
 
 @dataclass(frozen=True)
-class Item:
+class TreebankSentence:
     """A command and the worlds before and after it; None if the configuration lacks one."""
 
     number: str
     scene: int
     text: str
-    before: World | None
-    after: World | None
+    before: BoardState | None
+    after: BoardState | None
 
 
 @dataclass
 class Data:
     """The commands of a folder in the file's order, and the lines that could not be read."""
 
-    items: list[Item] = field(default_factory=list)
+    items: list[TreebankSentence] = field(default_factory=list)
     unreadable: list[str] = field(default_factory=list)
 
 
@@ -85,7 +85,7 @@ def read(folder: Path, part: str = "all") -> Data:
         before, after = world_keys(scene)
         if part == "all" or (before[0] in held) == (part == "held_out"):
             text = words[2] if len(words) == 3 else ""
-            data.items.append(Item(words[0], scene, text, worlds.get(before), worlds.get(after)))
+            data.items.append(TreebankSentence(words[0], scene, text, worlds.get(before), worlds.get(after)))
     return data
 
 
@@ -99,7 +99,7 @@ def held_out_groups(groups: set[int]) -> set[int]:
     return set(order[: round(len(order) * HELD_OUT_SHARE)])
 
 
-def _worlds(text: str, data: Data) -> Iterator[tuple[tuple[int, int], World]]:
+def _worlds(text: str, data: Data) -> Iterator[tuple[tuple[int, int], BoardState]]:
     for paragraph in text.replace("\r", "").split("\n\n"):
         lines = [line for line in paragraph.splitlines() if line.strip()]
         if not lines:
@@ -108,7 +108,7 @@ def _worlds(text: str, data: Data) -> Iterator[tuple[tuple[int, int], World]]:
             group, index = map(int, lines[0].split())
             x, y, z, grip = lines[1].split()
             blocks = tuple(_block(line) for line in lines[2:])
-            yield (group, index), World((int(x), int(y), int(z)), grip == "C", blocks)
+            yield (group, index), BoardState((int(x), int(y), int(z)), grip == "C", blocks)
         except (ValueError, LookupError):
             data.unreadable.append(lines[0])
 

@@ -1,21 +1,17 @@
-"""Commands on a board with stacks: the world that words are about, the dialogue, and the subtasks of its steps."""
+"""A board with stacks: the world that words are about, and the object that marks a place."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from demo.dialogue import MAX_CHARACTERS, Dialogue, Interpretation, PointedObjects, of_outcome
-from demo.planning import Planner, Subtask
-from envs.experts.board import moves_of
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.tasks.board import Grid
-from language import Scene, commands
-from language.commands.naming import name
-from language.commands.world import BOARD_HEIGHT, FLAT, World, board
+from language import WorldModel, board
+from language.talk import name
+from language.world import BOARD_HEIGHT, FLAT
 
 HIDDEN = -5.0  # metres: the height of a see-through object that marks no place
 
@@ -30,7 +26,7 @@ def movable(env: InteractiveEnv) -> NDArray[np.int64]:
     return np.flatnonzero(~env.scene().targets)
 
 
-def world_of(env: InteractiveEnv) -> World:
+def world_of(env: InteractiveEnv) -> WorldModel:
     """The board as the language sees it; its things are the movable objects in their order."""
     scene, numbers = env.scene(), movable(env)
     cells = grid_of(env).cells(scene.positions[numbers])
@@ -61,57 +57,6 @@ def example(env: InteractiveEnv) -> str:
     if len(flat) > 1:
         return f"put {name(world, flat[0])} on {name(world, flat[1])}"
     return f"put {name(world, free[0])} in the back left corner" if free else "take the leftmost block"
-
-
-class BoardDialogue(Dialogue):
-    """A dialogue about the objects on a board. Interpretations number objects as `env.scene()` does."""
-
-    def __init__(self, env: InteractiveEnv) -> None:
-        super().__init__()
-        self._env = env
-
-    def preview(self, sentence: str, scene: Scene, pointed: PointedObjects) -> Interpretation:
-        return self._answer(sentence, replace(self._commands, history=[*self._commands.history]))
-
-    def hear(self, sentence: str, scene: Scene, pointed: PointedObjects) -> Interpretation:
-        return self._answer(sentence, self._commands)
-
-    def _answer(self, sentence: str, dialogue: commands.Dialogue) -> Interpretation:
-        outcome = dialogue.answer(sentence[:MAX_CHARACTERS], world_of(self._env))
-        message = getattr(outcome, "text", "")
-        if isinstance(outcome, commands.Refusal) and outcome.reason == "syntax":
-            message += f" (for example: {example(self._env)})"
-        found = of_outcome(outcome, Interpretation(outcome.sentence, None, message))
-        numbers = movable(self._env).tolist()
-        actions = tuple(_renumbered(action, numbers) for action in found.actions)
-        return replace(found, actions=actions, candidates=tuple(numbers[i] for i in found.candidates))
-
-
-def _renumbered(action: commands.Action, numbers: Sequence[int]) -> commands.Action:
-    thing = None if action.object is None else numbers[action.object]
-    return replace(action, object=thing, on=None if action.on is None else numbers[action.on])
-
-
-def plan(actions: Sequence[commands.Action], env: InteractiveEnv, planner: Planner | None = None) -> list[Subtask]:
-    """A subtask for each object that is taken or brought to a place.
-
-    Args:
-        actions: the steps of a command.
-        env: on a board.
-        planner: chooses the words for a policy; None: no policy drives.
-
-    Raises:
-        LanguageError: a step moves nothing.
-    """
-    scene, grid = env.scene(), grid_of(env)
-    cells = [(float(x), float(y)) for x, y, _ in grid.cells(scene.positions)]
-    marker = next(iter(np.flatnonzero(scene.targets).tolist()), None)
-    subtasks = []
-    for move in moves_of(actions, cells, range(len(scene)), grid):
-        target = marker if move.release else None
-        sentence = "" if planner is None or target is None else planner.policy_sentence(None, move.thing, target)
-        subtasks.append(Subtask(sentence, move.thing, target, move))
-    return subtasks
 
 
 def mark(env: InteractiveEnv, place: Sequence[float] | NDArray[np.float64] | None) -> None:

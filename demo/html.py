@@ -5,52 +5,38 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from demo.dialogue import Interpretation
-from demo.planning import verb_words
 from demo.room import in_words
 from demo.view_state import OUTCOMES, ViewState
-from language import VERBS
-from language.commands import Action
+from language import Answer, Outcome, Plan, Question, Signal, Step
 
 GREEN, RED, ORANGE = "#2b8a3e", "#c92a2a", "#e67700"
 STYLE = "padding:2px 12px;font-size:14px;line-height:1.45;overflow-wrap:anywhere"
 
 
-def interpretation(result: Interpretation, names: Sequence[str]) -> str:
-    """The sentence: what was understood in green, the rest in red, or orange for a question; and the message."""
-    if result.understood is not None:
-        steps = result.understood.steps
-        summary = ", then ".join(_step(step.task, step.init, step.goal, names) for step in steps)
-        return _box(f"{_colored(result.sentence, GREEN)}<br><small>understood: {escape(summary)}</small>")
-    if result.actions:
-        summary = ", then ".join(_action(action, names) for action in result.actions)
-        note = f"<br><small>{escape(result.message)}</small>" if result.message else ""
+def interpretation(result: Outcome, names: Sequence[str]) -> str:
+    """The sentence: what was understood in green, a question in orange, else red; and the message."""
+    if isinstance(result, Plan) or (isinstance(result, Signal) and result.steps):
+        summary = ", then ".join(_step(step, names) for step in result.steps)
+        notes = "; ".join(getattr(result, "notes", ()))
+        note = f"<br><small>{escape(notes)}</small>" if notes else ""
         return _box(f"{_colored(result.sentence, GREEN)}<br><small>understood: {escape(summary)}</small>{note}")
-    before, after = result.sentence[: result.position], result.sentence[result.position :]
-    color = ORANGE if result.candidates else RED
+    if isinstance(result, Answer | Signal):
+        text = result.text or f"understood: {getattr(result, 'control', '')}"
+        return _box(f"{_colored(result.sentence, GREEN)}<br><b>{escape(text)}</b>")
+    start = result.span[0] if isinstance(result, Question) else 0
+    before, after = result.sentence[:start], result.sentence[start:]
+    color = ORANGE if isinstance(result, Question) else RED
     rest = f'<u style="color:{color}">{escape(after)}</u>' if after else ""
     return _box(f'{_colored(before, GREEN)}{rest}<br><b style="color:{color}">{escape(result.message)}</b>')
 
 
-def _step(verb: str, init: int | None, goal: int | None, names: Sequence[str]) -> str:
-    objects = [names[index] for index in (init, goal) if index is not None]
-    if VERBS[verb].goal_is_real:
-        return in_words(verb, *objects)
-    return f"{verb_words(verb)} {' to '.join(objects)}"
-
-
-def _action(action: Action, names: Sequence[str]) -> str:
-    """A step in words: "place the red cube at x 0.45, y -0.10"."""
-    words = [action.kind]
-    if action.fixture is not None:
-        words.append(f"the {action.fixture}")
-    if action.object is not None:
-        words.append(names[action.object])
-    if action.on is not None:
-        words.append(f"on {names[action.on]}")
-    elif action.position is not None:
-        words.append("at x {:.2f}, y {:.2f}".format(*action.position))
-    return " ".join(words)
+def _step(step: Step, names: Sequence[str]) -> str:
+    """A step in words: "put the red cube in the blue drawer", "move the red cube to x 0.45, y -0.10"."""
+    goal = None if step.goal is None else names[step.goal]
+    if step.place is None or goal is not None:
+        return in_words(step.verb, names[step.object], goal)
+    x, y = step.place
+    return f"put {names[step.object]} at x {x:.2f}, y {y:.2f}"
 
 
 def status(view: ViewState, note: str, rate: float) -> str:

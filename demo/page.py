@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from core.overrides import groups
 from demo import html
-from demo.dialogue import Interpretation
 from demo.real_time_loop import RealTimeLoop
 from demo.recording_panel import RecordingPanel
 from demo.room import MOST_SAID
@@ -22,7 +21,7 @@ from demo.scene_view import SceneView
 from demo.session import Session
 from demo.session_config import DRIVERS, MOST_OBJECTS, SessionConfig, check_run, pretrained_policies
 from demo.splash_page import set_camera
-from language import LanguageError
+from language import LanguageError, Outcome
 
 Array = NDArray[np.float64]
 AUTO = "the one that fits"
@@ -141,7 +140,7 @@ class Page:
     def _say_listed(self, sentence: str) -> None:
         self.loop.ask(lambda session: self._show_interpretation(session, sentence, session.say))
 
-    def _show_interpretation(self, session: Session, sentence: str, interpret: Callable[[str], Interpretation]) -> None:
+    def _show_interpretation(self, session: Session, sentence: str, interpret: Callable[[str], Outcome]) -> None:
         self._show_message("")
         if not sentence.strip():
             return

@@ -1,4 +1,8 @@
-"""From an understood command to subtasks: the sentence, the referent and the target that the policy is given."""
+"""From the steps of a plan to subtasks: the sentence, the referent and the target that the policy is given.
+
+Where a step brings something to a place without an object, a see-through object of the scene is moved there, and the
+policy is given the sentence that brings the referent to it.
+"""
 
 from __future__ import annotations
 
@@ -8,29 +12,32 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 
 import numpy as np
+from numpy.typing import NDArray
 
-from demo import room
-from envs.experts.board import Move
+from demo import board, room
+from envs.experts.board import Move, moves_of, without_takes
 from envs.interactive.interactive_env import InteractiveEnv, object_name, object_names
 from envs.tasks.shared.feasible import Option
+from envs.tasks.shared.free_places import BESIDE
 from envs.tasks.sort import is_sorted
 from language import (
     HAND,
     KINDS,
     VERBS,
     Describer,
-    GroundedStep,
     Instruction,
     LanguageError,
     ObjectPhrase,
     Scene,
-    Understood,
+    Step,
     matches,
     say,
 )
-from language.verbs import BASE, EVERY, GOAL, OBJECT, has_goal
+from language.verbs import BASE, EVERY, GOAL, KNOWN, OBJECT, PLACING, Act, has_goal
 
-SORTING, PLACING = "sort", "pick_and_place"  # a task that places things also brings several to a marked place
+SAME_PLACE = 0.02  # metres within which a see-through object marks the place already
+HOLD = 0.15  # metres above the table at which a taken object is held
+ON_TABLE = 0.01  # metres above the table below which a place counts as on the table
 
 
 @dataclass(frozen=True)
@@ -60,7 +67,7 @@ class Subtask:
         return (self.referent,) if self.target is None else (self.referent, self.target)
 
 
-class Planner:
+class SubtaskPlanner:
     """Plans for the task of this environment.
 
     verb: the task's verb, a key of language.VERBS. own_places: by index, of targets that were put elsewhere for a step;
@@ -82,48 +89,167 @@ class Planner:
         """Whether the policy's words for a step are chosen as it begins."""
         return self._env.task.traits.stepwise
 
-    def plan(self, understood: Understood) -> list[Subtask]:
-        """A subtask for each step. Raises LanguageError for what this task cannot do."""
+    def plan(self, steps: Sequence[Step], for_policy: bool) -> list[Subtask]:
+        """A subtask for each step that moves the arm. Raises LanguageError for what this task cannot do.
+
+        for_policy: whether a policy drives, which may need other words than the person's.
+        """
+        if self._env.task.traits.stacks:
+            return self._on_board(steps, for_policy)
+        if self._env.task.verbs:
+            return [self._in_room(step) for step in self._to_do(self._without_takes_in_room(steps))]
+        return self._on_table(self._to_do(without_takes(steps)))
+
+    def _without_takes_in_room(self, steps: Sequence[Step]) -> list[Step]:
+        """Return the steps without takes, but for things that go only a bit aside: they leave their place first."""
+        scene, kept = self.scene(), without_takes(steps)
+        near = BESIDE * self._env.config.task.object_size
+        found: list[Step] = []
+        for step in kept:
+            take = next((each for each in steps if each.takes and each.object == step.object), None)
+            apart = np.subtract(step.place or (np.inf, np.inf), scene.positions[step.object, :2])
+            if take is not None and take not in kept and not step.several and np.linalg.norm(apart) < near:
+                found.append(take)
+            found.append(step)
+        return found
+
+    def _on_board(self, steps: Sequence[Step], for_policy: bool) -> list[Subtask]:
+        scene, grid = self._env.scene(), board.grid_of(self._env)
+        cells = [(float(x), float(y)) for x, y, _ in grid.cells(scene.positions)]
+        marker = next(iter(np.flatnonzero(scene.targets).tolist()), None)
         subtasks = []
-        for step, instruction in self._to_do(understood):
-            if step.task not in (self._env.task.verbs or (self.verb,)) and not self._sorts(step):
-                task = f"task={self._config.name}, which does '{verb_words(self.verb)}'"
-                raise LanguageError(f"'{verb_words(step.task)}' is not what {task}; choose another task")
-            referent = step.goal if step.init is None else step.init
-            target = None if step.init is None else step.goal
-            assert referent is not None
-            every = instruction.phrase.determiner == EVERY
-            words = None if every else instruction
-            if self._sorts(step):
-                mark = self.scene()[target or 0].position
-                subtasks.append(
-                    Subtask("", referent, target, verb=PLACING, instruction=words, mark=mark, any_order=every)
-                )
-            elif self._env.task.verbs:
-                subtasks.append(Subtask("", referent, target, verb=step.task, instruction=words))
-            elif self.names_later:
-                subtasks.append(Subtask("", referent, target, instruction=words, any_order=every))
-                self._check_target(subtasks[-1])
-            else:
-                subtasks.append(Subtask(self.policy_sentence(words, referent, target), referent, target))
-                self._check_target(subtasks[-1])
+        for move in moves_of(steps, cells, range(len(scene)), grid):
+            target = marker if move.release else None
+            words = self.policy_sentence(None, move.thing, target) if for_policy and target is not None else ""
+            subtasks.append(Subtask(words, move.thing, target, move))
         return subtasks
 
-    def _sorts(self, step: GroundedStep) -> bool:
-        """Whether a step brings something to a marked place where the task puts it there as one of its verbs."""
-        return step.task == SORTING and PLACING in self._env.task.verbs and SORTING not in self._env.task.verbs
-
-    def _to_do(self, understood: Understood) -> list[tuple[GroundedStep, Instruction]]:
-        """The steps with their instructions, but for those of "every" that are done. Raises LanguageError for none."""
-        pairs, scene = list(zip(understood.steps, understood.instructions, strict=True)), self.scene()
-        left = [
-            (step, instruction)
-            for step, instruction in pairs
-            if instruction.phrase.determiner != EVERY or not _is_sorted(scene, step)
-        ]
-        if not left:
-            raise LanguageError(f"'{pairs[-1][1].phrase}' is there already")
+    def _to_do(self, steps: Sequence[Step]) -> list[Step]:
+        """The steps but for those of several that lie where they shall go. Raises LanguageError if all do."""
+        scene = self.scene()
+        left = [step for step in steps if not (step.several and self._is_there(step, scene))]
+        if steps and not left:
+            raise LanguageError("they are there already")
         return left
+
+    def _is_there(self, step: Step, scene: Scene) -> bool:
+        marked = step.goal is not None and scene.targets[step.goal]
+        return bool(marked) and step.goal is not None and lies_at(step.object, scene[step.goal].position, scene)
+
+    def _in_room(self, step: Step) -> Subtask:
+        """The subtask of a step where the task has several verbs. A see-through object marks a place on the table."""
+        words, scene = _instruction_of(step), self.scene()
+        if step.act is Act.UNSTACK:
+            return Subtask("", step.object, verb=step.verb, instruction=words)
+        if not step.carries or (step.goal is not None and not scene.targets[step.goal]):
+            return Subtask("", step.object, step.goal, verb=step.verb, instruction=words)
+        assert step.place is not None
+        target = step.goal if step.goal is not None else self._target(step, scene)
+        place = np.array(self._within_reach(step.place))
+        marked = np.linalg.norm(scene.positions[target, :2] - place) < SAME_PLACE
+        if step.several and step.goal is not None:
+            return Subtask("", step.object, target, verb=PLACING, mark=scene[target].position, any_order=True)
+        height = self._env.config.task.object_size / 2
+        at = None if marked else (float(place[0]), float(place[1]), height)
+        return Subtask("", step.object, target, verb=step.verb, instruction=words, place=at)
+
+    def _target(self, step: Step, scene: Scene) -> int:
+        """The see-through object nearest to where a step puts its object."""
+        targets = np.flatnonzero(scene.targets)
+        if not len(targets):
+            raise LanguageError("this scene has no see-through object that could mark the place")
+        away = np.linalg.norm(scene.positions[targets][:, :2] - np.array(step.place), axis=1)
+        return int(targets[away.argmin()]) if away.min() < SAME_PLACE else int(targets[-1])
+
+    def _on_table(self, steps: Sequence[Step]) -> list[Subtask]:
+        """The subtasks where the task has one verb: its own, and for other steps moves of the expert."""
+        places = [tuple(place) for place in self._env.scene().positions[:, :2].tolist()]
+        moves: list[Move | None] = []
+        for step in steps:
+            by_expert = self._env.task.traits.grips and (step.carries or step.takes) and not self._does(step)
+            table = _Table(self._env)
+            moves += moves_of([step], places, range(len(places)), table, hold=table.hold) if by_expert else [None]
+            if step.place is not None:
+                places[step.object] = step.place
+        own = [step for step, move in zip(steps, moves, strict=True) if move is None]
+        for step in own:
+            if not self._can(step):
+                task = f"task={self._config.name}, which does '{verb_words(self.verb)}'"
+                raise LanguageError(f"'{verb_words(step.verb)}' is not what {task}; choose another task")
+        targets = self._targets(own)
+        for step, target in zip(own, targets, strict=True):
+            if target is not None and step.place is not None and step.goal != target and not self.names_later:
+                place = (*self._within_reach(step.place), self._env.config.task.object_size / 2)
+                if np.linalg.norm(self._env.scene().positions[target, :2] - place[:2]) >= SAME_PLACE:
+                    self._env.put_object(target, place)
+        left = iter(targets)
+        subtasks = []
+        for step, move in zip(steps, moves, strict=True):
+            subtasks.append(
+                Subtask("", step.object, None, move) if move is not None else self._subtask(step, next(left))
+            )
+        return subtasks
+
+    def _subtask(self, step: Step, target: int | None) -> Subtask:
+        words = _instruction_of(step)
+        if self.names_later:
+            subtask = Subtask("", step.object, target, instruction=words, any_order=step.several)
+        else:
+            fitting = _still_fitting(words, step.object, target, self._env.scene())
+            subtask = Subtask(self.policy_sentence(fitting, step.object, target), step.object, target)
+        self._check_target(subtask)
+        return subtask
+
+    def _can(self, step: Step) -> bool:
+        """Whether the task's verb carries out a step."""
+        verb = KNOWN[self.verb]
+        if step.carries:
+            return verb.effect in ("goal", "on", "hand") and (verb.act is not Act.NEVER or step.verb == self.verb)
+        return step.verb == self.verb or (step.takes and verb.act in (Act.TAKE, Act.HOLD))
+
+    def _does(self, step: Step) -> bool:
+        """Whether the task itself does a step: bring something onto the table, onto another object, or neither."""
+        if not self._can(step):
+            return False
+        task, size = self._env.task, self._env.config.task.object_size
+        if task.traits.stepwise:
+            scene, at = self._env.scene(), (*(step.place or (np.inf, np.inf)), (step.bottom or 0.0) + size / 2)
+            return bool(is_sorted(np.array(at), scene.positions[scene.targets.argmax()], size))
+        if HAND in task.fixtures:
+            return step.goal is not None and self._env.scene()[step.goal].noun == HAND
+        return not task.traits.places or ((step.bottom or 0.0) > ON_TABLE) == task.traits.real_goals
+
+    def _targets(self, steps: Sequence[Step]) -> list[int | None]:
+        """The target of each step that the task does itself: what it goes on, or the object that marks its place."""
+        scene, task = self._env.scene(), self._env.task
+        free = [index for index in range(len(scene)) if scene.targets[index]]
+        targets: list[int | None] = []
+        for step in steps:
+            if HAND in task.fixtures or not task.traits.places:
+                targets.append(step.goal if HAND in task.fixtures else None)
+                continue
+            if step.place is None:
+                raise LanguageError(f"say where {object_name(step.object, scene)} should go")
+            if task.traits.real_goals:
+                if step.goal is None or scene.targets[step.goal]:
+                    raise LanguageError("this task stacks; name the object to put it on, or choose another task")
+                targets.append(step.goal)
+                continue
+            if step.bottom is not None and step.bottom > ON_TABLE:
+                raise LanguageError("this task puts objects on the table; choose task=nl_stack to put one on another")
+            if self.names_later and free:
+                targets.append(step.goal if step.goal in free else free[0])
+                continue
+            if not free:
+                raise LanguageError("too many places for one sentence: this scene has no further see-through object")
+            away = np.linalg.norm(scene.positions[free][:, :2] - np.array(self._within_reach(step.place)), axis=1)
+            nearest = int(away.argmin())
+            targets.append(free.pop(nearest if away[nearest] < SAME_PLACE else len(free) - 1))
+        return targets
+
+    def _within_reach(self, position: Sequence[float]) -> tuple[float, float]:
+        """The nearest place where objects may be, metres."""
+        return within_reach(position, self._env)
 
     def begin_next(self, subtasks: deque[Subtask]) -> Subtask:
         """Takes the next of some subtasks, and begins it; of those in any order, the first that can be done now.
@@ -225,11 +351,13 @@ class Planner:
         referent, target = names[subtask.referent], None if subtask.target is None else names[subtask.target]
         if subtask.verb is not None:
             return room.in_words(subtask.verb, referent, target)
-        verb = self.verb if subtask.move is None else "place" if subtask.move.release else "take"
-        return f"{verb_words(verb)} {referent}" + (f" to {target}" if target and subtask.move is None else "")
+        doing = verb_words(self.verb) if subtask.move is None else "place" if subtask.move.release else "take"
+        return f"{doing} {referent}" + (f" to {target}" if target and subtask.move is None else "")
 
     def example(self) -> str:
         """A sentence that is possible in this scene."""
+        if self._env.task.traits.stacks:
+            return board.example(self._env)
         if self._env.task.verbs:
             return next(iter(room.sayable(self._env)), "stop")
         scene = self._env.scene()
@@ -256,11 +384,37 @@ def _moved(scene: Scene, places: Mapping[int, tuple[float, float, float]]) -> Sc
     return scene.moved(positions)
 
 
-def _is_sorted(scene: Scene, step: GroundedStep) -> bool:
-    """Whether what a step is to sort lies at its place."""
-    if step.task != SORTING or step.init is None or step.goal is None:
-        return False
-    return lies_at(step.init, scene[step.goal].position, scene)
+def _instruction_of(step: Step) -> Instruction | None:
+    """The instruction in the project's own language that a step was read from, if it names its objects in words."""
+    return step.instruction if isinstance(step.instruction, Instruction) else None
+
+
+def within_reach(position: Sequence[float], env: InteractiveEnv) -> tuple[float, float]:
+    """The nearest place where objects may be, metres: "the corner" is the corner of the area that the arm serves."""
+    x0, x1, y0, y1 = env.config.workspace.object_area
+    return float(np.clip(position[0], x0, x1)), float(np.clip(position[1], y0, y1))
+
+
+class _Table:
+    """The places of a table, for `moves_of`. hold: the height of the bottom of a held object, metres."""
+
+    def __init__(self, env: InteractiveEnv) -> None:
+        self._env, self._half = env, env.config.task.object_size / 2
+        self.hold = min(HOLD, env.config.workspace.gripper_box[-1] - env.grip_depth - self._half)
+
+    def place(self, column: float, row: float, level: float) -> NDArray[np.float64]:
+        """(3,) the centre of an object at x, y whose bottom is at a height; all in metres."""
+        return np.array([*within_reach((column, row), self._env), level + self._half])
+
+
+def put_object(env: InteractiveEnv, planner: SubtaskPlanner, index: int, place: NDArray[np.float64]) -> None:
+    """Puts an object at (2,) metres on the table, or at the nearest place where objects may stand, for good."""
+    if env.bodies()[index] is None:
+        raise LanguageError(f"{object_name(index, env.scene())} stays where it is; press Shuffle for another scene")
+    x, y = within_reach((float(place[0]), float(place[1])), env)
+    on_table = x, y, env.config.task.object_size / 2
+    planner.own_places.pop(index, None)
+    env.put_object(index, board.free_place(env, index, x, y) if env.task.traits.stacks else on_table)
 
 
 def lies_at(index: int, mark: tuple[float, float, float], scene: Scene) -> bool:

@@ -10,8 +10,8 @@ import numpy as np
 
 from envs.interactive.interactive_env import InteractiveEnv, object_name
 from envs.tasks.anything import Anything
-from envs.tasks.furniture import OPEN, SHUT
-from envs.tasks.shared.feasible import CARRY, DEVICE_VERBS, HANDING, THROUGH, Option, Room, options
+from envs.tasks.shared.feasible import CARRIES, DEVICE_VERBS, THROUGH, Option, Room, options
+from envs.tasks.shared.fittings import OPEN, SHUT
 from envs.tasks.shared.free_places import BESIDE
 from envs.tasks.shared.geometry import length
 from envs.tasks.shared.types import NOTHING
@@ -19,10 +19,10 @@ from envs.tasks.sort import Spots
 from language import HAND, SUPERLATIVES, VERBS, LanguageError, ObjectPhrase, Scene, Split, matches
 from language.describing import plain_name
 from language.generator import ReferringExpressions
-from language.verbs import BASE, GOAL, OBJECT, OPERATED, has_goal
+from language.verbs import BASE, GOAL, HANDING, KNOWN, OBJECT, OPERATED, PLACING, Act, has_goal
 
 MOST_SAID = 12  # instructions that are listed
-PLACE = {"pick_and_place": "put {object} {goal}"}  # templates in place of the first one, where that is long
+PLACE = {PLACING: "put {object} {goal}"}  # templates in place of the first one, where that is long
 YOURS = "your hand"
 AT = "at"  # before the object that marks a place
 
@@ -88,7 +88,7 @@ def check(env: InteractiveEnv, option: Option, scene: Scene) -> None:
     room, names = room_of(env, scene), names_of(scene)
     held = NOTHING if env.held is None else env.held
     reason = next(_reasons(room, option, held, names), "")
-    leaves_here = option.verb == "pick_and_place" and held == option.referent
+    leaves_here = option.verb == PLACING and held == option.referent
     possible = option.verb in OPERATED or leaves_here or option in options(room, held)  # a fitting may be half open
     if not reason and not possible:
         verb, referent, target = option
@@ -123,7 +123,7 @@ def _reasons(room: Room, option: Option, held: int, names: Sequence[str]) -> Ite
     if held != NOTHING and room.loose[held]:
         if held != referent:
             yield f"put down {names[held]} first"
-        elif verb not in CARRY:
+        elif verb not in CARRIES:
             yield f"the gripper holds {name} already: say where to put it"
     if verb in OPERATED:
         yield from _of_operating(room, verb, referent, name)
@@ -133,7 +133,7 @@ def _reasons(room: Room, option: Option, held: int, names: Sequence[str]) -> Ite
         return
     if room.scene.targets[referent]:
         yield f"{name} only marks a place: name another object"
-    if verb != "reach" and (room.fits | room.devices)[referent]:
+    if KNOWN[verb].act is not Act.TOUCH and (room.fits | room.devices)[referent]:
         yield f"{name} stays where it is: name something on the table"
     yield from _of_taking(room, option, names)
     if target is not None:
@@ -143,9 +143,9 @@ def _reasons(room: Room, option: Option, held: int, names: Sequence[str]) -> Ite
 def _of_operating(room: Room, verb: str, referent: int, name: str) -> Iterator[str]:
     if not room.fits[referent]:
         yield f"'{verb}' needs a drawer or a fridge, which {name} is not"
-    elif verb == "open" and room.shares[referent] >= OPEN:
+    elif KNOWN[verb].act is Act.OPEN and room.shares[referent] >= OPEN:
         yield f"{name} is open already"
-    elif verb == "close" and room.shares[referent] <= SHUT:
+    elif KNOWN[verb].act is Act.SHUT and room.shares[referent] <= SHUT:
         yield f"{name} is shut already"
     elif room.blocked():
         yield f"{name} cannot move: something lies in its way"
@@ -156,22 +156,23 @@ def _of_device(room: Room, verb: str, referent: int, name: str) -> Iterator[str]
     if room.scene[referent].noun != noun:
         yield f"'{verb}' needs a {noun}, which {name} is not"
     elif not room.operable(verb)[referent]:
-        yield f"{name} is down already" if verb == "press" else f"{name} is at neither of its ends"
+        yield f"{name} is down already" if abs(room.moved[referent]) > 0.5 else f"{name} is at neither of its ends"
 
 
 def _of_taking(room: Room, option: Option, names: Sequence[str]) -> Iterator[str]:
     verb, referent, target = option
     name, boxes = names[referent], np.flatnonzero(room.inside[referent]).tolist()
-    if verb == "take_out" and target not in boxes:
+    removes = KNOWN[verb].effect == "out"
+    if removes and target not in boxes:
         yield f"{name} is not in {names[target or 0]}"
-    if verb != "take_out" and boxes:
+    if not removes and boxes:
         yield f"{name} is in {names[boxes[0]]}: take it out first"
     if room.handed[referent].any():
         yield f"{name} is in your hand"
     if room.covered[referent]:
         upper = int(np.flatnonzero(room.upon[:, referent])[0])
         yield f"{names[upper]} stands on {name}: take that down first"
-    if verb == "unstack" and not room.upon[referent].any():
+    if KNOWN[verb].act is Act.UNSTACK and not room.upon[referent].any():
         yield f"{name} stands on no other object"
 
 
@@ -179,12 +180,13 @@ def _of_target(room: Room, option: Option, held: int, names: Sequence[str]) -> I
     verb, referent, target = option
     assert target is not None
     there = names[target]
-    if verb == "pick_and_place":
+    effect = KNOWN[verb].effect
+    if verb == PLACING:
         if not room.scene.targets[target]:
             yield f"{there} marks no place: name the see-through object, or say 'on top of {there}'"
         elif _is_taken(room, option, held):
             yield "something stands there already"
-    elif verb == "stack":
+    elif effect == "on":
         if room.upon[referent, target]:
             yield f"{names[referent]} stands on {there} already"
         if not (room.loose & room.ready & room.level)[target]:
@@ -195,9 +197,11 @@ def _of_target(room: Room, option: Option, held: int, names: Sequence[str]) -> I
             yield f"your hand is full: {names[inside]} is in it"
     elif not room.fits[target]:
         yield f"nothing goes in {there}: name the drawer or the fridge"
+    elif OPEN <= room.shares[target] <= THROUGH:
+        yield f"{there} is not open wide enough: close it, then open it again"
     elif room.shares[target] <= THROUGH:
         yield f"{there} is not open: open it first"
-    elif verb == "put_in" and room.inside[:, target].any():
+    elif effect == "in" and room.inside[:, target].any():
         inside = int(np.flatnonzero(room.inside[:, target])[0])
         yield f"{there} is full: {names[inside]} is in it"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,18 +13,33 @@ from tensordict import TensorDictBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from core.errors import ConfigError
-from demo import board, commands
+from demo import board, planning, room, worlds
 from demo.actors import Actor, actor_of, attention_of, ending_of, is_move_of_expert
-from demo.dialogue import Interpretation
 from demo.finger import Finger
-from demo.planning import Planner, Subtask
+from demo.planning import Subtask, SubtaskPlanner
 from demo.returning import Return
 from demo.session_config import SessionConfig, Setup, build
 from demo.view_state import ViewState
 from human import Unreachable
-from language import Instruction, LanguageError, ObjectPhrase, Scene, whose_left
+from language import (
+    Dialogue,
+    Instruction,
+    LanguageError,
+    ObjectPhrase,
+    Outcome,
+    Plan,
+    Question,
+    Refusal,
+    Scene,
+    Signal,
+    Step,
+    whose_left,
+)
+from language.verbs import HERE, POINTING
 
 Array = NDArray[np.float64]
+MAX_CHARACTERS = 300  # of a sentence; the rest is ignored
+STOPS = ("stop", "wait", "home")  # signals that end what is being done
 NUDGE = 0.02  # metres by which a key moves the finger, or the gripper if driven by hand
 
 
@@ -70,8 +85,9 @@ class Session:
         """Draws another scene, with the arm at rest."""
         self._state = self.env.reset()
         board.mark(self.env, None)
-        self._planner = Planner(self.env, self._rng)
-        self._dialogue, self._subtasks = commands.dialogue(self.env), deque[Subtask]()
+        self._planner = SubtaskPlanner(self.env, self._rng)
+        self._dialogue, self._subtasks = Dialogue(), deque[Subtask]()
+        self._home = worlds.homes(self._planner.scene())
         self._subtask: Subtask | None = None
         self._actor: Actor | None = None  # None while the gripper returns to its rest position
         self.finger.clear()
@@ -86,49 +102,63 @@ class Session:
 
     def object_names(self) -> list[str]:
         """The name of each object."""
-        return commands.names_of(self.env)
+        return worlds.names_of(self.env)
 
     def example(self) -> str:
         """A sentence that is possible in this scene."""
-        return commands.example(self.env, self._planner)
+        return self._planner.example()
 
     def sayable(self) -> list[str]:
         """The feasible instructions as sentences; [] if the task has one verb."""
-        return commands.sayable(self.env)
+        return room.sayable(self.env) if self.env.task.verbs else []
 
     @property
     def whose_left(self) -> str:
         """Whose left and right are meant in sentences, in words."""
         return whose_left(self.env.config.task.viewpoint)
 
-    def preview(self, sentence: str) -> Interpretation:
+    def preview(self, sentence: str) -> Outcome:
         """Interprets a sentence without acting on it."""
-        return self._dialogue.preview(sentence, self.scene(), self._pointed_objects(sentence))
+        return self._interpret(self._dialogue.copy(), sentence)
 
-    def say(self, sentence: str) -> Interpretation:
-        """Interprets a sentence and, if it is understood, replaces the current subtasks by those that it asks for."""
-        interpretation = self._dialogue.hear(sentence, self.scene(), self._pointed_objects(sentence))
-        if commands.stops(interpretation.actions):
+    def say(self, sentence: str) -> Outcome:
+        """Interprets a sentence and, if it asks for steps, replaces the current subtasks by those.
+
+        The indices of the outcome are those of `scene()`.
+        """
+        outcome = self._interpret(self._dialogue, sentence)
+        contradicts = self._dialogue.control_word(sentence.lower().strip(" .,!?")) == "no"
+        if contradicts or (isinstance(outcome, Signal) and outcome.control in STOPS):
             self.stop()
-        if interpretation.understood is None and not commands.moves(interpretation.actions):
-            return interpretation
+        if not isinstance(outcome, Plan | Signal) or not outcome.steps:
+            return outcome
         try:
-            subtasks = deque(self._plan(interpretation))
+            subtasks = deque(self._planner.plan(outcome.steps, self.config.driver == "policy"))
             first = self._planner.begin_next(subtasks)
         except LanguageError as error:
-            return Interpretation(sentence, None, str(error))
+            refusal = Refusal(sentence, span=(0, len(sentence)), reason="impossible", text=str(error))
+            self._dialogue.amend(refusal, self._dialogue.turns[-1].world)
+            return refusal
         self.view.sentence, self._subtasks = sentence, subtasks
         self._start_subtask(first)
-        return interpretation
+        return outcome
 
-    def _plan(self, interpretation: Interpretation) -> list[Subtask]:
-        """The subtasks of an understood sentence. Raises LanguageError if the task cannot do one."""
-        if interpretation.understood is not None:
-            return self._planner.plan(interpretation.understood)
-        return commands.plan(interpretation.actions, self._planner, self.env, self.config.driver == "policy")
+    def _interpret(self, dialogue: Dialogue, sentence: str) -> Outcome:
+        sentence = sentence[:MAX_CHARACTERS]
+        world = worlds.world_of(self.env, self.scene(), self._home)
+        needed = worlds.pointed_in(sentence, (*POINTING, *HERE))
+        pointed = self.finger.referents(needed, sentence) if needed else ()
+        outcome = dialogue.answer(sentence, world, () if self.env.task.traits.stacks else pointed)
+        return renumbered(self._named_alone(outcome), worlds.numbers_of(self.env).tolist())
 
-    def _pointed_objects(self, sentence: str) -> Callable[[int], Sequence[int]]:
-        return lambda count: self.finger.referents(count, sentence)
+    def _named_alone(self, outcome: Outcome) -> Outcome:
+        """The outcome; a sentence that only names an object asks for the task's own verb, unless that needs a place."""
+        task = self.env.task
+        asks = isinstance(outcome, Question) and not outcome.choices and len(outcome.candidates) == 1
+        if not asks or task.verbs or task.traits.places or task.traits.stacks or not isinstance(outcome, Question):
+            return outcome
+        step = Step(self._planner.verb, outcome.candidates[0])
+        return Plan(outcome.sentence, 0.5, (), (0, len(outcome.sentence)), (step,))
 
     # ---- Pointing, and moving objects
 
@@ -164,7 +194,8 @@ class Session:
 
     def put_object(self, index: int, place: Array) -> None:
         """Puts an object at (2,) metres on the table, or at the nearest place where objects may stand."""
-        commands.put_object(self.env, self._planner, index, place)
+        planning.put_object(self.env, self._planner, index, place)
+        self._home = worlds.homes(self.scene())
 
     # ---- Who drives
 
@@ -298,3 +329,16 @@ class Session:
     def close(self) -> None:
         """Closes the environment."""
         self.env.close()
+
+
+def renumbered(outcome: Outcome, numbers: Sequence[int]) -> Outcome:
+    """The outcome with the indices of things replaced by their numbers in the scene."""
+    if numbers == list(range(len(numbers))):
+        return outcome
+    if isinstance(outcome, Question):
+        return replace(outcome, candidates=tuple(numbers[i] for i in outcome.candidates))
+    if isinstance(outcome, Plan | Signal):
+        goals = [None if step.goal is None else numbers[step.goal] for step in outcome.steps]
+        steps = [replace(s, object=numbers[s.object], goal=goal) for s, goal in zip(outcome.steps, goals, strict=True)]
+        return replace(outcome, steps=tuple(steps))
+    return outcome

@@ -5,14 +5,17 @@ the robot's base on the table top, x away from the robot, y to the robot's left,
 """
 
 from language.colors import COLORS, RGBA, SEE_THROUGH, Color, color_name, color_table, draw_colors, rgba
-from language.commands import Dialogue, interpret
 from language.counting import count
 from language.describing import DEFAULT_KINDS, Describer, describe
+from language.dialogue import Dialogue
 from language.errors import LanguageError, NothingFits, NotUnderstood, SeveralFit
 from language.generator import KINDS
 from language.grounding import ground, matches
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase, say
+from language.interpreting import interpret
+from language.meanings import Gesture
 from language.objects import DEVICES, FITTINGS, HAND, NOUNS, ROLES, SHAPES, SIZES, Object, Scene
+from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
 from language.placement import Layout, ObjectSpec, Placed, from_all, from_lists, from_pairs
 from language.relations import (
     HOLDS,
@@ -31,6 +34,7 @@ from language.understanding import GroundedStep, Understood, parse, revise, unde
 from language.verbs import LIFTED, VERBS, Verb
 from language.viewpoint import VIEWPOINTS, Viewpoint, whose_left
 from language.wording import Wording
+from language.world import Thing, WorldModel, board, table
 
 __all__ = [
     "COLORS",
@@ -53,6 +57,7 @@ __all__ = [
     "SUPERLATIVES",
     "VERBS",
     "VIEWPOINTS",
+    "Answer",
     "Chain",
     "Color",
     "Command",
@@ -60,6 +65,7 @@ __all__ = [
     "Describer",
     "Dialogue",
     "GeneratedTask",
+    "Gesture",
     "GroundedStep",
     "HeldOut",
     "Instruction",
@@ -71,17 +77,26 @@ __all__ = [
     "Object",
     "ObjectPhrase",
     "ObjectSpec",
+    "Outcome",
     "Placed",
+    "Plan",
+    "Question",
+    "Refusal",
     "Relation",
     "Scene",
     "SeveralFit",
+    "Signal",
     "Split",
+    "Step",
     "Superlative",
+    "Thing",
     "Tokenizer",
     "Understood",
     "Verb",
     "Viewpoint",
     "Wording",
+    "WorldModel",
+    "board",
     "color_name",
     "color_table",
     "count",
@@ -101,6 +116,7 @@ __all__ = [
     "say",
     "scene_after",
     "superlative",
+    "table",
     "understand",
     "unregister",
     "whose_left",

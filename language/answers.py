@@ -6,9 +6,11 @@ import unicodedata
 from collections.abc import Sequence
 from typing import Any
 
-from language import commands
+from language.dialogue import Dialogue
 from language.errors import NothingFits, NotUnderstood, SeveralFit
 from language.instruction import Correction, Meaning, say
+from language.outcomes import Answer as Told
+from language.outcomes import Outcome, Plan, Question, Refusal, Signal, Step
 from language.scene_file import NamedScene
 from language.understanding import Understood, parse
 
@@ -18,7 +20,7 @@ _CONTEXT = 60  # characters of the sentence shown before and after the position 
 Answer = dict[str, Any]
 
 
-class Dialogue:
+class CommandLine:
     """Answers sentences about one scene in sequence; a correction revises the last understood instruction.
 
     previous: the last understood instruction, with its corrections; None before the first.
@@ -32,7 +34,7 @@ class Dialogue:
         """
         self._named, self._pointed = named, tuple(pointed)
         self.previous: Understood | None = None
-        self._precise, self._wide = "", commands.Dialogue()
+        self._precise, self._wide = "", Dialogue()
 
     def answer(self, sentence: str) -> Answer:
         """Returns the steps that the sentence asks for, or the error.
@@ -56,9 +58,9 @@ class Dialogue:
             self._precise = ""
         outcome = self._wide.answer(sentence, self._named.scene, self._pointed)
         answer = outcome_as_answer(outcome, self._named)
-        if isinstance(outcome, commands.Refusal) and outcome.reason == "syntax":
+        if isinstance(outcome, Refusal) and outcome.reason == "syntax":
             return told | {key: answer[key] for key in ("outcome", "suggestions")}
-        return answer if isinstance(error, NotUnderstood) or isinstance(outcome, commands.Understood) else told
+        return answer if isinstance(error, NotUnderstood) or isinstance(outcome, Plan | Signal | Told) else told
 
     def _understood(self, sentence: str) -> Answer:
         if self._named is None:
@@ -68,39 +70,38 @@ class Dialogue:
         return grounded(understood, self._named)
 
 
-def outcome_as_answer(outcome: commands.Outcome, named: NamedScene) -> Answer:
-    """Returns an outcome of the wide grammar.
+def outcome_as_answer(outcome: Outcome, named: NamedScene) -> Answer:
+    """Returns an outcome of people's words.
 
-    "outcome" is "understood", "question" or "refusal"; the last two have "error", as other answers. "span" is the part
-    of the sentence that it is about, in characters; "candidates" are ids of objects; "choices" are the steps that each
-    answer to a question leads to; "suggestions" are sentences that can be carried out.
+    "outcome" is "plan", "question", "refusal", "answer" or "control"; questions and refusals have "error", as other
+    answers. "span" is the part of the sentence that it is about, in characters; "candidates" are ids of objects;
+    "choices" are the steps that each answer to a question leads to; "suggestions" can be carried out.
     """
     unused = {"unused": list(outcome.unused)} if outcome.unused else {}
-    if isinstance(outcome, commands.Understood):
-        steps = [_action(step, named) for step in outcome.steps]
+    if isinstance(outcome, Plan):
         notes = {"notes": list(outcome.notes)} if outcome.notes else {}
-        return {"outcome": "understood", "steps": steps, "confidence": outcome.confidence, **unused, **notes}
+        steps = [_step(step, named) for step in outcome.steps]
+        return {"outcome": "plan", "steps": steps, "confidence": outcome.confidence, **unused, **notes}
+    if isinstance(outcome, Signal):
+        return {"outcome": "control", "control": outcome.control, "steps": [_step(s, named) for s in outcome.steps]}
+    if isinstance(outcome, Told):
+        return {"outcome": "answer", "message": outcome.text, "steps": []}
     about = {"position": outcome.span[0], "span": list(outcome.span)}
-    if isinstance(outcome, commands.Question):
+    if isinstance(outcome, Question):
         names = [named.ids[index] for index in outcome.candidates]
-        choices = [[_action(step, named) for step in choice.steps] for choice in outcome.choices]
+        choices = [[_step(step, named) for step in choice.steps] for choice in outcome.choices]
         asked = {"outcome": "question", "error": "question", "message": outcome.text, **about}
         return {**asked, "candidates": names, "choices": choices, **unused}
-    assert isinstance(outcome, commands.Refusal)
+    assert isinstance(outcome, Refusal)
     refused = {"outcome": "refusal", "error": outcome.reason, "message": outcome.text, **about, "candidates": []}
     return {**refused, "suggestions": list(outcome.suggestions), **unused}
 
 
-def _action(step: commands.Action, named: NamedScene) -> Answer:
-    place = None if step.position is None else [round(x, 4) for x in step.position]
+def _step(step: Step, named: NamedScene) -> Answer:
+    place = None if step.place is None else [round(x, 4) for x in step.place]
     height = None if step.bottom is None else round(step.bottom, 4)
-    return {
-        "kind": step.kind,
-        "object": named.id(step.object),
-        "place": place,
-        "height": height,
-        "on": named.id(step.on),
-    }
+    goal = named.id(step.goal)
+    return {"verb": step.verb, "object": named.id(step.object), "goal": goal, "place": place, "height": height}
 
 
 def grounded(understood: Understood, named: NamedScene) -> Answer:
@@ -154,6 +155,8 @@ def as_text(answer: Answer, understood: Understood | None) -> str:
 
 def _understood_as_text(answer: Answer) -> str:
     """Returns the steps of the wide grammar as lines."""
+    if "confidence" not in answer:
+        return answer.get("message") or f"control: {answer['control']}"
     lines = [f"understood, confidence {answer['confidence']:.2f}", *(f"    {_pairs(step)}" for step in answer["steps"])]
     lines += [f"not used: {', '.join(answer['unused'])}"] if "unused" in answer else []
     return "\n".join([*lines, *answer.get("notes", ())])

@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from language.answers import Dialogue, as_text, error_as_text, grounded
+from language.answers import CommandLine, as_text, error_as_text, grounded
 from language.counting import count
 from language.describing import plain_name
 from language.errors import LanguageError
@@ -135,7 +135,7 @@ def parse_command(options: argparse.Namespace) -> int:
     named = _scene(options)
     if options.pointed and named is None:
         raise LanguageError("--pointed needs --scene: a gesture singles out an object")
-    dialogue = Dialogue(named, [named.index(name) for name in options.pointed] if named else [])
+    dialogue = CommandLine(named, [named.index(name) for name in options.pointed] if named else [])
     if options.sentence == "-":
         return _parse_lines(dialogue, sys.stdin)
     answer = dialogue.answer(options.sentence)
@@ -150,7 +150,7 @@ def parse_command(options: argparse.Namespace) -> int:
     return INVALID_INPUT if "error" in answer else 0
 
 
-def _parse_lines(dialogue: Dialogue, lines: Iterable[str]) -> int:
+def _parse_lines(dialogue: CommandLine, lines: Iterable[str]) -> int:
     status = 0
     for line in lines:
         if line.strip():

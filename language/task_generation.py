@@ -10,10 +10,9 @@ from language.describing import Describer
 from language.errors import LanguageError, check_known
 from language.instruction import Chain, Command, Instruction
 from language.objects import FITTINGS, HAND, NOUNS, Scene
-from language.verbs import LIFTED, VERBS
+from language.verbs import CHAINED, LIFTED, VERBS
 
 OCCUPIED = 0.04  # metres between centres below which a place is occupied
-CHAINED = ("reach", "push", "pick_and_place", "swipe", "throw", "lift")  # tasks of generated chains
 
 
 def scene_after(task: str, init: int | None, goal: int | None, scene: Scene) -> Scene:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from language.commands import Outcome, Question, Refusal, Understood, World, interpret
+from language import Outcome, Plan, Question, Refusal, WorldModel, interpret
 from language.errors import LanguageError
 
 RESULTS = ("right", "wrong", "asked", "refused", "understood")
@@ -70,7 +70,7 @@ def _annotations(text: str, path: Path) -> list[tuple[str, str]]:
     return [(str(entry.get("task", "all")), entry["sentence"]) for entry in loaded]
 
 
-def judged(sentence: Sentence, world: World, ids: tuple[str, ...]) -> tuple[str, str]:
+def judged(sentence: Sentence, world: WorldModel, ids: tuple[str, ...]) -> tuple[str, str]:
     """Return one of RESULTS, and the outcome in words."""
     outcome = interpret(sentence.text, world)
     found, said = _found(outcome, ids)
@@ -86,13 +86,13 @@ def judged(sentence: Sentence, world: World, ids: tuple[str, ...]) -> tuple[str,
 
 
 def _found(outcome: Outcome, ids: tuple[str, ...]) -> tuple[tuple[str, str], str]:
-    """Return the object and target of the last step that has one, and the outcome in words."""
-    if not isinstance(outcome, Understood):
+    """Returns the object and target of the last step that has one, and the outcome in words."""
+    if not isinstance(outcome, Plan):
         return ("", ""), getattr(outcome, "text", "")
-    last = next((step for step in reversed(outcome.steps) if step.object is not None), None)
-    if last is None or last.object is None:
-        return ("", ""), ", ".join(step.kind for step in outcome.steps)
+    if not outcome.steps:
+        return ("", ""), "nothing"
+    last = outcome.steps[-1]
     held = "held" if outcome.result is not None and outcome.result.held == last.object else ""
-    target = held if last.on is None else ids[last.on]
-    place = "" if last.position is None else "({:.2f}, {:.2f})".format(*last.position)
-    return (ids[last.object], target), f"{last.kind} {ids[last.object]} {target or place}".strip()
+    target = held if last.goal is None else ids[last.goal]
+    place = "" if last.place is None else "({:.2f}, {:.2f})".format(*last.place)
+    return (ids[last.object], target), f"{last.verb} {ids[last.object]} {target or place}".strip()

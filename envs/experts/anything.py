@@ -12,11 +12,11 @@ from envs.experts.pick_and_place import Fetch, HandOverExpert, LiftExpert, Place
 from envs.experts.reach import ReachExpert
 from envs.tasks import NOTHING, Task
 from envs.tasks.anything import Anything
-from envs.tasks.shared.feasible import HANDING
 from envs.tasks.shared.fittings import FITTING_NUMBERS
 from envs.tasks.shared.geometry import length
 from envs.tasks.shared.open_hand import HAND_NUMBER
 from envs.workspace_env import WorkspaceEnv
+from language.verbs import HANDING
 
 HOVER = 0.14  # metres above an object at which grippers travel: over stacks of two
 HEIGHT = 0.12  # metres above their targets at which objects are carried: over stacks of two

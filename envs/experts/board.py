@@ -19,15 +19,15 @@ from envs.experts.base import UP, Array, Expert, Slots, choose_rows, register_ex
 from envs.tasks.board import Rearrange
 from envs.tasks.shared.geometry import length, tops_on_the_way
 from envs.workspace_env import WorkspaceEnv
-from language import LanguageError
-from language.commands import Action
-from language.commands.world import BOARD_HEIGHT
+from language import LanguageError, Step
+from language.verbs import Act
+from language.world import BOARD_HEIGHT
 
 MAX_STEPS = 200  # control steps of a move
 RISE = 0.03  # metres that the gripper rises from a released object before the next move
 HELD_THERE = 0.006  # metres from its place, along each axis, within which a held object has arrived
 Cells = Sequence[tuple[float, float]]
-CARRIED = ("place", "push")  # acts of steps that bring an object to a place
+TAKEN = (Act.TAKE, Act.HOLD)  # what a step does that only takes its object
 LEAST = 0.04  # least height above the table, metres, at which the gripper and its load travel
 RETREAT = 0.03  # metres that it rises beyond that from a released object
 CLEARANCE = 0.012  # metres over the tops of the stacks on the way
@@ -173,7 +173,7 @@ class Places(Protocol):
 
 
 def moves_of(
-    actions: Sequence[Action],
+    actions: Sequence[Step],
     cells: Cells,
     numbers: Sequence[int],
     grid: Places,
@@ -198,7 +198,7 @@ def moves_of(
 
 
 def _moves(
-    actions: Sequence[Action],
+    actions: Sequence[Step],
     cells: dict[int, tuple[float, float]],
     numbers: Sequence[int],
     grid: Places,
@@ -206,26 +206,23 @@ def _moves(
     hold: float,
 ) -> Iterator[Move]:
     for action in actions:
-        if action.kind == "nothing":
-            continue
-        if action.object is None or action.kind not in (*CARRIED, "take"):
-            raise LanguageError(f"'{action.kind}' moves nothing on a board: say what to take, or where to put it")
-        if action.kind == "take":
+        if not (action.takes or action.carries):
+            raise LanguageError(f"'{action.verb}' moves nothing on a board: say what to take, or where to put it")
+        if action.place is None:
             over = grid.place(*cells[action.object], hold)
             yield Move(int(numbers[action.object]), over, release=False)
         else:
-            assert action.position is not None
-            cells[action.object] = action.position
-            yield Move(int(numbers[action.object]), grid.place(*action.position, action.bottom or 0.0))
+            cells[action.object] = action.place
+            yield Move(int(numbers[action.object]), grid.place(*action.place, action.bottom or 0.0))
 
 
-def without_takes(actions: Sequence[Action]) -> list[Action]:
-    """Return the steps without each "take" whose object the next step places, since placing includes taking."""
+def without_takes(actions: Sequence[Step]) -> list[Step]:
+    """Return the steps without each that only takes what the next step places, since placing includes taking."""
     following = [*actions[1:], None]
     return [
         action
         for action, after in zip(actions, following, strict=True)
-        if not (action.kind == "take" and after and after.kind in CARRIED and after.object == action.object)
+        if not (action.act in TAKEN and after and after.carries and after.object == action.object)
     ]
 
 

@@ -14,7 +14,7 @@ from envs.sim.workspace import Fitting
 from envs.tasks.devices import DevicesAmongObjects
 from envs.tasks.reach import ReachNext
 from envs.tasks.shared.base import TASKS, Task, register_task
-from envs.tasks.shared.feasible import CARRY, HANDING, Option, Room, options
+from envs.tasks.shared.feasible import Option, Room, options
 from envs.tasks.shared.geometry import lifted
 from envs.tasks.shared.manipulation import SCENES
 from envs.tasks.shared.room_scenes import RoomScenes, shares_of
@@ -22,6 +22,7 @@ from envs.tasks.shared.task_config import NO_CURRICULUM, TaskConfig
 from envs.tasks.shared.types import NOTHING, Array, EpisodeSpec, GivenInstruction, GripperStart, State, StepOutcome
 from human import Person
 from language import Placed, Scene
+from language.verbs import CARRIES, HANDING
 
 RATE = 0.03  # weight of the last outcome in the running mean
 STACK_RADIUS = 0.02  # metres from the place on top of the base, as in conf/task/nl_stack.yaml
@@ -202,7 +203,7 @@ class Anything(RoomScenes):
         curriculum, chance, start = self.config.curriculum, rng.random(), None
         if chance < curriculum.near:
             start = GripperStart(self._elsewhere_offset(room, option.referent, rng), held=False)
-        elif chance < curriculum.near + curriculum.held and option.verb in CARRY:
+        elif chance < curriculum.near + curriculum.held and option.verb in CARRIES:
             config = self.config
             size, spacing = config.object_size, config.spacing
             held = lifted(placed.scene, option.referent, None, area=self._area, size=size, spacing=spacing, rng=rng)

@@ -31,7 +31,7 @@ def test_a_place_without_an_object_is_marked_by_a_see_through_one(placing):
     (first, *_), targets = real_and_targets(placing)
     _, x1, y0, _ = placing.env.config.workspace.object_area
     result = placing.say(f"put {placing.object_names()[first]} in the back right corner please")
-    assert result.actions[-1].position == pytest.approx((x1, y0))
+    assert result.steps[-1].place == pytest.approx((x1, y0))
     assert min(np.linalg.norm(placing.scene().positions[targets][:, :2] - (x1, y0), axis=1)) < 1e-3
     assert run_to_end(placing).startswith("Done")
     assert np.linalg.norm(placing.scene().positions[first][:2] - (x1, y0)) < placing.env.config.task.radius
@@ -43,7 +43,7 @@ def test_undo_brings_an_object_back(placing):
     placing.say(f"put {placing.object_names()[first]} in the back left corner")
     run_to_end(placing)
     assert np.linalg.norm(placing.scene().positions[first] - before) > 0.05
-    assert len(placing.say("undo that").actions) == 2  # take and place: nothing else has moved
+    assert len(placing.say("undo that").steps) == 2  # take and place: nothing else has moved
     assert run_to_end(placing).startswith("Done")
     assert np.linalg.norm(placing.scene().positions[first] - before) < placing.env.config.task.radius
 

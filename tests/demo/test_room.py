@@ -9,7 +9,7 @@ from demo.returning import NEAR
 from demo.room import room_of
 from demo.session import Session
 from demo.session_config import default_task, make_config
-from language import LanguageError
+from language import LanguageError, Plan
 from tests.helpers.sessions import run_to_end
 from trainers.export import policy_file
 
@@ -71,7 +71,8 @@ def test_a_drawer_is_opened_and_something_put_in_it_in_one_sentence(session):
     closed = session.say(f"open {drawer}")
     assert "open already" in closed.message
     assert not session.busy
-    assert "take it out first" in session.say(f"lift {session.object_names()[index]}").message
+    lifted = session.preview(f"lift {session.object_names()[index]}")
+    assert lifted.steps[0].goal == number_of(session, drawer)
     assert any(each.startswith("take ") for each in session.sayable())
 
 
@@ -95,22 +96,20 @@ def test_what_is_held_is_put_down_before_anything_else(session):
     index = number_of(session, thing)
     assert done(session, f"pls pick up teh {thing.removeprefix('the ')}")
     assert session.env.held == index
-    refused = session.say(f"open {drawer}")
-    assert refused.understood is None
-    assert "put down" in refused.message
-    assert not session.busy
     assert all(each.startswith(("put", "stack", "hand")) for each in session.sayable())
-    assert "is not open: open it first" in session.say(f"put it in {drawer}").message
-    assert done(session, "drop it")
-    assert session.env.held is None
+    result = session.say(f"open {drawer}")
+    assert isinstance(result, Plan)
+    assert "down first" in result.message
+    assert run_to_end(session).startswith("Done")
+    assert session.env.held != index
     assert session.scene().positions[index, 2] < 0.03
 
 
-@pytest.mark.slow
-def test_a_later_step_that_cannot_be_done_says_why(session):
+def test_a_later_step_that_is_done_already_is_left_out_and_told(session):
     drawer, thing = names_in(session, "open (the .*drawer)", "grasp (the .*)")
-    session.say(f"open {drawer} then open {drawer}")
-    assert "open already" in run_to_end(session)
+    result = session.say(f"open {drawer} then open {drawer}")
+    assert "open already" in result.message
+    assert run_to_end(session).startswith("Done")
     assert f"close {drawer}" in session.sayable()
     assert done(session, f"put {thing} in {drawer} and close it")
 
@@ -119,11 +118,11 @@ def test_verbs_and_fittings_that_fit_nothing_are_refused(session):
     (thing,) = names_in(session, "grasp (the .*)")
     fridge = next(name for name in session.object_names() if name.endswith("fridge"))
     for sentence, message in (
-        (f"press {thing}", "needs a button"),
-        (f"poke {thing}", "choose another task"),
+        (f"press {thing}", "only buttons"),
+        (f"throw {thing}", "cannot throw"),
         (f"lift {fridge}", "stays where it is"),
-        (f"open {thing}", "needs a drawer or a fridge"),
-        (f"put {thing} in {fridge} and poke it", "choose another task"),
+        (f"open {thing}", "only a drawer or a fridge"),
+        (f"put {thing} in {fridge} and throw it", "throw"),
     ):
         result = session.say(sentence)
         assert message in result.message

@@ -6,7 +6,7 @@ import pytest
 
 from demo.session import Session
 from demo.session_config import make_config
-from envs.tasks.shared.feasible import DEVICE_VERBS
+from language.verbs import DEVICE_VERBS
 from tests.helpers.sessions import run_to_end
 from trainers.export import policy_file
 

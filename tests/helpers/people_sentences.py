@@ -6,8 +6,7 @@ from pathlib import Path
 
 import yaml
 
-from language import Object, Scene
-from language.commands import Dialogue, Outcome, Question, Refusal, Understood, World, board
+from language import Answer, Dialogue, Object, Outcome, Plan, Question, Refusal, Scene, Signal, WorldModel, board
 
 FOLDER = Path(__file__).parent.parent / "language" / "commands"
 SCENES = yaml.safe_load((FOLDER / "people_scenes.yaml").read_text())
@@ -44,23 +43,25 @@ def judged(name, sentences, expected):
     )
     if fits:
         return "right", outcome
-    if isinstance(outcome, Understood):
+    if isinstance(outcome, Plan | Signal):
         return "wrong", outcome
     helpful = bool(outcome.text) and bool(getattr(outcome, "suggestions", True))
     return "other" if helpful else "unhelpful", outcome
 
 
-def _fits(outcome: Outcome, words: list[str], ids: list[str], start: World) -> bool:
+def _fits(outcome: Outcome, words: list[str], ids: list[str], start: WorldModel) -> bool:
     if words[0] == "refuse":
-        return isinstance(outcome, Refusal)
+        return isinstance(outcome, Refusal | Answer)
     if words[0] == "ask":
         wanted = {ids.index(name) for name in words[1:]}
         return isinstance(outcome, Question) and (not wanted or wanted == set(outcome.candidates))
-    if not isinstance(outcome, Understood):
+    if isinstance(outcome, Signal) and not outcome.steps:
+        return words == [outcome.control]
+    if words == ["nothing"]:
+        return isinstance(outcome, Answer)
+    if not isinstance(outcome, Plan | Signal):
         return False
-    kinds = [action.kind for action in outcome.steps]
-    if len(words) == 1:
-        return kinds == words
+    kinds = [step.verb for step in outcome.steps]
     if words[0] in ("hold", "reach", "press", "switch", "turn"):
         index = ids.index(words[1])
         if words[0] == "hold":
@@ -69,7 +70,7 @@ def _fits(outcome: Outcome, words: list[str], ids: list[str], start: World) -> b
     return outcome.result.held != ids.index(words[0]) and _stands(outcome.result, start, words, ids)
 
 
-def _stands(world: World, start: World, words: list[str], ids: list[str]) -> bool:
+def _stands(world: WorldModel, start: WorldModel, words: list[str], ids: list[str]) -> bool:
     thing, was = world.things[ids.index(words[0])], start.things[ids.index(words[0])]
     others = [world.things[ids.index(word)] for word in words[2:] if word in ids]
     unit, word = world.pitch, words[1]
@@ -102,15 +103,15 @@ def _stands(world: World, start: World, words: list[str], ids: list[str]) -> boo
     return dx * away[0] + dy * away[1] > max(abs(dy * away[0] + dx * away[1]), 0.5 * unit)
 
 
-def _at_side(world: World, thing, side: str) -> bool:
+def _at_side(world: WorldModel, thing, side: str) -> bool:
     x0, x1, y0, y1 = world.bounds
     edge = {"left": (thing.y, y1), "right": (thing.y, y0), "front": (thing.x, x0), "back": (thing.x, x1)}[side]
     return abs(edge[0] - edge[1]) < 0.6 * world.pitch
 
 
-def _others_stay(outcome: Outcome, expected: str, ids: list[str], start: World) -> bool:
+def _others_stay(outcome: Outcome, expected: str, ids: list[str], start: WorldModel) -> bool:
     """Whether everything that the expectation does not name is where it was."""
-    if not isinstance(outcome, Understood) or len(expected.split()) == 1:
+    if not isinstance(outcome, Plan) or len(expected.split()) == 1:
         return True
     named = expected.split()
     same = zip(ids, start.things, outcome.result.things, strict=True)

@@ -103,7 +103,7 @@ def test_lines_are_answered_in_order_and_corrections_revise_the_last_understood(
     monkeypatch.setattr("sys.stdin", io.StringIO(lines))
     assert main(["parse", "-", "--scene", scene]) == 2
     answers = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert [answer.get("init", answer.get("error")) for answer in answers] == ["a", "syntax", "c", "nothing", None]
+    assert [answer.get("init", answer.get("error")) for answer in answers] == ["a", "nothing", "c", "nothing", None]
     assert answers[-1]["goal"] == "b"
 
 

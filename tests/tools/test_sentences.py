@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from language import LanguageError
-from language.commands.world_file import read_world
+from language.scene_file import read_world
 from tools.sentences import judged, read_sentences
 
 ROOT = Path(__file__).parents[2]

@@ -100,9 +100,9 @@ class Policy(nn.Module):
         return ("instruction", *self.encoder.scene_keys)
 
     @property
-    def act(self) -> Act:
+    def act(self) -> PolicyAct:
         """The module from an observation to "action". It shares the parameters and reads nothing privileged."""
-        return Act(self)
+        return PolicyAct(self)
 
     @property
     def log_stds(self) -> list[nn.Parameter]:
@@ -141,7 +141,7 @@ class Policy(nn.Module):
         return frames
 
 
-class Act(TensorDictModuleBase):
+class PolicyAct(TensorDictModuleBase):
     """Observations (N,) to "action" (N, A) in [-1, 1], for a collector; the mean action when exploration is off.
 
     A sequence of TensorDictModules with a ProbabilisticActor computes the same in twice the time, at every step of
@@ -432,7 +432,7 @@ class MixedAct(TensorDictModuleBase):
 
     def __init__(self, mixture: ExpertMixture) -> None:
         super().__init__()
-        self.mixture, self.policy_act = mixture, Act(mixture.policy)
+        self.mixture, self.policy_act = mixture, PolicyAct(mixture.policy)
         self.in_keys, self.out_keys = [*self.policy_act.in_keys, LABEL], self.policy_act.out_keys
 
     def forward(self, frames: TensorDictBase) -> TensorDictBase:

@@ -12,12 +12,10 @@ from envs.tasks.shared.free_places import BESIDE, LEVEL
 from envs.tasks.shared.geometry import length
 from envs.tasks.shared.open_hand import lies_on_palm
 from envs.tasks.shared.types import NOTHING, Array
-from language import HAND, NOUNS, Scene
+from language import DEVICES, HAND, NOUNS, VERBS, Scene
+from language.verbs import CARRIES, DEVICE_VERBS, HANDING, ROOM
 
-VERBS = ("reach", "grasp", "lift", "pick_and_place", "stack", "unstack", "open", "close", "put_in", "take_out")
-DEVICE_VERBS = {"press": "button", "switch": "lever", "turn": "wheel"}  # the verbs of devices, each with its noun
-HANDING = "hand_over"  # the verb of the open hand of a person
-CARRY = ("pick_and_place", "stack", "put_in", HANDING)  # verbs for an object that is held already
+PLAIN_VERBS = tuple(verb for verb in ROOM if verb not in (*DEVICE_VERBS, HANDING))  # these need no device and no person
 AJAR, WIDE = 0.2, 0.8  # shares up to which a fitting can be opened, and from which it can be closed
 THROUGH = 0.9  # share from which it is open wide enough to put something in and take it out
 EDGE = 0.06  # metres beyond the area of the objects up to which the arm takes objects
@@ -91,10 +89,9 @@ class Room:
     def operable(self, verb: str) -> NDArray[np.bool_]:
         """(K,) the devices that this verb applies to: a button that is up, a lever at an end, and any wheel."""
         devices = self.scene.nouns == list(NOUNS).index(DEVICE_VERBS[verb])
-        if verb == "turn":
-            return devices
         up, over = np.abs(self.moved) < AT_END, np.abs(self.moved) > 1 - AT_END
-        return devices & (up if verb == "press" else up | over)
+        states = {DEVICES[0]: up, DEVICES[1]: up | over}  # a button that is up, a lever at an end, any wheel
+        return devices & states.get(DEVICE_VERBS[verb], devices)
 
     def blocked(self) -> bool:
         """Whether a loose object lies where fittings move: not in one, on a hand or among the objects on the table."""
@@ -107,7 +104,7 @@ def options(room: Room, held: int = NOTHING) -> list[Option]:
     While it holds a loose object, only instructions about that one are feasible. The handle of a fitting is let go.
     """
     if held != NOTHING and room.loose[held]:
-        return [each for each in _options(room, _only(held, room)) if each.verb in CARRY]
+        return [each for each in _options(room, _only(held, room)) if each.verb in CARRIES]
     return list(_options(room, room.ready))
 
 
@@ -121,24 +118,24 @@ def _options(room: Room, taken: NDArray[np.bool_]) -> Iterator[Option]:
     clear, full = not room.blocked(), np.any(room.inside, axis=0)
     bases = room.ready & room.level
     alone: dict[str, NDArray[np.bool_]] = {
-        "reach": room.ready | room.fits | room.devices,
-        "grasp": taken,
-        "lift": taken,
-        "unstack": taken & np.any(room.upon, axis=1),
-        "open": shut & clear,
-        "close": wide & clear,
+        "touchable": room.ready | room.fits | room.devices,
+        "loose": taken,
+        "stacked": taken & np.any(room.upon, axis=1),
+        "shut": shut & clear,
+        "wide": wide & clear,
     }
     pairs = {
-        "pick_and_place": taken[:, None] & room.free_targets(),
-        "stack": taken[:, None] & bases & ~room.upon,
-        "put_in": taken[:, None] & through & ~full,
-        "take_out": room.inside & through & ~room.covered[:, None],
-        HANDING: taken[:, None] & room.hands & ~np.any(room.handed, axis=0),
+        "marked": taken[:, None] & room.free_targets(),
+        "bearing": taken[:, None] & bases & ~room.upon,
+        "room inside": taken[:, None] & through & ~full,
+        "inside": room.inside & through & ~room.covered[:, None],
+        "empty hand": taken[:, None] & room.hands & ~np.any(room.handed, axis=0),
     }
-    np.fill_diagonal(pairs["stack"], False)
-    alone |= {verb: room.operable(verb) for verb in DEVICE_VERBS}
-    for verb in (*VERBS, *DEVICE_VERBS, HANDING):
-        if verb in alone:
-            yield from (Option(verb, int(one), None) for one in np.flatnonzero(alone[verb]))
+    np.fill_diagonal(pairs["bearing"], False)
+    for verb in ROOM:
+        need = VERBS[verb].need
+        if need in pairs:
+            yield from (Option(verb, int(one), int(other)) for one, other in np.argwhere(pairs[need]))
         else:
-            yield from (Option(verb, int(one), int(other)) for one, other in np.argwhere(pairs[verb]))
+            fit = room.operable(verb) if verb in DEVICE_VERBS else alone[need]
+            yield from (Option(verb, int(one), None) for one in np.flatnonzero(fit))

@@ -14,7 +14,7 @@ from envs.sim.devices import DEVICES, facing, turned
 from envs.sim.workspace import WorkspaceConfig
 from envs.tasks.shared.base import Task
 from envs.tasks.shared.device_motion import DEVICE_COLUMNS, DEVICE_NUMBERS, WIDTHS, device_columns, moved
-from envs.tasks.shared.feasible import DEVICE_VERBS, HANDING, VERBS, Room
+from envs.tasks.shared.feasible import PLAIN_VERBS, Room
 from envs.tasks.shared.fittings import FITTING_COLUMNS, FITTING_NUMBERS, FittingStarts, SceneFittings
 from envs.tasks.shared.free_places import FINE_COLUMNS, FREE_COLUMNS, FreeTable
 from envs.tasks.shared.geometry import scatter
@@ -24,6 +24,7 @@ from envs.tasks.shared.task_config import TaskConfig
 from envs.tasks.shared.types import Array, Column, EpisodeSpec, State, TaskTraits
 from human import Person
 from language import COLORS, FITTINGS, HAND, NOUNS, Placed, Scene
+from language.verbs import DEVICE_VERBS, HANDING
 
 MOST_ALIKE = 2  # devices of one noun, at most
 JITTER = 0.01  # greatest offset of a device along the row from the middle of its section, metres
@@ -52,13 +53,13 @@ class RoomScenes(Task):
     columns: tuple[Column, ...] = (*FITTING_COLUMNS, *FREE_COLUMNS)
     fitting_starts = FittingStarts(wide=(0.85, 1.0))
     fittings: SceneFittings
-    verbs: tuple[str, ...] = VERBS
+    verbs: tuple[str, ...] = PLAIN_VERBS
 
     def _configure(self, config: TaskConfig, person: Person | None) -> None:
         self.traits = traits_by_counts(self.traits, config)
         if config.devices:
             hands, handing = ((HAND,), (HANDING,)) if config.hand else ((), ())
-            self.verbs, self.fixtures = (*VERBS, *DEVICE_VERBS, *handing), (*FITTINGS, *DEVICES, *hands)
+            self.verbs, self.fixtures = (*PLAIN_VERBS, *DEVICE_VERBS, *handing), (*FITTINGS, *DEVICES, *hands)
             (is_fitting, how_open), (is_device, how_moved) = _split(FITTING_COLUMNS), _split(MOVED_COLUMNS)
             is_hand = (HAND_COLUMN,) if config.hand else ()
             marks = *is_fitting, *is_device, *is_hand  # they come first

@@ -7,9 +7,7 @@ from core.errors import ConfigError
 from envs.experts.board import Move, MoveRunner, carry_out, moves_of
 from envs.tasks.board import SHAPES, Grid
 from envs.tasks.shared.types import EpisodeSpec, GripperStart
-from language import LanguageError, Scene
-from language.commands import Action, Understood, interpret
-from language.commands.world import board
+from language import LanguageError, Plan, Scene, Step, board, interpret
 from tests.helpers.env_cases import make
 
 CELL, SIZE = 0.0375, 0.025
@@ -106,7 +104,7 @@ def test_an_environment_of_several_worlds_or_without_a_gripper_is_refused():
 
 def steps_of(sentence, world):
     outcome = interpret(sentence, world)
-    assert isinstance(outcome, Understood), outcome
+    assert isinstance(outcome, Plan), outcome
     return outcome.steps
 
 
@@ -121,7 +119,7 @@ def test_the_steps_of_a_command_become_moves_to_cells():
 
 
 def test_a_moved_object_is_taken_from_its_new_place():
-    actions = [Action("take", 0), Action("place", 0, (5.0, 6.0), 0.0), Action("take", 0)]
+    actions = [Step("lift", 0), Step("pick_and_place", 0, None, (5.0, 6.0), 0.0), Step("lift", 0)]
     moves = moves_of(actions, [(1, 2)], [0], GRID)
     assert [move.release for move in moves] == [True, False]
     np.testing.assert_allclose(moves[1].place, GRID.place(5, 6, 7))
@@ -129,7 +127,7 @@ def test_a_moved_object_is_taken_from_its_new_place():
 
 def test_a_step_that_moves_nothing_on_a_board_is_refused():
     with pytest.raises(LanguageError, match="'press' moves nothing on a board"):
-        moves_of([Action("press", 0)], [(1, 2)], [0], GRID)
+        moves_of([Step("press", 0)], [(1, 2)], [0], GRID)
 
 
 def test_a_command_is_carried_out_on_the_board(env):

@@ -10,9 +10,11 @@ from core.errors import ConfigError
 from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS
-from envs.tasks.shared.feasible import DEVICE_VERBS, HANDING, VERBS, options
+from envs.tasks.shared.feasible import PLAIN_VERBS as VERBS
+from envs.tasks.shared.feasible import options
 from envs.tasks.shared.types import NOTHING
 from language import parse
+from language.verbs import DEVICE_VERBS, HANDING
 from tests.helpers.env_cases import act, begun, config_of, differences, make, partial_reset, task_of
 
 WORLDS, LENGTH = 6, 4

@@ -11,9 +11,10 @@ from core.errors import ConfigError
 from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS
-from envs.tasks.shared.feasible import DEVICE_VERBS, VERBS
+from envs.tasks.shared.feasible import PLAIN_VERBS as VERBS
 from envs.tasks.shared.types import NOTHING
 from language import DEVICES, NOUNS
+from language.verbs import DEVICE_VERBS
 from tests.helpers.env_cases import act, begun, config_of, make, task_of
 
 WORLDS, LENGTH = 4, 3

@@ -9,10 +9,11 @@ from core.errors import ConfigError
 from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS
-from envs.tasks.shared.feasible import DEVICE_VERBS, HANDING, VERBS
+from envs.tasks.shared.feasible import PLAIN_VERBS as VERBS
 from envs.tasks.shared.open_hand import HAND_NUMBER, lies_on_palm
 from envs.tasks.shared.types import NOTHING
 from language import DEVICES, FITTINGS, HAND, parse
+from language.verbs import DEVICE_VERBS, HANDING
 from tests.helpers.env_cases import act, begun, config_of, make, succeed_in_all, task_of
 
 WORLDS = 3

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from envs.tasks.shared.feasible import HANDING, VERBS, Room, options
+from envs.tasks.shared.feasible import PLAIN_VERBS as VERBS
+from envs.tasks.shared.feasible import Room, options
 from language import COLORS, NOUNS, Scene
+from language.verbs import HANDING
 
 SIZE, AREA = 0.05, (0.32, 0.58, -0.13, 0.13)
 CUBE, DRAWER, FRIDGE = (list(NOUNS).index(noun) for noun in ("cube", "drawer", "fridge"))

@@ -2,10 +2,8 @@
 
 import pytest
 
-from language import LanguageError
-from language.commands import Understood, interpret
-from language.commands.world_file import read_world
-from language.scene_file import SceneFileError
+from language import LanguageError, Plan, interpret
+from language.scene_file import SceneFileError, read_world
 
 BOARD = """\
 held: b
@@ -23,8 +21,8 @@ def test_a_board_may_have_colours_and_shapes_that_only_people_say(tmp_path):
     assert ids == ("a", "b")
     assert (world.held, world.viewpoint, world.cells) == (1, "human", True)
     outcome = interpret("put the violet prism on the white block", world)
-    assert isinstance(outcome, Understood)
-    assert [(step.kind, step.object, step.on) for step in outcome.steps] == [("place", 1, 0)]
+    assert isinstance(outcome, Plan)
+    assert [(step.verb, step.object, step.goal) for step in outcome.steps] == [("stack", 1, 0)]
 
 
 def test_a_list_of_objects_is_a_table(tmp_path):

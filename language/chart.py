@@ -1,0 +1,390 @@
+"""Phrases for things and places: a chart parser that keeps every reading, by memoised recursive descent.
+
+A general parser of ambiguous grammars builds the forest first and weighs it afterwards; here costs and the scene's
+judgement prune each span while it is parsed, so that a sentence of 30 words takes milliseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from language import costs
+from language.lattice import Item, Lattice
+from language.meanings import Entity, Measure, RelationPhrase
+from language.words import ENCLOSING, REGIONS
+
+_OURS = frozenset({"my", "our"})
+_PLURAL = frozenset({"tetrahedra", "boxes", "dice", "furniture", "stuff"})
+_MANY = frozenset(["them", "those", "these", "they", "both", "all", "two"])
+_NAMES = "size role single other every both any ordinal last superlative number exposed vacant"
+_MODIFIERS = tuple(_NAMES.split())
+_AREAS = ("corner", "edge", "side", "center")
+_ONLY_PLACES = ("toward", "away", "into", "home", "spot_of")  # these say where a thing goes, not which one it is
+MOST_RELATIONS = 3  # of one phrase
+MOST_ATTACHED = 12  # phrases with one more relation that are weighed at one token
+KEPT = 3  # items of the same span
+WORSE = 5.0  # items are left out that cost this much more than the best of their span
+
+Judge = Callable[[Entity], float]  # the cost of what an entity denotes
+
+
+class _Draft(NamedTuple):
+    """A noun phrase that is being parsed: the next token, its fields so far, its cost, the words left out."""
+
+    at: int
+    known: dict[str, Any]
+    cost: float
+    skipped: int
+
+
+class NounPhrases:
+    """The noun phrases of a chart's sentence."""
+
+    def __init__(self, lattice: Lattice) -> None:
+        self._lattice, self._get = lattice, lattice.get
+
+    def at(self, start: int) -> list[Item]:
+        """Returns the noun phrases that begin at a token, after a gap."""
+        found: list[Item] = []
+        drafts = [_Draft(gap.end, {}, gap.cost, gap.skipped) for gap in self._lattice.gaps(start)]
+        while drafts:
+            draft = drafts.pop()
+            found += self._ended(draft, start)
+            drafts += self._extended(draft)
+            if draft.known:  # fillers within the phrase, and one unknown word
+                drafts += self._skipping(draft)
+        return found
+
+    def _skipping(self, draft: _Draft) -> list[_Draft]:
+        lattice = self._lattice
+        if draft.at >= len(lattice):
+            return []
+        cost = self._lattice.skip_cost(draft.at)
+        if lattice.tokens[draft.at].text == "," or (cost and (draft.skipped or draft.at not in lattice.unknown)):
+            return []
+        return [_Draft(draft.at + 1, draft.known, draft.cost + cost, draft.skipped | (1 << draft.at if cost else 0))]
+
+    def _extended(self, draft: _Draft) -> list[_Draft]:
+        """Returns the drafts with one more modifier."""
+        found = []
+        for edge in self._get(draft.at, "pointing") if not draft.known else ():
+            found.append(_Draft(edge.end, {"pointed": draft.at}, draft.cost + costs.POINTED, draft.skipped))
+        for category in _MODIFIERS:
+            for edge in self._get(draft.at, category):
+                more = _modified(draft.known, category, edge.value)
+                if more is not None:
+                    found.append(_Draft(edge.end, more, draft.cost + edge.cost, draft.skipped))
+        for edge in self._get(draft.at, "side"):
+            sides = draft.known.get("sides", ())
+            if edge.value not in sides:
+                found.append(
+                    _Draft(
+                        edge.end, {**draft.known, "sides": (*sides, edge.value)}, draft.cost + edge.cost, draft.skipped
+                    )
+                )
+        colors = draft.known.get("colors", ())
+        at = draft.at
+        if colors and any(
+            self._lattice.tokens[at].text == mark for mark in ("and", ",", "&", "+") if at < len(self._lattice)
+        ):
+            at += 1
+            if at < len(self._lattice) and self._lattice.tokens[at].text == "and":
+                at += 1
+        for edge in self._get(at, "color"):
+            found.append(
+                _Draft(
+                    edge.end, {**draft.known, "colors": (*colors, edge.value)}, draft.cost + edge.cost, draft.skipped
+                )
+            )
+        return found
+
+    def _ended(self, draft: _Draft, start: int) -> list[Item]:
+        """Returns the phrases that end with the noun at the draft's token, or without a noun."""
+        found = []
+        at, known = draft.at, draft.known
+        for edge in self._get(at, "noun"):
+            found += self._thing(draft, edge, start)
+        for edge in self._get(at, "stack"):
+            found += self._stack(draft._replace(at=edge.end, cost=draft.cost + edge.cost), start)
+        for edge in self._get(at, "region"):
+            if edge.value == "robot" and at and self._lattice.tokens[at - 1].text in _OURS:
+                continue  # "my hand" is not the robot's
+            if not known.keys() & {"colors", "superlative", "single", "size"}:
+                found.append(_item(draft, edge.end, edge.cost, start, kind=edge.value))
+        if not known:
+            for edge in self._get(at, "pronoun"):
+                many = any(word in _MANY for word in edge.value.split())
+                sure = 0.15 * (edge.end > at + 1 and self._lattice.table)  # "that one" is no thing of its own
+                found.append(_item(draft, edge.end, edge.cost - sure, start, kind="it", plural=many))
+        elif known.keys() == {"pointed"}:
+            found.append(_item(draft, at, 0.0, start, kind="thing"))
+        elif not known.keys() - {"sides"}:
+            far = costs.FAR_SIDE * ("far" in known["sides"] and len(known["sides"]) > 1)
+            found.append(_item(draft, at, 0.5 + far, start, kind="side"))
+            found.append(_item(draft, at, 1.2, start, kind="thing"))
+        elif known.keys() & {"colors", "ordinal", "other", "every", "number", "single", "role"}:
+            found.append(_item(draft, at, costs.NO_NOUN, start, kind="thing"))
+        elif known.get("superlative") in ("left", "right") and len(known) == 1:
+            sides = draft._replace(known={"sides": (known["superlative"],)})
+            found.append(_item(sides, at, 0.5, start, kind="side"))
+            found.append(_item(draft, at, costs.SUPERLATIVE_ALONE, start, kind="thing"))
+        elif "superlative" in known:
+            found.append(_item(draft, at, costs.SUPERLATIVE_ALONE, start, kind="thing"))
+        return found
+
+    def _thing(self, draft: _Draft, edge: Any, start: int) -> list[Item]:
+        word = self._lattice.tokens[edge.end - 1].text
+        noun = None if edge.value == "thing" else edge.value
+        known = {**draft.known, "noun": noun, "plural": word.endswith("s") or word in _PLURAL}
+        thing = _Draft(edge.end, known, draft.cost + edge.cost, draft.skipped)
+        found = []
+        for after in self._get(edge.end, "stack"):  # "block tower"
+            found += self._stack(thing._replace(at=after.end), start)
+        if len(known.get("colors", ())) > 1:  # "the blue and green block" is a stack
+            found.append(_item(thing, edge.end, 0.4, start, kind="stack"))
+        else:
+            found.append(_item(thing, edge.end, 0.0, start, kind="thing"))
+            tokens = self._lattice.tokens
+            at = edge.end + (edge.end < len(tokens) and tokens[edge.end].text in ("number", "no", "nr"))
+            numbers = [e for e in self._get(at, "number") if 0 < e.value < 100]
+            found += [_item(thing, e.end, 0.3, start, kind="thing", ordinal=int(e.value)) for e in numbers]
+        return found
+
+    def _stack(self, draft: _Draft, start: int) -> list[Item]:
+        found = [_item(draft, draft.at, 0.0, start, kind="stack")]
+        after = draft.at
+        lattice = self._lattice
+        for again in self._get(after, "stack"):  # "combination tower"
+            found.append(_item(draft, again.end, 0.0, start, kind="stack"))
+        if after < len(lattice) and lattice.tokens[after].text in ("of", "with", "made"):
+            for inner in self.at(after + 1):
+                if inner.value.kind in ("thing", "stack") and not inner.skipped:
+                    colors = draft.known.get("colors", ()) + inner.value.colors
+                    known = {**draft.known, "colors": colors, "noun": inner.value.noun}
+                    found.append(_item(draft._replace(known=known), inner.end, inner.cost, start, kind="stack"))
+        return found
+
+
+def _modified(known: dict[str, Any], category: str, value: Any) -> dict[str, Any] | None:
+    """Returns the fields so far with one more modifier; None if they have it already."""
+    key = {"both": "number", "last": "ordinal", "vacant": "exposed"}.get(category, category)
+    if key in known:
+        return None
+    values: dict[str, Any] = {
+        "both": 2,
+        "last": -1,
+        "ordinal": value,
+        "superlative": value,
+        "size": value,
+        "role": value,
+    }
+    if category == "number":
+        return {**known, "number": int(value)} if value == int(value) and 0 < value < 100 else None
+    return {**known, key: values.get(category, True), **({"every": True} if category == "both" else {})}
+
+
+def _item(draft: _Draft, end: int, cost: float, start: int, **fields: Any) -> Item:
+    known = {**draft.known, **fields}
+    if known["kind"] in REGIONS:
+        known.pop("colors", None)
+    return Item(
+        end, Entity(**known, span=(draft.at if not draft.known else start, end)), draft.cost + cost, draft.skipped
+    )
+
+
+class Chart:
+    """The entities and places of one sentence."""
+
+    def __init__(self, lattice: Lattice, judge: Judge | None = None) -> None:
+        """judge: adds a cost to an entity; None: readings are weighed without a scene."""
+        self.lattice, self._judge = lattice, judge
+        self._entities: dict[int, list[Item]] = {}
+        self._relations: dict[int, list[Item]] = {}
+        self._noun_phrases = NounPhrases(lattice)
+
+    def entities(self, start: int) -> list[Item]:
+        """Returns the phrases for things and regions that begin at a token, with every attachment of relations."""
+        if start not in self._entities:
+            self._entities[start] = []  # a phrase never contains itself
+            complete = [self._judged(item) for item in self._noun_phrases.at(start)]
+            layer = complete
+            for _ in range(MOST_RELATIONS):
+                layer = self._best([self._judged(item) for item in self._with_relation(layer, start)])
+                complete = complete + layer
+            self._entities[start] = self._best(complete)
+        return self._entities[start]
+
+    def _with_relation(self, items: list[Item], start: int) -> list[Item]:
+        pairs = []
+        for item in items:
+            if item.value.kind == "it":
+                continue
+            for relation in self.relations(item.end) + self._bare_regions(item) + self._further(item):
+                bare = relation.value.name == "direction"
+                if (bare and relation.value.value in ("up", "down")) or relation.value.name in _ONLY_PLACES:
+                    continue
+                cost = item.cost + relation.cost + costs.RELATION
+                cost += costs.BARE_DIRECTION * (bare and relation.value.value != "top")
+                pairs.append((cost, item, relation))
+        pairs.sort(key=lambda pair: pair[0])
+        return [
+            Item(after.end, related(item.value, after.value, after.end), cost, item.skipped | after.skipped)
+            for cost, item, after in pairs[:MOST_ATTACHED]
+        ]
+
+    def _further(self, item: Item) -> list[Item]:
+        """Returns the relations after "and": "left of the ball and behind the cube"."""
+        end = item.end
+        if not item.value.relations or end >= len(self.lattice) or self.lattice.tokens[end].text not in ("and", "but"):
+            return []
+        return [found._replace(cost=found.cost + 0.2) for found in self.relations(end + 1)]
+
+    def _bare_regions(self, item: Item) -> list[Item]:
+        """Returns regions that follow a thing without a preposition: "the red cube left edge"."""
+        if item.value.kind not in ("thing", "stack"):
+            return []
+        cost = costs.REGION_WITHOUT_PREPOSITION
+        return [
+            Item(
+                found.end,
+                RelationPhrase("at", (found.value,), span=(item.end, found.end)),
+                found.cost + cost,
+                found.skipped,
+            )
+            for found in self.entities(item.end)
+            if found.value.kind in _AREAS and not found.skipped
+        ]
+
+    def _judged(self, item: Item) -> Item:
+        if self._judge is None:
+            return item
+        cost = self._judge(item.value)
+        return item._replace(cost=item.cost + cost) if cost else item
+
+    def _best(self, items: list[Item]) -> list[Item]:
+        """Returns the cheapest items of each span."""
+        spans: dict[int, list[Item]] = {}
+        for item in sorted(items, key=lambda item: item.cost):
+            kept = spans.setdefault(item.end, [])
+            if len(kept) < KEPT and (not kept or item.cost <= kept[0].cost + WORSE):
+                kept.append(item)
+        return [item for kept in spans.values() for item in kept]
+
+    def relations(self, start: int) -> list[Item]:
+        """Returns the relations with their anchors that begin at a token."""
+        if start not in self._relations:
+            self._relations[start] = []
+            found: list[Item] = []
+            for gap in self.lattice.gaps(start):
+                for item in [*self._plain(gap.end), *self._measured(gap.end)]:
+                    found.append(Item(item.end, item.value, item.cost + gap.cost, item.skipped | gap.skipped))
+            self._relations[start] = self._best_relations(found)
+        return self._relations[start]
+
+    def _best_relations(self, items: list[Item]) -> list[Item]:
+        spans: dict[tuple, list[Item]] = {}
+        for item in sorted(items, key=lambda item: item.cost):
+            kept = spans.setdefault((item.end, item.value.name), [])
+            if len(kept) < KEPT and (not kept or item.cost <= kept[0].cost + WORSE):
+                kept.append(item)
+        return [item for kept in spans.values() for item in kept]
+
+    def _plain(self, start: int) -> list[Item]:
+        found = []
+        get = self.lattice.get
+        for edge in get(start, "relation"):
+            for anchor in self.anchored(edge.end):
+                relation = RelationPhrase(edge.value, (anchor.value,), span=(start, anchor.end))
+                cost = edge.cost + anchor.cost + odd(relation)
+                if edge.end > start + 1 and relation.name == "on" and anchor.value.kind in _AREAS:
+                    cost += costs.ON_TOP_OF_REGION
+                found.append(Item(anchor.end, relation, cost, anchor.skipped))
+        for category in ("held", "bare", "here", "into", "home"):
+            for edge in get(start, category):
+                span = (start, edge.end)
+                shown = category == "here" and self.lattice.gestures
+                anchors = (Entity("spot", pointed=start, span=span),) if shown else ()
+                cost = edge.cost + costs.BARE_PLACE * (category in ("into", "home"))
+                found.append(Item(edge.end, RelationPhrase(category, anchors, value=edge.value, span=span), cost))
+        for edge in get(start, "direction"):
+            measures = [item for item in self.measure(edge.end) if item.value.unit != "bit" or item.end > edge.end]
+            for item in [Item(edge.end, None, 0.0), *measures]:
+                relation = RelationPhrase("direction", (), item.value, edge.value, (start, item.end))
+                found.append(Item(item.end, relation, edge.cost + item.cost))
+        for edge in get(start, "not"):
+            for item in self.relations(edge.end):
+                inner = Entity(relations=(item.value,), span=item.value.span)
+                found.append(
+                    Item(item.end, RelationPhrase("not", (inner,), span=(start, item.end)), item.cost, item.skipped)
+                )
+            for item in self.entities(edge.end):
+                found.append(
+                    Item(
+                        item.end, RelationPhrase("not", (item.value,), span=(start, item.end)), item.cost, item.skipped
+                    )
+                )
+        return found + self._between(start)
+
+    def _between(self, start: int) -> list[Item]:
+        found = []
+        for edge in self.lattice.get(start, "between"):
+            for one in self.entities(edge.end):
+                if one.value.plural or (one.value.number or 0) > 1:
+                    relation = RelationPhrase("between", (one.value,), span=(start, one.end))
+                    found.append(Item(one.end, relation, edge.cost + one.cost, one.skipped))
+                for join in self.lattice.get(one.end, "join"):
+                    for other in self.entities(join.end):
+                        relation = RelationPhrase("between", (one.value, other.value), span=(start, other.end))
+                        cost = edge.cost + one.cost + other.cost
+                        found.append(Item(other.end, relation, cost, one.skipped | other.skipped))
+        return found
+
+    def _measured(self, start: int) -> list[Item]:
+        """Returns relations after a length: "two squares to the left of the cube", "3 cm back"."""
+        found = []
+        for measure in self.measure(start):
+            for item in self._plain(measure.end):
+                relation: RelationPhrase = item.value
+                if relation.measure is None and relation.name not in ("held", "bare", "here", "of", "into", "home"):
+                    measured = RelationPhrase(
+                        relation.name, relation.anchors, measure.value, relation.value, (start, item.end)
+                    )
+                    found.append(Item(item.end, measured, measure.cost + item.cost, measure.skipped | item.skipped))
+        return found
+
+    def anchored(self, start: int) -> list[Item]:
+        """Returns the entities that may follow a preposition."""
+        return self.entities(start)
+
+    def measure(self, start: int) -> list[Item]:
+        """Returns the lengths that begin at a token."""
+        found = [Item(edge.end, Measure(1.0, "bit"), edge.cost) for edge in self.lattice.get(start, "bit")]
+        if start < len(self.lattice) and self.lattice.tokens[start].text == "by":
+            found += self.measure(start + 1)
+        numbers = self.lattice.get(start, "number") + [e._replace(value=1.0) for e in self.lattice.get(start, "any")]
+        for number in numbers:
+            at = number.end + (number.end < len(self.lattice) and self.lattice.is_filler(number.end))
+            for unit in self.lattice.get(at, "unit"):
+                found.append(Item(unit.end, Measure(number.value, unit.value), number.cost + unit.cost))
+        return found
+
+
+_FIELDS = tuple(name for name in Entity.__slots__ if name not in ("relations", "span"))
+
+
+def related(entity: Entity, relation: RelationPhrase, end: int) -> Entity:
+    """Returns the entity with one more relation."""
+    fields = {name: getattr(entity, name) for name in _FIELDS}
+    return Entity(**fields, relations=(*entity.relations, relation), span=(entity.span[0], end))
+
+
+def odd(relation: RelationPhrase) -> float:
+    """Returns the cost of a preposition that does not go with its anchor."""
+    kind = relation.anchors[0].kind
+    thing = kind in ("thing", "stack", "it") and relation.anchors[0].noun not in ENCLOSING
+    if relation.name in ("in", "at", "to") and thing:
+        return costs.ODD_PREPOSITION
+    if relation.name == "of" and thing:
+        return 2 * costs.ODD_PREPOSITION
+    return 0.0

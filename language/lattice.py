@@ -1,0 +1,346 @@
+"""The lattice of a sentence: for each word, the phrases of the lexicon that begin there, with their costs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator
+from functools import cache
+from typing import Any, NamedTuple
+
+from rapidfuzz import process
+from rapidfuzz.distance import OSA
+
+from language import costs, words
+from language.errors import NotUnderstood, check_known
+from language.normalise import Token, normalised, said, scan
+from language.verbs import KNOWN, Act
+from language.words import FILLERS, phrases
+
+MOST_RELATIONS = 12  # tokens where a relation begins; commands that people wrote have up to 8
+TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
+    "region": words.REGIONS,
+    "role": words.TABLE["roles"],
+    "relation": words.TABLE["relations"],
+    "direction": words.TABLE["directions"],
+    "side": words.TABLE["sides"],
+    "superlative": words.TABLE["superlatives"],
+    "unit": words.TABLE["units"],
+}
+CONTENT = frozenset(
+    [
+        "noun",
+        "color",
+        "role",
+        "stack",
+        "region",
+        "number",
+        "ordinal",
+        "verb",
+        "done",
+        "pronoun",
+        "every",
+        "both",
+        "other",
+        "never",
+        "not",
+        "if",
+        "else",
+    ]
+)
+_FORMS = (  # verbs whose past and participle are irregular
+    "put put, take took taken, give gave given, bring brought, get got gotten, set set, lay laid, hold held, shut "
+    "shut, leave left, "
+    "keep kept, stand stood, slide slid, spin spun, hit hit, build built, make made, throw threw thrown, swing swung, "
+    "stick stuck, "
+    "let let, hang hung, find found, go went gone, send sent, draw drew drawn, catch caught, hide hid hidden"
+)
+_IRREGULAR = {forms.split()[0]: forms.split()[1:] for forms in _FORMS.split(", ")}
+_DOUBLED = re.compile(r"^[^aeiou]*[aeiou][bdgkmnprt]$")
+
+
+class Edge(NamedTuple):
+    """A phrase of the lexicon: the index of the token after it, its category and meaning, and its cost."""
+
+    end: int
+    category: str
+    value: Any
+    cost: float
+
+
+class Item(NamedTuple):
+    """A part of a reading: the token after it, its meaning, its cost, and a bit for each token that it leaves out."""
+
+    end: int
+    value: Any
+    cost: float
+    skipped: int = 0
+
+
+class Lattice:
+    """The tokens of a sentence and, for each, the edges that begin there, by category.
+
+    unknown: indices of tokens that are no words of the lexicon, however spelt.
+    gestures: how many accompany the sentence; if there are none, no word needs one.
+    """
+
+    def __init__(
+        self, sentence: str | list[Token], gestures: int = 0, acts: Collection[Act] = frozenset(Act), table: bool = True
+    ) -> None:
+        """sentence: as typed, or its plain words. acts: of verbs that can mean something in the scene. table: no board.
+
+        Raises NotUnderstood if the sentence is too long.
+        """
+        self.gestures, self._acts, self.table = gestures, acts, table
+        self.tokens = _split_up(normalised(sentence) if isinstance(sentence, str) else sentence)
+        self.variants = [spellings(token.text) for token in self.tokens]
+        self.unknown = {i for i, variants in enumerate(self.variants) if not variants}
+        self.edges: list[dict[str, list[Edge]]] = [self._edges(i) for i in range(len(self.tokens))]
+        self._gaps: dict[int, list[Item]] = {}
+        if sum("relation" in edges for edges in self.edges) > MOST_RELATIONS:
+            raise NotUnderstood("the sentence says more than one can keep apart; say it in several sentences")
+
+    def __len__(self) -> int:
+        return len(self.tokens)
+
+    def get(self, index: int, category: str) -> list[Edge]:
+        """Returns the edges of a category that begin at the token with this index."""
+        return self.edges[index].get(category, []) if index < len(self.tokens) else []
+
+    def text(self, index: int) -> str:
+        """Returns the token's word; "" after the end."""
+        return self.tokens[index].text if index < len(self.tokens) else ""
+
+    def _edges(self, start: int) -> dict[str, list[Edge]]:
+        found: dict[str, dict[tuple, Edge]] = {}
+        open_nodes = [(start, trie(), 0.0)]
+        while open_nodes:
+            at, node, cost = open_nodes.pop()
+            for category, value in node.get(None, ()):
+                key = (at, value)
+                if category in ("inflected", "done") and not self.table:
+                    continue
+                category = "verb" if category == "inflected" else category
+                if category in ("verb", "done"):
+                    verb = KNOWN[value]
+                    if verb.act not in self._acts:
+                        continue
+                    key = (at, (verb.act, verb.pulls))
+                elif not self.table and (category in ("into", "home") or value in ("toward", "away", "spot_of")):
+                    continue
+                same = found.setdefault(category, {})
+                if key not in same or same[key].cost > cost:
+                    same[key] = Edge(at, category, value, cost)
+            if at < len(self.tokens):
+                for word, extra in self.variants[at]:
+                    if word in node:
+                        open_nodes.append((at + 1, node[word], cost + extra))
+        if not self.gestures:
+            found.pop("pointing", None)
+        edges = {category: list(same.values()) for category, same in found.items()}
+        number = _number(self.tokens[start].text)
+        if number is not None:
+            edges.setdefault("number", []).append(Edge(start + 1, "number", number, 0.0))
+        return edges
+
+    # ---- Words that are left out between phrases
+
+    def gaps(self, start: int) -> list[Item]:
+        """Returns where the next phrase may begin. Fillers are left out at no cost, one other word at one."""
+        if start not in self._gaps:
+            found = [Item(at, None, 0.0) for at in self._free(start)]
+            for item in list(found):
+                if item.end < len(self):
+                    cost = self.skip_cost(item.end)
+                    found += [Item(at, None, cost, 1 << item.end) for at in self._free(item.end + 1)]
+            best: dict[int, Item] = {}
+            for item in found:
+                if item.end not in best or item.cost < best[item.end].cost:
+                    best[item.end] = item
+            self._gaps[start] = list(best.values())
+        return self._gaps[start]
+
+    def _free(self, start: int) -> list[int]:
+        """Returns the positions from a token on that are reached by leaving out fillers."""
+        positions = [start]
+        while start < len(self) and self.is_filler(start):
+            start += 1
+            positions.append(start)
+        return positions
+
+    def is_filler(self, index: int) -> bool:
+        """Whether a word adds nothing: one of a table, or an adverb that is not known."""
+        word = self.tokens[index].text
+        return word in FILLERS or (index in self.unknown and len(word) > 4 and word.endswith("ly"))
+
+    def skip_cost(self, index: int) -> float:
+        """Returns the cost of leaving out a token."""
+        if self.is_filler(index):
+            return 0.0
+        if index in self.unknown:
+            return costs.SKIPPED["unknown"]
+        if "color" in self.edges[index]:
+            return costs.SKIPPED["color"]
+        return costs.SKIPPED["content" if CONTENT & self.edges[index].keys() else "function"]
+
+
+def _split_up(found: list[Token]) -> list[Token]:
+    """Returns the words; those that are two known words run together are split."""
+    split: list[Token] = []
+    for token in found:
+        parts = _two_words(token.text) if len(token.text) > 4 and not _is_known(token.text) else None
+        if parts is None:
+            split.append(token)
+        else:
+            middle = token.start + len(parts[0])
+            pair = Token(parts[0], token.start, middle), Token(parts[1], middle, token.end)
+            split += [each for each in pair if each.text not in ("the", "teh")]
+    return split
+
+
+@cache
+def _two_words(word: str) -> tuple[str, str] | None:
+    """Returns two known words that a word consists of; None: it does not, or is a known word with an error."""
+    if any(cost <= costs.SPELLING for _, cost in spellings(word)) and not word.startswith(
+        ("the", "in", "to", "on", "of")
+    ):
+        return None
+    for at in range(2, len(word) - 1):
+        one, other = word[:at], word[at:]
+        short = ("in", "on", "to", "of", "at", "up", "it", "me")
+        if all((len(part) > 2 and (part == "the" or part in vocabulary())) or part in short for part in (one, other)):
+            return one, other
+    return None
+
+
+def _is_known(word: str) -> bool:
+    return word in vocabulary() or _number(word) is not None
+
+
+def spellings(word: str) -> tuple[tuple[str, float], ...]:
+    """Returns the known words that a word may be, with their costs; () if it is similar to none."""
+    if _is_known(word):
+        return ((word, 0.0),)
+    if len(word) < 3 or len(word) > 20 or not word.isalpha():
+        return ()
+    return _corrected(word)
+
+
+@cache
+def _corrected(word: str) -> tuple[tuple[str, float], ...]:
+    most = 1 if len(word) < 6 else 2
+    found = process.extract(word, _choices(), scorer=OSA.distance, processor=None, score_cutoff=most, limit=None)
+    near = [(known, cost + 0.3 * (known[0] != word[0])) for known, cost, _ in found if cost < len(known) - 1]
+    best = min((cost for _, cost in near), default=0.0)
+    return tuple((known, costs.SPELLING * cost) for known, cost in near if cost <= best + 0.3)[:8]
+
+
+@cache
+def _choices() -> tuple[str, ...]:
+    return tuple(sorted(word for word in vocabulary() if len(word) > 2))
+
+
+def _number(word: str) -> float | None:
+    try:
+        return float(word.replace(",", ".")) if word[0].isdecimal() else None
+    except ValueError:
+        return None
+
+
+@cache
+def vocabulary() -> frozenset[str]:
+    """Returns every single word of the lexicon."""
+    found: set[str] = set(FILLERS)
+    nodes = [trie()]
+    while nodes:
+        node = nodes.pop()
+        for word, below in node.items():
+            if word is not None:
+                found.add(word)
+                nodes.append(below)
+    return frozenset(found)
+
+
+@cache
+def trie() -> dict:
+    """Returns the phrases as nested dicts; under None, the categories and meanings of the phrase that ends there."""
+    root: dict = {}
+    for category, value, phrase in _entries():
+        node = root
+        for token in scan(phrase):
+            node = node.setdefault(token.text, {})
+        ends = node.setdefault(None, [])
+        if node is not root and (category, value) not in ends:
+            ends.append((category, value))
+    root.pop(None, None)
+    return root
+
+
+def _entries() -> Iterator[tuple[str, Any, str]]:
+    """Yields (category, meaning, phrase) for every phrase of the lexicon."""
+    for phrase, names in words.colors().items():
+        yield "color", names, phrase
+    for kind, nouns in words.nouns().items():
+        yield from (("noun", kind, phrase) for phrase in nouns)
+    for phrase, size in words.sizes().items():
+        yield "size", size, phrase
+    for category, table in TABLES.items():
+        for value, text in table.items():
+            yield from ((category, value, phrase) for phrase in phrases(text))
+    for category, text in words.TABLE["singles"].items():
+        yield from ((category, phrase, phrase) for phrase in phrases(text))
+    for phrase, amount in words.NUMBERS.items():
+        yield "number", amount, phrase
+    for phrase, rank in words.ORDINALS.items():
+        yield "ordinal", rank, phrase
+    for name, verb in KNOWN.items():
+        for phrase in said(verb):
+            yield "verb", name, phrase
+            yield from _inflections(name, phrase)
+
+
+def _inflections(name: str, phrase: str) -> Iterator[tuple[str, str, str]]:
+    """Yields the gerund and the third person of a verb, and its participle, which follows its object."""
+    first, _, rest = phrase.partition(" ")
+    if first in ("i", "we", "can", "could", "may", "over", "gimme", "lemme", "have", "want", "need") or len(first) < 2:
+        return
+    stem = first[:-1] if first.endswith("e") and first != "see" else first
+    stem = first + first[-1] if _DOUBLED.match(first) else stem
+    third = first + ("es" if first.endswith(("s", "sh", "ch", "x", "z")) else "s")
+    pasts = _IRREGULAR[first] if first in _IRREGULAR else [first[:-1] + "ied" if first.endswith("ry") else stem + "ed"]
+    for form in (stem + "ing", third):
+        yield "inflected", name, f"{form} {rest}".strip()
+    for form in pasts:
+        yield "done", name, f"{form} {rest}".strip()
+        if form not in ("left", "set", "put", "shut"):
+            yield "inflected", name, f"{form} {rest}".strip()
+    if first == "open":
+        yield "done", name, phrase
+
+
+def teach(category: str, meaning: str, phrase: str) -> None:
+    """Adds a phrase to the lexicon: `teach("relation", "near", "hard by")`, `teach("verb", "lift", "snatch up")`.
+
+    Args:
+        category: "verb" or a key of TABLES.
+        meaning: a verb of `language.verbs`, or a key of that table.
+        phrase: one or more words.
+
+    Raises:
+        LanguageError: an unknown category or meaning.
+    """
+    check_known("category", category, ("verb", *TABLES))
+    table = KNOWN if category == "verb" else TABLES[category]
+    check_known(category, meaning, table)
+    if category == "verb":
+        object.__setattr__(KNOWN[meaning], "words", ", ".join(filter(None, (KNOWN[meaning].words, phrase))))
+    else:
+        TABLES[category][meaning] += f", {phrase}"
+    forget_caches()
+
+
+def forget_caches() -> None:
+    """Clears the caches of the lexicon after its tables were changed."""
+    from language.normalise import verb_words, wordings
+
+    for cached in (trie, vocabulary, _choices, _corrected, _two_words, verb_words, wordings):
+        cached.cache_clear()

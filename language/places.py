@@ -1,0 +1,562 @@
+"""Where a thing may be put: the positions that a clause's conjoined relations mean, each with its height and cost.
+
+On a board they are cells. On a table they are the free spots of a fine grid nearest to where the words point.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from language import costs
+from language.meanings import Entity, Measure, RelationPhrase
+from language.referents import Ref, Resolver, distance, regions, relation_cost, spot
+from language.spots import Point, Spot, a_name, settle
+from language.world import FIXED, WorldModel
+
+Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  # x, y -> which of them fit
+
+ASIDE, TIGHT = 1.3, 1.1  # widths between middles: room for fingers, and just room
+GRID = 0.01  # metres between the spots of a table that are tried
+NEAR = 0.15  # metres from the middle of a thing up to which a spot is next to it
+AT_MARK = 0.012  # metres from a mark up to which a spot is at it
+_SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
+ONTO = ("on", "over", "in", "to", "at", "of", "with", "here")
+
+
+def spots(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...], typed: bool = False) -> list[Spot]:
+    """Returns the positions that all relations allow, the best first; those that cannot be used say why.
+
+    typed: whether the moved thing was named with a noun, which "one" then repeats.
+    """
+    key = (mover, relations, typed)
+    if key not in resolver.spots:
+        resolver.spots[key] = _spots(resolver, mover, relations, typed)
+    return resolver.spots[key]
+
+
+def _spots(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...], typed: bool) -> list[Spot]:
+    world = resolver.world
+    if world.hand is not None and any(anchor.kind == "person" for each in relations for anchor in each.anchors):
+        return [_enclosed(world, world.hand, 0.0)]
+    if not world.cells:
+        return _on_table(resolver, mover, relations, typed)
+    points = _points(resolver, mover, relations[0], typed)
+    for relation in relations[1:]:
+        points = _also(resolver, mover, points, relation)
+    best: dict[tuple, Spot] = {}
+    for point in sorted(points, key=lambda point: point.cost):
+        found = settle(world, mover, point)
+        key = (point.group,) if point.group else (round(found.x, 3), round(found.y, 3))
+        if key not in best or (bool(found.why_not), found.cost) < (bool(best[key].why_not), best[key].cost):
+            best[key] = found
+    return sorted(best.values(), key=lambda found: (bool(found.why_not), found.cost))
+
+
+def _points(resolver: Resolver, mover: int, relation: RelationPhrase, typed: bool) -> list[Point]:
+    world = resolver.world
+    if relation.name == "direction":
+        return _shifted(world, mover, relation)
+    region = relation.anchors[0] if relation.anchors else Entity()
+    if relation.measure is not None and region.kind == "side" and len(region.sides) == 1:  # "one square on the left"
+        return _shifted(world, mover, replace(relation, value=region.sides[0]))
+    if relation.name == "between":
+        return _middle(resolver, mover, relation)
+    if not relation.anchors:
+        return []
+    found: list[Point] = []
+    for number, anchor in enumerate(_anchors(resolver, relation, mover if typed else None), 1):
+        if mover in anchor.things and (relation.name not in _SIDEWAYS or relation.anchors[0].kind != "it"):
+            continue
+        key = (mover, relation.name, relation.value, relation.measure, anchor[:4])
+        if key not in resolver.points:
+            resolver.points[key] = _by(world, mover, relation, anchor)
+        points = resolver.points[key]
+        group = number if len(points) > 1 else 0
+        found += [point._replace(cost=point.cost + anchor.cost, group=group) for point in points]
+    return found
+
+
+def _anchors(resolver: Resolver, relation: RelationPhrase, mover: int | None) -> list[Ref]:
+    """Returns the referents of the anchor and, at a cost, its referents among the things that can bear another one."""
+    entity = relation.anchors[0]
+    refs = _of_kind(resolver, entity, mover)
+    if relation.name not in ONTO or entity.kind not in ("thing", "stack"):
+        return refs
+    known = {ref.things for ref in refs}
+    free = [ref for ref in resolver.resolve(entity, resolver.bears) if ref.things not in known]
+    return refs + [ref._replace(cost=ref.cost + costs.ONLY_USABLE) for ref in free]
+
+
+def _of_kind(resolver: Resolver, entity: Entity, mover: int | None) -> list[Ref]:
+    """Returns the referents of a phrase; "the blue one" is rather of the moved thing's kind."""
+    things, refs = resolver.world.things, resolver.resolve(entity)
+    if entity.kind == "thing" and entity.noun is None and mover is not None:
+        kind = things[mover].kind
+        refs = [
+            ref._replace(cost=ref.cost + costs.ANOTHER_KIND * (things[ref.things[-1]].kind != kind)) for ref in refs
+        ]
+    return refs
+
+
+def _by(world: WorldModel, mover: int, relation: RelationPhrase, anchor: Ref) -> list[Point]:
+    """Returns the points in a relation to one anchor."""
+    name = relation.name
+    if world.cells and relation.measure is not None and name in ("over", "under"):  # "one square above the corner"
+        return _beside(world, mover, anchor, "far" if name == "over" else "near", relation.measure)
+    if name in _SIDEWAYS and anchor.kind == "board":  # "two squares to the left of the board"
+        return _shifted(world, mover, replace(relation, name="direction", value=_SIDEWAYS[name]))
+    if name in _SIDEWAYS:
+        return _beside(world, mover, anchor, _SIDEWAYS[name], relation.measure)
+    if name in ("near", "nearest"):
+        return _around(world, mover, anchor)
+    if anchor.things:
+        if name == "farthest":
+            return []
+        onto = None if world.things[anchor.things[-1]].target else anchor.things[-1]  # a see-through thing is a place
+        return [Point(anchor.x, anchor.y, 0.0, onto)] if name in ONTO else []
+    if name == "opposite":
+        x, y = world.center
+        return [Point(2 * x - anchor.x, 2 * y - anchor.y, 0.0)]
+    return _in_region(world, mover, anchor) if name in (*ONTO, "under") else []
+
+
+def _in_region(world: WorldModel, mover: int, area: Ref) -> list[Point]:
+    """Returns the cells of a region, those near the moved thing first."""
+    thing = world.things[mover]
+    x0, x1, y0, y1 = area.box
+    if area.kind in ("robot", "person"):
+        return [Point(min(max(area.x, world.bounds[0]), world.bounds[1]), area.y, 0.0)]
+    if (x0, y0) == (x1, y1):
+        if area.kind == "center":
+            return [Point(x, y, 0.0, free=True) for x in (int(x0), int(x0) + 1) for y in (int(y0), int(y0) + 1)]
+        return [Point(x0, y0, 0.0)]
+    spread = [(x0 + (x1 - x0) * i / 7, y0 + (y1 - y0) * i / 7) for i in range(8)]
+    if area.kind == "board":
+        spread = [(x0 + (x1 - x0) * i / 7, y0 + (y1 - y0) * j / 7) for i in range(8) for j in range(8)]
+        spread.append((thing.x, thing.y))
+    else:
+        spread.append((min(max(thing.x, x0), x1), min(max(thing.y, y0), y1)))
+    return [Point(x, y, 0.5 * (abs(x - thing.x) + abs(y - thing.y)) / 8, free=True) for x, y in spread]
+
+
+def _length(world: WorldModel, measure: Measure | None, default: float) -> float:
+    """Returns a length in the world's unit."""
+    if measure is None:
+        return default
+    if measure.unit == "bit":
+        return world.little
+    if measure.unit == "cell":
+        return measure.number * world.pitch
+    metres = measure.number * float(measure.unit)
+    return metres if not world.cells else float(round(metres / 0.05))
+
+
+def _shifted(world: WorldModel, mover: int, relation: RelationPhrase) -> list[Point]:
+    thing = world.things[mover]
+    if relation.value in ("up", "down") and world.cells and relation.measure is not None:
+        relation = replace(relation, value="far" if relation.value == "up" else "near")
+    if relation.value in ("up", "top", "down"):
+        return [Point(thing.x, thing.y, 0.0)] if relation.value == "down" else []
+    dx, dy = world.toward(relation.value or "left")
+    length = _length(world, relation.measure, world.pitch)
+    return [Point(thing.x + dx * length, thing.y + dy * length, 0.0, free=True)]
+
+
+def _beside(world: WorldModel, mover: int, anchor: Ref, side: str, measure: Measure | None) -> list[Point]:
+    dx, dy = world.toward(side)
+    step = _length(world, measure, world.pitch)
+    return [Point(anchor.x + dx * step, anchor.y + dy * step, 0.0, free=True)]
+
+
+def _around(world: WorldModel, mover: int, anchor: Ref) -> list[Point]:
+    """Returns the four neighbours of an anchor, the nearest to the moved thing first."""
+    thing = world.things[mover]
+    found = []
+    for side in ("left", "right", "far", "near"):
+        for point in _beside(world, mover, anchor, side, None):
+            away = abs(point.x - thing.x) + abs(point.y - thing.y)
+            found.append(point._replace(cost=point.cost + 0.02 * away / world.pitch))
+    return found
+
+
+def _middle(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[Point]:
+    refs = [resolver.resolve(anchor) for anchor in relation.anchors]
+    pairs = [(a, b) for i, a in enumerate(refs[0]) for j, b in enumerate(refs[-1]) if len(refs) > 1 or i < j]
+    found = []
+    for one, other in pairs:
+        if mover in one.things + other.things or one.things == other.things:
+            continue
+        x, y = (one.x + other.x) / 2, (one.y + other.y) / 2
+        if resolver.world.cells and (x != int(x) or y != int(y)):
+            x, y = float(round(x)), float(round(y))
+        found.append(Point(x, y, one.cost + other.cost, free=True))
+    return found
+
+
+def _also(resolver: Resolver, mover: int, points: list[Point], relation: RelationPhrase) -> list[Point]:
+    """Returns the points that are in a further relation, too."""
+    world = resolver.world
+    if relation.name == "direction" and relation.value in ("up", "top", "down"):
+        return points
+    if relation.name == "direction":
+        sides = Entity("side", sides=(relation.value or "left",))
+        relation = RelationPhrase("at", (sides,))
+    if not relation.anchors:
+        return points
+    if relation.name in ("nearest", "near", "farthest") or (relation.anchors[0].kind in ("side", "center")):
+        anchors = resolver.resolve(relation.anchors[0]) or regions(world, relation.anchors[0])
+        sign = -1.0 if relation.name == "farthest" else 1.0
+        away = [min((sign * distance(p.x, p.y, anchor) for anchor in anchors), default=0.0) for p in points]
+        least = min(away, default=0.0)
+        return [point for point, far in zip(points, away, strict=True) if far <= least + 0.25 * world.pitch]
+    refs = [resolver.anchors(anchor) for anchor in relation.anchors]
+    found = []
+    resolver.weighed += len(points)
+    for point in points:
+        if relation.name in ONTO and any(point.on in ref.things for ref in refs[0].refs if point.on is not None):
+            found.append(point)
+            continue
+        at = spot(point.x, point.y)
+        if point.on is not None:
+            at = at._replace(things=(point.on,))
+        cost = relation_cost(world, at, relation, refs)
+        if cost is not None:
+            found.append(point._replace(cost=point.cost + cost))
+    return found
+
+
+# ---- Tables
+
+
+class _Wish(NamedTuple):
+    """Where something should go: nominal x and y, None where the words leave it open; which spots will do; a cost.
+
+    spot: the only spot that is meant, such as on a thing or in a container. what: in words.
+    """
+
+    x: float | None
+    y: float | None
+    fits: Mask
+    cost: float = 0.0
+    spot: Spot | None = None
+    what: str = ""
+    anchor: int | None = None
+
+
+def _enclosed(world: WorldModel, box: int, cost: float) -> Spot:
+    """Returns the place in a container or on the open hand."""
+    thing = world.things[box]
+    why = next((f"{a_name(world, box)} is full: {a_name(world, i)} is in it" for i in world.contents(box)), "")
+    return Spot(thing.x, thing.y, thing.top if box == world.hand else thing.bottom, box, cost, why)
+
+
+def _on_table(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...], typed: bool) -> list[Spot]:
+    world = resolver.world
+    directions = tuple(each for each in relations if each.name == "direction")
+    others = [each for each in relations if each.name != "direction"]
+    wishes = [_wishes(resolver, mover, each, typed, len(relations) < 2) for each in others]
+    if directions:
+        wishes.append(_shifts(world, mover, directions, bool(wishes), resolver.aloft))
+    found = []
+    for chosen in product(*wishes):
+        single = [wish.spot for wish in chosen if wish.spot is not None]
+        cost = sum(wish.cost for wish in chosen)
+        spot = single[0]._replace(cost=cost) if single else free_spot(world, mover, list(chosen), cost)
+        found.append(spot._replace(anchor=next((wish.anchor for wish in chosen if wish.anchor is not None), None)))
+    best: dict[tuple, Spot] = {}
+    for each in sorted(found, key=lambda each: (bool(each.why_not), each.cost)):
+        best.setdefault((round(each.x, 3), round(each.y, 3), each.on, each.anchor), each)
+    return list(best.values())
+
+
+def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 0.0) -> Spot:
+    """Returns the free spot that fits all wishes and is nearest to where they point."""
+    thing, (x0, x1, y0, y1) = world.things[mover], world.bounds
+    xs = [wish.x for wish in wishes if wish.x is not None] or [thing.x]
+    ys = [wish.y for wish in wishes if wish.y is not None] or [thing.y]
+    nx, ny = sum(xs) / len(xs), sum(ys) / len(ys)
+    grid_x = np.arange(x0, x1 + 1e-6, GRID)
+    grid_y = np.arange(y0, y1 + 1e-6, GRID)
+    gx, gy = (axis.ravel() for axis in np.meshgrid(grid_x, grid_y, indexing="ij"))
+    gx, gy = np.append(gx, min(max(nx, x0), x1)), np.append(gy, min(max(ny, y0), y1))
+    fits = np.ones(len(gx), bool)
+    for wish in wishes:
+        fits &= wish.fits(gx, gy)
+    what = next((wish.what for wish in wishes if wish.what), "there")
+    if not fits.any():
+        return Spot(nx, ny, world.ground, None, cost, f"{what} is outside what the arm reaches")
+    taken = [
+        i for i in world._standing.get(None, ()) if i != mover and (world.is_loose(i) or world.covers(*_xy(world, i)))
+    ]
+    for share in (ASIDE, TIGHT):
+        free = fits.copy()
+        for i in taken:
+            other = world.things[i]
+            free &= np.hypot(gx - other.x, gy - other.y) >= share * max(thing.width, other.width) - 1e-9
+        if free.any():
+            away = np.where(free, np.hypot(gx - nx, gy - ny), np.inf)
+            at = int(away.argmin())
+            near = min(taken, key=lambda i: math.dist((nx, ny), _xy(world, i)), default=None)
+            blocked = near is not None and math.dist((nx, ny), _xy(world, near)) < share * thing.width
+            note = (
+                f"{a_name(world, near)} is in the way, so I take the nearest free spot"
+                if blocked and near is not None
+                else ""
+            )
+            return Spot(float(gx[at]), float(gy[at]), world.ground, None, cost, "", note if away[at] > GRID else "")
+    near = min(taken, key=lambda i: math.dist((nx, ny), _xy(world, i)))
+    return Spot(
+        nx, ny, world.ground, None, cost, f"{a_name(world, near)} is in the way, and there is no room beside it"
+    )
+
+
+def _xy(world: WorldModel, index: int) -> tuple[float, float]:
+    return world.things[index].x, world.things[index].y
+
+
+def _anywhere(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return np.ones(len(x), bool)
+
+
+def _shifts(
+    world: WorldModel, mover: int, directions: tuple[RelationPhrase, ...], further: bool, aloft: bool = False
+) -> list[_Wish]:
+    """Returns where a thing goes that moves in some directions. further: whether other relations say where, too.
+
+    aloft: whether it is not on the table, so that "down" is straight down.
+    """
+    thing = world.things[mover]
+    dx = dy = 0.0
+    length, bit = world.pitch, False
+    for each in directions:
+        value = each.value or "left"
+        if value in ("up", "top"):
+            value = "far"
+        if value == "down":
+            if aloft or further:
+                x, y = (None, None) if further else (thing.x, thing.y)
+                return [_Wish(x, y, _anywhere, what="the table")]
+            value = "near"
+        if each.measure is not None:
+            length = _length(world, each.measure, length)
+            bit = bit or each.measure.unit == "bit"
+        ux, uy = world.toward(value)
+        dx, dy = dx + ux, dy + uy
+    if further:  # "on the left, near the front"
+        box = _side_wish(world, [each.value or "left" for each in directions], False)
+        return [box]
+    if (dx, dy) == (0.0, 0.0):
+        return []
+    said = any(each.measure is not None and each.measure.unit != "bit" for each in directions)
+
+    def fits(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+        along_x, along_y = (x - thing.x) * dx, (y - thing.y) * dy
+        least = 0.5 * length if said else 0.008
+        most = 1.4 * length if said else 0.12 if bit else 1.0
+        ok = np.hypot(x - thing.x, y - thing.y) <= most
+        if dx:
+            ok &= along_x >= least
+        if dy:
+            ok &= along_y >= least
+        aside = np.abs(y - thing.y) if not dy else np.abs(x - thing.x) if not dx else 0.0 * x
+        return ok & (aside <= np.maximum(0.03, 0.8 * (along_x * (dx != 0) + along_y * (dy != 0))))
+
+    return [_Wish(thing.x + dx * length, thing.y + dy * length, fits, what="that place")]
+
+
+def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: bool, alone: bool) -> list[_Wish]:
+    """Returns where one relation says that a thing goes, for each referent of its anchor."""
+    world, thing = resolver.world, resolver.world.things[mover]
+    if relation.name == "home":
+        return [_near_point(*world.home.get(mover, (thing.x, thing.y)), 0.05, "its old place")]
+    if relation.name == "into":
+        return [_Wish(None, None, _anywhere, spot=_enclosed(world, box, 0.0)) for box in resolver.boxes()]
+    if relation.name == "between":
+        return _between(resolver, mover, relation)
+    if not relation.anchors:
+        return []
+    found: list[_Wish] = []
+    region = relation.anchors[0]
+    if relation.measure is not None and region.kind == "side" and len(region.sides) == 1:
+        return _shifts(world, mover, (replace(relation, name="direction", value=region.sides[0]),), False)
+    if relation.name in ("toward", "to") and region.kind == "robot":
+        return _shifts(world, mover, (RelationPhrase("direction", measure=relation.measure, value="backward"),), False)
+    if relation.name in ("away", "farthest") and region.kind == "robot" and not alone:
+        return [_side_wish(world, ["far"], False)]
+    if relation.name in ("away", "farthest") and region.kind == "robot":
+        return _shifts(world, mover, (RelationPhrase("direction", measure=relation.measure, value="forward"),), False)
+    for ref in _anchors(resolver, relation, mover if typed or world.containers or world.devices else None):
+        if mover not in ref.things:
+            anchor = ref.things[-1] if ref.things else None
+            made = _by_anchor(world, mover, relation, ref)
+            found += [wish._replace(cost=wish.cost + ref.cost, anchor=anchor) for wish in made]
+    return found
+
+
+def _by_anchor(world: WorldModel, mover: int, relation: RelationPhrase, ref: Ref) -> list[_Wish]:
+    name = relation.name
+    if not ref.things:
+        return _in_area(world, mover, relation, ref)
+    anchor = ref.things[-1]
+    other = world.things[anchor]
+    what = f"the place {_WORDS.get(name, name)} {a_name(world, anchor)}"
+    if name in _SIDEWAYS:
+        return [_at_side(world, mover, anchor, relation, what)]
+    if name in ("near", "nearest"):
+        return [_ring(world, mover, anchor, what)]
+    if name in ("toward", "away", "farthest"):
+        return [_along(world, mover, anchor, relation, what)]
+    if anchor in (*world.containers, world.hand):
+        if name in ("on", "over") and anchor != world.hand:
+            at = Spot(other.x, other.y, other.top, anchor, 0.0, f"nothing can stand on {a_name(world, anchor)}")
+            return [_Wish(None, None, _anywhere, spot=at)]
+        return [_Wish(None, None, _anywhere, spot=_enclosed(world, anchor, 0.0))] if name in (*ONTO, "near") else []
+    if other.target:
+        return [_near_point(other.x, other.y, 0.16, "the marked place")] if name in (*ONTO, "spot_of") else []
+    if name == "spot_of":
+        return [_near_point(other.x, other.y, 0.03, f"the place of {a_name(world, anchor)}")]
+    if name in ("to", "at") and not (name == "at" and relation.value):
+        return [_ring(world, mover, anchor, what)]
+    if name in ONTO:
+        found = settle(world, mover, Point(other.x, other.y, 0.0, anchor))
+        if anchor in world.inside:
+            found = found._replace(why_not=f"{a_name(world, anchor)} is in {a_name(world, world.inside[anchor])}")
+        if other.kind in FIXED:
+            found = found._replace(why_not=f"nothing can stand on {a_name(world, anchor)}")
+        return [_Wish(None, None, _anywhere, spot=found._replace(on=anchor))]
+    return []
+
+
+_WORDS = {"left": "left of", "right": "right of", "front": "in front of", "near": "next to", "away": "away from"}
+
+
+def _at_side(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase, what: str) -> _Wish:
+    """Returns the place left of a thing, or the like. A length is the gap between the two."""
+    thing, other = world.things[mover], world.things[anchor]
+    dx, dy = world.toward(_SIDEWAYS[relation.name])
+    width = (thing.width + other.width) / 2
+    said = relation.measure is not None and relation.measure.unit not in ("bit", "cell")
+    gap = width + (_length(world, relation.measure, 0.0) if said else 0.3 * width + 0.01)
+
+    def fits(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+        along = (x - other.x) * dx + (y - other.y) * dy
+        aside = np.abs((x - other.x) * dy + (y - other.y) * dx)
+        close = np.hypot(x - other.x, y - other.y) <= max(NEAR + 0.01, gap + 0.05)
+        return (along >= 0.025) & (aside <= np.maximum(along, 0.02)) & close
+
+    def relaxed(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+        along = (x - other.x) * dx + (y - other.y) * dy
+        near = np.hypot(x - other.x, y - other.y) <= 0.165
+        return fits(x, y) if fits(x, y).any() else (along >= 0.013 + 0.012 * bool(dy)) & near
+
+    return _Wish(other.x + dx * gap, other.y + dy * gap, relaxed, what=what)
+
+
+def _ring(world: WorldModel, mover: int, anchor: int, what: str) -> _Wish:
+    """Returns the places next to a thing: the one nearest to where the moved thing is."""
+    thing, other = world.things[mover], world.things[anchor]
+    gap = 0.65 * (thing.width + other.width) + 0.005
+    x, y = min(max(thing.x, world.bounds[0]), world.bounds[1]), min(max(thing.y, world.bounds[2]), world.bounds[3])
+    away = max(math.dist((x, y), (other.x, other.y)), 1e-6)
+    nx, ny = other.x + (x - other.x) * gap / away, other.y + (y - other.y) * gap / away
+
+    def fits(gx: NDArray[np.float64], gy: NDArray[np.float64]) -> NDArray[np.bool_]:
+        apart = np.hypot(gx - other.x, gy - other.y)
+        return apart <= (NEAR if (apart <= NEAR).any() else 0.166)
+
+    return _Wish(nx, ny, fits, what=what)
+
+
+def _along(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase, what: str) -> _Wish:
+    """Returns the places nearer to a thing, or farther from it."""
+    thing, other = world.things[mover], world.things[anchor]
+    before = max(math.dist((thing.x, thing.y), (other.x, other.y)), 1e-6)
+    ux, uy = (other.x - thing.x) / before, (other.y - thing.y) / before
+    bit = relation.measure is not None
+    step = _length(world, relation.measure, world.pitch + 0.02)
+    if relation.name == "toward":
+        step = min(step, before) if bit else max(before - 0.65 * (thing.width + other.width) - 0.005, 0.0)
+    else:
+        step = -step
+
+    def fits(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+        now = np.hypot(x - other.x, y - other.y)
+        moved = np.hypot(x - thing.x, y - thing.y) > 0.004
+        return moved & ((now < before - 0.022) if relation.name == "toward" else (now > before + 0.012))
+
+    return _Wish(thing.x + ux * step, thing.y + uy * step, fits, what=what)
+
+
+def _near_point(x: float, y: float, most: float, what: str) -> _Wish:
+    return _Wish(x, y, lambda gx, gy: np.hypot(gx - x, gy - y) <= most, what=what)
+
+
+def _between(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[_Wish]:
+    refs = [sorted(_of_kind(resolver, anchor, mover), key=lambda ref: ref.cost)[:4] for anchor in relation.anchors]
+    pairs = [(a, b) for i, a in enumerate(refs[0]) for j, b in enumerate(refs[-1]) if len(refs) > 1 or i < j]
+    found = []
+    for one, other in pairs:
+        if one.things != other.things and mover not in one.things + other.things:
+            middle = (one.x + other.x) / 2, (one.y + other.y) / 2
+            wish = _near_point(*middle, 0.06, "the place between the two")
+            found.append(wish._replace(cost=one.cost + other.cost))
+    return found
+
+
+def _in_area(world: WorldModel, mover: int, relation: RelationPhrase, area: Ref) -> list[_Wish]:
+    """Returns the places in a region of the table."""
+    name, thing = relation.name, world.things[mover]
+    if area.kind in ("robot", "person"):
+        return [_side_wish(world, ["near" if area.kind == "robot" else "far"], area.kind == "person")]
+    if area.kind == "cell":  # what a gesture shows
+        return [_near_point(area.x, area.y, 0.12, "that place")]
+    if name in _SIDEWAYS and area.kind == "board":
+        return [_side_wish(world, [_SIDEWAYS[name]], False)]
+    if area.kind == "center":
+        return [_near_point(*world.center, 0.06, "the middle of the table")]
+    if area.kind == "board":
+        return [_Wish(thing.x, thing.y, _anywhere, what="the table")]
+    if area.kind in ("corner", "edge", "side") and (
+        name in (*ONTO, "near", "under", "from", "toward") or name in _SIDEWAYS
+    ):
+        x0, x1, y0, y1 = world.bounds
+        sides = ["far"] * (area.box[0] >= x1 - 1e-6) + ["near"] * (area.box[1] <= x0 + 1e-6)
+        sides += ["left"] * (area.box[2] >= y1 - 1e-6) + ["right"] * (area.box[3] <= y0 + 1e-6)
+        return [_side_wish(world, sides, area.kind != "side", absolute=True)]
+    return []
+
+
+def _side_wish(world: WorldModel, sides: list[str], edge: bool, absolute: bool = False) -> _Wish:
+    """Returns the places at one or two sides of the table. edge: close to it. absolute: in the robot's frame."""
+    x0, x1, y0, y1 = world.bounds
+    vectors = {"far": (1, 0), "near": (-1, 0), "left": (0, 1), "right": (0, -1)}
+    x = y = None
+    tests: list[Mask] = []
+    for side in sides:
+        if side in ("center", "up", "top", "down"):
+            continue
+        dx, dy = vectors[side] if absolute else world.toward(side)
+        low, high, middle = (x0, x1, (x0 + x1) / 2) if dx else (y0, y1, (y0 + y1) / 2)
+        sign = dx + dy
+        end = high if sign > 0 else low
+        nominal, limit = (
+            middle + (1.0 if edge else 0.75) * (end - middle),
+            middle + (0.6 if edge else 0.33) * (end - middle),
+        )
+        x, y = (nominal, y) if dx else (x, nominal)
+        tests.append(_beyond(limit, sign, bool(dx)))
+    name = f"the {' '.join(sides)} {'edge' if edge and len(sides) < 2 else 'corner' if len(sides) > 1 else 'side'}"
+    return _Wish(
+        x, y, lambda gx, gy: np.all([test(gx, gy) for test in tests] or [_anywhere(gx, gy)], axis=0), what=name
+    )
+
+
+def _beyond(limit: float, sign: float, on_x: bool) -> Mask:
+    return lambda gx, gy: sign * ((gx if on_x else gy) - limit) >= 0

@@ -1,0 +1,139 @@
+"""Revised readings: the last reading with the changes of an answer or a correction; and the way back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
+from language.outcomes import Step
+from language.steps import CARRY
+from language.verbs import Act, bringing, doing
+from language.world import WorldModel
+
+SAME = 0.3  # of the distance between neighbours: a thing that moved less was only brushed
+
+
+def pinned(index: int) -> Entity:
+    """Returns a phrase for one thing."""
+    return Entity(pointed=Gesture((index,)))
+
+
+def filled(last: Reading, entity: Entity, slot: str) -> Reading | None:
+    """Returns the last reading with a thing as its object, or as the anchor of its place."""
+    clause = last.steps[-1]
+    if slot == "object":
+        return replace(last, steps=(*last.steps[:-1], replace(clause, entity=entity)), cost=0.0)
+    if not clause.places:
+        place = RelationPhrase("on", (entity,))
+        return replace(last, steps=(*last.steps[:-1], replace(clause, places=(place,))), cost=0.0)
+    place = clause.places[0]
+    anchors = (entity, *place.anchors[1:])
+    return replace(
+        last,
+        steps=(*last.steps[:-1], replace(clause, places=(replace(place, anchors=anchors), *clause.places[1:]))),
+        cost=0.0,
+    )
+
+
+def revised(last: Reading, reply: Reading) -> list[Reading]:
+    """Returns the readings that a reply may mean, the likeliest first.
+
+    A phrase replaces the object of the last clause that names one; it keeps the noun and colour that it does not say.
+    A place replaces the place; "it" and "that" in it mean the former anchor.
+    """
+    clause = reply.steps[0]
+    if clause.entity is not None:
+        return [
+            Reading(each) for phrase in _completed(last.steps, clause.entity) if (each := _replaced(last.steps, phrase))
+        ]
+    old = last.steps[-1]
+    places = tuple(_anchored(place, old.places) for place in clause.places)
+    verb = CARRY if old.act is None or old.act not in (Act.CARRY, Act.LOWER) else old.verb
+    entity = old.entity if old.entity is not None and old.entity.kind != "list" else Entity("it")
+    direct = any(place.name in ("direction", "home", "into") for place in places)
+    subject = Entity("it") if direct or old.act not in (Act.CARRY, Act.TAKE, Act.HOLD, None) else entity
+    placed = Clause(verb, subject, places, span=old.span)
+    return [Reading((*last.steps[:-1], placed)) if not direct and len(last.steps) > 1 else Reading((placed,))]
+
+
+def _object_clause(steps: tuple[Clause, ...]) -> int | None:
+    """Returns the index of the last clause that names its object."""
+    named = [at for at, step in enumerate(steps) if step.entity is not None and step.entity.kind != "it"]
+    return named[-1] if named else (len(steps) - 1 if steps else None)
+
+
+def _replaced(steps: tuple[Clause, ...], entity: Entity) -> tuple[Clause, ...] | None:
+    at = _object_clause(steps)
+    return None if at is None else (*steps[:at], replace(steps[at], entity=entity), *steps[at + 1 :])
+
+
+def _completed(steps: tuple[Clause, ...], new: Entity) -> list[Entity]:
+    """Returns the new phrase with the words of the old one that it lacks: noun and colour, noun, or nothing."""
+    at = _object_clause(steps)
+    old = None if at is None else steps[at].entity
+    if old is None or new.noun is not None or new.kind != "thing" or old.kind != "thing":
+        return [new]
+    noun = replace(new, noun=old.noun)
+    if new.colors or new.other:
+        return [noun, new]
+    return [replace(noun, colors=old.colors), noun, new]
+
+
+def _anchored(place: RelationPhrase, old: tuple[RelationPhrase, ...]) -> RelationPhrase:
+    """Returns a place whose "it" is the anchor of the former place."""
+    anchors = old[0].anchors if old else ()
+    if anchors and any(anchor.kind == "it" for anchor in place.anchors):
+        return replace(place, anchors=tuple(anchors[0] if a.kind == "it" else a for a in place.anchors))
+    return place
+
+
+def selecting(places: tuple[RelationPhrase, ...]) -> Entity | None:
+    """Returns an answer such as "left" or "next to the ball" as a phrase for a thing."""
+    if len(places) != 1:
+        return None
+    if places[0].name == "direction" and places[0].value:
+        return Entity(sides=(places[0].value,))
+    if (
+        places[0].name in ("on", "in", "to", "at", "near")
+        and places[0].anchors
+        and places[0].anchors[0].kind == "thing"
+    ):
+        return places[0].anchors[0]
+    return Entity(relations=places)
+
+
+def restoring(now: WorldModel, then: WorldModel) -> tuple[Step, ...]:
+    """Returns the steps that bring everything back to where and how it was."""
+    steps: list[Step] = []
+    order = sorted(range(len(then.things)), key=lambda i: (i != now.held, then.things[i].bottom))
+    boxes = [box for box in now.containers if (box in now.open) != (box in then.open)]
+    steps += [Step(doing(Act.OPEN), box) for box in boxes if box in then.open]
+    for index in order:
+        old, new = then.things[index], now.things[index]
+        if index == then.held or not then.is_loose(index):  # a see-through thing marks a place, and others are fixed
+            continue
+        moved = math.dist((old.x, old.y, old.bottom), (new.x, new.y, new.bottom))
+        if index == now.held or moved > SAME * now.pitch:
+            box = now.inside.get(index)
+            if index != now.held:
+                steps.append(
+                    Step(bringing("up"), index)
+                    if box is None or box not in now.containers
+                    else Step(bringing("out"), index, box)
+                )
+            goal = then.inside.get(index, then.below[index])
+            verb = (
+                bringing("goal")
+                if goal is None
+                else bringing("in")
+                if goal in then.containers
+                else bringing("hand")
+                if goal == then.hand
+                else bringing("on")
+            )
+            steps.append(Step(verb, index, goal, (old.x, old.y), old.bottom))
+    if then.held is not None and now.held != then.held:
+        steps.append(Step(bringing("up"), then.held))
+    steps += [Step(doing(Act.SHUT), box) for box in boxes if box in now.open]
+    return tuple(steps)

@@ -1,0 +1,458 @@
+"""Readings of whole sentences: clauses with their objects and places, conditions and fragments."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+from language import costs
+from language.chart import Chart, Judge
+from language.lattice import Item, Lattice
+from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase, bound, needs_gesture, pointing_words
+from language.normalise import Token
+from language.verbs import KNOWN, Act
+
+MOST_PLACES = 3  # relations that are joined to one place
+MOST_JOINED = 16  # of the places, and of the relations after each, that are joined
+MOST_CLAUSES = 8
+MOST_COST = 16.0  # readings that cost more leave out most of the sentence
+KEPT_CLAUSES, KEPT_READINGS = 16, 80  # of the same span; of the sentence
+PLACED = (
+    Act.CARRY,
+    Act.LOWER,
+    Act.GIVE,
+    Act.REMOVE,
+    Act.TAKE,
+    Act.HOLD,
+    Act.STORE,
+    Act.OPERATE,
+    Act.UNSTACK,
+)  # with a place
+BARE = (Act.OPEN, Act.SHUT, Act.OPERATE, Act.GIVE, Act.TAKE, Act.UNSTACK, Act.TIDY, Act.EMPTY)  # without an object
+
+
+def readings(
+    words: str | list[Token],
+    judge: Judge | None = None,
+    made: Sequence[Gesture] = (),
+    acts: Collection[Act] = frozenset(Act),
+    table: bool = True,
+) -> tuple[list[Reading], Lattice]:
+    """Returns the readings of a sentence, the cheapest first, and its lattice.
+
+    Args:
+        words: a sentence as a person writes it, or its plain words.
+        judge: gives the costs of phrases in the scene; None: there is no scene.
+        made: the gestures that accompany the sentence, in order.
+        acts: of the verbs that can mean something in the scene.
+        table: whether the scene is a table, not a board.
+
+    Raises:
+        NotUnderstood: the sentence is too long.
+    """
+    lattice = Lattice(words, len(made), acts, table)
+    found = _Sentences(Chart(lattice, judge)).likeliest()
+    return (_with_gestures(found, made, judge) if made else found), lattice
+
+
+def _with_gestures(found: list[Reading], made: Sequence[Gesture], judge: Judge | None) -> list[Reading]:
+    """Returns the readings with their gestures, whose phrases can only now be compared with the scene."""
+    changed = []
+    used = [min(len(pointing_words(reading)), len(made)) for reading in found]
+    for reading, its in zip(found, used, strict=True):
+        cost = reading.cost + costs.UNUSED_GESTURE * (max(used) - its)
+        shown = bound(reading, made)
+        pairs = zip(reading.steps, shown.steps, strict=True)
+        phrases = [
+            after.entity for before, after in pairs if before.entity is not None and needs_gesture(before.entity)
+        ]
+        cost += sum(judge(phrase) for phrase in phrases if phrase is not None) if judge else 0.0
+        changed.append(replace(shown, cost=cost))
+    return sorted(changed, key=lambda reading: reading.cost)
+
+
+class _Sentences:
+    def __init__(self, chart: Chart) -> None:
+        self.chart, self.lattice = chart, chart.lattice
+        self._clauses: dict[int, list[Item]] = {}
+        self._placed: dict[int, list[Item]] = {}
+        self._objects: dict[int, list[Item]] = {}
+
+    def likeliest(self) -> list[Reading]:
+        """Returns the readings of the least cost."""
+        rests = self._rests()
+        found: list[tuple[Item, bool]] = []
+        openings = [(0, False), *((edge.end, True) for edge in self.lattice.get(0, "not_meant"))]
+        for start, rejects in openings:
+            start += self.lattice.text(start) in (",", ".", "!", ";") and rejects
+            for item in [*self._sequences(start), *self._conditions(start)]:
+                rest = rests[item.end]
+                whole = item._replace(cost=item.cost + rest.cost, skipped=item.skipped | rest.skipped)
+                if whole.cost <= MOST_COST:
+                    found.append((whole, rejects))
+        found.sort(key=lambda each: each[0].cost)
+        return [self._reading(item, rejects) for item, rejects in found[:KEPT_READINGS]]
+
+    def _rests(self) -> list[Item]:
+        """Returns, for each token, the cost of leaving out the rest of the sentence from there on."""
+        rests = [Item(len(self.lattice), None, 0.0)]
+        for index in range(len(self.lattice) - 1, -1, -1):
+            join = "join" in self.lattice.edges[index] and self.lattice.tokens[index].text in (".", ";", "and", "then")
+            cost = 0.0 if join else self.lattice.skip_cost(index)
+            rest = rests[-1]
+            rests.append(Item(index, None, rest.cost + cost, rest.skipped | (1 << index if cost else 0)))
+        return rests[::-1]
+
+    def _reading(self, item: Item, rejects: bool) -> Reading:
+        reading = item.value if isinstance(item.value, Reading) else Reading(item.value)
+        words = tuple(i for i in range(len(self.lattice)) if item.skipped >> i & 1)
+        any_one = any(token.text == "whichever" for token in self.lattice.tokens)
+        return replace(reading, cost=item.cost, rejects=rejects, unused=words, arbitrary=any_one)
+
+    def _conditions(self, start: int) -> list[Item]:
+        """Returns "if there is X, steps, otherwise steps"."""
+        found = []
+        for item in self.lattice.gaps(start):
+            for opening in self.lattice.get(item.end, "if"):
+                for there in self.lattice.get(opening.end, "there"):
+                    for entity in self.chart.entities(there.end):
+                        absent = costs.EMPTY if entity.cost >= costs.EMPTY else 0.0  # what is asked for may be absent
+                        found += self._consequences(entity._replace(cost=entity.cost - absent))
+        return found
+
+    def _consequences(self, condition: Item) -> list[Item]:
+        found = []
+        for steps in self._sequences(condition.end):
+            cost, skipped = condition.cost + steps.cost, condition.skipped | steps.skipped
+            plain = Reading(steps.value, condition=condition.value)
+            found.append(Item(steps.end, plain, cost, skipped))
+            for gap in self.lattice.gaps(steps.end):
+                for word in self.lattice.get(gap.end, "else"):
+                    for other in self._sequences(word.end):
+                        full = replace(plain, otherwise=other.value)
+                        total = cost + gap.cost + other.cost
+                        found.append(Item(other.end, full, total, skipped | gap.skipped | other.skipped))
+        return found
+
+    def _sequences(self, start: int) -> list[Item]:
+        """Returns one or more clauses, joined."""
+        layer = [item._replace(value=(item.value,)) for item in self.clauses(start)]
+        found = layer
+        for _ in range(MOST_CLAUSES - 1):
+            longer = []
+            for item in layer:
+                for at, cost in self._joins(item.end):
+                    for clause in self.clauses(at):
+                        total = item.cost + cost + clause.cost
+                        longer.append(
+                            Item(clause.end, (*item.value, clause.value), total, item.skipped | clause.skipped)
+                        )
+            layer = _cheapest(longer, KEPT_CLAUSES)
+            found = found + layer
+            if not layer:
+                break
+        return found
+
+    def _joins(self, end: int) -> list[tuple[int, float]]:
+        """Returns where a further clause may begin, with its cost."""
+        found = {}
+        at = end
+        while at < len(self.lattice) and self.lattice.tokens[at].text in (",", "-", "please", ":", "!", "?"):
+            at += 1
+        for edge in self.lattice.get(at, "join"):
+            further = [again.end for again in self.lattice.get(edge.end, "join")]
+            found.update(dict.fromkeys([edge.end, *further], 0.0))
+        if "verb" in (self.lattice.edges[at] if at < len(self.lattice) else {}):
+            found.setdefault(at, costs.STEP_WITHOUT_JOIN if at == end else 0.3)
+        if at > end:
+            found.setdefault(at, costs.STEP_WITHOUT_JOIN if not self.lattice.table else 0.4)
+        return list(found.items())
+
+    def clauses(self, start: int) -> list[Item]:
+        """Returns the clauses that begin at a token."""
+        if start not in self._clauses:
+            found: list[Item] = []
+            for gap in self.lattice.gaps(start):
+                items = _cheapest(self._clause(gap.end), KEPT_CLAUSES)
+                found += [Item(i.end, i.value, gap.cost + i.cost, gap.skipped | i.skipped) for i in items]
+            self._clauses[start] = _cheapest(found, KEPT_CLAUSES)
+        return self._clauses[start]
+
+    def _clause(self, at: int) -> list[Item]:
+        found = []
+        for edge in self.lattice.get(at, "verb"):
+            found += [
+                Item(i.end, i.value, i.cost + edge.cost, i.skipped) for i in self._with_verb(edge.value, edge.end, at)
+            ]
+        for edge in self.lattice.get(at, "never"):
+            found += [
+                Item(i.end, replace(i.value, negated=True, span=(at, i.end)), i.cost, i.skipped)
+                for i in self.clauses(edge.end)
+                if i.value.verb is not None
+            ]
+        return found + self._without_verb(at)
+
+    def objects(self, start: int) -> list[Item]:
+        """Returns the phrases for things that begin at a token, and on a table lists of them: "X, Y and Z"."""
+        if start not in self._objects:
+            found = layer = self.chart.entities(start)
+            for _ in range(5 if self.lattice.table else 0):
+                layer = _cheapest([more for item in layer for more in self._listed(item)], 3)
+                found = found + layer
+                if not layer:
+                    break
+            self._objects[start] = found
+        return self._objects[start]
+
+    def _listed(self, item: Item) -> list[Item]:
+        """Returns the lists with one more thing."""
+        at, first = item.end, item.value
+        if first.kind not in ("thing", "list"):
+            return []
+        for words in ((",", "and"), ("and",), (",",), ("as", "well", "as"), ("plus",), ("or",)):
+            if tuple(self.lattice.text(at + i) for i in range(len(words))) == words:
+                parts = first.parts if first.kind == "list" else (first,)
+                return [
+                    Item(
+                        more.end,
+                        Entity("list", parts=(*parts, more.value), span=(first.span[0], more.end)),
+                        item.cost + more.cost + costs.LISTED + 0.6 * (words == (",",)) + 0.3 * bool(first.relations),
+                        item.skipped | more.skipped,
+                    )
+                    for more in self.chart.entities(at + len(words))
+                    if more.value.kind == "thing" and not more.skipped
+                ]
+        return []
+
+    def _with_verb(self, verb: str, at: int, start: int) -> list[Item]:
+        act = KNOWN[verb].act
+        if act is Act.NEVER:
+            return [*self._never(verb, at, start), *self._thrown(verb, at, start)]
+        if act is Act.BUILD:
+            return self._building(verb, at, start)
+        found = [] if act is not Act.LOWER else [Item(at, Clause(verb, span=(start, at)), 0.0)]
+        if act in BARE:
+            found.append(Item(at, Clause(verb, span=(start, at)), costs.NO_OBJECT + 0.3))
+        starts = [Item(at, None, 0.0)] + [Item(e.end, None, e.cost) for e in self.lattice.get(at, "particle")]
+        for begin in starts:
+            for entity in self.objects(begin.end):
+                found += self._completed(verb, entity, start, at)
+            if act in PLACED and act not in (Act.OPERATE, Act.HOLD, Act.GIVE):
+                found += self._inverted(verb, begin, start)
+        return found
+
+    def _never(self, verb: str, at: int, start: int) -> list[Item]:
+        """Returns the clause of a verb that no robot here can do: whatever follows belongs to it."""
+        end = at
+        while end < len(self.lattice) and self.lattice.text(end) not in (".", ";", ",", "then", "!", "?"):
+            end += 1
+        entity = next((item.value for item in self.chart.entities(at) if item.value.kind == "thing"), None)
+        return [Item(end, Clause(verb, entity, span=(start, end)), costs.NEVER)]
+
+    def _thrown(self, verb: str, at: int, start: int) -> list[Item]:
+        """Returns the clause of such a verb with its object and place, for tasks that can do it."""
+        if not KNOWN[verb].effect:
+            return []
+        return [
+            more for entity in self.chart.entities(at) for more in self._placed_at(verb, entity, start, entity.end, 0.0)
+        ]
+
+    def _building(self, verb: str, at: int, start: int) -> list[Item]:
+        """Returns the clauses that ask for a tower: "build a tower of three cubes", "stack the red and blue cube"."""
+        found = [
+            Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.2, i.skipped) for i in self._tower(at)
+        ]
+        return found + [
+            Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.9, i.skipped)
+            for i in self.objects(at)
+            if i.value.kind == "list"
+            or i.value.is_bare_plural
+            or (i.value.kind == "thing" and (i.value.number or 0) > 1)
+        ]
+
+    def _tower(self, at: int) -> list[Item]:
+        """Returns what a tower consists of: "a tower of three cubes"."""
+        for first in self.lattice.gaps(at):
+            for any_one in [*self.lattice.get(first.end, "any"), *self.lattice.get(first.end, "number"), None]:
+                place = any_one.end if any_one else first.end
+                while place < len(self.lattice) and (
+                    {"size", "single", "other"} & self.lattice.edges[place].keys()
+                    or self.lattice.text(place) in ("more", "new")
+                ):
+                    place += 1
+                for edge in self.lattice.get(place, "stack"):
+                    after = edge.end
+                    if self.lattice.text(after) in ("of", "from", "with", "using", "out", "consisting", ":"):
+                        after += 1 + (self.lattice.text(after + 1) == "of")
+                        return [item._replace(cost=item.cost + first.cost) for item in self.objects(after)]
+        return []
+
+    def _inverted(self, verb: str, begin: Item, start: int) -> list[Item]:
+        """Returns the clauses whose place precedes the object or is without one: "and place on the red block"."""
+        found = []
+        for place in self.places(begin.end):
+            clause = Clause(verb, None, place.value, span=(start, place.end))
+            found.append(Item(place.end, clause, place.cost + costs.NO_OBJECT, place.skipped))
+            for entity in self.objects(place.end):
+                clause = Clause(verb, entity.value, place.value, span=(start, entity.end))
+                cost = place.cost + entity.cost + costs.INVERTED
+                found.append(Item(entity.end, clause, cost, place.skipped | entity.skipped))
+        return found
+
+    def _completed(self, verb: str, entity: Item, start: int, at: int) -> list[Item]:
+        """Returns the clauses with this object, with and without a particle and a place."""
+        found = []
+        for end, cost, meant in [(entity.end, 0.0, verb), *self._particles(verb, entity, start, at)]:
+            act = KNOWN[meant].act
+            base = entity.cost + cost
+            alone = 1.0 if act is Act.CARRY else 0.0
+            found.append(Item(end, Clause(meant, entity.value, span=(start, end)), base + alone, entity.skipped))
+            if act in PLACED:
+                found += self._placed_at(meant, entity, start, end, cost)
+            if act is Act.SWAP and self.lattice.text(end) in ("with", "for", "and", "against"):
+                for other in self.chart.entities(end + 1):
+                    both = Entity("list", parts=(entity.value, other.value), span=(entity.value.span[0], other.end))
+                    clause = Clause(meant, both, span=(start, other.end))
+                    found.append(Item(other.end, clause, base + other.cost, entity.skipped | other.skipped))
+        for edge in self.lattice.get(entity.end, "done"):  # "have the drawer opened"
+            if KNOWN[verb].act in (Act.GIVE, Act.CARRY):
+                clause = Clause(edge.value, entity.value, span=(start, edge.end))
+                found.append(Item(edge.end, clause, entity.cost + edge.cost + 0.3, entity.skipped))
+        return found
+
+    def _particles(self, verb: str, entity: Item, start: int, at: int) -> list[tuple[int, float, str]]:
+        """Returns the particles after an object: the token after each, its cost, and the verb together with it."""
+        found: list[tuple[int, float, str]] = []
+        for edge in self.lattice.get(entity.end, "particle"):
+            joined = [token.text for token in self.lattice.tokens[start:at]]
+            for more in self.lattice.get(edge.end, "particle"):  # "back in"
+                names = self._verbs_of([*joined, *(t.text for t in self.lattice.tokens[entity.end : more.end])])
+                found += [(more.end, more.cost, name) for name in names]
+            names = self._verbs_of([*joined, *(t.text for t in self.lattice.tokens[entity.end : edge.end])])
+            found += [(edge.end, edge.cost, name) for name in names]
+            if not names or KNOWN[verb].act in (Act.TAKE, Act.CARRY):
+                found.append((edge.end, edge.cost + 0.15 * bool(names), verb))
+        return found
+
+    def _verbs_of(self, words: list[str]) -> list[str]:
+        """Returns the verbs that consist of these words, one for each act."""
+        from language.lattice import trie
+
+        node = trie()
+        for word in words:
+            node = node.get(word, {})
+        names = [value for category, value in node.get(None, ()) if category == "verb"]
+        return list({KNOWN[name].act: name for name in reversed(names) if KNOWN[name].act is not Act.NEVER}.values())
+
+    def _placed_at(self, verb: str, entity: Item, start: int, at: int, cost: float) -> list[Item]:
+        taking = KNOWN[verb].act in (Act.TAKE, Act.HOLD)
+        which = 1.5 * (self.lattice.text(at) in ("that", "which", "who") and self.lattice.table)
+        given = KNOWN[verb].act is Act.GIVE and self.lattice.table  # rather onto the hand than elsewhere
+        away = 0.5 * (self.lattice.table and entity.value.kind != "it")  # "from" says which thing, rather than where to
+        return [
+            Item(
+                place.end,
+                Clause(verb, entity.value, place.value, span=(start, place.end)),
+                entity.cost
+                + cost
+                + place.cost
+                + costs.TAKEN_SOMEWHERE * taking
+                + which
+                + 1.0 * (given and not any(anchor.kind == "person" for anchor in place.value[0].anchors))
+                + away * (place.value[0].name == "from"),
+                entity.skipped | place.skipped,
+            )
+            for place in self.places(at)
+        ]
+
+    def _without_verb(self, at: int) -> list[Item]:
+        found = []
+        for entity in self.objects(at):
+            clause = Clause(None, entity.value, span=(at, entity.end))
+            found.append(Item(entity.end, clause, entity.cost + costs.NO_VERB, entity.skipped))
+            for place in self.places(entity.end):
+                clause = Clause(CARRYING, entity.value, place.value, span=(at, place.end))
+                cost = entity.cost + place.cost + costs.NO_VERB_BUT_PLACE
+                found.append(Item(place.end, clause, cost, entity.skipped | place.skipped))
+            if self.lattice.table:
+                found += self._done(entity, at)
+        for place in self.places(at):
+            clause = Clause(None, None, place.value, span=(at, place.end))
+            found.append(Item(place.end, clause, place.cost + costs.NO_VERB, place.skipped))
+        if self.lattice.table:
+            found += [
+                Item(i.end, Clause(BUILDING, i.value, span=(at, i.end)), i.cost + 1.0, i.skipped)
+                for i in self._tower(at)
+            ]
+        return found
+
+    def _done(self, entity: Item, at: int) -> list[Item]:
+        """Returns the clauses whose verb follows the object: "the drawer closed", "the cube was put in the drawer"."""
+        found = []
+        for gap in self.lattice.gaps(entity.end):
+            for edge in [*self.lattice.get(gap.end, "done"), *self.lattice.get(gap.end, "verb")]:
+                act = KNOWN[edge.value].act
+                if gap.cost or act in (Act.NEVER, Act.BUILD, Act.TOUCH, Act.GIVE, Act.TIDY, Act.SWAP):
+                    continue
+                cost = entity.cost + edge.cost + costs.PARTICIPLE + (0.0 if edge.category == "done" else 0.3)
+                ends = [
+                    Item(edge.end, None, 0.0),
+                    *(Item(e.end, None, e.cost) for e in self.lattice.get(edge.end, "particle")),
+                ]
+                for end in ends:
+                    clause = Clause(edge.value, entity.value, span=(at, end.end))
+                    more = 1.0 * (act is Act.CARRY) + end.cost
+                    found.append(Item(end.end, clause, cost + more, entity.skipped | gap.skipped))
+                    if act in PLACED:
+                        found += self._placed_at(edge.value, entity._replace(cost=cost), at, end.end, 0.0)
+        return found
+
+    def places(self, start: int) -> list[Item]:
+        """Returns the places that begin at a token: one relation, or several joined."""
+        if start not in self._placed:
+            layer = [_as_place(item) for item in self.chart.relations(start) if _says_where(item.value)]
+            found = layer
+            for _ in range(MOST_PLACES - 1):
+                likely = sorted(layer, key=lambda item: item.cost)[:MOST_JOINED]
+                layer = _cheapest([more for item in likely for more in self._joined(item)], 6)
+                found = found + layer
+            self._placed[start] = _cheapest(found, 12)
+        return self._placed[start]
+
+    def _joined(self, item: Item) -> list[Item]:
+        found = []
+        at, cost = item.end, costs.PLACE_TWICE
+        if at < len(self.lattice) and self.lattice.tokens[at].text in ("and", ","):
+            at, cost = at + 1, 0.3
+        for more in sorted(self.chart.relations(at), key=lambda more: more.cost)[:MOST_JOINED]:
+            kinds = {place.name + str(place.value) * (place.name == "direction") for place in item.value}
+            if (
+                _says_where(more.value)
+                and more.value.name + str(more.value.value) * (more.value.name == "direction") not in kinds
+            ):
+                total = item.cost + cost + more.cost
+                found.append(Item(more.end, (*item.value, more.value), total, item.skipped | more.skipped))
+        return found
+
+
+CARRYING = next(name for name, verb in KNOWN.items() if verb.act is Act.CARRY and "put {" in " ".join(verb.templates))
+BUILDING = next(name for name, verb in KNOWN.items() if verb.act is Act.BUILD)
+
+
+def _as_place(item: Item) -> Item:
+    far = item.value.name in ("nearest", "farthest")
+    return item._replace(value=(item.value,), cost=item.cost + costs.NEAREST_PLACE * far)
+
+
+def _says_where(relation: RelationPhrase) -> bool:
+    return relation.name not in ("held", "bare", "not", "with", "of")
+
+
+def _cheapest(items: list[Item], kept: int) -> list[Item]:
+    """Returns the cheapest items of each span."""
+    spans: dict[int, list[Item]] = {}
+    for item in sorted(items, key=lambda item: item.cost):
+        same = spans.setdefault(item.end, [])
+        if len(same) < kept:
+            same.append(item)
+    return [item for same in spans.values() for item in same]

@@ -1,0 +1,426 @@
+"""The choice of a plan among all readings, and what is said if there is none.
+
+It is the cheapest plan that can be carried out, unless another one is about as cheap.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from language import costs
+from language.errors import NotUnderstood
+from language.lattice import Lattice
+from language.meanings import Clause, Entity, Gesture, Reading
+from language.normalise import Token, normalised
+from language.outcomes import Answer, Outcome, Plan, Question, Refusal
+from language.planning import ENOUGH_EFFORT, Draft, Planner, reached
+from language.sentences import readings
+from language.talk import MOST_NAMED, listed, name, offers, said
+from language.verbs import Act
+from language.world import WorldModel
+
+_TELLING = ("nothing", "impossible", "dialogue")  # failures that are reported in preference to another reading
+
+
+class Choice(NamedTuple):
+    """A reading with its plan and total cost."""
+
+    reading: Reading
+    plan: Draft
+    cost: float
+
+
+class Choices(NamedTuple):
+    """The plans that can be carried out, the cheapest first, one for each outcome; the failed ones; and the words."""
+
+    possible: list[Choice]
+    failed: list[Choice]
+    lattice: Lattice
+    readings: list[Reading]
+
+
+def choices(words: str | list[Token], planner: Planner, scene_chooses: bool = True, times: int = 1) -> Choices:
+    """Returns the plans of a sentence.
+
+    Args:
+        words: a sentence as a person writes it, or its plain words.
+        planner: of the scene.
+        scene_chooses: False: the reading is chosen by its cost alone, before it is compared with the scene.
+        times: how often it is done.
+
+    Raises:
+        NotUnderstood: the sentence is too long or can be read in too many ways.
+    """
+    table = not planner.world.cells
+    judge = planner.judge if scene_chooses else None
+    found, lattice = readings(words, judge, planner.gestures, planner.acts, table)
+    if not scene_chooses:
+        found = found[:1]
+    if times > 1:
+        found = [replace(reading, times=times) for reading in found]
+    return _planned(found, planner, lattice)
+
+
+def _planned(found: list[Reading], planner: Planner, lattice: Lattice) -> Choices:
+    possible: list[Choice] = []
+    failed: list[Choice] = []
+    least = math.inf
+    for reading in found:
+        if possible and planner.effort > ENOUGH_EFFORT:
+            break
+        fits_nothing = reading.cost >= costs.EMPTY + costs.POINTED
+        telling = fits_nothing and reading.cost < least + costs.EMPTY - costs.FAR_BETTER  # why a cheaper reading fails
+        if reading.cost > least + 2 * costs.CLOSE and not telling:
+            continue
+        for plan in planner.plans(reading):
+            choice = Choice(reading, plan, reading.cost + plan.cost)
+            if plan.failure:
+                failed.append(choice)
+            else:
+                possible.append(choice)
+                least = min(least, choice.cost)
+    possible.sort(key=lambda choice: choice.cost)
+    failed.sort(key=lambda choice: choice.cost)
+    return Choices(_distinct(possible), failed, lattice, found)
+
+
+def choices_of(found: list[Reading], planner: Planner, words: Choices | None = None) -> Choices:
+    """Returns the plans of some readings. words: of the sentence that they come from."""
+    lattice = words.lattice if words is not None else Lattice([])
+    return _planned([replace(reading, unused=()) for reading in found], planner, lattice)
+
+
+def _distinct(possible: list[Choice]) -> list[Choice]:
+    """Returns the cheapest choice of each outcome."""
+    best: dict[tuple, Choice] = {}
+    for choice in possible:
+        best.setdefault(reached(choice.plan), choice)
+    return list(best.values())
+
+
+def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
+    """Returns the outcome that the plans of a sentence lead to."""
+    world = planner.world
+    if not found.possible or _far_better(found):
+        return refused(sentence, found, world)
+    top = found.possible[0]
+    if not world.cells and any(c.plan.reason == "never" and c.cost < top.cost for c in found.failed):
+        return refused(sentence, found._replace(failed=[c for c in found.failed if c.plan.reason == "never"]), world)
+    rivals = [c for c in found.possible[1:] if c.cost <= top.cost + costs.CLOSE]
+    if not world.cells:  # only what one reading leaves open is asked about
+        rivals = [c for c in rivals if c.reading is top.reading]
+    if not world.cells and (doubt := _left_out(sentence, top, found, world)) is not None:
+        return doubt
+    if top.cost > costs.TOO_MUCH:
+        return _doubted(sentence, found, world)
+    if rivals and not top.plan.arbitrary:
+        return _asked(sentence, [top, *rivals], found, world)
+    following = found.possible[1].cost if len(found.possible) > 1 else math.inf
+    if not top.plan.steps and not world.cells:
+        words = [found.lattice.tokens[i].text for i in range(len(found.lattice))]
+        return Answer(sentence, 1.0, (), (0, len(sentence)), f"All right, I do not: {' '.join(words)}")
+    return understood(sentence, top, found.lattice, world, following)
+
+
+def _left_out(sentence: str, top: Choice, found: Choices, world: WorldModel) -> Outcome | None:
+    """Return the refusal of a sentence of which words are left that could change its meaning."""
+    lattice = found.lattice
+    strange = [i for i in top.reading.unused if matters(lattice, i)]
+    if not strange:
+        return None
+    contradicted = [choice for choice in found.failed if _shown(choice.plan) and not choice.reading.unused]
+    if contradicted:  # "take this cube" of a sphere
+        return refused(sentence, found._replace(failed=contradicted), world)
+    words = " ".join(sentence[lattice.tokens[i].start : lattice.tokens[i].end] for i in strange[:3])
+    return _unknown(sentence, words, top.plan, lattice, world)
+
+
+def _shown(plan: Draft) -> tuple[int, ...]:
+    """Return the things that a gesture shows where a plan has found nothing."""
+    if plan.entity is None or not isinstance(plan.entity.pointed, Gesture):
+        return ()
+    return plan.entity.pointed.things
+
+
+def _unknown(sentence: str, words: str, plan: Draft, lattice: Lattice, world: WorldModel) -> Refusal:
+    asked = f", only {said(world, plan.steps)}" if plan.steps and not plan.failure else ""
+    text = f"I am not sure what you mean by {words!r}{asked}"
+    tokens = [token.text for token in lattice.tokens]
+    return Refusal(sentence, 0.0, (words,), (0, len(sentence)), "nothing", text, offers(world, tokens))
+
+
+def matters(lattice: Lattice, index: int) -> bool:
+    """Whether a word that is left out may change the meaning: not an adjective, and no adverb at the end."""
+    if index >= len(lattice):
+        return False
+    edges = lattice.edges[index]
+    if index in lattice.unknown:
+        after = lattice.edges[index + 1].keys() if index + 1 < len(lattice) else set()
+        if {"noun", "color", "size"} & after and index > 0:
+            return False  # an adjective
+        before = lattice.text(index - 1) if index else ""
+        preposed = index > 0 and (
+            {"relation", "any", "between", "verb"} & lattice.edges[index - 1].keys()
+            or before in ("my", "your", "our", "his", "for", "with")
+        )
+        return bool(preposed) or index == 0 or len(lattice.text(index)) > 3
+    if lattice.text(index) in ("nothing", "none", "nobody"):
+        return True
+    strong = {"noun", "color", "every", "both", "other", "never", "not", "number", "stack"}
+    return bool(strong & edges.keys())
+
+
+def _far_better(found: Choices) -> bool:
+    """Returns whether a reading that fails is much cheaper than all others, without the cost of fitting nothing."""
+    least = min((_telling_cost(c) for c in found.failed if c.plan.reason in _TELLING), default=math.inf)
+    return least < found.possible[0].cost - costs.FAR_BETTER
+
+
+def _telling_cost(choice: Choice) -> float:
+    """Returns the cost of a plan that fails, without the cost of fitting nothing."""
+    fits_nothing = choice.plan.reason == "nothing" and (
+        choice.plan.world.cells or choice.reading.cost >= costs.EMPTY + costs.POINTED
+    )
+    return choice.cost - costs.EMPTY * fits_nothing
+
+
+def understood(sentence: str, choice: Choice, lattice: Lattice, world: WorldModel, following: float = math.inf) -> Plan:
+    """Returns the outcome of a plan. following: the cost of the next best one."""
+    tokens = lattice.tokens
+    unused = tuple(sentence[tokens[i].start : tokens[i].end] for i in choice.reading.unused)
+    gap = 1.0 if choice.plan.arbitrary else 1.0 - 0.5 * math.exp(-(following - choice.cost) / costs.CLOSE)
+    confidence = min(1.0, round(gap * math.exp(-choice.cost / costs.DOUBT), 3))
+    notes = (*choice.plan.notes, *_loose_colors(choice, world))
+    return Plan(
+        sentence, confidence, unused, (0, len(sentence)), choice.plan.steps, choice.plan.world, choice.reading, notes
+    )
+
+
+def _loose_colors(choice: Choice, world: WorldModel) -> list[str]:
+    """Returns the choices that the scene settled: loose colours."""
+    found = {}
+    todo: list[Entity] = [e for step in choice.reading.steps if step.entity for e in [step.entity]]
+    todo += [a for step in choice.reading.steps for place in step.places for a in place.anchors]
+    while todo:
+        entity = todo.pop()
+        todo += [anchor for relation in entity.relations for anchor in relation.anchors]
+        todo += entity.parts
+        for meant in entity.colors:
+            taken = next((color for color in meant if color in world.colors), None)
+            if taken is not None and taken != meant[0]:
+                found[meant[0]] = f"{meant[0]} is taken for {taken}"
+    return list(found.values())
+
+
+def _asked(sentence: str, rivals: list[Choice], found: Choices, world: WorldModel) -> Question:
+    outcomes = tuple(understood(sentence, choice, found.lattice, world) for choice in rivals)
+    objects = [next((s.object for s in o.steps if not s.implied), None) for o in outcomes]
+    candidates = tuple(dict.fromkeys(i for i in objects if i is not None))
+    if len(candidates) == len(outcomes):
+        text = which(world, candidates)
+    else:
+        goals = (
+            [c.plan.anchor for c in rivals]
+            if not world.cells
+            else [s.goal for o in outcomes for s in o.steps if s.carries]
+        )
+        differing = tuple(dict.fromkeys(i for i in goals if i is not None))
+        ways = list(dict.fromkeys(said(world, o.steps) for o in outcomes))[:MOST_NAMED]
+        text = f"Shall I {listed(ways, 'or')}, or something else?"
+        candidates = differing if len(differing) > 1 else candidates
+    reading = rivals[0].reading
+    span = _span(rivals[0].plan.entity, found.lattice, sentence)
+    return Question(sentence, round(1 / len(rivals), 3), outcomes[0].unused, span, text, candidates, outcomes, reading)
+
+
+def which(world: WorldModel, candidates: Sequence[int]) -> str:
+    """Returns the question which of some things is meant: three at most are named."""
+    names = [name(world, i) for i in candidates[:MOST_NAMED]]
+    return (
+        (f"Do you mean {', '.join(names)}, or something else?")
+        if len(names) > 1
+        else (f"Do you mean {names[0]}, or something else?")
+    )
+
+
+def _doubted(sentence: str, found: Choices, world: WorldModel) -> Outcome:
+    """Returns a question whether an unlikely reading is meant."""
+    top = found.possible[0]
+    outcome = understood(sentence, top, found.lattice, world)
+    if top.cost > 2 * costs.TOO_MUCH:
+        return refused(sentence, found, world)
+    words = ", ".join(f"'{word}'" for word in outcome.unused)
+    text = f"I did not use {words}. " if words else "I am not sure. "
+    text = f"{text}Shall I {said(world, outcome.steps)}, or something else?"
+    return Question(sentence, outcome.confidence, outcome.unused, text=text, choices=(outcome,), reading=top.reading)
+
+
+def refused(sentence: str, found: Choices, world: WorldModel) -> Outcome:
+    """Returns why no plan of a sentence can be carried out, or a question for what it leaves open."""
+    likely = sorted((c for c in found.failed if _telling_cost(c) <= costs.TOO_MUCH), key=_rank)
+    lattice = found.lattice
+    if not likely:
+        return unreadable(sentence, lattice, world)
+    top = likely[0]
+    plan, tokens = top.plan, lattice.tokens
+    span = _span(plan.entity, lattice, sentence)
+    unused = tuple(sentence[tokens[i].start : tokens[i].end] for i in top.reading.unused)
+    strange = [i for i in top.reading.unused if i in lattice.unknown]
+    part, words = sentence[slice(*span)], [token.text for token in tokens]
+    if strange and plan.reason != "never" and not world.cells:
+        return _unknown(
+            sentence, " ".join(sentence[tokens[i].start : tokens[i].end] for i in strange[:3]), plan, lattice, world
+        )
+    if plan.reason == "where":
+        return _where(sentence, top, unused, span, world)
+    if plan.reason == "several":
+        return Question(
+            sentence,
+            0.0,
+            unused,
+            span,
+            which(world, plan.candidates),
+            plan.candidates,
+            _each_way(sentence, top, lattice, world),
+            top.reading,
+        )
+    if plan.reason == "what":
+        return _what(sentence, top, unused, span, world, words)
+    if plan.reason == "never":
+        text = _cannot(top, lattice)
+        return Refusal(sentence, 0.0, unused, span, "impossible", text, offers(world, words))
+    if plan.reason in ("nothing", "nowhere", "place"):
+        if _shown(plan):
+            shown = " or ".join(name(world, i) for i in _shown(plan))
+            return Refusal(
+                sentence, 0.0, unused, span, "nothing", f"'{part}': the gesture shows {shown}", offers(world, words)
+            )
+        return Refusal(sentence, 0.0, unused, span, "nothing", _missing(plan, part, lattice), offers(world, words))
+    if plan.reason == "dialogue":
+        return Refusal(sentence, 0.0, unused, span, "dialogue", f"{part!r}: {plan.failure}", offers(world, words))
+    text = plan.failure
+    about = [i for i in plan.candidates if i < len(world.things)]
+    if about and not any(word in text for word in words):
+        text = f"{name(world, about[0])}: {text}"
+    if plan.entity is not None and not world.cells and not {w.strip(",.'") for w in text.split()} & set(words):
+        text = f"{part}: {text}" if part else text
+    return Refusal(sentence, 0.0, unused, span, plan.reason, text, offers(world, words))
+
+
+def _rank(choice: Choice) -> float:
+    """Sort key: what is said of the likeliest reading, rather than that a verb is impossible or unclear."""
+    return _telling_cost(choice) + {"what": 1.2, "place": 0.8, "nowhere": 0.3, "dialogue": 0.6}.get(
+        choice.plan.reason, 0.0
+    )
+
+
+def _missing(plan: Draft, part: str, lattice: Lattice) -> str:
+    entity = plan.entity
+    if plan.reason == "nothing" and entity is not None and entity.number and "things fit" in plan.failure:
+        return f"{plan.failure} '{part}'"
+    if plan.reason == "nothing" and entity is not None and entity.kind in ("thing", "stack", "list"):
+        head = [*(colors[0] for colors in entity.colors), *([entity.noun] if entity.noun else [])]
+        if head and not entity.relations and not entity.superlative and not entity.sides and not entity.other:
+            return f"there is no {' '.join(head)} here"
+        return f"I do not see which thing is meant by {part!r}"
+    if plan.reason == "place":
+        return f"{part!r} is a place, and I do not see which thing you mean"
+    return f"I see no place for that at {part!r}" if part else "I do not see where it should go"
+
+
+def _cannot(choice: Choice, lattice: Lattice) -> str:
+    clause = next((c for c in choice.reading.steps if c.act is Act.NEVER), None) or choice.reading.steps[-1]
+    tokens = lattice.tokens[slice(*clause.span)] or lattice.tokens
+    words = " ".join(token.text for token in tokens[:9])
+    why = "no arm of this kind does that"
+    if clause.act is Act.OPERATE:
+        why = "only buttons, levers and wheels are operated, and nothing is rotated or tipped"
+    return f"I cannot {words}: {why}"
+
+
+def _where(sentence: str, top: Choice, unused: tuple[str, ...], span: tuple[int, int], world: WorldModel) -> Question:
+    plan = top.plan
+    if plan.failure == "what shall go where":
+        text = "What shall I put where? Name one thing and its place"
+    else:
+        thing = name(world, plan.mover) if plan.mover is not None else "it"
+        text = f"Where shall I put {thing}? Say, for example, 'next to' or 'on top of' something"
+    return Question(sentence, 0.0, unused, span, text, reading=top.reading)
+
+
+def _what(
+    sentence: str, top: Choice, unused: tuple[str, ...], span: tuple[int, int], world: WorldModel, words: list[str]
+) -> Outcome:
+    plan = top.plan
+    things = plan.it if plan.topic is not None else ()
+    said_now = offers(world, words)
+    if things and plan.topic is not None:
+        text = (
+            f"What shall I do with {name(world, things[0])}? For example: "
+            f"{' or '.join(repr(each) for each in said_now)}"
+        )
+        return Question(sentence, 0.0, unused, span, text, tuple(things), reading=None)
+    text = f"I do not see what I shall do about '{' '.join(words[:8])}'"
+    return Refusal(sentence, 0.0, unused, span, "syntax", text, said_now)
+
+
+def _each_way(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -> tuple[Plan, ...]:
+    """Returns the plan for each candidate of an ambiguous phrase."""
+    if world.cells or len(top.plan.candidates) > 8:
+        return ()
+    plans = []
+    for index in top.plan.candidates:
+        steps = tuple(_with(step, top.plan.entity, index) for step in top.reading.steps)
+        drafts = Planner(world).plans(replace(top.reading, steps=steps))
+        if drafts and not drafts[0].failure:
+            plans.append(
+                understood(sentence, Choice(replace(top.reading, steps=steps), drafts[0], top.cost), lattice, world)
+            )
+    return tuple(plans)
+
+
+def _with(step: Clause, entity: Entity | None, index: int) -> Clause:
+    return (
+        replace(step, entity=Entity(pointed=Gesture((index,))))
+        if step.entity is entity and entity is not None
+        else step
+    )
+
+
+def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:
+    """Returns the refusal of a sentence without any reading."""
+    tokens = lattice.tokens
+    words = [token.text for token in tokens]
+    strange = [sentence[tokens[i].start : tokens[i].end] for i in sorted(lattice.unknown)]
+    if strange:
+        text = (
+            (f"I do not know the word {strange[0]!r}")
+            if len(strange) == 1
+            else (f"I do not know the words {' '.join(strange[:5])!r}")
+        )
+    else:
+        text = f"I do not see what I shall do about '{' '.join(words[:8])}'; say what to take and where to put it"
+    return Refusal(sentence, 0.0, tuple(words), (0, len(sentence)), "syntax", text, offers(world, words))
+
+
+def _span(entity: Entity | None, lattice: Lattice, sentence: str) -> tuple[int, int]:
+    tokens = lattice.tokens
+    if entity is None or not tokens or entity.span[0] >= len(tokens) or entity.span == (0, 0):
+        return (0, len(sentence))
+    first, last = entity.span
+    return tokens[first].start, tokens[max(first, min(last, len(tokens)) - 1)].end
+
+
+def interpret_alone(sentence: str, world: WorldModel, scene_chooses: bool = True) -> Outcome:
+    """Returns the outcome of a sentence without a dialogue.
+
+    scene_chooses: False: the reading is chosen without the scene's help; for measurements.
+    """
+    planner = Planner(world, help=scene_chooses)
+    try:
+        return settled(sentence, choices(normalised(sentence), planner, scene_chooses), planner)
+    except NotUnderstood as error:
+        return Refusal(sentence, span=(0, len(sentence)), text=str(error), suggestions=offers(world))

@@ -1,0 +1,77 @@
+"""Spots: where a thing would stand, and what is said of a thing."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from language import costs
+from language.world import FLAT, WorldModel
+
+
+class Spot(NamedTuple):
+    """A position of a thing: its centre, the height of its bottom, the thing below it, and a cost.
+
+    why_not: why nothing can be put there, or "". note: what the person should know about it, or "".
+    anchor: the thing that it is next to, by the words.
+    """
+
+    x: float
+    y: float
+    bottom: float
+    on: int | None
+    cost: float
+    why_not: str = ""
+    note: str = ""
+    anchor: int | None = None
+
+
+class Point(NamedTuple):
+    """A place before it is checked: x, y, a cost, and the thing that it must stand on directly, if any.
+
+    free: whether it should be empty. group: number of a group of equivalent places, such as those at an edge, of which
+    the cheapest is taken; 0: none.
+    """
+
+    x: float
+    y: float
+    cost: float
+    on: int | None = None
+    free: bool = False
+    group: int = 0
+
+
+def settle(world: WorldModel, mover: int, point: Point) -> Spot:
+    """Returns the position with its height: on the ground, or on top of what stands there."""
+    column = world.column(point.x, point.y, mover)
+    top = column[-1] if column else None
+    x, y, cost = point.x, point.y, point.cost
+    if top is None:
+        why = "" if world.covers(x, y) else "that place is outside what the arm reaches"
+        if point.on is not None:
+            why = "that is what shall be moved"
+        return Spot(x, y, world.ground, None, cost, why)
+    under = world.things[top]
+    if point.on is not None and point.on != top:
+        covered = world.things[point.on]
+        return Spot(
+            x, y, under.top, top, cost, f"the {covered.color} {covered.kind} is under the {under.color} {under.kind}"
+        )
+    name = f"the {under.color} {under.kind}"
+    if point.on is None:
+        cost += costs.OCCUPIED if point.free else 0.0
+    if under.kind not in FLAT:
+        return Spot(x, y, under.top, top, cost, f"nothing can stand on {name}")
+    if world.flat_only and world.below[top] is not None:
+        return Spot(x, y, under.top, top, cost, f"{name} stands on another one already, and nothing goes on top of two")
+    mine = world.things[mover]
+    if under.top + mine.top - mine.bottom > world.ceiling:
+        return Spot(x, y, under.top, top, cost, f"the stack under {name} is as high as the arm reaches")
+    return Spot(under.x, under.y, under.top, top, cost)
+
+
+def a_name(world: WorldModel, index: int) -> str:
+    """Returns a thing's colour and kind: "the red cube"; "your hand"."""
+    thing = world.things[index]
+    if index == world.hand:
+        return "your hand"
+    return f"the {'transparent ' * thing.target}{thing.color} {thing.kind}"

@@ -1,0 +1,438 @@
+"""Steps of a plan: what each act does with one thing, and the steps that nobody said but that it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from language import costs
+from language.errors import NotUnderstood
+from language.meanings import Clause, Entity, Gesture, RelationPhrase
+from language.objects import HAND
+from language.outcomes import Step
+from language.places import _anywhere, _Wish, free_spot, spots
+from language.referents import Resolver
+from language.spots import Point, Spot, a_name, settle
+from language.verbs import DEVICE_VERBS, KNOWN, ROOM, Act, bringing, doing
+from language.world import AT_END, FIXED, WorldModel
+
+KEPT = 12  # plans of the clauses so far
+POINTS = 8  # points of places that are compared with a further relation for the same effort
+MOST_EFFORT = 900  # after this, the sentence is refused
+LOOSE = (Act.TAKE, Act.CARRY, Act.LOWER, Act.REMOVE, Act.GIVE, Act.UNSTACK, Act.STORE, Act.SWAP, Act.BUILD)
+TAKING = (Act.TAKE, Act.HOLD, Act.REMOVE, Act.UNSTACK)
+BOXES = (Act.OPEN, Act.SHUT, Act.EMPTY)
+CARRY = bringing("goal")
+ON_TABLE = (RelationPhrase("on", (Entity("board"),)),)
+
+
+@dataclass(frozen=True)
+class Draft:
+    """The steps so far, the world after them, and their cost.
+
+    mover: the thing of the current clause. it: the things that "it" means next. box: the container spoken of last.
+    failure, reason: why it cannot be carried out. entity: the phrase that this is about. topic: a phrase that waits for
+    its verb. anchor: what the last thing was put on or next to.
+    """
+
+    world: WorldModel
+    steps: tuple[Step, ...] = ()
+    cost: float = 0.0
+    mover: int | None = None
+    it: tuple[int, ...] = ()
+    mentioned: tuple[int, ...] = ()
+    box: int | None = None
+    failure: str = ""
+    reason: str = ""
+    entity: Entity | None = None
+    candidates: tuple[int, ...] = ()
+    arbitrary: bool = False
+    anchor: int | None = None
+    topic: Clause | None = None
+    last: Clause | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass
+class Steps:
+    """Adds steps to plans in one world.
+
+    it, mentioned: the things of the dialogue. help: whether the scene helps to select. gestures: those of the sentence.
+    box: the container spoken of last. effort: phrases weighed and steps tried so far.
+    """
+
+    world: WorldModel
+    it: tuple[int, ...] = ()
+    mentioned: tuple[int, ...] = ()
+    help: bool = True
+    gestures: tuple[Gesture, ...] = ()
+    box: int | None = None
+    effort: int = 0
+    _resolvers: dict[tuple, Resolver] = field(default_factory=dict)
+    _usable: dict[tuple, Any] = field(default_factory=dict)
+    _sequences: dict[tuple, list[Draft]] = field(default_factory=dict)
+    _worlds: dict[tuple, tuple[WorldModel, WorldModel]] = field(default_factory=dict)
+
+    def resolver(
+        self,
+        world: WorldModel,
+        it: tuple[int, ...],
+        origin: int | None,
+        mentioned: tuple[int, ...] = (),
+        box: int | None = None,
+    ) -> Resolver:
+        """Returns the resolver of a world; phrases that were resolved in it before are not resolved again."""
+        key = (id(world), it, origin, mentioned, box)
+        if key not in self._resolvers:  # a resolver keeps its world, so that the id stays its own
+            self._resolvers[key] = Resolver(world, it, mentioned or self.mentioned, origin)
+            self._resolvers[key].box = box
+        return self._resolvers[key]
+
+    def _spend(self, amount: int = 1) -> None:
+        """Raises NotUnderstood if a sentence takes too much effort."""
+        self.effort += amount
+        if self.effort > MOST_EFFORT:
+            raise NotUnderstood("the sentence can be read in too many ways; say it in several shorter sentences")
+
+    def _done(self, world: WorldModel, act: Act | None, index: int) -> bool:
+        """Whether a container or device is in the state that the act leads to."""
+        if act is Act.OPEN or act is Act.SHUT:
+            return (index in world.open) == (act is Act.OPEN)
+        return act is Act.EMPTY and not world.contents(index)
+
+    def _act(self, plan: Draft, clause: Clause) -> Iterator[Draft]:
+        """Yields the plans that carry out a clause with the plan's mover."""
+        assert plan.mover is not None
+        self._spend()
+        index, act, world = plan.mover, clause.act, plan.world
+        verb = KNOWN[clause.verb or ""]
+        kind = world.things[index].kind
+        if kind in FIXED and not world.cells:
+            act = self._on_fixed(world, index, verb, clause)
+            if act is None:
+                yield self._stays(plan, index, clause)
+                return
+        if act in BOXES and index not in world.containers:
+            yield self._stays(plan, index, clause)
+        elif act is Act.OPEN or act is Act.SHUT:
+            yield self._opened(plan, index, act)
+        elif act is Act.EMPTY:
+            yield self._emptied(plan, index)
+        elif act is Act.TOUCH:
+            yield self._added(self._ready(plan, index), Step(doing(Act.TOUCH), index))
+        elif act is Act.OPERATE:
+            yield self._operated(plan, index, clause)
+        else:
+            yield from self._handled(plan, clause, index)
+
+    def _on_fixed(self, world: WorldModel, index: int, verb: Any, clause: Clause) -> Act | None:
+        """Returns what a verb does to a device, a container or the hand; None: nothing."""
+        act, placed = (
+            verb.act,
+            [each for each in clause.places if each.name not in ("direction", "home", "here", "into")],
+        )
+        if act in (*BOXES, Act.TOUCH):
+            return act if act is Act.TOUCH or index in world.containers else None
+        if act is Act.HOLD:
+            return Act.TOUCH
+        if index in world.devices:
+            return Act.OPERATE if act is Act.OPERATE or (act is Act.CARRY and not placed) else None
+        if index in world.containers:
+            lid = clause.entity is not None and clause.entity.noun == "lid"
+            down = any(each.value == "down" for each in clause.places)
+            if lid and (
+                act is Act.TAKE or (act is Act.CARRY and any(each.value in ("up", "top") for each in clause.places))
+            ):
+                return Act.OPEN
+            if lid and (act is Act.LOWER or (act is Act.CARRY and down)):
+                return Act.SHUT
+            if (
+                any(each.name == "into" or each.value in ("backward", "forward") for each in clause.places)
+                and verb.pulls
+            ):
+                return Act.SHUT if verb.pulls is Act.SHUT else Act.OPEN
+            return verb.pulls if verb.pulls is not None and not placed else None
+        return None
+
+    def _stays(self, plan: Draft, index: int, clause: Clause) -> Draft:
+        """Returns why nothing of the kind can be done with a thing that is fixed."""
+        world, name = plan.world, a_name(plan.world, index)
+        if clause.act in BOXES:
+            failure = f"{name} cannot be opened or closed; only a drawer or a fridge can"
+        elif world.things[index].kind == HAND:
+            failure = "your hand is yours; I only put something on it"
+        else:
+            failure = f"{name} is fixed and stays where it is"
+        return replace(plan, failure=failure, reason="impossible", entity=plan.entity)
+
+    def _added(self, plan: Draft, *steps: Step) -> Draft:
+        """Returns the plan with further steps and the world after them."""
+        for step in steps:
+            if plan.failure:
+                return plan
+            key = (id(plan.world), step)
+            if key not in self._worlds:
+                self._worlds[key] = (plan.world, plan.world.after(step))
+            plan = replace(plan, steps=(*plan.steps, step), world=self._worlds[key][1])
+        return plan
+
+    def _ready(self, plan: Draft, index: int | None = None) -> Draft:
+        """Returns the plan with the gripper empty or holding the thing, and with the thing's container open."""
+        held = plan.world.held
+        if held is not None and held != index and not plan.world.cells:
+            plan = self._laid_down(plan, f"I put {a_name(plan.world, held)} down first")
+        if index is not None and index in plan.world.inside and not plan.failure:
+            box = plan.world.inside[index]
+            if box in plan.world.containers and box not in plan.world.open:
+                plan = self._opened_first(plan, box)
+        return plan
+
+    def _laid_down(self, plan: Draft, note: str) -> Draft:
+        """Returns the plan with what is held on the table."""
+        held = plan.world.held
+        assert held is not None
+        return self._aside(plan, held, note)
+
+    def _aside(self, plan: Draft, index: int, note: str) -> Draft:
+        """Returns the plan with a thing at a free spot of the table."""
+        thing = plan.world.things[index]
+        spot = free_spot(plan.world, index, [_Wish(thing.x, thing.y, _anywhere)])
+        if spot.why_not:
+            return replace(plan, failure=spot.why_not, reason="impossible")
+        step = Step(bringing("goal"), index, None, (spot.x, spot.y), spot.bottom, implied=True)
+        take = () if index == plan.world.held else (Step(bringing("up"), index, implied=True),)
+        plan = self._added(plan, *take, step)
+        return replace(plan, notes=(*plan.notes, note), cost=plan.cost + costs.IMPLIED)
+
+    def _opened_first(self, plan: Draft, box: int) -> Draft:
+        held = plan.world.held
+        if held is not None:
+            plan = self._laid_down(plan, f"I put {a_name(plan.world, held)} down first")
+        note = f"I open {a_name(plan.world, box)} first"
+        plan = self._added(plan, Step(doing(Act.OPEN), box, implied=True))
+        return replace(plan, notes=(*plan.notes, note), cost=plan.cost + costs.IMPLIED / 2)
+
+    def _opened(self, plan: Draft, index: int, act: Act) -> Draft:
+        if self._done(plan.world, act, index):
+            if any(step.object == index and step.act is act and step.implied for step in plan.steps):
+                return plan
+            note = f"{a_name(plan.world, index)} is {'open' if act is Act.OPEN else 'closed'} already"
+            return replace(plan, notes=(*plan.notes, note))
+        return self._added(self._ready(plan), Step(doing(act), index))
+
+    def _emptied(self, plan: Draft, index: int) -> Draft:
+        inside = plan.world.contents(index)
+        if not inside:
+            return replace(plan, failure=f"{a_name(plan.world, index)} is empty already", reason="impossible")
+        for thing in inside:
+            found = list(self._handled(replace(plan, mover=thing), Clause(CARRY, places=ON_TABLE), thing))
+            plan = found[0]
+        return plan
+
+    def _operated(self, plan: Draft, index: int, clause: Clause) -> Draft:
+        world, kind = plan.world, plan.world.things[index].kind
+        verb = next((name for name, noun in DEVICE_VERBS.items() if noun == kind), None)
+        if verb is None:
+            wanted = KNOWN[clause.verb or ""]
+            if wanted.effect and world.verbs is None:  # a task that can rotate
+                return self._added(plan, Step(clause.verb or "", index))
+            return replace(plan, failure="unturnable", reason="never", entity=Entity(span=clause.span))
+        pressed = KNOWN[verb].noun == next(iter(DEVICE_VERBS.values()))
+        if pressed and abs(world.moved.get(index, 0.0)) > AT_END:
+            return replace(
+                plan, failure=(f"{a_name(world, index)} is down already"), reason="impossible", entity=plan.entity
+            )
+        return self._added(self._ready(plan), Step(verb, index))
+
+    def _handled(self, plan: Draft, clause: Clause, index: int) -> Iterator[Draft]:
+        """Yields the plans that take a thing and, if the clause says where, put it there."""
+        world, act = plan.world, clause.act
+        held = world.held == index
+        if not held:
+            if act is Act.LOWER and not clause.places and world.below[index] is None and index not in world.inside:
+                yield replace(plan, failure="the gripper is empty", reason="impossible")
+                return
+            plan = self._made_takeable(plan, index)
+            if plan.failure:
+                yield plan
+                return
+        places = self._places(clause, plan, index)
+        under = next(
+            (each for each in places if each.name == "under" and each.anchors and each.anchors[0].kind == "thing"), None
+        )
+        if under is not None and not world.cells and act is Act.CARRY:
+            yield from self._beneath(plan, clause, under, index)
+        elif act in TAKING and not places:
+            if held:
+                yield replace(plan, failure=f"the gripper holds {a_name(world, index)} already", reason="impossible")
+            else:
+                yield self._taken(plan, index, clause.verb)
+        elif (act is Act.LOWER and not places) or (
+            held and places and places[0].name == "here" and not places[0].anchors
+        ):
+            yield from self._lowered(plan, clause, index)
+        elif act is Act.STORE and not places:
+            yield from self._stored(plan, clause, index)
+        elif not places:
+            yield replace(plan, failure="it is not said where to", reason="where", entity=clause.entity)
+        else:
+            yield from self._placed(plan, clause, index, places)
+
+    def _made_takeable(self, plan: Draft, index: int) -> Draft:
+        """Returns the plan with a thing free to be taken, or why it cannot be."""
+        world = plan.world
+        why = obstacle(world, (index,))
+        over = world.above[index]
+        if over is not None and not world.cells and world.is_loose(index):
+            plan = self._ready(plan)
+            top = over
+            while (above := plan.world.above[top]) is not None:
+                top = above
+            return self._aside(plan, top, f"{a_name(world, over)} stands on it, so I put that on the table first")
+        if why or (world.held is not None and world.cells):
+            return replace(plan, failure=why or "the gripper is full", reason="impossible", candidates=(index,))
+        return self._ready(plan, index)
+
+    def _taken(self, plan: Draft, index: int, verb: str | None = None) -> Draft:
+        """Returns the plan with a thing in the gripper. verb: as it was said; None: nobody said it."""
+        box = plan.world.inside.get(index)
+        if box is not None and box in plan.world.containers:
+            return self._added(plan, Step(bringing("out"), index, box))
+        said = verb is not None and KNOWN[verb].act in (Act.TAKE, Act.HOLD)
+        return self._added(plan, Step(verb if said and verb else bringing("up"), index))
+
+    def _places(self, clause: Clause, plan: Draft, index: int) -> tuple[RelationPhrase, ...]:
+        """Returns where the clause says that the thing goes; without what says where it comes from."""
+        places = tuple(each for each in clause.places if each.name != "from" or plan.world.cells)
+        if places or clause.act not in (Act.GIVE, Act.UNSTACK, Act.CARRY):
+            return places
+        if clause.act is Act.GIVE:
+            return (RelationPhrase("at", (Entity("person"),)),)
+        if clause.act is Act.UNSTACK or (clause.places and not plan.world.cells):
+            return ON_TABLE
+        return ()
+
+    def _lowered(self, plan: Draft, clause: Clause, index: int) -> Iterator[Draft]:
+        thing = plan.world.things[index]
+        if plan.world.cells:
+            yield self._put(plan, clause, index, settle(plan.world, index, Point(thing.x, thing.y, 0.0)))
+            return
+        down = RelationPhrase("direction", value="down")
+        yield from self._placed(plan, clause, index, (down,))
+
+    def _beneath(self, plan: Draft, clause: Clause, under: RelationPhrase, index: int) -> Iterator[Draft]:
+        """Yields the plans that put one thing under another one: the other goes on top of it."""
+        for ref in self.resolver(plan.world, plan.it, None).resolve(under.anchors[0]):
+            other = ref.things[-1] if ref.things else None
+            if other is None or not plan.world.is_loose(other) or other == index:
+                continue
+            place = RelationPhrase("on", (Entity(pointed=Gesture((index,))),))
+            yield from self._handled(
+                replace(plan, mover=other, cost=plan.cost + ref.cost), Clause(CARRY, None, (place,)), other
+            )
+
+    def _stored(self, plan: Draft, clause: Clause, index: int) -> Iterator[Draft]:
+        """Yields the plan that puts a thing into a container that has room, an open one first."""
+        free = [box for box in plan.world.containers if not plan.world.contents(box)]
+        if not free:
+            full = " and ".join(a_name(plan.world, box) for box in plan.world.containers)
+            failure = f"{full} are full" if full else "there is nothing here to put it into"
+            yield replace(plan, failure=failure, reason="impossible", entity=clause.entity)
+            return
+        box = plan.box if plan.box in free else min(free, key=lambda each: each not in plan.world.open)
+        place = RelationPhrase("in", (Entity(noun=plan.world.things[box].kind, pointed=Gesture((box,))),))
+        yield from self._placed(replace(plan, arbitrary=True), clause, index, (place,))
+
+    def _placed(self, plan: Draft, clause: Clause, index: int, places: tuple[RelationPhrase, ...]) -> Iterator[Draft]:
+        taken = plan.world if plan.world.held == index else self._taken(plan, index).world
+        resolver = self.resolver(taken, plan.it, index, plan.mentioned, plan.box)
+        if any(anchor.any for place in places for anchor in place.anchors):
+            plan = replace(plan, arbitrary=True)
+        typed = clause.entity is not None and clause.entity.noun is not None
+        resolver.aloft = plan.world.held == index or plan.world.below[index] is not None or index in plan.world.inside
+        weighed = resolver.weighed
+        found = spots(resolver, index, places, typed)
+        self._spend((resolver.weighed - weighed) // POINTS)
+        if places[0].name == "here" and not places[0].anchors:
+            if plan.box is not None and not plan.world.cells:
+                found = spots(resolver, index, (RelationPhrase("into"),), typed)
+            else:
+                yield replace(plan, failure="no gesture shows the place", reason="where", entity=clause.entity)
+                return
+        if not found:
+            anchor = places[0].anchors[0] if places[0].anchors else clause.entity
+            reason = "impossible" if anchor is not None and anchor.kind == "it" else "nowhere"
+            yield replace(plan, failure="no place fits", reason=reason, entity=anchor)
+        for spot in found[:KEPT]:
+            yield self._put(plan, clause, index, spot)
+
+    def _put(self, plan: Draft, clause: Clause, index: int, spot: Spot) -> Draft:
+        """Returns the plan with a thing taken, unless it is held, and put at a spot."""
+        if spot.on is not None and plan.world.inside.get(index) == spot.on:
+            note = f"{a_name(plan.world, index)} is in {a_name(plan.world, spot.on)} already"
+            return replace(plan, notes=(*plan.notes, note), cost=plan.cost + costs.NO_CHANGE * (not plan.steps))
+        if spot.why_not:
+            return replace(plan, failure=spot.why_not, reason="impossible", cost=plan.cost + spot.cost)
+        cost = spot.cost
+        if self._same_place(index, spot):
+            cost += costs.NO_CHANGE
+        moved = [done.object for done in plan.steps if done.carries and not done.implied]
+        cost += costs.MOVED_TWICE * (index in moved) + costs.ANOTHER_OBJECT * any(other != index for other in moved)
+        if index == self.world.held and plan.world.cells:
+            thing = self.world.things[index]
+            away = max(abs(thing.x - spot.x), abs(thing.y - spot.y)) > 0.5 * self.world.pitch
+            cost += costs.NOT_BELOW * away
+        goal = spot.on
+        if goal is not None and goal in plan.world.containers and goal not in plan.world.open:
+            plan = self._opened_first(plan, goal)
+        if plan.world.held != index:
+            plan = self._taken(plan, index)
+        verb = self._verb(plan.world, clause, goal)
+        marked = spot.anchor is not None and plan.world.things[spot.anchor].target
+        step = Step(verb, index, spot.anchor if goal is None and marked else goal, (spot.x, spot.y), spot.bottom)
+        notes = (*plan.notes, spot.note) if spot.note else plan.notes
+        box = goal if goal in plan.world.containers else plan.box
+        return replace(
+            self._added(plan, step),
+            cost=plan.cost + cost,
+            notes=notes,
+            box=box,
+            anchor=spot.anchor if goal is None else goal,
+        )
+
+    def _verb(self, world: WorldModel, clause: Clause, goal: int | None) -> str:
+        """Returns the verb of a step that brings something somewhere."""
+        if goal is not None and goal in world.containers:
+            return bringing("in")
+        if goal is not None and goal == world.hand:
+            return bringing("hand")
+        if goal is not None and world.is_loose(goal):
+            return bringing("on")
+        own = clause.verb or ""
+        if clause.instruction is not None and KNOWN[own].act is Act.UNSTACK:
+            return own
+        if KNOWN[own].effect == "goal" and (own in world.verbs if world.verbs is not None else own not in ROOM):
+            return own
+        return bringing("goal")
+
+    def _same_place(self, index: int, spot: Spot) -> bool:
+        """Returns whether a thing that was not held stands there at the beginning."""
+        thing = self.world.things[index]
+        close = 0.3 * self.world.pitch if self.world.cells else 0.004
+        away = max(abs(thing.x - spot.x), abs(thing.y - spot.y), abs(thing.bottom - spot.bottom))
+        return index != self.world.held and away < close
+
+
+def obstacle(world: WorldModel, things: tuple[int, ...]) -> str:
+    """Returns why a thing cannot be taken, or ""."""
+    if not things:
+        return "that is no thing"
+    thing = world.things[things[0]]
+    over = world.above[things[0]]
+    if over is not None:
+        upper = world.things[over]
+        return f"the {thing.color} {thing.kind} is under the {upper.color} {upper.kind}"
+    if thing.kind in FIXED:
+        return f"the {thing.color} {thing.kind} is fixed"
+    return f"the see-through {thing.kind} only marks a place" if thing.target else ""

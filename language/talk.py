@@ -1,0 +1,335 @@
+"""What the robot says: names of things, what can be said, refusals, and answers to questions about the world."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from language import costs
+from language.chart import Chart
+from language.lattice import Lattice
+from language.meanings import Entity
+from language.normalise import Token, scan
+from language.objects import HAND
+from language.referents import Ref
+from language.spots import a_name
+from language.verbs import DEVICE_VERBS, KNOWN, Act, doing
+from language.words import FILLERS, TABLE
+from language.world import AT_END, FLAT, WorldModel
+
+MOST_NAMED = 3  # things that a question offers by name
+
+
+def foreign(words: Sequence[str], known: set[str] | frozenset[str]) -> str:
+    """Returns that English is understood, in the language of these words; "" if they are English."""
+    strange = [word for word in words if word.isalpha() and word not in known]
+    best, said = 0, ""
+    for language, text in TABLE["languages"].items():
+        table, sentence = set(text.split()), TABLE["english_only"][language]
+        hits = sum(word in table for word in words)
+        odd = sum(word in table for word in strange)
+        if odd and hits >= 2 and hits >= 0.5 * len(words) and hits + odd > best:
+            best, said = hits + odd, sentence
+    return said
+
+
+# ---- Names
+
+
+def name(world: WorldModel, index: int) -> str:
+    """Returns a thing's name: colour and kind, and where it is if others have the same."""
+    thing = world.things[index]
+    if world.cells:
+        same = [i for i, other in enumerate(world.things) if (other.color, other.kind) == (thing.color, thing.kind)]
+        plain = f"the {thing.color} {thing.kind}"
+        return plain if len(same) < 2 else f"{plain} at {thing.x:g}, {thing.y:g}, height {thing.bottom:g}"
+    same = [
+        i
+        for i, other in enumerate(world.things)
+        if (other.color, other.kind, other.target) == (thing.color, thing.kind, thing.target) and i != index
+    ]
+    plain = a_name(world, index)
+    if index in world.inside:
+        return f"{plain} in {a_name(world, world.inside[index])}"
+    if same:
+        order = sorted([*same, index], key=lambda i: -world.toward("left")[1] * world.things[i].y)
+        place = order.index(index)
+        rank = (
+            "left"
+            if place == 0
+            else "right"
+            if place == len(order) - 1
+            else (f"{('second', 'third')[min(place - 1, 1)]} from the left")
+        )
+        return f"the {rank} {thing.color} {thing.kind}" if place in (0, len(order) - 1) else f"{plain} that is {rank}"
+    return plain
+
+
+def listed(names: Sequence[str], join: str = "and") -> str:
+    """Returns names as in a sentence: "a, b and c"."""
+    return f" {join} ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else "nothing"
+
+
+def said(world: WorldModel, steps: Sequence) -> str:
+    """Returns steps in words: "take the red cube and put it in the drawer"."""
+    parts = []
+    for step, after in zip(steps, [*steps[1:], None], strict=True):
+        if step.takes and after is not None and after.object == step.object and after.carries:
+            continue
+        parts.append(_step(world, step))
+    return " and ".join(dict.fromkeys(parts)) or "do nothing"
+
+
+def _step(world: WorldModel, step) -> str:
+    thing = a_name(world, step.object)
+    template = KNOWN[step.verb].templates[0] if KNOWN[step.verb].templates else ""
+    if step.act is Act.TAKE or step.act is Act.HOLD:
+        return f"pick up {thing}"
+    if step.goal is not None and step.carries and step.goal != world.hand:
+        where = "at" if world.things[step.goal].target else "in" if step.goal in world.containers else "on"
+        return f"put {thing} {where} {a_name(world, step.goal)}"
+    if step.carries and step.goal is None:
+        return f"put {thing} {spot_words(world, step)}"
+    phrase = template.replace("{object}", thing)
+    return (
+        phrase.replace("{base}", a_name(world, step.goal))
+        if step.goal is not None
+        else phrase.replace(" {base}", "").replace(" {goal}", "")
+    )
+
+
+def spot_words(world: WorldModel, step) -> str:
+    """Returns where a step puts its thing: next to what is nearest, or on which side."""
+    x, y = step.place
+    for index, other in enumerate(world.things):
+        if other.target and max(abs(other.x - x), abs(other.y - y)) < 0.02 * (1 if not world.cells else 20):
+            return f"at {a_name(world, index)}"
+    thing = world.things[step.object]
+    dx, dy = x - thing.x, y - thing.y
+    if (
+        not world.cells
+        and max(abs(dx), abs(dy)) < 0.13
+        and step.object != world.held
+        and step.object not in world.inside
+    ):
+        side = next(
+            (
+                s
+                for s in ("left", "right", "far", "near")
+                if _along(world, s, dx, dy) >= 0.8 * max(abs(dx), abs(dy), 1e-9)
+            ),
+            "left",
+        )
+        words = {"left": "to the left", "right": "to the right", "far": "away from me", "near": "towards me"}
+        return f"{words[side]} by {100 * max(abs(dx), abs(dy)):.0f} cm"
+    near = sorted(
+        (i for i in range(len(world.things)) if i != step.object),
+        key=lambda i: abs(world.things[i].x - x) + abs(world.things[i].y - y),
+    )
+    close = near and abs(world.things[near[0]].x - x) + abs(world.things[near[0]].y - y) < (
+        0.15 if not world.cells else 2
+    )
+    return f"next to {a_name(world, near[0])}" if close else "on the table"
+
+
+def _along(world: WorldModel, side: str, dx: float, dy: float) -> float:
+    ux, uy = world.toward(side)
+    return ux * dx + uy * dy
+
+
+def where(world: WorldModel, index: int) -> str:
+    """Returns where a thing is, in words."""
+    if index == world.held:
+        return "in my gripper"
+    if index in world.inside:
+        box = world.inside[index]
+        state = "" if box == world.hand else ", which is open" if box in world.open else ", which is closed"
+        return f"in {a_name(world, box)}{state}"
+    below, thing = world.below[index], world.things[index]
+    if below is not None:
+        return f"on top of {a_name(world, below)}"
+    (x0, x1, y0, y1), side = world.bounds, []
+    left = _along(world, "left", thing.x - (x0 + x1) / 2, thing.y - (y0 + y1) / 2)
+    far = _along(world, "far", thing.x - (x0 + x1) / 2, thing.y - (y0 + y1) / 2)
+    side.append(
+        "on the left" if left > 0.2 * (y1 - y0) else "on the right" if left < -0.2 * (y1 - y0) else "in the middle"
+    )
+    side.append("at the front, near me" if far < 0 else "at the back, away from me")
+    near = [
+        i
+        for i in range(len(world.things))
+        if i != index and world.is_loose(i) and i not in world.inside and i != world.held
+    ]
+    near.sort(key=lambda i: abs(world.things[i].x - thing.x) + abs(world.things[i].y - thing.y))
+    beside = f"; {a_name(world, near[0])} is next to it" if near else ""
+    return f"on the table, {' '.join(side)}{beside}"
+
+
+# ---- What can be said
+
+
+def offers(world: WorldModel, words: Sequence[str] = (), most: int = 2) -> tuple[str, ...]:
+    """Returns sentences that can be carried out now, those that share most words with what was said first."""
+    found = list(dict.fromkeys(_sayable(world)))
+    wanted = {
+        word
+        for word in words
+        if word not in FILLERS and word not in ("a", "an", "in", "on", "of", "it", "to", "and", "cube")
+    }
+    order = sorted(found, key=lambda text: (-len(wanted & {token.text for token in scan(text)}), found.index(text)))
+    kept: list[str] = []
+    for text in order:
+        if len(kept) < most and text.split()[0] not in {each.split()[0] for each in kept}:
+            kept.append(text)
+    return tuple(kept)
+
+
+def _sayable(world: WorldModel) -> Iterator[str]:
+    """Yields sentences that can be carried out now."""
+    loose = [i for i in range(len(world.things)) if world.is_loose(i) and world.above[i] is None]
+    on_table = [i for i in loose if i not in world.inside]
+    names = [a_name(world, i) for i in range(len(world.things))]
+    unique = lambda i: world.cells or names.count(names[i]) == 1  # noqa: E731
+    if world.held is not None:
+        for i in on_table:
+            if world.things[i].kind in FLAT and i != world.held and unique(i) and world.is_on_ground(i):
+                yield f"put it on {names[i]}"
+        yield "put it down"
+    for i in on_table:
+        if unique(i) and i != world.held and world.held is None:
+            yield f"pick up {names[i]}"
+    for i in world.containers:
+        yield f"{doing(Act.SHUT if i in world.open else Act.OPEN)} {names[i]}"
+        if i in world.open and not world.contents(i):
+            yield from (f"put {names[j]} in {names[i]}" for j in on_table if unique(j))
+        if i in world.open:
+            yield from (f"take {names[j]} out of {names[i]}" for j in world.contents(i))
+    for verb, noun in DEVICE_VERBS.items():
+        for i in world.devices:
+            if world.things[i].kind == noun and (
+                noun != next(iter(DEVICE_VERBS.values())) or abs(world.moved.get(i, 0.0)) <= AT_END
+            ):
+                yield f"{verb} {names[i]}"
+    bases = [i for i in on_table if world.things[i].kind in FLAT and world.below[i] is None]
+    yield from (
+        f"put {names[i]} on {names[j]}"
+        for i in on_table
+        for j in bases
+        if i != j and unique(i) and unique(j) and i != world.held
+    )
+    if world.hand is not None and not world.contents(world.hand):
+        yield from (f"give me {names[i]}" for i in on_table if unique(i))
+    yield from (f"move {names[i]} to the left" for i in on_table if unique(i))
+    yield "stop"
+
+
+def abilities(world: WorldModel) -> str:
+    """Returns what can be done in this world, in a sentence."""
+    can = ["pick things up", "put them somewhere", "stack them"]
+    can += ["open and close " + listed([a_name(world, i) for i in world.containers])] if world.containers else []
+    can += ["put things in and take them out"] if world.containers else []
+    can += [
+        f"{verb} {a_name(world, i)}"
+        for verb, noun in DEVICE_VERBS.items()
+        for i in world.devices
+        if world.things[i].kind == noun
+    ]
+    can += ["hand you things"] if world.hand is not None else []
+    return (
+        f"I can reach for things, {listed(can)}. Say, for example: {' or '.join(repr(each) for each in offers(world))}"
+    )
+
+
+# ---- Questions
+
+
+_ASKING = re.compile(
+    r"^(?:(?:and|so|but|well|hey|okay|robot|please|then|now|hi|hello|tell me|say|do you know|can you tell me|could you "
+    r"tell me|i wonder|i want to know|"
+    r"please tell me|tell me please|can you say|uh|just|would you tell me|do you remember|remind me|i would like to "
+    r"know|explain|let me know|,) )*"
+    r"(?P<q>(?:what|who|whom|why|how|where|which|whose|when(?= (?:is|are|did|will|do|can)\b))\b(?! (?:about|if)\b).*"
+    r"|(?:is|are|was|were|does|did|has|am) .*|(?:do|can|could|will) (?:you|i|we) "
+    r"(?:see|have|hold|know|hear|understand|remember|feel|speak|talk|say|fly|still|really|even|love|get tired|sleep"
+    r"|dream|fit)\b.*|"
+    r"do (?:i|we|they)\b.*|(?:would|does|will|could|can) (?!you\b).*\bfit\b.*|"
+    r"help|help me|help please|i need help|have you .*|describe (?!how).*|list .*|what|why"
+    r"|commands|options|instructions|anything else|"
+    r"(?:any|some)(?:thing|one)?\b.* (?:in|on|there|open)(?: .*)?|(?:there is )?(?:nothing|something|anything) .*in "
+    r"(?:your|my|robot) .*|can i ask .*|are you .*|you (?:see|hear|have|hold) .*|.*\b(?:what you can do|what can you "
+    r"do|what you see|what you are holding|what i can say|how many .*))$"
+)
+
+
+def question(text: str) -> str | None:
+    """Returns the question that a plain text asks; None if it is none."""
+    match = _ASKING.match(text.rstrip(" ?.!"))
+    if match is None:
+        return None
+    asked = match["q"]
+    if re.match(
+        (r"(?:are|is) you able to|will you|could you|can you (?!see|have|hold|hear|understand|speak|fly|say|feel)"),
+        asked,
+    ):
+        return None
+    return asked
+
+
+def phrase(world: WorldModel, planner, tokens: list[Token], start: int = 0) -> tuple[Entity | None, list[Ref]]:
+    """Returns the longest phrase for things in some words, and its referents."""
+    lattice = Lattice(tokens, table=not world.cells)
+    chart = Chart(lattice, planner.judge)
+    best: tuple[float, Entity | None] = (0.0, None)
+    for at in range(start, len(lattice)):
+        for item in chart.entities(at):
+            if item.value.kind in ("thing", "stack", "it", "spot") and not item.skipped:
+                odd = item.cost - costs.EMPTY if item.cost >= costs.EMPTY else item.cost
+                score = (item.end - at) - 0.6 * min(odd, 4.0) - 0.05 * at
+                if best[1] is None or score > best[0]:
+                    best = score, item.value
+    entity = best[1]
+    if entity is None:
+        return None, []
+    resolver = planner.resolver(world, planner.it, None, (), planner.box)
+    return entity, resolver.resolve(entity)
+
+
+def real(world: WorldModel, refs: Sequence[Ref]) -> list[int]:
+    """Returns the things of referents, without see-through ones if there are others."""
+    things = list(dict.fromkeys(ref.things[-1] for ref in refs if ref.things and ref.cost < costs.EMPTY))
+    return [i for i in things if not world.things[i].target] or things
+
+
+def state(world: WorldModel, index: int) -> str:
+    """Returns the state of a container or device, in a sentence."""
+    thing = a_name(world, index)
+    if index in world.containers:
+        inside = world.contents(index)
+        full = f", with {listed([a_name(world, i) for i in inside])} in it" if inside and index in world.open else ""
+        return f"{thing} is {'open' if index in world.open else 'closed, not open'}{full}"
+    share = abs(world.moved.get(index, 0.0))
+    if world.things[index].kind == HAND:
+        return holds(world)
+    if index in world.devices:
+        down = share > AT_END
+        return f"{thing} is {'down: it has been moved' if down else 'up, at its start: it has not been moved'}"
+    return f"{thing} is {where(world, index)}"
+
+
+def holds(world: WorldModel) -> str:
+    """Returns what the gripper holds, in a sentence."""
+    return "My gripper is empty: I hold nothing" if world.held is None else f"I hold {a_name(world, world.held)}"
+
+
+def seen(world: WorldModel) -> str:
+    """Returns everything that there is, in a sentence."""
+    loose = [i for i in range(len(world.things)) if world.is_loose(i)]
+    marks = [a_name(world, i).replace("the ", "a ", 1) for i, thing in enumerate(world.things) if thing.target]
+    fixed = [a_name(world, i) for i in (*world.devices, *world.containers)]
+    text = f"I see {listed([*(a_name(world, i) for i in loose), *fixed, *marks])}"
+    apart = [
+        (f"{a_name(world, i)} is {where(world, i)}")
+        for i in loose
+        if i in world.inside or i == world.held or world.below[i] is not None
+    ]
+    return ". ".join([text, *(each[0].upper() + each[1:] for each in apart)])

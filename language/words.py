@@ -1,0 +1,73 @@
+"""The words that are only understood, from `words.yaml`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from core.safe_files import read_yaml
+from language.colors import COLORS
+from language.objects import DEVICES, FITTINGS, HAND, NOUNS, SIZES
+
+TABLE = read_yaml(Path(__file__).with_name("words.yaml"))
+THINGS: dict[str, str] = TABLE["things"]
+REGIONS: dict[str, str] = TABLE["regions"]
+CONTROLS: dict[str, str] = TABLE["controls"]
+FILLERS = frozenset(TABLE["fillers"].split())
+GROUPS: dict[str, tuple[str, ...]] = {  # noun -> the kinds that it may mean
+    "container": FITTINGS,
+    "device": DEVICES,
+    "lid": FITTINGS[-1:],
+}
+ENCLOSING = (*FITTINGS, *GROUPS)  # nouns of what a thing can be in
+NUMBERS = {
+    word: float(number)
+    for number, word in enumerate(
+        ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+    )
+} | {
+    "couple": 2.0,
+    "couple of": 2.0,
+    "pair of": 2.0,
+    "few": 3.0,
+    "half": 0.5,
+    "dozen": 12.0,
+    "fifteen": 15.0,
+    "twenty": 20.0,
+}
+ORDINALS = {
+    "first": 1,
+    "second": 2,
+    "third": 3,
+    "fourth": 4,
+    "fifth": 5,
+    "1st": 1,
+    "2nd": 2,
+    "3rd": 3,
+    "4th": 4,
+    "5th": 5,
+}
+
+
+def phrases(text: str) -> list[str]:
+    """Returns the phrases of a table's entry, which commas separate."""
+    return [phrase.strip() for phrase in text.split(", ")]
+
+
+def colors() -> dict[str, tuple[str, ...]]:
+    """Returns every colour word with the colours that it may mean; those of the registry mean themselves."""
+    known = {word: (name,) for name, color in COLORS.items() for word in (name, *color.synonyms)}
+    near = TABLE["near_colors"].items()
+    return {**known, **{word: tuple(phrases(names)) for text, names in near for word in phrases(text)}}
+
+
+def nouns() -> dict[str, tuple[str, ...]]:
+    """Returns each kind of thing with its nouns, those of the registry included."""
+    found = {kind: (kind, *synonyms) for kind, synonyms in NOUNS.items() if kind != HAND}
+    for kind, text in THINGS.items():
+        found[kind] = tuple(dict.fromkeys((*found.get(kind, ()), *phrases(text))))
+    return found
+
+
+def sizes() -> dict[str, str]:
+    """Returns the size words, each with its size."""
+    return {word: name for name, size in SIZES.items() for word in (name, *size.synonyms)}

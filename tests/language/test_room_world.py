@@ -1,0 +1,122 @@
+"""Sentences in a room: steps that people imply, containers, devices, the person's hand."""
+
+import pytest
+
+from language import Answer, Dialogue, Object, Plan, Question, Refusal, Scene, table
+from language.verbs import ROOM
+
+NAMES = ("yellow", "blue", "red", "drawer", "fridge", "button", "lever", "hand", "mark")
+YELLOW, BLUE, RED, DRAWER, FRIDGE, BUTTON, LEVER, HAND, MARK = range(9)
+OBJECTS = [
+    Object("cube", "yellow", (0.34, 0.0, 0.025)),
+    Object("cube", "blue", (0.44, -0.18, 0.025)),
+    Object("cube", "red", (0.37, 0.18, 0.025)),
+    Object("drawer", "blue", (0.46, -0.46, 0.08)),
+    Object("fridge", "red", (0.27, 0.46, 0.1)),
+    Object("button", "gray", (0.58, 0.18, 0.058), 0.07),
+    Object("lever", "cyan", (0.62, -0.14, 0.066), 0.07),
+    Object("palm", "pink", (0.57, -0.45, 0.15)),
+    Object("cube", "gray", (0.45, 0.1, 0.025), role="target"),
+]
+
+
+def room(**facts):
+    fields = {"bounds": (0.32, 0.47, -0.21, 0.21), "flat_only": True, "verbs": ROOM, "moved": {LEVER: 1.0}}
+    return table(Scene(OBJECTS), **{**fields, **facts})
+
+
+def steps(sentence, world=None, dialogue=None):
+    outcome = (dialogue or Dialogue()).answer(sentence, world or room())
+    assert isinstance(outcome, Plan), outcome
+    return [(step.verb, NAMES[step.object], None if step.goal is None else NAMES[step.goal]) for step in outcome.steps]
+
+
+def test_a_closed_drawer_is_opened_before_something_goes_in_and_the_plan_says_so():
+    outcome = Dialogue().answer("put the red cube in the drawer", room())
+    assert [step.verb for step in outcome.steps] == ["open", "lift", "put_in"]
+    assert [step.implied for step in outcome.steps] == [True, False, False]
+    assert any("open the blue drawer first" in note for note in outcome.notes)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "expected"),
+    [
+        ("put the red cube in the drawer and close it", ["open", "lift", "put_in", "close"]),
+        ("open the fridge. put the blue cube inside. shut it.", ["open", "lift", "put_in", "close"]),
+        ("the yellow cube belongs in the fridge", ["open", "lift", "put_in"]),
+        ("swap the red cube and the blue one", ["lift", "pick_and_place"] * 3),
+        ("stack the red cube on the blue one and press the button", ["lift", "stack", "press"]),
+        ("give the button a push", ["press"]),
+        ("pull the lever", ["switch"]),
+    ],
+)
+def test_several_steps_are_done_in_the_world_that_those_before_leave(sentence, expected):
+    assert [verb for verb, _, _ in steps(sentence)] == expected
+
+
+def test_what_is_in_a_closed_container_is_taken_out_of_it():
+    world = room(inside={RED: DRAWER})
+    assert steps("bring me the red cube", world) == [
+        ("open", "drawer", None),
+        ("take_out", "red", "drawer"),
+        ("hand_over", "red", "hand"),
+    ]
+
+
+def test_what_is_held_is_meant_first_and_is_put_down_before_another_step():
+    world = room(held=RED)
+    assert steps("put it in the drawer", room(held=RED, open=frozenset({DRAWER}))) == [("put_in", "red", "drawer")]
+    assert [verb for verb, _, _ in steps("press the button", world)] == ["pick_and_place", "press"]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "facts", "words"),
+    [
+        ("put the red cube in the drawer", {"inside": {BLUE: DRAWER}, "open": frozenset({DRAWER})}, ["drawer is full"]),
+        ("open the drawer", {"open": frozenset({DRAWER})}, ["drawer", "open already"]),
+        ("lift the whole fridge", {}, ["fridge", "fixed"]),
+        ("pour water on the red cube", {}, ["cannot pour water"]),
+        ("put the green cube in the drawer", {}, ["no green cube"]),
+        ("put the red cube on the sofa", {}, ["sofa"]),
+    ],
+)
+def test_a_refusal_says_the_true_reason_and_offers_two_sentences_that_can_be_said(sentence, facts, words):
+    world = room(**facts)
+    outcome = Dialogue().answer(sentence, world)
+    assert isinstance(outcome, Refusal), outcome
+    assert all(word in outcome.text for word in words), outcome.text
+    assert len(outcome.suggestions) == 2
+    assert all(isinstance(Dialogue().answer(each, world), Plan) for each in outcome.suggestions), outcome.suggestions
+
+
+@pytest.mark.parametrize("sentence", ["which cube is next to the mark?", "is the red cube on the blue one?", "why?"])
+def test_a_question_is_never_carried_out(sentence):
+    assert isinstance(Dialogue().answer(sentence, room()), Answer)
+
+
+def test_a_question_names_three_things_at_most_and_something_else():
+    outcome = Dialogue().answer("take the cube", room())
+    assert isinstance(outcome, Question)
+    assert outcome.text.endswith("or something else?")
+    assert "(" not in outcome.text
+
+
+def test_conditions_are_compared_with_the_world():
+    assert steps("close the drawer if it is open", room(open=frozenset({DRAWER}))) == [("close", "drawer", None)]
+    assert isinstance(Dialogue().answer("close the drawer if it is open", room()), Answer)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    ["..  pick up the red cube", "1. pick up the red cube", "- PICK UP THE RED CUBE!!", "um pick up the uh red cube"],
+)
+def test_marks_numbers_capitals_and_hums_make_no_difference(sentence):
+    assert steps(sentence) == [("lift", "red", None)]
+
+
+def test_a_bit_is_less_than_a_plain_move():
+    plain, bit = (
+        Dialogue().answer(f"move the yellow cube {words}to the left", room()).steps[-1].place[1]
+        for words in ("", "a bit ")
+    )
+    assert 0 < bit < plain
