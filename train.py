@@ -22,6 +22,7 @@ from core.path_keys import escaped, from_hydra
 from core.platform_tuning import lean_imports
 from core.program import INTERRUPTED, program
 from core.system import cores
+from trainers.cluster.supervised_run import RunWords, is_supervised, report_end, supervise
 from trainers.sweeps.arguments import expand_resume, register_resolvers
 
 if TYPE_CHECKING:
@@ -120,6 +121,22 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
     return config, file.parent.parent if file.parent.name == "checkpoints" else None
 
 
+def supervised(config: Any, folder: Path, words: Sequence[str]) -> None:
+    """Train on a Ray cluster in a process of its own. Exits with its code if that is not 0. Raises RunError.
+
+    Args:
+        config: composed.
+        folder: of the run.
+        words: overrides of the command line.
+    """
+    from trainers.config import read_training
+
+    command = RunWords([word for word in words if not word.startswith("hydra")], folder)
+    code = supervise(Path(__file__), command, read_training(config).collector.restarts)
+    if code:
+        raise SystemExit(code)
+
+
 @hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")
 def main(config: Any) -> dict[str, Any] | None:
     """Run with the config that Hydra composed, in the folder that Hydra chose; in a sweep, run one of its jobs."""
@@ -140,12 +157,16 @@ def main(config: Any) -> dict[str, Any] | None:
                 folder = own_folder or hydra_folder
             else:
                 config = with_choices(config, job.runtime.choices)
+            if config.collector.name == "ray" and not is_supervised():
+                supervised(config, folder, [from_hydra(word) for word in job.overrides.task])
+                return None
             return run(config, folder)
     except SystemExit as end:
         if end.code == INTERRUPTED:  # before the loop, which handles signals
             print("stopped before training began: nothing is saved", flush=True)
         raise
     finally:
+        report_end()
         if hydra_folder.is_dir() and not any(hydra_folder.iterdir()):
             hydra_folder.rmdir()  # not used by a refused or a resumed run
 

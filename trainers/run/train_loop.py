@@ -262,6 +262,8 @@ class TrainingRun:
             import_compiler()  # while the workers build their worlds
             if self.resumed:
                 torch.set_rng_state(self.resumed.pop("rng"))  # after the worlds were built, as it was saved
+            if self.training.collector.name == "ray" and not self.counters["iteration"]:
+                self.save_last()  # Ray can end this process at any time
             while not self.budget.exhausted(self.counters["frames"]):
                 self.iterate(self.rollouts, stop)
                 progress.show(self.rows[-1], self.rollouts.status())

@@ -1,0 +1,90 @@
+"""A run that Ray ends is started again from its last checkpoint. The programs here stand for train.py on Ray."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from core.errors import RunError
+from trainers.cluster import supervised_run
+from trainers.cluster.supervised_run import RunWords, supervise
+
+PROGRAM = """
+import os, sys
+from pathlib import Path
+folder, ends = Path(sys.argv[-1].partition("=")[2]), {ends}
+with open(folder / "starts.txt", "a") as file:
+    print(*sys.argv[1:], file=file)
+starts = len((folder / "starts.txt").read_text().splitlines())
+{before}
+if starts <= ends:
+    os._exit(1)  # as Ray's C++ does
+os.write(int(os.environ["DEIXIS_RUN_ENDED_PIPE"]), b"1")
+sys.exit({code})
+"""
+SAVE = '(folder / "checkpoints").mkdir(exist_ok=True); (folder / "checkpoints" / "last.pt").touch()'
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    monkeypatch.setattr(supervised_run, "PAUSE_SECONDS", 0.0)
+
+
+def program(folder: Path, ends: int = 0, code: int = 0, before: str = "") -> Path:
+    path = folder / "program.py"
+    path.write_text(PROGRAM.format(ends=ends, code=code, before=before))
+    return path
+
+
+def starts(folder: Path) -> list[str]:
+    return (folder / "starts.txt").read_text().splitlines()
+
+
+def test_a_run_that_ends_by_itself_is_not_started_again(tmp_path):
+    assert supervise(program(tmp_path, code=3), RunWords(["seed=1"], tmp_path), 2) == 3
+    assert starts(tmp_path) == [f"seed=1 hydra.run.dir={tmp_path}"]
+
+
+def test_a_run_that_ray_ends_begins_again_or_goes_on_from_its_checkpoint(tmp_path, capfd):
+    words = ["collector=ray", "seed=1"]
+    assert supervise(program(tmp_path, ends=1), RunWords(words, tmp_path), 2) == 0
+    assert starts(tmp_path) == [f"collector=ray seed=1 hydra.run.dir={tmp_path}"] * 2
+    assert "the run is started again (1 of at most 2 times)" in capfd.readouterr().err
+    (tmp_path / "starts.txt").unlink()
+    assert supervise(program(tmp_path, ends=1, before=SAVE), RunWords(words, tmp_path), 2) == 0
+    assert starts(tmp_path)[1] == f"resume={tmp_path} collector=ray hydra.run.dir={tmp_path}"
+
+
+def test_a_resumed_run_keeps_its_overrides_and_an_old_checkpoint_does_not_count(tmp_path):
+    words = RunWords(["resume=/old", "total_frames=9"], tmp_path)
+    exec(SAVE, {"folder": tmp_path})
+    os.utime(words.last, (1, 1))
+    assert words() == ["resume=/old", "total_frames=9", f"hydra.run.dir={tmp_path}"]
+    os.utime(words.last)
+    assert words() == [f"resume={tmp_path}", "total_frames=9", f"hydra.run.dir={tmp_path}"]
+
+
+def test_the_last_restart_ends_with_what_is_saved(tmp_path):
+    with pytest.raises(RunError, match=r"restarts=1 allows no more restarts; .*last\.pt is its last checkpoint; go on"):
+        supervise(program(tmp_path, ends=9, before=SAVE), RunWords([], tmp_path), 1)
+    assert len(starts(tmp_path)) == 2
+
+
+def test_a_signal_is_sent_on_once_and_its_code_returned(tmp_path):
+    wait = "import signal, time\nsignal.signal(signal.SIGTERM, lambda *_: os._exit(143))\ntime.sleep(30)"
+    path = program(tmp_path, before=wait)
+
+    def stop():
+        while not (tmp_path / "starts.txt").exists():
+            time.sleep(0.05)
+        time.sleep(0.3)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=stop).start()
+    assert supervise(path, RunWords([], tmp_path), 2) == 143
+    assert len(starts(tmp_path)) == 1
