@@ -35,6 +35,7 @@ from language import (
     Step,
     whose_left,
 )
+from language.talk import offers
 from language.verbs import HERE, POINTING
 
 Array = NDArray[np.float64]
@@ -136,8 +137,10 @@ class Session:
             subtasks = deque(self._planner.plan(outcome.steps, self.config.driver == "policy"))
             first = self._planner.begin_next(subtasks)
         except LanguageError as error:
-            refusal = Refusal(sentence, span=(0, len(sentence)), reason="impossible", text=str(error))
-            self._dialogue.amend(refusal, self._dialogue.turns[-1].world)
+            world = self._dialogue.turns[-1].world
+            suggestions = self._offers(offers(world, sentence.lower().split()))
+            refusal = Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", str(error), suggestions)
+            self._dialogue.amend(refusal, world)
             return refusal
         self.view.sentence, self._subtasks = sentence, subtasks
         self._start_subtask(first)
@@ -152,13 +155,23 @@ class Session:
         return renumbered(self._named_alone(outcome), worlds.numbers_of(self.env).tolist())
 
     def _named_alone(self, outcome: Outcome) -> Outcome:
-        """The outcome; a sentence that only names an object asks for the task's own verb, unless that needs a place."""
+        """Return the outcome with offers of this task.
+
+        A sentence that only names an object asks for the task's own verb, unless that needs a place.
+        """
         task = self.env.task
+        if isinstance(outcome, Refusal):
+            return replace(outcome, suggestions=self._offers(outcome.suggestions))
         asks = isinstance(outcome, Question) and not outcome.choices and len(outcome.candidates) == 1
         if not asks or task.verbs or task.traits.places or task.traits.stacks or not isinstance(outcome, Question):
             return outcome
         step = Step(self._planner.verb, outcome.candidates[0])
         return Plan(outcome.sentence, 0.5, (), (0, len(outcome.sentence)), (step,))
+
+    def _offers(self, suggestions: Sequence[str]) -> tuple[str, ...]:
+        """Return what can be said instead; where the gripper cannot take anything, an example of the task."""
+        task = self.env.task
+        return tuple(suggestions) if task.verbs or task.traits.stacks or task.traits.grips else (self.example(),)
 
     # ---- Pointing, and moving objects
 

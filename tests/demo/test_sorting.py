@@ -61,7 +61,7 @@ def test_every_object_of_a_colour_is_sorted_in_the_task_of_its_own(sorting, comm
     assert all_sorted(sorting, members, mark)
     assert sorting.view.outcome_counts["success"] == counted + len(members)
     assert all(each.startswith("sort the ") for each in heard)
-    assert "is there already" in sorting.say(example).message
+    assert "there already" in sorting.say(example).message
     assert not sorting.busy
 
 
@@ -190,5 +190,5 @@ def test_what_cannot_be_sorted_says_why(room):
     while "green" in {thing.color for thing in room.scene()}:  # a colour for which no other one is taken
         room.shuffle()
     assert "only marks a place" in room.say("sort every transparent cube to the transparent cube").message
-    assert "fit 'every green cube'" in room.say("sort every green cube to the transparent cube").message
+    assert "no green cube" in room.say("sort every green cube to the transparent cube").message
     assert not room.busy
