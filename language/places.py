@@ -313,7 +313,7 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
             return Spot(float(gx[at]), float(gy[at]), world.ground, None, cost, "", note if away[at] > GRID else "")
     near = min(taken, key=lambda i: math.dist((nx, ny), _xy(world, i)))
     return Spot(
-        nx, ny, world.ground, None, cost, f"{a_name(world, near)} is in the way, and there is no room beside it"
+        nx, ny, world.ground, None, cost, f"{a_name(world, near)} stands there: there is no free spot near enough"
     )
 
 
