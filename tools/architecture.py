@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 HEADER = "| process | where | what it does | hands on |"
 PLACE = re.compile(r"`([\w/]+\.py):([\w.]+)`")
-LANE, ROW, BOX, MARGIN = 330, 92, (290, 62), 20  # pixels: widths, heights
+LANE, ROW, BOX, MARGIN = 330, 102, (290, 72), 20  # pixels: widths, heights
 COLORS = ("#2f6db5", "#b5652f", "#4c8a3f", "#7a4fa3")  # of the lanes
 STYLE = "font-family='system-ui, sans-serif'"
 
@@ -86,8 +86,9 @@ def _box(hop: Hop, x: float, y: float, color: str) -> list[str]:
     middle, lines = x + width / 2, textwrap.wrap(hop.does, 50)[:2]
     return [
         f"<rect x='{x}' y='{y}' width='{width}' height='{height}' rx='6' fill='#f7f7f9' stroke='{color}'/>",
-        _text(middle, y + 16, f"{hop.file.rpartition('/')[2]}: {hop.function}", size=12, weight="bold"),
-        *(_text(middle, y + 33 + 14 * i, line, size=11) for i, line in enumerate(lines)),
+        _text(middle, y + 16, hop.function, size=12, weight="bold"),
+        _text(middle, y + 30, hop.file, size=10, color="#666666"),
+        *(_text(middle, y + 47 + 14 * i, line, size=11) for i, line in enumerate(lines)),
     ]
 
 
