@@ -107,7 +107,7 @@ class NLReach(Reach):
 
     def episode(self, placed: Placed, referent: int, rng: Generator) -> EpisodeSpec:
         """Return the episode in which this object of the scene is named. Raises LanguageError where it cannot be."""
-        instruction = self._sentences.describe(placed.scene, referent, rng)
+        instruction = self._sentences.describe(self.verb, placed.scene, referent, rng)
         sentence = self._sentences.write(instruction, rng)
         kind = self.kind_names.index(instruction.kind)
         return self._episode(placed, referent=referent, kind=kind, sentence=sentence)

@@ -14,7 +14,9 @@ def defined(tree, names):
     """Whether a module defines the name, or the method of a class: `Class.method`."""
     found = tree
     for name in names.split("."):
-        bodies = [node for node in found.body if isinstance(node, ast.ClassDef | ast.FunctionDef)]
+        bodies = [
+            node for node in found.body if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+        ]
         found = next((node for node in bodies if node.name == name), None)
         if found is None:
             return False

@@ -57,9 +57,9 @@ class SentenceWriter:
         """Return the sentence as the policy reads it; None: as it is said."""
         return say(parse(sentence)) if sentence and self._config.rephrased else None
 
-    def describe(self, scene: Scene, referent: int, rng: Generator) -> Instruction:
-        """Return an instruction to reach the referent. Raises LanguageError where no words name it."""
-        return self._describer.describe(scene, referent, rng)
+    def describe(self, verb: str, scene: Scene, referent: int, rng: Generator) -> Instruction:
+        """Return an instruction about the referent alone. Raises LanguageError where no words name it."""
+        return self._describer.describe(scene, referent, rng, verb)
 
     def instruct(
         self, verb: str, scene: Scene, *, referent: int, target: int | None, rng: Generator

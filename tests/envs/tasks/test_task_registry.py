@@ -1,5 +1,6 @@
 """Tasks register by decorator, and each option of `task` states the weights of all reward terms."""
 
+import numpy as np
 import pytest
 import yaml
 
@@ -61,3 +62,9 @@ def test_an_unknown_reward_term_is_refused(option):
 def test_a_missing_reward_term_is_refused(option):
     with pytest.raises(ConfigError, match=r"^task\.reward\.success has no value: task\.name=\w+ needs a weight for"):
         task_of(option, "~task.reward.success")
+
+
+def test_the_sentences_of_a_reaching_task_have_the_verb_that_it_is_registered_with(monkeypatch):
+    monkeypatch.setitem(TASK_VERBS, "nl_reach", "lift")
+    task = task_of("nl_reach")
+    assert {task.draw(np.random.default_rng(seed)).sentence.split()[0] for seed in range(5)} == {"lift"}
