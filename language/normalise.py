@@ -30,7 +30,7 @@ class Token(NamedTuple):
 
 _WORD = re.compile(
     r"[-=~]+>|[\u2190-\u21ff\u2794\u27a1]|\d+(?:[.,]\d+)?(?:st|nd|rd|th)?(?=\W|$|[a-z])"
-    r"|[^\W\d_]+(?:['\u2019][^\W\d_]+)*|[.,;:!?&+/()*-]|_|\d+"
+    r"|[^\W\d_]+(?:['\u2019][^\W\d_]+)*|[.,;:!?&+/()*@-]|_|\d+"
 )
 _BULLET = re.compile(
     (
@@ -151,7 +151,7 @@ def _written_out(word: str) -> list[str]:
         return _SHORT[word].split()
     stem, mark, tail = word.partition("'")
     if not mark:
-        return ["and"] if word in "&+" else [","] if word == "/" else [word]
+        return ["and"] if word in "&+" else [","] if word == "/" else ["at"] if word == "@" else [word]
     if word.endswith("n't"):
         return [{"ca": "can", "wo": "will", "sha": "shall"}.get(word[:-3], word[:-3]), "not"]
     if tail in _CLITICS:
@@ -175,14 +175,45 @@ def normalised(sentence: str) -> list[Token]:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
     while found and found[0].text in ".,;:!?":
         del found[0]
-    found = _undoubled(found)
-    found = repaired(_unframed(found))
+    found = _undoubled(_of_program(sentence, found))
+    found = repaired(rewritten(_unframed(found), wordings()["repairs"]))
     for name in ("misheard", "plain"):
         found = rewritten(found, wordings()[name])
     found = without_remarks(found)
     if len(found) > MOST_WORDS:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
     return _trimmed(found)
+
+
+_CALL = re.compile(r"\w\(|\w\[|_\w|\b(?:drawer|fridge|table|cube|gripper|button|lever|wheel|hand|arm|robot)\.\w")
+_JOINED = {
+    "stack": "on",
+    "put": "in",
+    "store": "in",
+    "insert": "in",
+    "unstack": "from",
+    "place": "on",
+    "remove": "from",
+}
+
+
+def _of_program(sentence: str, found: list[Token]) -> list[Token]:
+    """Returns the words of a sentence that is written like a program, "stack(red, cube.blue)", as of plain words."""
+    if not _CALL.search(sentence):
+        return found
+    kept: list[Token] = []
+    verb = ""
+    for token in found:
+        verb = token.text if token.text in _JOINED else verb if token.text not in ";." else ""
+        inner = sentence[max(token.start - 1, 0) : token.end + 1]
+        if token.text == "." and not re.search(r"\s", inner):
+            continue
+        if token.text == "," and verb and sentence[: token.start].count("(") > sentence[: token.start].count(")"):
+            token = token._replace(text=_JOINED[verb])
+        if token.text in ("gripper", "arm", "robot") and sentence[token.end : token.end + 1] == ".":
+            continue
+        kept.append(token)
+    return kept
 
 
 def _undoubled(found: list[Token]) -> list[Token]:
@@ -236,10 +267,14 @@ def without_remarks(found: list[Token]) -> list[Token]:
         rf"\b(?:{COLOR}|cubes?|blocks?|one|drawer|fridge|refrigerator|it)\b.* (?:in|on|next|to|at|behind|under|left"
         rf"|right|between|be)\b"
     )
+    asks = re.compile(
+        rf"^(?:and |but |then )*(?:on|in|at|to|into|onto|next|near|behind|under|between|from|by|over|with)\b"
+        rf"|\b(?:{verb_words()})\b.*\b(?:{COLOR}|button|lever|wheel|switch|drawer|fridge|lid|cube|block)s?\b"
+    )
     kept = [
         part
         for part, text, command in zip(parts, texts, commands, strict=True)
-        if command or not _REMARK.match(text) or scene.search(text)
+        if command or not _REMARK.match(text) or scene.search(text) or asks.search(text)
     ]
     return [token for part in kept for token in part] if any(kept) else found
 
@@ -331,7 +366,7 @@ def repaired(found: list[Token]) -> list[Token]:
 
 
 _REPAIR = re.compile(
-    r"(?<= )(?:, )?(?:no wait|wait no|no no|no sorry|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make "
+    r"(?<= )(?:, )?(?:no actually|no hang on|hang on no|well no|or no|oh no|no not|no wait|wait no|no no|no sorry|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make "
     r"that|oops"
     r"|no actually|actually no|no i mean|no make it|correction)(?: ,)?(?= )"
 )
@@ -378,13 +413,13 @@ def wordings() -> dict[str, tuple[Rule, ...]]:
     """Returns the rules of `wordings.yaml`: "frames", "misheard" and "plain"."""
     table = read_yaml(Path(__file__).with_name("wordings.yaml"))
     parts = {**table["parts"], "V": f"(?:{verb_words()})"}
-    for name in ("frames", "misheard", "plain", "questions"):
+    for name in ("frames", "repairs", "misheard", "plain", "questions"):
         for part in (*parts, *parts):  # parts may name parts
             table[name] = table[name].replace(f"<{part}>", parts[part])
     frames = "\n".join(f"{parts['START']}(?:{line})(?: [,:])?(?= |$) ==> " for line in table["frames"].splitlines())
     swapped = (line.split(" ==> ", 1) for line in table["questions"].splitlines())
     asking = "\n".join(f"{pattern} ==> {kind}" for kind, pattern in swapped)
-    names = ("misheard", "plain")
+    names = ("repairs", "misheard", "plain")
     return {"frames": _rules(frames), "questions": _rules(asking), **{name: _rules(table[name]) for name in names}}
 
 

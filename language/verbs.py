@@ -341,7 +341,7 @@ VERBS: dict[str, Verb] = {
         words=(
             "put away, store, stow, stow away, stash, stash away, store away, tidy away, pack away, tidy, file, hide, "
             "clear away, "
-            "put in, place in, drop in, pop in, tuck away, save, cool, chill, refrigerate, lock away, put inside, "
+            "insert, put in, place in, drop in, pop in, tuck away, save, cool, chill, refrigerate, lock away, put inside, "
             "shelve"
         ),
     ),
