@@ -123,6 +123,8 @@ class NounPhrases:
             far = costs.FAR_SIDE * ("far" in known["sides"] and len(known["sides"]) > 1)
             found.append(_item(draft, at, 0.5 + far, start, kind="side"))
             found.append(_item(draft, at, 1.2, start, kind="thing"))
+        elif self._lattice.table and len(known.get("colors", ())) > 1 and self._lattice.text(at - 2) == "and":
+            found.append(_several(draft, at, costs.NO_NOUN + costs.LISTED, start))
         elif known.keys() & {"colors", "ordinal", "other", "every", "number", "single", "role"}:
             found.append(_item(draft, at, costs.NO_NOUN, start, kind="thing"))
         elif known.get("superlative") in ("left", "right") and len(known) == 1:
@@ -141,13 +143,17 @@ class NounPhrases:
         found = []
         for after in self._get(edge.end, "stack"):  # "block tower"
             found += self._stack(thing._replace(at=after.end), start)
-        if len(known.get("colors", ())) > 1:  # "the blue and green block" is a stack
+        if len(known.get("colors", ())) > 1 and known["plural"] and self._lattice.table:
+            found.append(_several(thing, edge.end, costs.LISTED, start))
+        elif len(known.get("colors", ())) > 1:  # "the blue and green block" is a stack
             found.append(_item(thing, edge.end, 0.4, start, kind="stack"))
+            if self._lattice.table:
+                found.append(_several(thing, edge.end, 2 * costs.LISTED, start))
         else:
             found.append(_item(thing, edge.end, 0.0, start, kind="thing"))
             tokens = self._lattice.tokens
             at = edge.end + (edge.end < len(tokens) and tokens[edge.end].text in ("number", "no", "nr"))
-            numbers = [e for e in self._get(at, "number") if 0 < e.value < 100]
+            numbers = [e for e in self._get(at, "number") if 0 < e.value < 20]
             found += [_item(thing, e.end, 0.3, start, kind="thing", ordinal=int(e.value)) for e in numbers]
         return found
 
@@ -182,6 +188,14 @@ def _modified(known: dict[str, Any], category: str, value: Any) -> dict[str, Any
     if category == "number":
         return {**known, "number": int(value)} if value == int(value) and 0 < value < 100 else None
     return {**known, key: values.get(category, True), **({"every": True} if category == "both" else {})}
+
+
+def _several(draft: _Draft, end: int, cost: float, start: int) -> Item:
+    """Returns the list that several colours before one noun mean: "the red and blue cubes"."""
+    fields = {name: value for name, value in draft.known.items() if name not in ("colors", "plural", "every", "number")}
+    span = (start, end)
+    parts = tuple(Entity("thing", **fields, colors=(meant,), span=span) for meant in draft.known["colors"])
+    return Item(end, Entity("list", parts=parts, span=span), draft.cost + cost, draft.skipped)
 
 
 def _item(draft: _Draft, end: int, cost: float, start: int, **fields: Any) -> Item:

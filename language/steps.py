@@ -206,12 +206,19 @@ class Steps:
         return replace(plan, notes=(*plan.notes, note), cost=plan.cost + costs.IMPLIED)
 
     def _opened_first(self, plan: Draft, box: int) -> Draft:
-        held = plan.world.held
-        if held is not None:
-            plan = self._laid_down(plan, f"I put {a_name(plan.world, held)} down first")
         note = f"I open {a_name(plan.world, box)} first"
-        plan = self._added(plan, Step(doing(Act.OPEN), box, implied=True))
+        plan = self._with_open(plan, Step(doing(Act.OPEN), box, implied=True))
         return replace(plan, notes=(*plan.notes, note), cost=plan.cost + costs.IMPLIED / 2)
+
+    def _with_open(self, plan: Draft, step: Step) -> Draft:
+        """Returns the plan with a step that opens: before the last step if that takes something, which is then held."""
+        held = plan.world.held
+        if held is None or not plan.steps or plan.steps[-1].object != held or plan.steps[-1].carries:
+            return self._added(self._ready(plan), step)
+        before = self.world
+        for each in plan.steps[:-1]:
+            before = before.after(each)
+        return self._added(replace(plan, steps=plan.steps[:-1], world=before), step, plan.steps[-1])
 
     def _opened(self, plan: Draft, index: int, act: Act) -> Draft:
         if self._done(plan.world, act, index):
@@ -219,7 +226,8 @@ class Steps:
                 return plan
             note = f"{a_name(plan.world, index)} is {'open' if act is Act.OPEN else 'closed'} already"
             return replace(plan, notes=(*plan.notes, note))
-        return self._added(self._ready(plan), Step(doing(act), index))
+        step = Step(doing(act), index)
+        return self._with_open(plan, step) if act is Act.OPEN else self._added(self._ready(plan), step)
 
     def _emptied(self, plan: Draft, index: int) -> Draft:
         inside = plan.world.contents(index)
@@ -239,6 +247,8 @@ class Steps:
                 return self._added(plan, Step(clause.verb or "", index))
             return replace(plan, failure="unturnable", reason="never", entity=Entity(span=clause.span))
         pressed = KNOWN[verb].noun == next(iter(DEVICE_VERBS.values()))
+        if pressed and abs(world.moved.get(index, 0.0)) > AT_END and any(s.object == index for s in plan.steps):
+            return plan
         if pressed and abs(world.moved.get(index, 0.0)) > AT_END:
             return replace(
                 plan, failure=(f"{a_name(world, index)} is down already"), reason="impossible", entity=plan.entity

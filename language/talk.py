@@ -9,7 +9,7 @@ from language import costs
 from language.chart import Chart
 from language.lattice import Lattice
 from language.meanings import Entity
-from language.normalise import Token, scan
+from language.normalise import Token, scan, verb_words
 from language.objects import HAND
 from language.referents import Ref
 from language.spots import a_name
@@ -267,6 +267,11 @@ def question(text: str) -> str | None:
     if match is None:
         return None
     asked = match["q"]
+    if re.match(
+        rf"what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b",
+        asked,
+    ):
+        return None  # "what I want is", "what you hold, put it down"
     if re.match(
         (r"(?:are|is) you able to|will you|could you|can you (?!see|have|hold|hear|understand|speak|fly|say|feel)"),
         asked,
