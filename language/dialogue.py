@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from typing import Any, NamedTuple
 
 from language import costs
@@ -189,12 +190,12 @@ class Dialogue:
             text = "I did not get any words"
             return Refusal(sentence, span=span, text=text, suggestions=offers(world))
         text = " ".join(raw).strip(" .,!?;:")
+        control = self.control_word(" ".join(word for word, _ in groupby(words)) if len(set(words)) == 1 else text)
+        if control is not None and not made:
+            return self._control(sentence, control, world)
         strange = foreign(words, vocabulary())
         if strange:
             return Refusal(sentence, span=span, reason="language", text=strange, suggestions=offers(world))
-        control = self.control_word(text)
-        if control is not None and not made:
-            return self._control(sentence, control, world)
         plain = plain_start(text)
         polite = re.match(r"(?:thanks|thank you|great|perfect|bye|goodbye|see you|hello|hi)\b", text)
         nothing = polite and not re.search(rf"\b(?:{COLOR}|cubes?|blocks?|it|one|{verb_words()})\b", plain)
@@ -286,6 +287,14 @@ class Dialogue:
             meant = filled(self.last, pinned(asked.candidates[0]), slot)
             planner = self._planner(world)
             return settled(sentence, choices_of([meant] if meant else [], planner), planner)
+        if control == "yes" and isinstance(asked, Answer):
+            able = re.match(
+                r"(?:can|could|would|does|will|may|should) (.+?) (?:fit|go|stand|lie|be put|be) (.+)",
+                plain_start(asked.sentence),
+            )
+            outcome = self.copy()._answer(f"put {able[1]} {able[2].split(' , ')[0]}", world, ()) if able else None
+            if isinstance(outcome, Plan):
+                return replace(outcome, sentence=sentence)
         if control == "yes":
             return Answer(sentence, 0.5, (), span, "Good. Say what I shall do next")
         if control in _NOTHING:

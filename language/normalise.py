@@ -242,7 +242,7 @@ def _unframed(found: list[Token]) -> list[Token]:
 _REMARK = re.compile(
     r"^(?:but |and |so |because |since )?(?:i|he|she|they|we|it|there|that|this|someone|somebody|everyone|everybody"
     r"|nobody|(?:my|his|her|our|your|a|an) \w+|\w+(?: \w+)?)"
-    r" (?:'s|is|are|was|were|am|has|have|had|will|would|likes?|loves?|hates?|forgot|changed|left|feels?|looks?|seems?"
+    r" (?:'s|is|are|was|were|am|has|have|had|will|would|likes?|loves?|hates?|forgot|put|placed|bought|found|saw|changed|left|feels?|looks?|seems?"
     r"|thinks?|came|went|want|wants|needs? a|"
     r"do not|does not|did not|can not|could not|went|told|said|promise|hope|know)\b(?!.*\b(?:should|must|belongs|goes"
     r"|ought|shall|supposed)\b)"
@@ -271,12 +271,19 @@ def without_remarks(found: list[Token]) -> list[Token]:
         rf"^(?:and |but |then )*(?:on|in|at|to|into|onto|next|near|behind|under|between|from|by|over|with)\b"
         rf"|\b(?:{verb_words()})\b.*\b(?:{COLOR}|button|lever|wheel|switch|drawer|fridge|lid|cube|block)s?\b"
     )
-    kept = [
-        part
-        for part, text, command in zip(parts, texts, commands, strict=True)
-        if command or not _REMARK.match(text) or scene.search(text) or asks.search(text)
-    ]
-    return [token for part in kept for token in part] if any(kept) else found
+    kept: list[Token] = []
+    for part, text, command in zip(parts, texts, commands, strict=True):
+        if command or not _REMARK.match(text) or scene.search(text) or asks.search(text):
+            kept += part
+        elif (named := _NAMED.search(text)) and not kept:  # what "it" means afterwards
+            first = text[: named.start()].count(" ")
+            kept += [*part[first : first + len(named[0].split())], Token(",", part[-1].start, part[-1].end)]
+    return kept or found
+
+
+_NAMED = re.compile(
+    r"\b(?:(?:red|blue|yellow|orange|cyan|gray|grey) (?:cube|block|one|box|brick)|drawer|fridge|refrigerator|button|lever|wheel)\b"
+)
 
 
 def _trimmed(found: list[Token]) -> list[Token]:

@@ -465,7 +465,7 @@ FURTHER: dict[str, Verb] = {  # only understood
         words=(
             "tidy up, tidy, clean up, clear up, clear, sort, sort out, arrange, organize, organise, clean, order, line "
             "up, "
-            "put in order, put in a row, spread out, spread, group, make room on, clear off, wipe, straighten up, "
+            "put in order, put in a row, spread out, spread, group, make room on, clear off, straighten up, "
             "shuffle, "
             "put away, mix up, distribute"
         ),
@@ -478,7 +478,7 @@ FURTHER: dict[str, Verb] = {  # only understood
             "walk, run, tip over, knock over, knock off, turn over, turn upside down, topple, topple over, flip upside "
             "down, lick, bake, fry, brew, "
             "boil, heat, heat up, warm, warm up, weigh, count out, juggle, kiss, hug, call, phone, play, buy, order, "
-            "sweep, vacuum, mop, "
+            "sweep, vacuum, mop, wipe, polish, scrub, "
             "dust, iron, water, feed, stir, mix, chop, slice, peel, unwrap, burn, melt, freeze, glue, tie, weld, "
             "drill, hammer, "
             "saw, unscrew, kick, smash, destroy, stand up, sit down, wave, clap, laugh, cry, swallow, wear, repair, "
