@@ -232,7 +232,7 @@ class Chart:
     def _with_relation(self, items: list[Item], start: int) -> list[Item]:
         pairs = []
         for item in items:
-            if item.value.kind == "it":
+            if item.value.kind == "it" or (item.value.kind == "board" and self.lattice.table):
                 continue
             for relation in self.relations(item.end) + self._bare_regions(item) + self._further(item):
                 bare = relation.value.name == "direction"

@@ -23,7 +23,7 @@ from language.settling import Choices, choices, choices_of, matters, settled
 from language.talk import abilities, foreign, name, offers, phrase, question
 from language.verbs import Act
 from language.words import CONTROLS, TABLE, phrases
-from language.world import WorldModel, table
+from language.world import FIXED, WorldModel, table
 
 THANKS = frozenset(phrases(TABLE["thanks"]))
 _CONTROL_OF = {phrase: control for control, text in CONTROLS.items() for phrase in phrases(text)}
@@ -438,6 +438,7 @@ class Dialogue:
         things = [ref.things[-1] for ref in refs if ref.things]
         if not things:
             return None
+        things.sort(key=lambda i: entity.noun is None and world.things[i].kind in FIXED)
         text = (
             f"What shall I do with {name(world, things[0])}? Say, for example, "
             f"{' or '.join(repr(each) for each in offers(world, name(world, things[0]).split()))}"
