@@ -229,7 +229,11 @@ def spellings(word: str) -> tuple[tuple[str, float], ...]:
 def _corrected(word: str) -> tuple[tuple[str, float], ...]:
     most = 1 if len(word) < 7 else 2
     found = process.extract(word, _choices(), scorer=OSA.distance, processor=None, score_cutoff=most, limit=None)
-    near = [(known, cost + 0.3 * (known[0] != word[0])) for known, cost, _ in found if cost < len(known) - 1]
+    near = [
+        (known, cost + 0.3 * (known[0] != word[0]))
+        for known, cost, _ in found
+        if cost < len(known) - 1 and (len(word) > 3 or known[0] == word[0])
+    ]
     best = min((cost for _, cost in near), default=0.0)
     return tuple((known, costs.SPELLING * cost) for known, cost in near if cost <= best + 0.3)[:8]
 

@@ -242,7 +242,8 @@ def _unframed(found: list[Token]) -> list[Token]:
 _REMARK = re.compile(
     r"^(?:but |and |so |because |since )?(?:i|he|she|they|we|it|there|that|this|someone|somebody|everyone|everybody"
     r"|nobody|(?:my|his|her|our|your|a|an) \w+|\w+(?: \w+)?)"
-    r" (?:'s|is|are|was|were|am|has|have|had|will|would|likes?|loves?|hates?|forgot|put|placed|bought|found|saw|changed|left|feels?|looks?|seems?"
+    r" (?:'s|is|are|was|were|am|has|have|had|will|would|likes?|loves?|hates?|forgot|put"
+    r"|placed|bought|found|saw|changed|left|feels?|looks?|seems?"
     r"|thinks?|came|went|want|wants|needs? a|"
     r"do not|does not|did not|can not|could not|went|told|said|promise|hope|know)\b(?!.*\b(?:should|must|belongs|goes"
     r"|ought|shall|supposed)\b)"
@@ -264,7 +265,7 @@ def without_remarks(found: list[Token]) -> list[Token]:
     if not any(commands):
         return found
     scene = re.compile(
-        rf"\b(?:{COLOR}|cubes?|blocks?|one|drawer|fridge|refrigerator|it)\b.* (?:in|on|next|to|at|behind|under|left"
+        rf"\b(?:{COLOR}|cubes?|blocks?|one|drawer|fridge|refrigerator)\b.* (?:in|on|next|to|at|behind|under|left"
         rf"|right|between|be)\b"
     )
     asks = re.compile(
@@ -282,7 +283,8 @@ def without_remarks(found: list[Token]) -> list[Token]:
 
 
 _NAMED = re.compile(
-    r"\b(?:(?:red|blue|yellow|orange|cyan|gray|grey) (?:cube|block|one|box|brick)|drawer|fridge|refrigerator|button|lever|wheel)\b"
+    r"\b(?:(?:red|blue|yellow|orange|cyan|gray|grey) (?:cube|block|one|box|brick)"
+    r"|drawer|fridge|refrigerator|button|lever|wheel)\b"
 )
 
 
@@ -373,7 +375,8 @@ def repaired(found: list[Token]) -> list[Token]:
 
 
 _REPAIR = re.compile(
-    r"(?<= )(?:, )?(?:no actually|no hang on|hang on no|well no|or no|oh no|no not|no wait|wait no|no no|no sorry|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make "
+    r"(?<= )(?:, )?(?:no actually|no hang on|hang on no|well no|or no|oh no|no not|no wait|"
+    r"wait no|no no|no sorry|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make "
     r"that|oops"
     r"|no actually|actually no|no i mean|no make it|correction)(?: ,)?(?= )"
 )

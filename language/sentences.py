@@ -262,6 +262,8 @@ class _Sentences:
         found = [
             Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.2, i.skipped) for i in self._tower(at)
         ]
+        if self.lattice.text(start) in ("give", "i", "we", "have"):  # "give me the red cube and the blue one"
+            return found
         return found + [
             Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.9, i.skipped)
             for i in self.objects(at)

@@ -268,7 +268,8 @@ def question(text: str) -> str | None:
         return None
     asked = match["q"]
     if re.match(
-        rf"what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b",
+        r"does not|(?:give|hand|put|drop|place|pass|bring|set|lay|leave|stack|store|release|return|open|close) "
+        rf"|what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b",
         asked,
     ):
         return None  # "what I want is", "what you hold, put it down"
