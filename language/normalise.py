@@ -186,15 +186,18 @@ def normalised(sentence: str) -> list[Token]:
 
 
 _CALL = re.compile(r"\w\(|\w\[|_\w|\b(?:drawer|fridge|table|cube|gripper|button|lever|wheel|hand|arm|robot)\.\w")
-_JOINED = {
-    "stack": "on",
-    "put": "in",
-    "store": "in",
-    "insert": "in",
-    "unstack": "from",
-    "place": "on",
-    "remove": "from",
-}
+
+
+@cache
+def _joining() -> dict[str, str]:
+    """Returns, for each phrase of a verb that has a goal, the preposition before that."""
+    words = {"on": "on", "goal": "on", "in": "in", "out": "from"}
+    found: dict[str, str] = {}
+    for verb in KNOWN.values():
+        joined = "from" if verb.act is Act.UNSTACK else words.get(verb.effect or "")
+        for phrase in [*said(verb), *(each.split(" {")[0] for each in verb.templates)] if joined else ():
+            found.setdefault(phrase, str(joined))
+    return found
 
 
 def _of_program(sentence: str, found: list[Token]) -> list[Token]:
@@ -204,12 +207,14 @@ def _of_program(sentence: str, found: list[Token]) -> list[Token]:
     kept: list[Token] = []
     verb = ""
     for token in found:
-        verb = token.text if token.text in _JOINED else verb if token.text not in ";." else ""
+        pair = f"{kept[-1].text} {token.text}" if kept else ""
+        verb = next((each for each in (pair, token.text) if each in _joining()), "" if token.text in ";." else verb)
         inner = sentence[max(token.start - 1, 0) : token.end + 1]
         if token.text == "." and not re.search(r"\s", inner):
             continue
         if token.text == "," and verb and sentence[: token.start].count("(") > sentence[: token.start].count(")"):
-            token = token._replace(text=_JOINED[verb])
+            box = re.match(r"\W*(?:drawer|fridge|refrigerator)", sentence[token.end :])
+            token = token._replace(text="in" if box and _joining()[verb] == "on" else _joining()[verb])
         if token.text in ("gripper", "arm", "robot") and sentence[token.end : token.end + 1] == ".":
             continue
         kept.append(token)
