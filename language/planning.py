@@ -179,7 +179,12 @@ class Planner(Steps):
         ):  # "the ball, the green one"
             closer = replace(new, noun=new.noun or before.entity.noun)
             yield from (replace(d, cost=d.cost + 0.2) for d in self._after(start, replace(before, entity=closer), True))
-        elif before.entity is None or before.entity.kind == "it" or before.entity.other or before.entity.noun is None:
+        elif (
+            before.entity is None
+            or before.entity.kind == "it"
+            or before.entity.other
+            or (before.entity.noun is None and (self.world.cells or not before.entity.colors))
+        ):
             yield from (
                 replace(d, cost=d.cost + 0.5) for d in self._after(start, replace(before, entity=clause.entity), True)
             )

@@ -143,7 +143,7 @@ class _Sentences:
             for item in layer:
                 for at, cost in self._joins(item.end):
                     for clause in self.clauses(at):
-                        total = item.cost + cost + clause.cost
+                        total = item.cost + cost + clause.cost + self._elliptic(item.value[-1], clause.value)
                         longer.append(
                             Item(clause.end, (*item.value, clause.value), total, item.skipped | clause.skipped)
                         )
@@ -152,6 +152,11 @@ class _Sentences:
             if not layer:
                 break
         return found
+
+    def _elliptic(self, before: Clause, clause: Clause) -> float:
+        """Returns the cost of a thing with a place after a command: rather what goes there than another object."""
+        related = clause.verb is None and clause.entity is not None and bool(clause.entity.relations)
+        return costs.NO_VERB_BUT_PLACE * (related and before.act is Act.CARRY and self.lattice.table)
 
     def _joins(self, end: int) -> list[tuple[int, float]]:
         """Returns where a further clause may begin, with its cost."""
