@@ -341,8 +341,8 @@ VERBS: dict[str, Verb] = {
         words=(
             "put away, store, stow, stow away, stash, stash away, store away, tidy away, pack away, tidy, file, hide, "
             "clear away, "
-            "insert, put in, place in, drop in, pop in, tuck away, save, cool, chill, refrigerate, lock away, put inside, "
-            "shelve"
+            "insert, put in, place in, drop in, pop in, tuck away, save, cool, chill, refrigerate, lock away, "
+            "put inside, shelve"
         ),
     ),
     "take_out": Verb(
