@@ -292,9 +292,9 @@ class Dialogue:
                 r"(?:can|could|would|does|will|may|should) (.+?) (?:fit|go|stand|lie|be put|be) (.+)",
                 plain_start(asked.sentence),
             )
-            outcome = self.copy()._answer(f"put {able[1]} {able[2].split(' , ')[0]}", world, ()) if able else None
-            if isinstance(outcome, Plan):
-                return replace(outcome, sentence=sentence)
+            tried = self.copy()._answer(f"put {able[1]} {able[2].split(' , ')[0]}", world, ()) if able else None
+            if isinstance(tried, Plan):
+                return replace(tried, sentence=sentence)
         if control == "yes":
             return Answer(sentence, 0.5, (), span, "Good. Say what I shall do next")
         if control in _NOTHING:
