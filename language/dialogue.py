@@ -41,7 +41,8 @@ _SAME_WITH = re.compile(
     r"(?P<about>.+)$"
 )
 _CONDITION = re.compile(
-    r"^(?:if|in case|when|provided|assuming|should|as long as|whenever) (?P<if>.+?)(?<! is)(?<! are)"
+    r"^(?:if|in case|when(?! you (?:have|are|did))|provided|assuming|should|as long as|whenever) "
+    r"(?P<if>.+?)(?<! is)(?<! are)"
     rf"(?: ,| then|(?= (?:please|{verb_words()})\b)) ?(?:then )?(?P<do>.+?)"
     r"(?:(?: ,)? (?:otherwise|else|if not|or else)(?: ,)? (?P<else>.+))?$"
     r"|^(?P<do2>.+?)(?: ,)?(?: but)?(?: only)? "
