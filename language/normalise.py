@@ -417,6 +417,9 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
         return starts[-1] if starts else None
     if not any(token.text in heads for token in after[:4]):
         return None
+    verbs = [i for i in range(start, len(words)) if re.fullmatch(verb_words(), words[i])]
+    if verbs and prepositions & set(words[verbs[-1] + 1 :]) and prepositions & {token.text for token in after[1:4]}:
+        return verbs[-1] + 1  # "stack red on blue no wait blue on red"
     at = len(words)
     while at > start and (words[at - 1] in heads or words[at - 1] in FILLERS | {"a", "an", ",", "one"}):
         at -= 1

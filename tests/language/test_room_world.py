@@ -120,3 +120,34 @@ def test_a_bit_is_less_than_a_plain_move():
         for words in ("", "a bit ")
     )
     assert 0 < bit < plain
+
+
+@pytest.mark.parametrize(
+    ("sentence", "expected"),
+    [
+        ("pick up the red cube and put it in the drawer", ["open", "lift", "put_in"]),
+        ("walk to the fridge, open it and put the red cube in it", ["open", "lift", "put_in"]),
+        ("put yellow next to red, then blue next to yellow", ["lift", "pick_and_place"] * 2),
+        ("stack(red, cube.blue); button.press()", ["lift", "stack", "press"]),
+        ("when you have pressed the button hand me the red cube", ["press", "lift", "hand_over"]),
+        ("put the yellow cube on the red one, and when that is done press the button", ["lift", "stack", "press"]),
+        ("it would be nicer with the red one on the blue one", ["lift", "stack"]),
+        ("the red cube would look better on the blue one", ["lift", "stack"]),
+        ("stack red on blue, no wait, blue on red", ["lift", "stack"]),
+        ("my kid left the red cube on the table, put it in the drawer", ["open", "lift", "put_in"]),
+        ("the yellow cube, which I like, and which is small, goes on the red one", ["lift", "stack"]),
+    ],
+)
+def test_wordings_of_strangers_are_the_steps_that_they_mean(sentence, expected):
+    assert [verb for verb, _, _ in steps(sentence)] == expected
+
+
+def test_a_place_after_on_the_table_counts():
+    moved = Dialogue().answer("put the red cube on the table to the left of the blue cube", room()).steps[-1]
+    assert moved.place[1] > -0.18
+    assert abs(moved.place[0] - 0.44) < 0.08
+
+
+@pytest.mark.parametrize("sentence", ["shut the drawer and shut the window", "no cube should be left of the red one"])
+def test_what_is_understood_in_part_is_not_done(sentence):
+    assert isinstance(Dialogue().answer(sentence, room(open=frozenset({DRAWER}))), Refusal | Question)
