@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 from core.command_line import check_file
 from core.errors import ConfigError
+from core.plugins import take_config_dir
 from core.program import help_text, program
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def parser() -> argparse.ArgumentParser:
 def cli(words: Sequence[str] | None = None) -> None:
     """Run `main` with these words, or the process's arguments. Exits with one line for bad input."""
     with program():
-        main(sys.argv[1:] if words is None else words)
+        main(take_config_dir(sys.argv[1:] if words is None else words))
 
 
 def main(words: Sequence[str]) -> None:

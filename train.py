@@ -20,6 +20,7 @@ from core.machine_limits import require_threads
 from core.overrides import apply
 from core.path_keys import escaped, from_hydra
 from core.platform_tuning import lean_imports
+from core.plugins import search_words, take_config_dir
 from core.program import INTERRUPTED, program
 from core.system import cores
 from trainers.cluster.supervised_run import RunWords, is_supervised, report_end, supervise
@@ -192,9 +193,9 @@ def cli(words: Sequence[str] | None = None) -> None:
     with program():
         require_threads(2 * cores())
         register_resolvers()
-        words = expand_resume(sys.argv[1:] if words is None else words)
+        words = expand_resume(take_config_dir(sys.argv[1:] if words is None else words))
         check_run(words)
-        sys.argv[1:] = quoted(words)  # Hydra reads them there
+        sys.argv[1:] = [*quoted(words), *search_words()]  # Hydra reads them there
         with raised_by_hydra():
             main()
 

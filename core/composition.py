@@ -16,20 +16,28 @@ from typing import Any, cast
 
 from core.errors import ConfigError, did_you_mean
 from core.path_keys import to_hydra
+from core.plugins import ROOT, options_in, own_files, search_words
 
-ROOT = Path(__file__).parents[1] / "conf"
 MAX_RUNS = 10_000  # of a sweep
 
 
 def groups() -> dict[str, list[str]]:
     """Return each config group with its options."""
-    return {group: list(options) for group, options in _groups_on_disk()}
+    return {group: list(options) for group, options in _groups_on_disk(own_files())}
+
+
+def option_file(group: str, option: str) -> Path:
+    """Return the YAML of an option."""
+    every = [*options_in(ROOT), *(Path(path) for path, _ in own_files())]
+    return next(path for path in every if (path.parent.name, path.stem) == (group, option))
 
 
 @cache
-def _groups_on_disk() -> list[tuple[str, list[str]]]:
-    folders = [folder for folder in sorted(ROOT.iterdir()) if any(folder.glob("*.yaml"))]
-    return [(folder.name, sorted(path.stem for path in folder.glob("*.yaml"))) for folder in folders]
+def _groups_on_disk(own: tuple[tuple[str, int], ...]) -> list[tuple[str, list[str]]]:
+    options: dict[str, list[str]] = {}
+    for path in sorted([*options_in(ROOT), *(Path(path) for path, _ in own)]):
+        options.setdefault(path.parent.name, []).append(path.stem)
+    return [(group, sorted(options[group])) for group in sorted(options)]
 
 
 def quoted(arguments: Iterable[str]) -> list[str]:
@@ -123,13 +131,13 @@ def with_choices(config: Any, choices: Mapping[str, Any]) -> Any:
 
 def composed(overrides: Iterable[str]) -> tuple[Any, Mapping[str, Any]]:
     """Return the composed config, which the caller may change, and the option of each group. Raises ConfigError."""
-    result = _composed_once(tuple(overrides))
+    result = _composed_once(tuple(overrides), own_files())
     return pickle.loads(result.config), result.choices
 
 
 def output_folder(overrides: Iterable[str], mode: str) -> str:
     """Return `hydra.run.dir` or `hydra.sweep.dir`, with interpolations. mode: "run" or "sweep". Raises ConfigError."""
-    return _composed_once(tuple(overrides)).folders[mode]
+    return _composed_once(tuple(overrides), own_files()).folders[mode]
 
 
 @dataclass(frozen=True)
@@ -142,7 +150,7 @@ class _Composed:
 
 
 @lru_cache(maxsize=512)
-def _composed_once(overrides: tuple[str, ...]) -> _Composed:
+def _composed_once(overrides: tuple[str, ...], own: tuple[tuple[str, int], ...]) -> _Composed:
     """Compose with Hydra, which takes 0.1 s, and check that every interpolation resolves. Raises ConfigError."""
     from omegaconf import OmegaConf, open_dict
     from omegaconf.errors import OmegaConfBaseException
@@ -172,7 +180,7 @@ def compose_hydra(overrides: Iterable[str]) -> Any:
     from yaml import YAMLError
 
     words = list(overrides)
-    hydra_words = quoted(words)
+    hydra_words = [*quoted(words), *search_words()]
     try:
         with _own_hydra(), initialize_config_module("conf", version_base="1.3"):
             return hydra_compose("config", hydra_words, return_hydra_config=True)

@@ -7,16 +7,17 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
-from core.composition import ROOT, compose, composed, groups, parse
+from core.composition import compose, composed, groups, option_file, parse
 from core.errors import ConfigError, did_you_mean
 from core.path_keys import escaped, from_hydra, is_path
+from core.plugins import ROOT, own_files
 
 FIXED_BY_TRAINING = ("robot", "control", "policy", "algo")  # groups that a checkpoint can't change
 
 
 def comment(group: str, option: str) -> str:
     """Return the comment at the top of an option's YAML."""
-    lines = (ROOT / group / f"{option}.yaml").read_text(encoding="utf-8").splitlines()
+    lines = option_file(group, option).read_text(encoding="utf-8").splitlines()
     top = itertools.takewhile(lambda line: line.startswith("#"), lines)
     return " ".join(line.lstrip("# ") for line in top if "@package" not in line)
 
@@ -71,11 +72,11 @@ def first_value(override: Any) -> str:
 
 def known_keys(chosen: Sequence[str]) -> list[str]:
     """Return the dotted keys of the config with these options."""
-    return list(_known_keys(tuple(chosen)))
+    return list(_known_keys(tuple(chosen), own_files()))
 
 
 @lru_cache(maxsize=512)
-def _known_keys(chosen: tuple[str, ...]) -> tuple[str, ...]:
+def _known_keys(chosen: tuple[str, ...], own: tuple[tuple[str, int], ...]) -> tuple[str, ...]:
     return tuple(_keys(composed(chosen)[0]))
 
 

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from core.errors import ConfigError, RunError
+from core.plugins import take_config_dir
 
 FAILED, INTERRUPTED, PIPE_CLOSED = 1, 130, 141  # exit codes; the latter two as a shell has them for SIGINT and SIGPIPE
 STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
@@ -129,7 +130,7 @@ def run_program(main: Callable[[list[str]], object], file: str, words: Sequence[
         if any(word in ("-h", "--help") for word in words):
             print(help_text(file))
         else:
-            main(words)
+            main(take_config_dir(words))
 
 
 def _end(reason: str, code: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from core.plugins import load_plugins
 from envs.config import EnvConfig, read_env
 from envs.registration import make_env, register_gym_ids
 
@@ -21,4 +22,5 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
+load_plugins()
 register_gym_ids()

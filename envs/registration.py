@@ -10,6 +10,7 @@ import gymnasium
 
 from core.errors import ConfigError
 from core.overrides import check, compose, groups
+from core.plugins import own_files
 from envs.config import EnvConfig, read_env
 from envs.sim.window import Window, display_problem
 
@@ -41,7 +42,7 @@ def make_env(
     check_list(overrides)
     from envs.workspace_env import WorkspaceEnv  # torch is imported only where an environment is built
 
-    config = _config(tuple(overrides))
+    config = _config(tuple(overrides), own_files())
     shown = None if window is None else Window(config.workspace.camera, window)
     try:
         return WorkspaceEnv(config, num_worlds, seed, render, shown)
@@ -64,7 +65,7 @@ def check_list(overrides: Sequence[str]) -> None:
 
 
 @lru_cache(maxsize=256)
-def _config(overrides: tuple[str, ...]) -> EnvConfig:
+def _config(overrides: tuple[str, ...], own: tuple[tuple[str, int], ...]) -> EnvConfig:
     """Compose the config of these overrides. It is immutable, so that environments share it: Hydra takes 0.4 s."""
     check(overrides)
     return read_env(compose(overrides))

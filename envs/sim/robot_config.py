@@ -7,8 +7,11 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from core.errors import ConfigError
+from core.errors import ConfigError, did_you_mean
+from core.plugins import package_folder
 from core.schema import Checked, any_path, checked_by, one_of, text, within, word
+
+PACKAGES = ("pybullet_data", "example_robot_data", "file")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,7 +19,7 @@ class RobotConfig(Checked):
     """One arm. Names are the URDF's own; lengths in metres, angles in radians."""
 
     name: str = word()
-    package: str = one_of("pybullet_data", "example_robot_data", "file")  # where `urdf` is searched
+    package: str = checked_by("__post_init__")  # where `urdf` is searched: of PACKAGES, or a user's package
     urdf: str = any_path()
     base: list[float] = within(-1, 1, count=3)  # where the URDF's origin stands in the workspace frame
     joints: list[str] = text(
@@ -50,6 +53,8 @@ class RobotConfig(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.package not in PACKAGES and package_folder(self.package) is None:
+            raise ConfigError(f"package={self.package} is not known" + did_you_mean(self.package, PACKAGES))
         if not self.joints:
             raise ConfigError("joints=[] must name at least one joint")
         for key in ("rest", "max_speed"):
@@ -90,7 +95,7 @@ def urdf_path(config: RobotConfig) -> Path:
     elif config.package == "example_robot_data":
         folder = example_robot_data_folder()
     else:
-        folder = Path()
+        folder = package_folder(config.package) or Path()
     path = folder / config.urdf
     if config.package != "file" and not path.resolve().is_relative_to(folder.resolve()):
         raise ConfigError(f"robot.urdf={config.urdf} leaves the package: it must be a file in {folder.resolve()}")
