@@ -61,7 +61,10 @@ VALUES = [
     ("robot.joints=[]", "robot.joints=[] must name at least one joint"),
     ("robot.tip=lbr_iiwa_link_77", "robot.tip: 'lbr_iiwa_link_77' is not in the URDF; did you mean 'lbr_iiwa_link_7'?"),
     ("robot.rest=[0,0]", "robot.rest=[0.0, 0.0] must be 7 numbers, one for each joint"),
-    ("robot.rest=[0,0,0,0,0,0,99]", "robot.rest: 99.0 is beyond lbr_iiwa_joint_7's limits [-3.05433, 3.05433]"),
+    (
+        "robot.rest=[0,0,0,0,0,0,99]",
+        "robot.rest: 99.0 is beyond lbr_iiwa_joint_7's limits [-3.05432619099, 3.05432619099]",
+    ),
     ("robot.max_speed=[1]", "robot.max_speed=[1.0] must be 7 numbers, one for each joint"),
     ("robot.base=[0,0]", "robot.base=[0.0, 0.0] must be 3 numbers"),
     ("robot.tip_offset=[0,0]", "robot.tip_offset=[0.0, 0.0] must be 3 numbers"),
