@@ -151,7 +151,7 @@ def _read_kinematics(config: RobotConfig) -> Kinematics:
         arm = [_index(names, name, "robot.joints") for name in config.joints]
         fingers = [_index(names, name, "robot.fingers") for name in config.fingers]
         tip = _index(links, config.tip, "robot.tip")
-        check_joints(config, info, arm, fingers, tip)
+        check_joints(config, info, arm=arm, fingers=fingers, tip=tip)
         frames = [_link_frame(body, j, client) for j in [*arm, tip]]
         frames[-1] = frames[-1] @ _transform(config.tip_offset, [0, 0, 0, 1])
         steps = [frames[0], *(np.linalg.inv(a) @ b for a, b in itertools.pairwise(frames))]

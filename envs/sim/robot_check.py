@@ -59,7 +59,7 @@ def check_file(config: RobotConfig, urdf: Path) -> None:
 
 
 def check_joints(
-    config: RobotConfig, info: Sequence[tuple], arm: Sequence[int], fingers: Sequence[int], tip: int
+    config: RobotConfig, info: Sequence[tuple], *, arm: Sequence[int], fingers: Sequence[int], tip: int
 ) -> None:
     """Raise ConfigError for joints that cannot be those of an arm and its fingers.
 

@@ -134,16 +134,16 @@ def with_hulls(urdf: Path, load: Load, small: bool = False) -> Path:
     if not any(_loads_slowly(file) for file in files):
         return urdf
     sources: list[Source] = [MODULE, urdf.name, str(small), urdf_bytes(robot), *sorted(filter(Path.is_file, files))]
-    folder = cached_folder("hulls", sources, lambda folder: _write_hulls(urdf, robot, load, small, folder))
+    folder = cached_folder("hulls", sources, lambda folder: _write_hulls(urdf, robot, load, folder, small=small))
     return urdf if (folder / ORIGINAL).exists() else folder / urdf.name
 
 
 def _loads_slowly(mesh: Path) -> bool:
-    kind = mesh.suffix.lower()
-    return kind == ".dae" or (kind == ".stl" and mesh.is_file() and mesh.stat().st_size >= LARGE)
+    suffix = mesh.suffix.lower()
+    return suffix == ".dae" or (suffix == ".stl" and mesh.is_file() and mesh.stat().st_size >= LARGE)
 
 
-def _write_hulls(urdf: Path, robot: Element, load: Load, small: bool, folder: Path) -> None:
+def _write_hulls(urdf: Path, robot: Element, load: Load, folder: Path, *, small: bool) -> None:
     """Write a copy with hulls; if that is not as the original, an empty file in its place."""
     links, copy = {name_of(link): link for link in robot.findall("link")}, folder / urdf.name
     client = bullet.connect(bullet.DIRECT)

@@ -51,7 +51,7 @@ def test_an_added_term_is_in_the_gymnasium_observation(with_height):
 
 @pytest.mark.slow
 def test_an_added_term_is_recorded_and_in_the_widths_of_a_checkpoint(with_height):
-    env = make("kuka", "step", "nl_reach", "task.max_steps=3")
+    env = make("kuka", "step", "nl_reach", "task.max_steps=3", "task.hold_steps=3")
     (episode,) = demonstrate(env, lambda td: td.set("action", env.towards(env.gripper)), 1, seed=0)
     assert episode.observations["height"].shape == (len(episode) + 1, 1)
     assert widths(env.observation_spec, env.action_spec)["height"] == [1]

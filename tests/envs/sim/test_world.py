@@ -98,7 +98,7 @@ def heights_on_table(env, td):
 
 @pytest.mark.slow
 def test_a_touched_object_moves():
-    env = make("kuka", "step", "reach", TOUCHING, "task.hold_steps=200", worlds=4, seed=5)
+    env = make("kuka", "step", "reach", TOUCHING, "task.hold_steps=60", worlds=4, seed=5)
     td = env.reset()
     put, poker = td["objects"][:, 0, :3].clone(), Poker(env)
     for _ in range(50):
