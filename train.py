@@ -23,7 +23,7 @@ from core.platform_tuning import lean_imports
 from core.plugins import search_words, take_config_dir
 from core.program import INTERRUPTED, program
 from core.system import cores
-from trainers.cluster.supervised_run import RunWords, is_supervised, report_end, supervise
+from trainers.cluster.supervised_run import RunWords, is_supervised, ray_errors, report_end, supervise
 from trainers.sweeps.arguments import expand_resume, register_resolvers
 
 if TYPE_CHECKING:
@@ -161,7 +161,8 @@ def main(config: Any) -> dict[str, Any] | None:
             if config.collector.name == "ray" and not is_supervised():
                 supervised(config, folder, [from_hydra(word) for word in job.overrides.task])
                 return None
-            return run(config, folder)
+            with ray_errors():
+                return run(config, folder)
     except SystemExit as end:
         if end.code == INTERRUPTED:  # before the loop, which handles signals
             print("stopped before training began: nothing is saved", flush=True)

@@ -12,12 +12,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from traceback import walk_tb
 from types import FrameType
 
-from core.errors import RunError
+from core.errors import ConfigError, RunError
 from core.stored_config import place_overrides
 from core.system import STOP_SIGNALS, signal_at_parent_death
 
@@ -28,6 +29,29 @@ PAUSE_SECONDS = 1.0  # before the next start
 def is_supervised() -> bool:
     """Whether this process is one that `supervise` started."""
     return FINISHED in os.environ
+
+
+@contextmanager
+def ray_errors() -> Iterator[None]:
+    """Within this block, an error that Ray raises itself, such as of a head that has died, is one line.
+
+    The supervising process then starts the run again.
+    """
+    try:
+        yield
+    except (ConfigError, RunError):
+        raise
+    except Exception as error:
+        if not _is_of_ray(error):
+            raise
+        os.environ.pop(FINISHED, None)  # this is no orderly end
+        raise RunError(f"Ray has ended: {' '.join(str(error).split())[:300]}") from None
+
+
+def _is_of_ray(error: BaseException) -> bool:
+    """Whether an error was raised in Ray's code."""
+    frames = walk_tb(error.__traceback__)
+    return any(str(frame.f_globals.get("__name__")).partition(".")[0] == "ray" for frame, _ in frames)
 
 
 def report_end() -> None:

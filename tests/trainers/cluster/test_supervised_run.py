@@ -88,3 +88,39 @@ def test_a_signal_is_sent_on_once_and_its_code_returned(tmp_path):
     threading.Thread(target=stop).start()
     assert supervise(path, RunWords([], tmp_path), 2) == 143
     assert len(starts(tmp_path)) == 1
+
+
+def test_an_error_that_ray_raises_is_one_line_and_no_orderly_end(monkeypatch):
+    def fail(text):
+        raise RuntimeError(text)
+
+    of_ray: dict = {"__name__": "ray._private.node"}
+    exec("def fail(text):\n    raise RuntimeError(text)", of_ray)
+    read, write = os.pipe()
+    monkeypatch.setenv(supervised_run.FINISHED, str(write))
+    with pytest.raises(RuntimeError, match="ours"), supervised_run.ray_errors():
+        fail("ours")
+    with pytest.raises(RunError, match="^Ray has ended: Timed out waiting$"), supervised_run.ray_errors():
+        of_ray["fail"]("Timed out\nwaiting")
+    supervised_run.report_end()
+    os.close(write)
+    assert os.read(read, 1) == b""
+    os.close(read)
+
+
+@pytest.mark.slow
+def test_a_run_goes_on_whatever_of_ray_is_killed(tmp_path, request):
+    """The raylet, its agent and the head at random moments, before and after the first batch."""
+    if not request.config.getoption("--thorough"):
+        pytest.skip("each of the 20 tries starts Ray twice: --thorough")
+    from random import Random
+
+    from tests.helpers.ray_faults import killed_run
+
+    rng = Random(0)
+    for index in range(20):
+        what = ("raylet/raylet ", "agent.py", "gcs_server")[index % 3]
+        done = killed_run(tmp_path / str(index), what, rows=rng.choice((-1, 0, 1, 3)))
+        assert done.returncode in (0, 1), (what, done.stderr[-500:])
+        assert done.returncode == 0 or "error: " in done.stderr, (what, done.stderr[-500:])
+        assert (tmp_path / str(index) / "checkpoints" / "last.pt").is_file(), what
