@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 import hydra
 
 from core.command_line import check_run
-from core.composition import quoted, raised_by_hydra, with_choices
+from core.composition import quoted, raised_by_hydra, split_run_folder, with_choices
 from core.machine_limits import require_threads
 from core.overrides import apply
 from core.path_keys import escaped, from_hydra
@@ -29,6 +29,9 @@ from trainers.sweeps.arguments import expand_resume, register_resolvers
 if TYPE_CHECKING:
     from envs.config import EnvConfig
     from envs.workspace_env import WorkspaceEnv
+
+
+OWN_FOLDER: dict[str, Path | None] = {"run": None}  # a folder of the run that Hydra is not told, by `split_run_folder`
 
 
 def build_env(
@@ -93,7 +96,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
                 make_env=partial(build_env, env_config, labelled=training.algo.imitates),
                 make_eval_env=partial(build_env, env_config.without_curriculum()),
                 folder=folder,
-                config=cast(Any, OmegaConf.to_container(config, resolve=True)),
+                config=saved_config(config),
                 vocabulary=list(Tokenizer.default().vocabulary),
                 resume=find(Path(config.resume)) if config.resume else None,
                 init=find(Path(training.run.init), key="init") if training.run.init and not config.resume else None,
@@ -101,6 +104,14 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
                 progress=progress,
                 on_result=lambda result: print(summary(result, folder), flush=True),
             )
+
+
+def saved_config(config: Any) -> dict[str, Any]:
+    """Return a composed config as a checkpoint holds it: plain, and without the places that the run began with."""
+    from omegaconf import OmegaConf
+
+    plain = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
+    return plain | {"resume": None, "init": None}
 
 
 def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
@@ -145,7 +156,7 @@ def main(config: Any) -> dict[str, Any] | None:
     from hydra.types import RunMode
 
     job = HydraConfig.get()
-    hydra_folder = folder = Path(job.runtime.output_dir)
+    hydra_folder = folder = OWN_FOLDER["run"] or Path(job.runtime.output_dir)
     if job.mode == RunMode.MULTIRUN:
         from trainers.sweeps.job import run_job
 
@@ -196,6 +207,7 @@ def cli(words: Sequence[str] | None = None) -> None:
         register_resolvers()
         words = expand_resume(take_config_dir(sys.argv[1:] if words is None else words))
         check_run(words)
+        words, OWN_FOLDER["run"] = split_run_folder(words)
         sys.argv[1:] = [*quoted(words), *search_words()]  # Hydra reads them there
         with raised_by_hydra():
             main()

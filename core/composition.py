@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any, cast
 
 from core.errors import ConfigError, did_you_mean
-from core.path_keys import to_hydra
+from core.path_keys import OUTPUTS, escaped, to_hydra
 from core.plugins import ROOT, options_in, own_files, search_words
 
 MAX_RUNS = 10_000  # of a sweep
+FOLDER_RESOLVERS = ("now", "hydra", "tag")  # that the name of an output folder may have, beside keys of the config
 
 
 def groups() -> dict[str, list[str]]:
@@ -51,8 +52,7 @@ def _is_interpolated(name: str) -> bool:
     """Whether `${name}` or `${name:...}` in the name of an output folder is an interpolation."""
     from omegaconf import OmegaConf
 
-    known: Any = OmegaConf.select(composed([])[0], name, default=ROOT) if name != "hydra" else None
-    return known is not ROOT or OmegaConf.has_resolver(name)
+    return name in FOLDER_RESOLVERS or OmegaConf.select(composed([])[0], name, default=ROOT) is not ROOT
 
 
 def parse(words: Sequence[str]) -> list[Any]:
@@ -75,6 +75,24 @@ def parse(words: Sequence[str]) -> list[Any]:
             raise ConfigError(f"{word}: {reason}; overrides are written key=value") from None
         _check_values(overrides[-1])
     return overrides
+
+
+def split_run_folder(words: Sequence[str]) -> tuple[list[str], Path | None]:
+    """Return the words for Hydra, and the folder of the run if its name has a `${` that is no interpolation.
+
+    Hydra, which would read that again as one, is given a folder above it. Raises ConfigError for a sweep.
+    """
+    kept, folder = [], None
+    for word in words:
+        key, _, value = word.partition("=")
+        if key not in OUTPUTS or "\\${" not in escaped(value, _is_interpolated):
+            kept.append(word)
+        elif key == "hydra.run.dir":
+            folder = Path(value).absolute()
+            kept.append(f"{key}={next(each for each in folder.parents if '${' not in str(each))}")
+        else:
+            raise ConfigError(f"{word}: Hydra would replace ${{...}} in the name; give another one")
+    return kept, folder
 
 
 class _Options:

@@ -64,7 +64,11 @@ def escaped(path: str, is_known: Callable[[str], bool] = lambda name: False) -> 
 
     def escape(match: re.Match[str]) -> str:
         name = match[2].partition(":")[0]
-        return match[0] if name and is_known(name) else f"{2 * match[1]}\\{match[0][len(match[1]) :]}"
+        return (
+            match[0]
+            if match[0].endswith("}") and name and is_known(name)
+            else f"{2 * match[1]}\\{match[0][len(match[1]) :]}"
+        )
 
     return INTERPOLATION.sub(escape, path)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from core.command_line import check_run
-from core.composition import composed, output_folder, parse
+from core.composition import composed, output_folder, parse, split_run_folder
 from core.errors import ConfigError
 from core.overrides import apply, first_value
 from core.path_keys import PATH_KEYS, from_hydra, to_hydra, unescaped
@@ -65,3 +65,11 @@ def test_no_path_and_several_paths_of_a_sweep_are_left_to_hydra():
 def test_every_key_that_names_a_file_of_the_machine_is_a_path():
     others = {"device", "logger", "collector.name", "collector.address", "collector.dashboard"}
     assert {*PLACES} - others <= {*PATH_KEYS}
+
+
+def test_hydra_is_not_told_a_folder_whose_name_it_would_replace():
+    words, folder = split_run_folder(["seed=1", "hydra.run.dir=/tmp/a${b}/c"])
+    assert (words, str(folder)) == (["seed=1", "hydra.run.dir=/tmp"], "/tmp/a${b}/c")
+    assert split_run_folder(["hydra.run.dir=runs/${seed}"]) == (["hydra.run.dir=runs/${seed}"], None)
+    with pytest.raises(ConfigError, match=r"hydra\.sweep\.dir=a\$\{b\}: Hydra would replace"):
+        split_run_folder(["hydra.sweep.dir=a${b}"])

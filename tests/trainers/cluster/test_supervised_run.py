@@ -100,7 +100,7 @@ def test_an_error_that_ray_raises_is_one_line_and_no_orderly_end(monkeypatch):
     monkeypatch.setenv(supervised_run.FINISHED, str(write))
     with pytest.raises(RuntimeError, match="ours"), supervised_run.ray_errors():
         fail("ours")
-    with pytest.raises(RunError, match="^Ray has ended: Timed out waiting$"), supervised_run.ray_errors():
+    with pytest.raises(RunError, match=r"^Ray has ended: Timed out waiting$"), supervised_run.ray_errors():
         of_ray["fail"]("Timed out\nwaiting")
     supervised_run.report_end()
     os.close(write)
