@@ -211,7 +211,8 @@ def _yaml_error(error: Exception) -> str | None:
     from yaml import MarkedYAMLError, YAMLError
 
     if isinstance(error, UnicodeDecodeError):
-        file = next((path for path in ROOT.rglob("*.yaml") if path.read_bytes() == error.object), ROOT)
+        files = [*ROOT.rglob("*.yaml"), *(Path(path) for path, _ in own_files())]
+        file = next((path for path in files if path.is_file() and path.read_bytes() == error.object), ROOT)
         return f"{file} is not UTF-8 text: {error.reason} at byte {error.start}"
     if isinstance(error, MarkedYAMLError) and error.problem_mark is not None:
         mark = error.problem_mark
