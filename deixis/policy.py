@@ -12,6 +12,7 @@ from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
+from core.errors import UseError
 from core.overrides import apply
 from envs.config import read_env
 from envs.workspace_env import WorkspaceEnv
@@ -77,7 +78,16 @@ class LoadedPolicy(TensorDictModuleBase):
 
     @torch.no_grad()
     def forward(self, observation: TensorDictBase) -> TensorDictBase:
-        """Write `action` (N, A), in [-1, 1], to an observation (N,) of the environment, and return it."""
+        """Write `action` (N, A), in [-1, 1], to an observation (N,) of the environment, and return it.
+
+        Raises UseError for an observation of another kind, such as that of the Gymnasium interface.
+        """
+        missing = [str(key) for key in self.in_keys if key not in observation.keys(True)]
+        if missing:
+            raise UseError(
+                f"the policy reads {', '.join(missing)}, which this observation lacks: it acts in what its make_env() "
+                "builds; an observation of the Gymnasium interface has fewer keys"
+            )
         kind = ExplorationType.DETERMINISTIC if self.deterministic else ExplorationType.RANDOM
         with set_exploration_type(kind):
             acted = self._actor(observation.select(*self.in_keys))

@@ -3,13 +3,15 @@
 import re
 from pathlib import Path
 
+import gymnasium
 import pytest
 import torch
+from tensordict import TensorDict
 
 import deixis
 import envs
 import language
-from core.errors import ConfigError
+from core.errors import ConfigError, UseError
 from trainers.export.policy_file import names
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,6 +30,15 @@ def rollout(policy, seed=0, steps=100):
         return env.rollout(steps, policy, break_when_any_done=False)
     finally:
         env.close()
+
+
+def test_an_observation_of_the_gymnasium_interface_is_refused_with_the_reason(policy):
+    env = gymnasium.make("Deixis/NLReach-v0")
+    observation, _ = env.reset(seed=0)
+    env.close()
+    frame = TensorDict({key: torch.as_tensor(value)[None] for key, value in observation.items()}, [1])
+    with pytest.raises(UseError, match=r"the policy reads hold, which this observation lacks"):
+        policy(frame)
 
 
 @pytest.mark.slow
