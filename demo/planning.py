@@ -336,10 +336,9 @@ class SubtaskPlanner:
             return ObjectPhrase(determiner="that")
         if phrase is not None and (phrase.kind in self._config.kinds or self._env.task.points):
             return phrase
-        if self._env.task.verbs or self.names_later:
-            plain = room.plain_phrase(scene, index)
-            if plain is not None and plain.kind in self._config.kinds:
-                return plain
+        plain = room.plain_phrase(scene, index)  # as in an answer or a correction, which say no whole instruction
+        if plain is not None and plain.kind in self._config.kinds:
+            return plain
         if self._config.kinds and self._describer.nameable(scene)[index]:
             return self._describer.phrase(scene, index, self._rng)
         if phrase is not None and phrase.determiner == "the":

@@ -135,10 +135,10 @@ class PageTab:
         return Path(download.value.path()).read_bytes()
 
     def object_names(self) -> list[str]:
-        """Return the names of the scene's objects (two or more), which the page asks after an ambiguous sentence."""
+        """Return the names of the scene's objects (two or three), which the page asks after an ambiguous sentence."""
         self.type_sentence("reach the object")
-        question = re.search(r"Do you mean (.*)\?", self.wait_for_text("Do you mean"))
-        return re.split(" or ", question[1])  # type: ignore[index]
+        question = re.search(r"Do you mean (.*), or something else\?", self.wait_for_text("Do you mean"))
+        return question[1].split(", ")  # type: ignore[index]
 
     def clock(self) -> float:
         """Return the speed of the session's clock, as a share of real time, as the page shows it."""

@@ -85,7 +85,7 @@ def test_commands_on_the_board_are_carried_out_and_the_page_tells_whose_left_is_
         page.wait_for_text("left and right are the robot's")
         example = page.wait_for_text("^Try: ").removeprefix("Try: ")
         assert page.say_and_wait(example) == "Done in"
-        page.wait_for_text("understood: take")
+        page.wait_for_text("understood: lift")
         page.say("reach the red cube")
         page.wait_for_text("moves nothing on a board")
 
@@ -137,7 +137,7 @@ def test_a_sentence_is_interpreted_while_typed_and_done_on_enter(page):
 
 def test_nonsense_gets_a_message_and_its_html_is_escaped(page):
     page.say("<img src=x onerror=alert(1)> jump")
-    page.wait_for_text("is not understood")
+    page.wait_for_text("I do not know the words 'img")
     assert page.tab.locator("img[src=x]").count() == 0
 
 

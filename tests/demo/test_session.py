@@ -66,6 +66,15 @@ def test_a_correction_takes_effect_at_the_next_step(reaching):
     assert is_at(reaching, 1)
 
 
+def test_the_policy_hears_the_plain_name_of_what_answers_and_corrections_name(reaching):
+    names = reaching.object_names()
+    for sentence in (f"reach {names[0]}", f"no, {names[1]}", "reach the object", names[2]):
+        reaching.say(sentence)
+    assert reaching.view.policy_sentence == f"reach {names[2]}"
+    reaching.say(f"no, {names[1]}")
+    assert reaching.view.policy_sentence == f"reach {names[1]}"
+
+
 def test_a_sentence_that_is_not_understood_stops_nothing(reaching):
     reaching.say(f"reach {reaching.object_names()[0]}")
     assert not isinstance(reaching.say("reach the elephant"), Plan)

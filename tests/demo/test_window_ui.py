@@ -59,8 +59,8 @@ def test_a_sentence_is_typed_edited_and_done(session):
 
 def test_an_error_message_stays_until_the_next_action(session):
     display = run_keys(session, "jump", ["enter"], [], ["f1"])
-    assert any("is not understood" in line for line in display.pages[2])
-    assert not any("is not understood" in line for line in display.pages[3])
+    assert any("I cannot jump" in line for line in display.pages[2])
+    assert not any("I cannot jump" in line for line in display.pages[3])
     assert not session.busy
 
 

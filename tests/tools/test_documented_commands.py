@@ -37,7 +37,7 @@ def test_every_command_is_run_or_has_a_skip_reason():
 def test_every_fence_has_a_known_language():
     for page in pages():
         languages = re.findall(r"^```(\w*)$", page.read_text("utf-8"), re.MULTILINE)[::2]
-        assert set(languages) <= {"", "console", "python", "yaml", "diff"}, page
+        assert set(languages) <= {"", "console", "python", "yaml", "toml", "diff"}, page
 
 
 def test_a_line_that_is_not_a_command_is_refused(tmp_path, monkeypatch):
