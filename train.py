@@ -7,7 +7,8 @@ packages. Modules that are slow to import are imported where they are used.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -21,7 +22,7 @@ from core.overrides import apply
 from core.path_keys import escaped, from_hydra
 from core.platform_tuning import lean_imports
 from core.plugins import search_words, take_config_dir
-from core.program import INTERRUPTED, program
+from core.program import program
 from core.system import cores
 from trainers.cluster.supervised_run import RunWords, is_supervised, ray_errors, report_end, supervise
 from trainers.sweeps.arguments import expand_resume, register_resolvers
@@ -133,6 +134,16 @@ def resumed(path: str, overrides: list[str]) -> tuple[Any, Path | None]:
     return config, file.parent.parent if file.parent.name == "checkpoints" else None
 
 
+@contextmanager
+def said_when_interrupted() -> Iterator[None]:
+    """Within this block, Ctrl-C before the training loop, which handles signals itself, says that nothing is saved."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print("stopped before training began: nothing is saved", flush=True)
+        raise
+
+
 def supervised(config: Any, folder: Path, words: Sequence[str]) -> None:
     """Train on a Ray cluster in a process of its own. Exits with its code if that is not 0. Raises RunError.
 
@@ -163,7 +174,7 @@ def main(config: Any) -> dict[str, Any] | None:
         run_job(Path(__file__), config, list(job.overrides.task), folder, job.runtime.choices["hydra/launcher"])
         return None
     try:
-        with program():  # here: Hydra would add lines of its own
+        with program(), said_when_interrupted():  # here: Hydra would add lines of its own
             if config.resume:
                 config, own_folder = resumed(config.resume, [from_hydra(word) for word in job.overrides.task])
                 folder = own_folder or hydra_folder
@@ -174,10 +185,6 @@ def main(config: Any) -> dict[str, Any] | None:
                 return None
             with ray_errors():
                 return run(config, folder)
-    except SystemExit as end:
-        if end.code == INTERRUPTED:  # before the loop, which handles signals
-            print("stopped before training began: nothing is saved", flush=True)
-        raise
     finally:
         report_end()
         if hydra_folder.is_dir() and not any(hydra_folder.iterdir()):
