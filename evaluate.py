@@ -44,7 +44,7 @@ from typing import TYPE_CHECKING, Any
 
 from core.command_line import check_file, split
 from core.errors import ConfigError
-from core.machine_limits import require_threads
+from core.machine_limits import require_docstrings, require_threads
 from core.overrides import apply
 from core.program import run_program
 from core.schema import Checked, any_path, one_of, read, within
@@ -131,6 +131,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
     Raises:
         ConfigError: for bad input.
     """
+    require_docstrings()
     require_threads(2 * cores())
     config, overrides = parse(arguments)
 

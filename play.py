@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 
 from core.command_line import check_file
 from core.errors import ConfigError
+from core.machine_limits import require_docstrings
 from core.plugins import take_config_dir
 from core.program import help_text, program
 
@@ -63,6 +64,7 @@ def cli(words: Sequence[str] | None = None) -> None:
 def main(words: Sequence[str]) -> None:
     """Serve the page, open the window or write the video. Raises ConfigError for bad input."""
     args = parser().parse_args(words)
+    require_docstrings()
     if (args.headless is None) != (args.say is None):
         raise ConfigError("--headless and --say belong together: --headless out.mp4 --say 'reach the red cube'")
     if args.gui and args.headless is not None:

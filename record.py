@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 from core.command_line import check_folder, split
 from core.errors import ConfigError
-from core.machine_limits import require_threads
+from core.machine_limits import require_docstrings, require_threads
 from core.overrides import apply, check, compose
 from core.program import run_program
 from core.schema import Checked, any_path, one_of, read, within
@@ -89,6 +89,7 @@ def parse(arguments: list[str]) -> tuple[RecordConfig, list[str]]:
 
 def main(arguments: list[str]) -> None:
     """Record or replay episodes, and print the result. Raises ConfigError."""
+    require_docstrings()
     require_threads(2 * cores())
     config, overrides = parse(arguments)
     if config.replay:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 import shutil
+import sys
 import tempfile
 import threading
 from contextlib import suppress
@@ -34,6 +35,14 @@ def require_files(count: int) -> None:
         raise ConfigError(
             f"{count} open files are needed, and {soft} are allowed: raise the limit (ulimit -n {count}), or give "
             "fewer collector.workers"
+        )
+
+
+def require_docstrings() -> None:
+    """Check that Python keeps docstrings: TensorDict joins some when it is imported."""
+    if sys.flags.optimize > 1:
+        raise ConfigError(
+            "python -OO leaves out docstrings, without which TensorDict cannot be imported: use python -O"
         )
 
 

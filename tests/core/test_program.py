@@ -47,6 +47,9 @@ def test_help_is_printed_without_docstrings(request):
     for words in HELP if request.config.getoption("--thorough") else HELP[:1]:
         assert "None" not in (text := shell(words, "-OO").stdout)
         assert len(text) > 300
+    done = shell("evaluate.py checkpoint=nl_reach_kuka", "-OO")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "error: python -OO leaves out docstrings" in done.stderr
 
 
 def test_the_help_of_a_program_is_the_docstring_of_its_file():

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from core.machine_limits import require_disk, require_files, require_shared_memory, require_threads
+from core.machine_limits import require_disk, require_docstrings, require_files, require_shared_memory, require_threads
 from core.system import cores
 from trainers.config import TrainingConfig, frames_per_batch, uses_processes, workers
 
@@ -25,6 +25,7 @@ MOMENTS = 3  # size of a checkpoint with the optimizer's moments over that of th
 def check_start(training: TrainingConfig, folder: Path) -> None:
     """Check what is known from the config alone, before anything slow is imported. Raises ConfigError."""
     count = workers(training.collector) if uses_processes(training.collector) else 0
+    require_docstrings()
     require_threads(2 * cores() + 2 + 2 * count)
     require_files(FILES + WORKER_FILES * count if count else FILES_ALONE)
     if count:
