@@ -131,7 +131,7 @@ def with_collisions(tmp_path, meshes, elements, link="lbr_iiwa_link_3", rename=N
     return config
 
 
-@pytest.mark.parametrize("name", some(LINKS, 5))
+@pytest.mark.parametrize("name", some(LINKS, 4))
 def test_collision_meshes_of_a_link_are_where_bullet_has_them(tmp_path, meshes, name):
     check_as_bullets_own(with_collisions(tmp_path, meshes, LINKS[name]))
 

@@ -98,7 +98,7 @@ URDFS = {
 }
 
 
-@pytest.mark.parametrize("name", some(URDFS, 9))
+@pytest.mark.parametrize("name", some(URDFS, 6))
 def test_a_urdf_with_which_the_arm_cannot_work_is_refused_with_the_reason(tmp_path, name):
     robot, change, message = URDFS[name]
     with pytest.raises(ConfigError, match=re.escape(message)):
@@ -123,7 +123,7 @@ FIELDS = {
 }
 
 
-@pytest.mark.parametrize("name", some(FIELDS, 7))
+@pytest.mark.parametrize("name", some(FIELDS, 5))
 def test_a_config_with_which_the_arm_cannot_work_is_refused_with_the_reason(tmp_path, name):
     robot, fields, message = FIELDS[name]
     with pytest.raises(ConfigError, match=re.escape(message)):

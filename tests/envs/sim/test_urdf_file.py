@@ -38,7 +38,7 @@ BULLET_READS = {
 }
 
 
-@pytest.mark.parametrize("name", some(BULLET_READS, 6))
+@pytest.mark.parametrize("name", some(BULLET_READS, 4))
 def test_what_bullet_reads_is_read_and_joints_that_are_not_used_are_fixed(tmp_path, name):
     config = own_robot(tmp_path, "kuka", BULLET_READS[name], **SIX)
     client = bullet.connect(bullet.DIRECT)
@@ -92,7 +92,7 @@ SENTENCES = {
 }
 
 
-@pytest.mark.parametrize("name", some(SENTENCES, 7))
+@pytest.mark.parametrize("name", some(SENTENCES, 5))
 def test_a_file_that_cannot_be_loaded_gets_one_sentence_with_the_reason(tmp_path, name):
     change, message = SENTENCES[name]
     config = own_robot(tmp_path, "kuka", change)
