@@ -62,7 +62,7 @@ def markdown_text(text: str) -> str:
     """Return text as Markdown that shows it: on one line, and without HTML, links, images or emphasis of its own."""
     line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     line = re.sub(r"&(?=#?\w+;)|<(?=[A-Za-z/!?])", lambda match: escape(match[0]), line)
-    line = re.sub(r"^[#>+=-]|[\\`*|]|\[(?=[^\]]*\][(\[:])", r"\\\g<0>", line)
+    line = re.sub(r"^(?!-$)[#>+=-]|[\\`*|]|\[(?=[^\]]*\][(\[:])", r"\\\g<0>", line)
     return re.sub(r"(?<=\w)://|(?<=www)\.", lambda match: match[0].replace(":", "&#58;").replace(".", "&#46;"), line)
 
 

@@ -39,17 +39,17 @@ def test_minari_rebuilds_the_environment_and_its_states(recordings, recorded_epi
 def test_images_show_the_episode_and_do_not_change_it(tmp_path):
     few = ["expert=true", "episodes=1", "workspace.camera.width=65", "workspace.camera.height=48", "camera=true"]
     for form in FORMATS:
-        record.main([*few, f"format={form}", f"out={tmp_path / form}"])
-        record.main([f"replay={tmp_path / form}"])  # in a world without anything to be drawn
-    (episode,) = minari.MinariDataset(tmp_path / "minari" / "data").iterate_episodes()
+        record.main([*few, f"format={form}", f"out={tmp_path / form}-v0"])
+        record.main([f"replay={tmp_path / form}-v0"])  # in a world without anything to be drawn
+    (episode,) = minari.MinariDataset(tmp_path / "minari-v0" / "data").iterate_episodes()
     pictures = episode.observations["camera"]
     assert pictures.shape == (len(episode) + 1, 48, 65, 3)
     assert abs(pictures[0].astype(int) - pictures[-1]).max() > 50  # the arm has moved
-    (path,) = (tmp_path / "lerobot").rglob("*.mp4")
+    (path,) = (tmp_path / "lerobot-v0").rglob("*.mp4")
     film = imageio.imread(path)
     assert film.shape == (len(episode), 48, 64, 3)
     assert abs(film.astype(int) - pictures[:-1, :, :64]).mean() < 6
     (feature,) = [
-        f for f in json.loads((tmp_path / "lerobot/meta/info.json").read_text())["features"].values() if "info" in f
+        f for f in json.loads((tmp_path / "lerobot-v0/meta/info.json").read_text())["features"].values() if "info" in f
     ]
     assert feature["shape"] == [48, 64, 3]
