@@ -106,8 +106,6 @@ def _entry(folder: Path, name: str, make: Make) -> Path:
             os.utime(entry)  # its last use
         return entry
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if entry.exists():  # in part
-        shutil.rmtree(entry, ignore_errors=True)
     unfinished = Path(tempfile.mkdtemp(dir=folder, prefix=MAKING))
     try:
         make(unfinished)
@@ -116,19 +114,28 @@ def _entry(folder: Path, name: str, make: Make) -> Path:
             unfinished.rename(entry)
         except OSError:
             if not _is_whole(entry):  # otherwise another process was first
-                raise
+                _complete(entry, unfinished)
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
     _shrink(folder, entry)
     return entry
 
 
+def _complete(entry: Path, made: Path) -> None:
+    """Replace the files of an entry that was deleted in part, one by one: others may be reading, or do the same."""
+    for name in [*_names(made), MANIFEST]:
+        (made / name).replace(entry / name)
+
+
+def _names(entry: Path) -> list[str]:
+    return (entry / MANIFEST).read_text(encoding="utf-8").split("\n")
+
+
 def _is_whole(entry: Path) -> bool:
     try:
-        names = (entry / MANIFEST).read_text(encoding="utf-8").split("\n")
+        return all((entry / name).is_file() for name in _names(entry))
     except OSError:
         return False
-    return all((entry / name).is_file() for name in names)
 
 
 def _check_owner(folder: Path) -> None:

@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -129,19 +129,41 @@ def test_another_process_that_makes_the_same_first_is_no_error(home, mesh):
     assert (cached_folder("hull", [mesh], late) / "hull.obj").read_text() == "hull 1"
 
 
-def test_many_threads_get_the_same_whole_entry(home, mesh):
-    found, make = [], Maker(size=100_000)
+@pytest.fixture
+def restless_threads():
+    """Let threads take turns after nearly every instruction."""
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(interval)
 
-    def get():
-        found.append((cached_folder("hull", [mesh], make) / "hull.obj").stat().st_size)
 
-    threads = [threading.Thread(target=get) for _ in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert found == [100_006] * 8
-    assert len(list(home.iterdir())) == 1
+@pytest.mark.usefixtures("restless_threads")
+def test_many_threads_get_the_same_whole_entry(home):
+    make = Maker(size=100_000)
+    rounds = range(25)
+
+    def sizes(name):
+        with ThreadPoolExecutor(8) as threads:
+            entries = [threads.submit(cached_folder, "hull", [name], make) for _ in range(8)]
+            return [(entry.result() / "hull.obj").stat().st_size > 100_000 for entry in entries]
+
+    assert all(all(sizes(str(number))) for number in rounds)
+    assert len(list(home.iterdir())) == len(rounds)
+
+
+@pytest.mark.usefixtures("restless_threads")
+def test_threads_that_complete_an_entry_do_not_take_it_from_each_other(home, mesh):
+    make = Maker()
+    entry = cached_folder("hull", [mesh], make)
+    (entry / "hull.obj").unlink()
+
+    def get(_):
+        return (cached_folder("hull", [mesh], make) / "hull.obj").read_text()
+
+    with ThreadPoolExecutor(8) as threads:
+        assert all(text.startswith("hull") for text in threads.map(get, range(50)))
+    assert list(home.iterdir()) == [entry]
 
 
 def test_two_processes_share_an_entry(home, mesh):
