@@ -5,7 +5,6 @@ the robot's base on the table top, x away from the robot, y to the robot's left,
 """
 
 from language.colors import COLORS, RGBA, SEE_THROUGH, Color, color_name, color_table, draw_colors, rgba
-from language.counting import count
 from language.describing import DEFAULT_KINDS, Describer, describe
 from language.dialogue import Dialogue
 from language.errors import LanguageError, NothingFits, NotUnderstood, SeveralFit
@@ -13,6 +12,7 @@ from language.generator import KINDS
 from language.grounding import ground, matches
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase, say
 from language.interpreting import interpret
+from language.lexicon import count
 from language.meanings import Gesture
 from language.objects import DEVICES, FITTINGS, HAND, NOUNS, ROLES, SHAPES, SIZES, Object, Scene
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step

@@ -10,7 +10,7 @@ from language.cli import INVALID_INPUT, main
 
 
 def run() -> int:
-    """Runs the command and returns the exit code of the process."""
+    """Run the command and returns the exit code of the process."""
     with program(failed=INVALID_INPUT):
         for stream, errors in ((sys.stdin, "replace"), (sys.stdout, "backslashreplace")):
             if isinstance(stream, io.TextIOWrapper):  # undecodable characters are replaced

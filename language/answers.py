@@ -27,7 +27,7 @@ class CommandLine:
     """
 
     def __init__(self, named: NamedScene | None, pointed: Sequence[int] = ()) -> None:
-        """Starts the dialogue.
+        """Start the dialogue.
 
         named: the scene; None: sentences are parsed without a scene.
         pointed: the referent of each gesture, in order.
@@ -37,7 +37,7 @@ class CommandLine:
         self._precise, self._wide = "", Dialogue()
 
     def answer(self, sentence: str) -> Answer:
-        """Returns the steps that the sentence asks for, or the error.
+        """Return the steps that the sentence asks for, or the error.
 
         A sentence outside the precise grammar is interpreted as a command that people write, if there is a scene.
         """
@@ -49,7 +49,7 @@ class CommandLine:
             return self._widely(sentence, error)
 
     def _widely(self, sentence: str, error: NotUnderstood | NothingFits | SeveralFit) -> Answer:
-        """Returns the answer of the wide grammar, or the error of the precise one if that says more."""
+        """Return the answer of the wide grammar, or the error of the precise one if that says more."""
         told = _error(error, self._named)
         if self._named is None or isinstance(error, SeveralFit):
             return told
@@ -71,7 +71,7 @@ class CommandLine:
 
 
 def outcome_as_answer(outcome: Outcome, named: NamedScene) -> Answer:
-    """Returns an outcome of people's words.
+    """Return an outcome of people's words.
 
     "outcome" is "plan", "question", "refusal", "answer" or "control"; questions and refusals have "error", as other
     answers. "span" is the part of the sentence that it is about, in characters; "candidates" are ids of objects;
@@ -105,7 +105,7 @@ def _step(step: Step, named: NamedScene) -> Answer:
 
 
 def grounded(understood: Understood, named: NamedScene) -> Answer:
-    """Returns the steps with the ids of their objects; the first step is repeated at the top level."""
+    """Return the steps with the ids of their objects; the first step is repeated at the top level."""
     steps = [
         {
             "task": step.task,
@@ -120,7 +120,7 @@ def grounded(understood: Understood, named: NamedScene) -> Answer:
 
 
 def _tree(meaning: Meaning) -> Answer:
-    """Returns the steps with the phrases of their objects and places; without a scene these have no ids."""
+    """Return the steps with the phrases of their objects and places; without a scene these have no ids."""
     if isinstance(meaning, Correction):
         phrases = {"object": meaning.phrase, "place": meaning.goal, "rejected": meaning.rejected}
         return {"task": None, **{key: said and say(said) for key, said in phrases.items()}, "steps": []}
@@ -142,7 +142,7 @@ def _error(error: NotUnderstood | NothingFits | SeveralFit, named: NamedScene | 
 
 
 def as_text(answer: Answer, understood: Understood | None) -> str:
-    """Returns the steps of an answer without error as lines, in the scene with the sentence of each step."""
+    """Return the steps of an answer without error as lines, in the scene with the sentence of each step."""
     if "outcome" in answer:
         return _understood_as_text(answer)
     if not answer["steps"]:
@@ -154,7 +154,7 @@ def as_text(answer: Answer, understood: Understood | None) -> str:
 
 
 def _understood_as_text(answer: Answer) -> str:
-    """Returns the steps of the wide grammar as lines."""
+    """Return the steps of the wide grammar as lines."""
     if "confidence" not in answer:
         return answer.get("message") or f"control: {answer['control']}"
     lines = [f"understood, confidence {answer['confidence']:.2f}", *(f"    {_pairs(step)}" for step in answer["steps"])]
@@ -167,7 +167,7 @@ def _pairs(said: Answer) -> str:
 
 
 def error_as_text(answer: Answer, sentence: str) -> str:
-    """Returns the sentence, carets under the part in question, the message, and candidates or suggestions."""
+    """Return the sentence, carets under the part in question, the message, and candidates or suggestions."""
     kind = "question" if answer["error"] == "question" else "error"
     start, end = answer.get("span", (answer["position"],) * 2)
     lines = [*underlined(sentence, start, end), f"{kind}: {answer['message']}"]
@@ -178,7 +178,7 @@ def error_as_text(answer: Answer, sentence: str) -> str:
 
 
 def underlined(sentence: str, position: int, end: int = 0) -> tuple[str, str]:
-    """Returns the sentence around the position, without control characters, and a line with carets under it.
+    """Return the sentence around the position, without control characters, and a line with carets under it.
 
     end: of what is underlined, in characters; at least the character at the position is.
     """

@@ -45,7 +45,7 @@ class NounPhrases:
         self._lattice, self._get = lattice, lattice.get
 
     def at(self, start: int) -> list[Item]:
-        """Returns the noun phrases that begin at a token, after a gap."""
+        """Return the noun phrases that begin at a token, after a gap."""
         found: list[Item] = []
         drafts = [_Draft(gap.end, {}, gap.cost, gap.skipped) for gap in self._lattice.gaps(start)]
         while drafts:
@@ -66,7 +66,7 @@ class NounPhrases:
         return [_Draft(draft.at + 1, draft.known, draft.cost + cost, draft.skipped | (1 << draft.at if cost else 0))]
 
     def _extended(self, draft: _Draft) -> list[_Draft]:
-        """Returns the drafts with one more modifier."""
+        """Return the drafts with one more modifier."""
         found = []
         for edge in self._get(draft.at, "pointing") if not draft.known else ():
             found.append(_Draft(edge.end, {"pointed": draft.at}, draft.cost + costs.POINTED, draft.skipped))
@@ -100,7 +100,7 @@ class NounPhrases:
         return found
 
     def _ended(self, draft: _Draft, start: int) -> list[Item]:
-        """Returns the phrases that end with the noun at the draft's token, or without a noun."""
+        """Return the phrases that end with the noun at the draft's token, or without a noun."""
         found = []
         at, known = draft.at, draft.known
         for edge in self._get(at, "noun"):
@@ -173,7 +173,7 @@ class NounPhrases:
 
 
 def _modified(known: dict[str, Any], category: str, value: Any) -> dict[str, Any] | None:
-    """Returns the fields so far with one more modifier; None if they have it already."""
+    """Return the fields so far with one more modifier; None if they have it already."""
     key = {"both": "number", "last": "ordinal", "vacant": "exposed"}.get(category, category)
     if key in known:
         return None
@@ -191,7 +191,7 @@ def _modified(known: dict[str, Any], category: str, value: Any) -> dict[str, Any
 
 
 def _several(draft: _Draft, end: int, cost: float, start: int) -> Item:
-    """Returns the list that several colours before one noun mean: "the red and blue cubes"."""
+    """Return the list that several colours before one noun mean: "the red and blue cubes"."""
     fields = {name: value for name, value in draft.known.items() if name not in ("colors", "plural", "every", "number")}
     span = (start, end)
     parts = tuple(Entity("thing", **fields, colors=(meant,), span=span) for meant in draft.known["colors"])
@@ -218,7 +218,7 @@ class Chart:
         self._noun_phrases = NounPhrases(lattice)
 
     def entities(self, start: int) -> list[Item]:
-        """Returns the phrases for things and regions that begin at a token, with every attachment of relations."""
+        """Return the phrases for things and regions that begin at a token, with every attachment of relations."""
         if start not in self._entities:
             self._entities[start] = []  # a phrase never contains itself
             complete = [self._judged(item) for item in self._noun_phrases.at(start)]
@@ -248,14 +248,14 @@ class Chart:
         ]
 
     def _further(self, item: Item) -> list[Item]:
-        """Returns the relations after "and": "left of the ball and behind the cube"."""
+        """Return the relations after "and": "left of the ball and behind the cube"."""
         end = item.end
         if not item.value.relations or end >= len(self.lattice) or self.lattice.tokens[end].text not in ("and", "but"):
             return []
         return [found._replace(cost=found.cost + 0.2) for found in self.relations(end + 1)]
 
     def _bare_regions(self, item: Item) -> list[Item]:
-        """Returns regions that follow a thing without a preposition: "the red cube left edge"."""
+        """Return regions that follow a thing without a preposition: "the red cube left edge"."""
         if item.value.kind not in ("thing", "stack"):
             return []
         cost = costs.REGION_WITHOUT_PREPOSITION
@@ -277,7 +277,7 @@ class Chart:
         return item._replace(cost=item.cost + cost) if cost else item
 
     def _best(self, items: list[Item]) -> list[Item]:
-        """Returns the cheapest items of each span."""
+        """Return the cheapest items of each span."""
         spans: dict[int, list[Item]] = {}
         for item in sorted(items, key=lambda item: item.cost):
             kept = spans.setdefault(item.end, [])
@@ -286,7 +286,7 @@ class Chart:
         return [item for kept in spans.values() for item in kept]
 
     def relations(self, start: int) -> list[Item]:
-        """Returns the relations with their anchors that begin at a token."""
+        """Return the relations with their anchors that begin at a token."""
         if start not in self._relations:
             self._relations[start] = []
             found: list[Item] = []
@@ -355,7 +355,7 @@ class Chart:
         return found
 
     def _measured(self, start: int) -> list[Item]:
-        """Returns relations after a length: "two squares to the left of the cube", "3 cm back"."""
+        """Return relations after a length: "two squares to the left of the cube", "3 cm back"."""
         found = []
         for measure in self.measure(start):
             for item in self._plain(measure.end):
@@ -368,11 +368,11 @@ class Chart:
         return found
 
     def anchored(self, start: int) -> list[Item]:
-        """Returns the entities that may follow a preposition."""
+        """Return the entities that may follow a preposition."""
         return self.entities(start)
 
     def measure(self, start: int) -> list[Item]:
-        """Returns the lengths that begin at a token."""
+        """Return the lengths that begin at a token."""
         found = [Item(edge.end, Measure(1.0, "bit"), edge.cost) for edge in self.lattice.get(start, "bit")]
         if start < len(self.lattice) and self.lattice.tokens[start].text == "by":
             found += self.measure(start + 1)
@@ -388,13 +388,13 @@ _FIELDS = tuple(name for name in Entity.__slots__ if name not in ("relations", "
 
 
 def related(entity: Entity, relation: RelationPhrase, end: int) -> Entity:
-    """Returns the entity with one more relation."""
+    """Return the entity with one more relation."""
     fields = {name: getattr(entity, name) for name in _FIELDS}
     return Entity(**fields, relations=(*entity.relations, relation), span=(entity.span[0], end))
 
 
 def odd(relation: RelationPhrase) -> float:
-    """Returns the cost of a preposition that does not go with its anchor."""
+    """Return the cost of a preposition that does not go with its anchor."""
     kind = relation.anchors[0].kind
     thing = kind in ("thing", "stack", "it") and relation.anchors[0].noun not in ENCLOSING
     if relation.name in ("in", "at", "to") and thing:

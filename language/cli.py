@@ -12,10 +12,10 @@ from typing import NoReturn
 import numpy as np
 
 from language.answers import CommandLine, as_text, error_as_text, grounded
-from language.counting import count
 from language.describing import plain_name
 from language.errors import LanguageError
 from language.generator import KINDS, MAX_DEPTH, ReferringExpressions
+from language.lexicon import count
 from language.sampling import Sample, sample
 from language.scene_file import NamedScene, as_entries, read_scene
 from language.splits import Split
@@ -44,14 +44,14 @@ exit codes: 0 success; 2 a sentence that cannot be used, a wrong scene or wrong 
 
 
 class _Parser(argparse.ArgumentParser):
-    """Reports errors in the arguments in one line."""
+    """Report errors in the arguments in one line."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(INVALID_INPUT, f"error: {message}; see {self.prog} --help\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one command and returns its exit code. arguments: None: those of the process."""
+    """Run one command and returns its exit code. arguments: None: those of the process."""
     options = _arguments().parse_args(arguments)
     try:
         return options.command(options)
@@ -119,7 +119,7 @@ def _add_sample(parser: argparse.ArgumentParser) -> None:
 
 
 def _integer(low: int, high: float = math.inf) -> Callable[[str], int]:
-    """Returns an argparse type for whole numbers from low to high."""
+    """Return an argparse type for whole numbers from low to high."""
 
     def read(text: str) -> int:
         wanted = f"a whole number from {low} to {high}" if high < math.inf else f"a whole number of at least {low}"
@@ -131,7 +131,7 @@ def _integer(low: int, high: float = math.inf) -> Callable[[str], int]:
 
 
 def parse_command(options: argparse.Namespace) -> int:
-    """Parses one sentence, or those of standard input."""
+    """Parse one sentence, or those of standard input."""
     named = _scene(options)
     if options.pointed and named is None:
         raise LanguageError("--pointed needs --scene: a gesture singles out an object")
@@ -161,7 +161,7 @@ def _parse_lines(dialogue: CommandLine, lines: Iterable[str]) -> int:
 
 
 def describe_command(options: argparse.Namespace) -> int:
-    """Prints each object's id with its simplest name, or with all of its names."""
+    """Print each object's id with its simplest name, or with all of its names."""
     named = _scene(options)
     assert named is not None
     if not options.json:
@@ -191,7 +191,7 @@ def _names(index: int, name: str, expressions: ReferringExpressions, every: bool
 
 
 def count_command(options: argparse.Namespace) -> int:
-    """Prints the number of different one-step sentences by depth, exact and as a power of ten."""
+    """Print the number of different one-step sentences by depth, exact and as a power of ten."""
     counted = [(depth, count(depth)) for depth in range(MAX_DEPTH + 1)]
     if options.json:
         _print_json([{"depth": depth, "sentences": n, "log10": round(math.log10(n), 2)} for depth, n in counted])
@@ -202,7 +202,7 @@ def count_command(options: argparse.Namespace) -> int:
 
 
 def sample_command(options: argparse.Namespace) -> int:
-    """Prints random sentences, one a line; as JSON with their steps and, if it was sampled, their scene."""
+    """Print random sentences, one a line; as JSON with their steps and, if it was sampled, their scene."""
     named = _scene(options)
     rng = np.random.default_rng(options.seed)
     wording = Wording() if options.varied else None

@@ -36,13 +36,13 @@ COLORS: dict[str, Color] = {
 
 
 def rgba(name: str, see_through: bool = False) -> RGBA:
-    """Returns the colour's red, green, blue and opacity, each in [0, 1]. Raises LanguageError for an unknown name."""
+    """Return the colour's red, green, blue and opacity, each in [0, 1]. Raises LanguageError for an unknown name."""
     check_known("color", name, COLORS)
     return (*COLORS[name].rgb, SEE_THROUGH if see_through else 1.0)
 
 
 def color_name(rgba: Sequence[float] | np.ndarray, nearest: bool = False) -> str:
-    """Returns the name of a colour.
+    """Return the name of a colour.
 
     Args:
         rgba: 4 numbers of any float type; the opacity is 1 or SEE_THROUGH.
@@ -62,14 +62,14 @@ def color_name(rgba: Sequence[float] | np.ndarray, nearest: bool = False) -> str
 
 
 def color_table(see_through: bool = False) -> np.ndarray:
-    """Returns (C, 4) float32, the RGBA of each colour in the order of COLORS, which `Scene.colors` indexes."""
+    """Return (C, 4) float32, the RGBA of each colour in the order of COLORS, which `Scene.colors` indexes."""
     return np.array([rgba(name, see_through) for name in COLORS], dtype=np.float32)
 
 
 def draw_colors(
     rng: np.random.Generator, n: int, replace: bool = True, excluding: Iterable[str] = ()
 ) -> tuple[str, ...]:
-    """Returns n random colour names, each equally likely.
+    """Return n random colour names, each equally likely.
 
     Args:
         rng: random generator.

@@ -24,7 +24,7 @@ class Describer:
     def __init__(
         self, kinds: Sequence[str] = DEFAULT_KINDS, split: Split | None = None, redundant: bool = False
     ) -> None:
-        """Sets which phrases are allowed.
+        """Set which phrases are allowed.
 
         Args:
             kinds: some of KINDS.
@@ -43,7 +43,7 @@ class Describer:
         self._expressions: ReferringExpressions | None = None
 
     def nameable(self, scene: Scene) -> np.ndarray:
-        """Returns (K,) bool: which objects an allowed phrase fits uniquely."""
+        """Return (K,) bool: which objects an allowed phrase fits uniquely."""
         expressions = self.expressions(scene)
         named = np.zeros(len(scene), dtype=bool)
         for kind in self.kinds:
@@ -52,11 +52,11 @@ class Describer:
         return named
 
     def describe(self, scene: Scene, referent: int, rng: np.random.Generator, task: str = "reach") -> Instruction:
-        """Returns an instruction of a task without a goal for the referent. Raises LanguageError as `phrase` does."""
+        """Return an instruction of a task without a goal for the referent. Raises LanguageError as `phrase` does."""
         return Instruction(task, self.phrase(scene, referent, rng))
 
     def phrase(self, scene: Scene, referent: int, rng: np.random.Generator) -> ObjectPhrase:
-        """Returns a phrase that fits the referent alone.
+        """Return a phrase that fits the referent alone.
 
         A kind is drawn uniformly among those that can name the referent, then one of its expressions, uniformly.
         Raises LanguageError if no allowed kind can name it.
@@ -72,14 +72,14 @@ class Describer:
         )
 
     def expressions(self, scene: Scene) -> ReferringExpressions:
-        """Returns the referring expressions of the scene."""
+        """Return the referring expressions of the scene."""
         if self._expressions is None or self._expressions.scene is not scene:  # computed once for several calls
             self._expressions = ReferringExpressions(scene, self.split, self._redundant)
         return self._expressions
 
 
 def describe(thing: Object | int, scene: Scene) -> str:
-    """Returns the simplest phrase that fits this object alone, such as "the red cube".
+    """Return the simplest phrase that fits this object alone, such as "the red cube".
 
     Args:
         thing: an object of the scene, or its index.
@@ -92,7 +92,7 @@ def describe(thing: Object | int, scene: Scene) -> str:
 
 
 def plain_name(index: int, expressions: ReferringExpressions) -> ObjectPhrase:
-    """Returns the first phrase of the simplest kind that fits the object alone. Raises LanguageError."""
+    """Return the first phrase of the simplest kind that fits the object alone. Raises LanguageError."""
     for kind in _PREFERRED:
         for phrase in expressions.all(kind, index):
             return phrase
@@ -101,12 +101,12 @@ def plain_name(index: int, expressions: ReferringExpressions) -> ObjectPhrase:
 
 
 def question(scene: Scene, candidates: Sequence[int]) -> str:
-    """Returns a question that distinguishes the candidates: "Do you mean the red cube or the blue cube?"."""
+    """Return a question that distinguishes the candidates: "Do you mean the red cube or the blue cube?"."""
     return f"Do you mean {listed(distinguishing_names(scene, candidates), ' or ')}?"
 
 
 def distinguishing_names(scene: Scene, candidates: Sequence[int]) -> list[str]:
-    """Returns a name for each candidate, with its position in metres if words alone do not distinguish it."""
+    """Return a name for each candidate, with its position in metres if words alone do not distinguish it."""
     if len(scene) > MAX_NAMED_OBJECTS:
         return [_name_with_position(scene, index) for index in candidates]
     expressions = ReferringExpressions(scene, Split())

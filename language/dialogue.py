@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 from language import costs
 from language.errors import NotUnderstood
-from language.exact import exact_reading
 from language.lattice import vocabulary
 from language.meanings import Clause, Entity, Gesture, Pointed, Reading, gestures
 from language.normalise import COLOR, normalised, plain_start, scan, verb_words
@@ -21,6 +20,7 @@ from language.questions import Questions, holds_true
 from language.revising import filled, pinned, restoring, revised, selecting
 from language.settling import Choices, choices, choices_of, matters, settled
 from language.talk import abilities, foreign, name, offers, phrase, question
+from language.understanding import exact_reading
 from language.verbs import Act
 from language.words import CONTROLS, TABLE, phrases
 from language.world import FIXED, WorldModel, table
@@ -75,11 +75,11 @@ class Dialogue:
     surroundings: dict[str, Any] = field(default_factory=dict)
 
     def copy(self) -> Dialogue:
-        """Returns a dialogue with the same memory, to try a sentence."""
+        """Return a dialogue with the same memory, to try a sentence."""
         return replace(self, turns=[*self.turns])
 
     def answer(self, sentence: str, scene: Scene | WorldModel | None = None, pointed: Pointed = ()) -> Outcome:
-        """Returns the outcome of a sentence and remembers it.
+        """Return the outcome of a sentence and remembers it.
 
         Args:
             sentence: as a person writes it.
@@ -102,7 +102,7 @@ class Dialogue:
         return outcome
 
     def remember(self, outcome: Outcome, world: WorldModel) -> None:
-        """Adds an outcome to the memory. world: before it."""
+        """Add an outcome to the memory. world: before it."""
         self.turns.append(Turn(outcome.sentence, outcome, world))
         self.world = world
         if isinstance(outcome, Plan) and outcome.steps:
@@ -118,7 +118,7 @@ class Dialogue:
             self.last = getattr(outcome, "reading", None) or self.last
 
     def amend(self, outcome: Outcome, world: WorldModel) -> None:
-        """Replaces the last turn's outcome by what really came of it. world: before it."""
+        """Replace the last turn's outcome by what really came of it. world: before it."""
         turn = self.turns.pop()
         kept = self.last
         self.remember(replace(outcome, sentence=turn.sentence), world)
@@ -169,7 +169,7 @@ class Dialogue:
         return found.possible[0].cost > reply.cost + (0.2 if self.turns else costs.NO_VERB)
 
     def _exact(self, sentence: str, world: WorldModel, made: tuple[Gesture, ...]) -> Outcome | None:
-        """Returns the plan of a sentence of the project's own language, if it can be carried out."""
+        """Return the plan of a sentence of the project's own language, if it can be carried out."""
         spoken = (world.held, *self.it) if world.held is not None else self.it
         reading = exact_reading(sentence, world, _certain(made), spoken)
         if reading is None:
@@ -184,7 +184,7 @@ class Dialogue:
     # ---- Talk
 
     def _talk(self, sentence: str, raw: list[str], world: WorldModel, made: tuple[Gesture, ...]) -> Outcome | None:
-        """Returns the outcome of a sentence that asks for no motion: signals, questions, other languages."""
+        """Return the outcome of a sentence that asks for no motion: signals, questions, other languages."""
         span = (0, len(sentence))
         words = [word for word in raw if word.isalnum()]
         if not words:
@@ -236,7 +236,7 @@ class Dialogue:
         return None
 
     def control_word(self, text: str) -> str | None:
-        """Returns what a sentence says about the motion, a key of `CONTROLS`; None for nothing."""
+        """Return what a sentence says about the motion, a key of `CONTROLS`; None for nothing."""
         polite = (
             r"^(?:please|okay|robot|now|and|so|then|hey|well|just|oh|right|alright|could you|can you|would you|no|yes"
             r"|okay so|could you please|can you please|thanks|i said|you can|you may|you should|okay robot|,|let us"
@@ -304,7 +304,7 @@ class Dialogue:
         return Signal(sentence, 1.0, (), span, control, note)
 
     def _done(self) -> Turn | None:
-        """Returns the last turn that did something and was not undone."""
+        """Return the last turn that did something and was not undone."""
         undone = 0
         for turn in reversed(self.turns):
             if isinstance(turn.outcome, Signal) and turn.outcome.control == "undo":
@@ -316,7 +316,7 @@ class Dialogue:
         return None
 
     def _several(self, sentence: str, parts: list[str], world: WorldModel, made: tuple[Gesture, ...]) -> Outcome | None:
-        """Returns the outcome of several sentences, if the first is a question or says what does not matter."""
+        """Return the outcome of several sentences, if the first is a question or says what does not matter."""
         asked = question(parts[0])
         rest = " . ".join(parts[1:])
         if asked is not None and not re.match(r"(?:can|could|would|will) you", parts[0]):
@@ -401,7 +401,7 @@ class Dialogue:
     # ---- Replies
 
     def _reply(self, sentence: str, reply: Reading, found: Choices, world: WorldModel) -> Outcome | None:
-        """Returns the outcome of an answer, or of a correction of the last sentence."""
+        """Return the outcome of an answer, or of a correction of the last sentence."""
         clause = reply.steps[0]
         last = self.turns[-1].outcome if self.turns else None
         if not world.cells and any(matters(found.lattice, index) for index in reply.unused):
@@ -449,7 +449,7 @@ class Dialogue:
     def _chosen(
         self, sentence: str, asked: Question, reply: Reading, found: Choices, world: WorldModel
     ) -> Outcome | None:
-        """Returns the plan of the candidate that an answer names."""
+        """Return the plan of the candidate that an answer names."""
         clause, planner = reply.steps[0], self._planner(world)
         entity = clause.entity or selecting(clause.places)
         if entity is None or (clause.entity is None and not asked.candidates):
@@ -501,7 +501,7 @@ class Dialogue:
     def _tried(
         self, sentence: str, readings: list[Reading], found: Choices, world: WorldModel, restore: bool
     ) -> Outcome | None:
-        """Returns the outcome of the first reading that can be carried out, if need be from the scene before."""
+        """Return the outcome of the first reading that can be carried out, if need be from the scene before."""
         done = self._done()
         before = done.world if done is not None else world
         tried: list[tuple[WorldModel, tuple[Step, ...]]] = [(world, ())]
@@ -527,17 +527,17 @@ class Dialogue:
 
 
 def offers_text(world: WorldModel | None) -> str:
-    """Returns what can be said now, as a sentence."""
+    """Return what can be said now, as a sentence."""
     return "" if world is None else abilities(world)
 
 
 def _certain(made: Sequence[Gesture]) -> list[int]:
-    """Returns the things of gestures that show one; [] if one is uncertain."""
+    """Return the things of gestures that show one; [] if one is uncertain."""
     return [each.things[0] for each in made] if all(len(each.things) == 1 for each in made) else []
 
 
 def _times(words: list) -> tuple[int, list]:
-    """Returns how often something is to be done, and the words without that."""
+    """Return how often something is to be done, and the words without that."""
     text = " ".join(token.text for token in words)
     match = re.search(r"\b(twice|thrice|(two|three|four|five|2|3|4|5) times)\b", text)
     if match is None:
@@ -548,7 +548,7 @@ def _times(words: list) -> tuple[int, list]:
 
 
 def _with_object(command: str, phrase: str) -> str:
-    """Returns a command with another object: "give it to me", "the yellow one"."""
+    """Return a command with another object: "give it to me", "the yellow one"."""
     return (
         re.sub(r"\b(?:it|that one|that|this)\b", phrase, command, count=1)
         if re.search(r"\b(?:it|that)\b", command)

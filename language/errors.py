@@ -56,29 +56,29 @@ class SeveralFit(LanguageError):
 
 
 def quote(word: str) -> str:
-    """Returns the word in quotes, truncated if it is long."""
+    """Return the word in quotes, truncated if it is long."""
     return repr(word if len(word) <= _MAX_QUOTE else word[: _MAX_QUOTE - 3] + "...")
 
 
 def shorten(phrase: str) -> str:
-    """Returns the phrase, truncated if it is long."""
+    """Return the phrase, truncated if it is long."""
     return phrase if len(phrase) <= _MAX_PHRASE else phrase[: _MAX_PHRASE - 3] + "..."
 
 
 def listed(things: Sequence[str], between: str = ", ") -> str:
-    """Returns the first things, joined, and how many more there are."""
+    """Return the first things, joined, and how many more there are."""
     more = [f"{len(things) - _MAX_LISTED} more"] if len(things) > _MAX_LISTED else []
     return between.join((*things[:_MAX_LISTED], *more))
 
 
 def closest(word: str, choices: Iterable[str]) -> str | None:
-    """Returns the choice whose spelling is closest to the word, or None if none is similar."""
+    """Return the choice whose spelling is closest to the word, or None if none is similar."""
     near = get_close_matches(word[:_MAX_QUOTE], list(choices), n=1)
     return near[0] if near else None
 
 
 def check_known(what: str, word: str, choices: Iterable[str]) -> None:
-    """Checks that a word is one of the choices.
+    """Check that a word is one of the choices.
 
     Args:
         what: the kind of word: "color", "noun", ...

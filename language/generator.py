@@ -17,9 +17,8 @@ import numpy as np
 
 from language.colors import COLORS
 from language.errors import LanguageError
-from language.heads import head_matches, size_words
 from language.instruction import ObjectPhrase
-from language.objects import NOUNS, ROLES, Scene
+from language.objects import NOUNS, ROLES, SIZES, Scene
 from language.relations import ABSENT, CLEAR, RELATIONS, SUPERLATIVES
 from language.splits import Split
 
@@ -44,7 +43,7 @@ class ReferringExpressions:
     """
 
     def __init__(self, scene: Scene, split: Split, redundant: bool = False) -> None:
-        """Computes the heads.
+        """Compute the heads.
 
         redundant: whether relations, superlatives and negations are added to heads that are unique without them.
         """
@@ -64,20 +63,20 @@ class ReferringExpressions:
         self.held = split.held_heads(scene, self._noun & self._color)
 
     def arrays(self, kind: str) -> list[np.ndarray]:
-        """Returns the kind's arrays, masked by the split; their second axis is i."""
+        """Return the kind's arrays, masked by the split; their second axis is i."""
         if kind in _HEADS_OF_KIND:
             return self._heads_alone(kind)
         return getattr(self, kind)
 
     def names(self, kind: str) -> np.ndarray:
-        """Returns (K,) bool: which objects have an expression of this kind."""
+        """Return (K,) bool: which objects have an expression of this kind."""
         if kind not in self._named:
             arrays = self.arrays(kind)
             self._named[kind] = np.any([array.any(axis=(0, *range(2, array.ndim))) for array in arrays], axis=0)
         return self._named[kind]
 
     def draw(self, kind: str, referent: int, rng: np.random.Generator) -> ObjectPhrase:
-        """Returns a random expression of the kind for the referent: first its word, then its anchors, each uniformly.
+        """Return a random expression of the kind for the referent: first its word, then its anchors, each uniformly.
 
         Raises LanguageError if there is none.
         """
@@ -95,7 +94,7 @@ class ReferringExpressions:
         return self.phrase(kind, number, referent, (head, word, *rest))
 
     def all(self, kind: str, referent: int) -> Iterator[ObjectPhrase]:
-        """Yields every expression of the kind for the referent, those with colour and noun first."""
+        """Yield every expression of the kind for the referent, those with colour and noun first."""
         if kind == "nested":
             yield from self._all_nested(referent)
             return
@@ -105,7 +104,7 @@ class ReferringExpressions:
                 yield self.phrase(kind, number, referent, tuple(place))
 
     def phrase(self, kind: str, number: int, referent: int, place: tuple[int, ...]) -> ObjectPhrase:
-        """Returns the expression at an index of array `number` of the kind; the index omits the referent's axis."""
+        """Return the expression at an index of array `number` of the kind; the index omits the referent's axis."""
         if kind == "superlative":
             return self.head(place[0], referent, superlative=self._superlatives[place[1]].phrase)
         if kind == "negation":
@@ -119,7 +118,7 @@ class ReferringExpressions:
         return self.head(_HEADS_OF_KIND[kind][place[0]], referent)
 
     def head(self, number: int, index: int, **more) -> ObjectPhrase:
-        """Returns the phrase of head `number` for an object; more: further fields of the phrase."""
+        """Return the phrase of head `number` for an object; more: further fields of the phrase."""
         thing = self.scene
         return ObjectPhrase(
             noun=list(NOUNS)[thing.nouns[index]] if self._noun[number] else None,
@@ -144,7 +143,7 @@ class ReferringExpressions:
         return [self._split.keep((lead > clear) & self._extendable[..., None], self.held[..., None])]
 
     def _lead(self, score: np.ndarray, heads: np.ndarray) -> np.ndarray:
-        """Returns (h, i, s, j), the lead of i over all other objects that its head fits.
+        """Return (h, i, s, j), the lead of i over all other objects that its head fits.
 
         score: (s, k, j). heads: (h, i, k).
         """
@@ -229,7 +228,7 @@ class ReferringExpressions:
         return self._by_depth[depth]
 
     def draw_nested(self, depth: int, referent: int, rng: np.random.Generator) -> ObjectPhrase:
-        """Returns a random phrase of `depth` nested relations. Raises LanguageError if there is none."""
+        """Return a random phrase of `depth` nested relations. Raises LanguageError if there is none."""
         if depth == 1:
             return self.draw("relation", referent, rng)
         outer = self._outer(depth)[:, referent]
@@ -246,7 +245,7 @@ class ReferringExpressions:
                 yield self.head(head, referent, relation=self._relations[relation].phrase, anchors=(named,))
 
     def nameable_nested(self, depth: int) -> np.ndarray:
-        """Returns (K,) bool: which objects have a phrase of `depth` nested relations."""
+        """Return (K,) bool: which objects have a phrase of `depth` nested relations."""
         if depth == 1:
             return self.names("relation")
         return np.asarray(self._outer(depth).any(axis=(0, 2, 3)))
@@ -259,12 +258,12 @@ def _head_rank(place: list[int]) -> tuple[int, list[int]]:
 
 
 def _available_words(array: np.ndarray) -> list[int]:
-    """Returns the indices along axis 1 with at least one expression."""
+    """Return the indices along axis 1 with at least one expression."""
     return np.flatnonzero(array.any(axis=(0, *range(2, array.ndim)))).tolist()
 
 
 def _singled_out(heads: np.ndarray, margins: np.ndarray) -> np.ndarray:
-    """Returns (h, i, r, j): whether the relation holds clearly for i and not for any other object its head fits.
+    """Return (h, i, r, j): whether the relation holds clearly for i and not for any other object its head fits.
 
     heads: (h, i, k). margins: (r, i, j).
     """
@@ -275,3 +274,31 @@ def _singled_out(heads: np.ndarray, margins: np.ndarray) -> np.ndarray:
 
 def _excludable() -> list[ObjectPhrase]:
     return [ObjectPhrase(color=color) for color in COLORS] + [ObjectPhrase(noun) for noun in NOUNS]
+
+
+def head_matches(scene: Scene) -> np.ndarray:
+    """Return (H, K, K) float32: whether the head made for one object fits another; 0 if the head does not exist.
+
+    Heads are numbered by bits for colour, noun, size and role; H is 4, 8 or 16, as far as the scene needs the bits.
+    """
+    count = len(scene)
+    same = np.ones((4, count, count), dtype=np.float32)
+    same[1] = scene.colors[:, None] == scene.colors
+    same[2] = scene.nouns[:, None] == scene.nouns
+    np.multiply(same[1], same[2], out=same[3])
+    words = size_words(scene)
+    if any(words):
+        sized = np.array([[word == other and word is not None for other in words] for word in words])
+        same = np.concatenate((same, same * sized))
+    if scene.targets.any():
+        if not any(words):
+            same = np.concatenate((same, np.zeros_like(same)))
+        same = np.concatenate((same, same * (scene.targets[:, None] == scene.targets)))
+    return same
+
+
+def size_words(scene: Scene) -> list[str | None]:
+    """Return each object's size as a word, None if no word fits."""
+    return [
+        next((word for word, size in SIZES.items() if size.low < x < size.high), None) for x in scene.sizes.tolist()
+    ]

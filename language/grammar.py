@@ -65,7 +65,7 @@ class _Grammar(NamedTuple):
 
 
 def parse_words(sentence: str) -> Meaning:
-    """Returns the meaning of a sentence. Capitals, extra spaces, polite words and final punctuation are ignored.
+    """Return the meaning of a sentence. Capitals, extra spaces, polite words and final punctuation are ignored.
 
     Raises NotUnderstood with the position at which the sentence leaves the grammar and the phrases accepted there.
     """
@@ -88,7 +88,7 @@ def parse_words(sentence: str) -> Meaning:
 def _read(
     words: list[Word], grammar: _Grammar, end: int, refused: set[tuple[int, int]], taken: list[tuple[int, int]]
 ) -> Meaning:
-    """Reads the words once, without the phrases in `refused`. Adds those that have a shorter alternative to `taken`."""
+    """Read the words once, without the phrases in `refused`. Adds those that have a shorter alternative to `taken`."""
     parser = grammar.parser.parse_interactive()
     at = 0
     while at < len(words):
@@ -101,7 +101,7 @@ def _read(
 
 
 def _phrases_at(grammar: _Grammar, words: list[Word], at: int) -> list[tuple[int, str, str]]:
-    """Returns the fixed phrases that begin at a word, the longest first: number of words, phrase and terminal."""
+    """Return the fixed phrases that begin at a word, the longest first: number of words, phrase and terminal."""
     return [
         (len(phrase), said, terminal)
         for phrase, said, terminal in grammar.phrases.get(words[at].text, ())
@@ -112,7 +112,7 @@ def _phrases_at(grammar: _Grammar, words: list[Word], at: int) -> list[tuple[int
 def _feed(
     parser: InteractiveParser, grammar: _Grammar, word: Word, known: list[tuple[int, str, str]]
 ) -> tuple[int, Any]:
-    """Feeds the parser the first phrase that it accepts.
+    """Feed the parser the first phrase that it accepts.
 
     Returns:
         The number of words used, and the meaning of the sentence if it ends here.
@@ -140,7 +140,7 @@ def _not_understood(word: Word, known: bool, expected: tuple[str, ...], may_end:
 
 
 def _completion(word: str, expected: tuple[str, ...], known: bool) -> str | None:
-    """Returns the first expected phrase that begins with the word, or with a similar one if the word is unknown."""
+    """Return the first expected phrase that begins with the word, or with a similar one if the word is unknown."""
     begins = {phrase.split()[0]: phrase for phrase in reversed(expected)}
     near = word if known else closest(word, begins)
     return begins.get(near) if near else None
@@ -148,7 +148,7 @@ def _completion(word: str, expected: tuple[str, ...], known: bool) -> str | None
 
 @lru_cache(maxsize=8)
 def _compile(words: Lexicon) -> _Grammar:
-    """Returns the parser for this state of the registries. They rarely change, so it is usually built once."""
+    """Return the parser for this state of the registries. They rarely change, so it is usually built once."""
     from lark import Lark
 
     categories = _categories(words)
@@ -194,7 +194,7 @@ def _by_first_word(
 
 
 def _categories(words: Lexicon) -> dict[str, tuple[str, ...]]:
-    """Returns the categories of each phrase; each piece of a template is a category of its own."""
+    """Return the categories of each phrase; each piece of a template is a category of its own."""
     belongs: dict[str, list[str]] = {}
     for phrase in words.phrases():
         if not all(part.isascii() and part.islower() and part.replace("'", "").isalpha() for part in phrase.split()):
@@ -219,7 +219,7 @@ def _terminal(categories: tuple[str, ...]) -> str:
 
 
 def _step_rules(words: Lexicon, terminals: dict[str, str]) -> Iterator[str]:
-    """Yields a grammar alternative for each template; its alias names the task."""
+    """Yield a grammar alternative for each template; its alias names the task."""
     for task, cuts in words.templates.items():
         for pieces in cuts:
             yield " ".join(_SLOTS.get(piece) or terminals[piece] for piece in pieces) + f" -> task_{task}"

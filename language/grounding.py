@@ -15,7 +15,7 @@ from language.verbs import EVERY
 
 
 def matches(phrase: ObjectPhrase, scene: Scene, pointed: Sequence[int] = ()) -> np.ndarray:
-    """Returns (K,) bool: which objects of the scene the phrase fits.
+    """Return (K,) bool: which objects of the scene the phrase fits.
 
     Args:
         phrase: the phrase.
@@ -30,7 +30,7 @@ def matches(phrase: ObjectPhrase, scene: Scene, pointed: Sequence[int] = ()) -> 
 
 
 def ground(instruction: Instruction, scene: Scene, pointed: Sequence[int] = ()) -> int:
-    """Returns the index of the one object that the instruction's phrase fits. Raises NothingFits or SeveralFit."""
+    """Return the index of the one object that the instruction's phrase fits. Raises NothingFits or SeveralFit."""
     return PhraseResolver(scene, pointed).resolve(instruction.phrase)
 
 
@@ -50,7 +50,7 @@ class PhraseResolver:
             raise LanguageError(f"pointed={self._gestures} is out of range: the scene has {len(scene)} objects")
 
     def resolve(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> int:
-        """Returns the index of the one object that the phrase fits.
+        """Return the index of the one object that the phrase fits.
 
         Args:
             phrase: to resolve.
@@ -68,7 +68,7 @@ class PhraseResolver:
         raise self._nothing(phrase, among)
 
     def resolve_all(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> list[int]:
-        """Returns the indices of all objects that the phrase fits, at least one. Raises NothingFits.
+        """Return the indices of all objects that the phrase fits, at least one. Raises NothingFits.
 
         among: (K,) bool, the objects that are considered; None: all.
         """
@@ -78,7 +78,7 @@ class PhraseResolver:
         raise self._nothing(phrase, among)
 
     def fits(self, phrase: ObjectPhrase, among: np.ndarray | None = None) -> np.ndarray:
-        """Returns (K,) bool: which objects the phrase fits, of those in `among`."""
+        """Return (K,) bool: which objects the phrase fits, of those in `among`."""
         fits = self._head(phrase)
         if among is not None:
             fits &= among
@@ -110,7 +110,7 @@ class PhraseResolver:
         return fits
 
     def _shown(self, phrase: ObjectPhrase) -> int:
-        """Returns the object that "it" or a gesture refers to."""
+        """Return the object that "it" or a gesture refers to."""
         if phrase.determiner == "it":
             if self.it is None:
                 raise NothingFits("'it' refers to nothing: no object was named before", "it", phrase.position)
@@ -154,7 +154,7 @@ class PhraseResolver:
         return NothingFits(message, part, phrase.position)
 
     def _failing_part(self, phrase: ObjectPhrase, among: np.ndarray | None) -> str:
-        """Returns the fewest words of the phrase that no object fits."""
+        """Return the fewest words of the phrase that no object fits."""
         parts = (
             ObjectPhrase(color=phrase.color),
             ObjectPhrase(noun=phrase.noun),
@@ -171,20 +171,20 @@ class PhraseResolver:
 
 
 def thing_words(thing: Object) -> str:
-    """Returns an object's role, colour and noun: "transparent red cube"."""
+    """Return an object's role, colour and noun: "transparent red cube"."""
     return ObjectPhrase(thing.noun, thing.color, role="target" if thing.role == "target" else None).label
 
 
 def _best(fits: np.ndarray, score: np.ndarray, tie: float) -> np.ndarray:
-    """Returns a mask of the fitting objects whose score is within `tie` of the greatest."""
+    """Return a mask of the fitting objects whose score is within `tie` of the greatest."""
     score = np.where(fits, score, -np.inf)
     return fits & (score >= score.max(initial=-np.inf) - tie)
 
 
 def _suggestion(phrase: ObjectPhrase, things: list[Object]) -> str:
-    """Returns a question about the objects that share most words with the phrase.
+    """Return a question about the objects that share most words with the phrase.
 
-    Returns "" if none shares a word, or one shares all of them.
+    Return "" if none shares a word, or one shares all of them.
     """
     shared = [(phrase.noun == thing.noun) + (phrase.color == thing.color) for thing in things]
     most, said = max(shared, default=0), (phrase.noun is not None) + (phrase.color is not None)

@@ -121,13 +121,13 @@ class ObjectPhrase:
         return " ".join([*said, form("noun", self.noun)])
 
     def parts(self) -> Iterator[ObjectPhrase]:
-        """Yields the phrase itself and all phrases within it, in the order of the words."""
+        """Yield the phrase itself and all phrases within it, in the order of the words."""
         yield self
         for anchor in self.anchors:
             yield from anchor.parts()
 
     def words(self, form: Form) -> str:
-        """Returns the phrase in words that `form` chooses."""
+        """Return the phrase in words that `form` chooses."""
         if self.determiner in HERE:
             return form("spot", self.determiner)
         if self.determiner in (*POINTING, IT) and self == ObjectPhrase(determiner=self.determiner):
@@ -145,13 +145,13 @@ class ObjectPhrase:
 
 
 def _check_not_here(phrase: ObjectPhrase | None, what: str) -> None:
-    """Raises LanguageError: "here" and "there" are allowed only as the object or goal of a step."""
+    """Raise LanguageError: "here" and "there" are allowed only as the object or goal of a step."""
     if phrase is not None and phrase.determiner in HERE:
         raise LanguageError(f"{phrase.determiner!r} cannot be {what}: say 'this' or 'that', or give it as a goal")
 
 
 def _check_not_every(phrase: ObjectPhrase | None, what: str) -> None:
-    """Raises LanguageError: "every" is allowed only as the object of some tasks."""
+    """Raise LanguageError: "every" is allowed only as the object of some tasks."""
     if phrase is not None and phrase.determiner == EVERY:
         tasks = " or ".join(repr(name) for name, verb in VERBS.items() if verb.takes_every)
         raise LanguageError(f"{str(phrase)!r} cannot be {what}, only the object of {tasks}: say 'the'")
@@ -202,7 +202,7 @@ class Instruction:
         return (self,)
 
     def words(self, form: Form) -> str:
-        """Returns the instruction in words that `form` chooses."""
+        """Return the instruction in words that `form` chooses."""
         said = form("task", (self.task, self.goal is not None)).replace(OBJECT, self.phrase.words(form))
         if self.goal is None:
             return said
@@ -228,7 +228,7 @@ class Chain:
             raise LanguageError(f"a chain of {len(self.steps)} steps: it has at least 2")
 
     def words(self, form: Form) -> str:
-        """Returns the chain in words that `form` chooses."""
+        """Return the chain in words that `form` chooses."""
         return f", {form('then', 'then')} ".join(step.words(form) for step in self.steps)
 
     def __str__(self) -> str:
@@ -256,7 +256,7 @@ class Correction:
             _check_not_every(phrase, "a correction")
 
     def words(self, form: Form) -> str:
-        """Returns the correction in words that `form` chooses."""
+        """Return the correction in words that `form` chooses."""
         if self.goal is not None:
             return f"{form('no', 'no')}, {_place_words(self.goal, form)}"
         assert self.phrase is not None
@@ -273,5 +273,5 @@ Meaning = Instruction | Chain | Correction
 
 
 def say(meaning: Meaning | ObjectPhrase) -> str:
-    """Returns the standard sentence for a meaning: "reach the object left of the blue sphere"."""
+    """Return the standard sentence for a meaning: "reach the object left of the blue sphere"."""
     return str(meaning)

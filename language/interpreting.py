@@ -12,7 +12,7 @@ from language.world import WorldModel
 def interpret(
     sentence: str, scene: Scene | WorldModel, dialogue: Dialogue | None = None, pointed: Pointed = ()
 ) -> Outcome:
-    """Returns what a sentence means in a scene. Never raises for any sentence.
+    """Return what a sentence means in a scene. Never raises for any sentence.
 
     Args:
         sentence: as a person writes it.

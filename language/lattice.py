@@ -103,11 +103,11 @@ class Lattice:
         return len(self.tokens)
 
     def get(self, index: int, category: str) -> list[Edge]:
-        """Returns the edges of a category that begin at the token with this index."""
+        """Return the edges of a category that begin at the token with this index."""
         return self.edges[index].get(category, []) if index < len(self.tokens) else []
 
     def text(self, index: int) -> str:
-        """Returns the token's word; "" after the end."""
+        """Return the token's word; "" after the end."""
         return self.tokens[index].text if index < len(self.tokens) else ""
 
     def _edges(self, start: int) -> dict[str, list[Edge]]:
@@ -145,7 +145,7 @@ class Lattice:
     # ---- Words that are left out between phrases
 
     def gaps(self, start: int) -> list[Item]:
-        """Returns where the next phrase may begin. Fillers are left out at no cost, one other word at one."""
+        """Return where the next phrase may begin. Fillers are left out at no cost, one other word at one."""
         if start not in self._gaps:
             found = [Item(at, None, 0.0) for at in self._free(start)]
             for item in list(found):
@@ -160,7 +160,7 @@ class Lattice:
         return self._gaps[start]
 
     def _free(self, start: int) -> list[int]:
-        """Returns the positions from a token on that are reached by leaving out fillers."""
+        """Return the positions from a token on that are reached by leaving out fillers."""
         positions = [start]
         while start < len(self) and self.is_filler(start):
             start += 1
@@ -173,7 +173,7 @@ class Lattice:
         return word in FILLERS or (index in self.unknown and len(word) > 4 and word.endswith("ly"))
 
     def skip_cost(self, index: int) -> float:
-        """Returns the cost of leaving out a token."""
+        """Return the cost of leaving out a token."""
         if self.is_filler(index):
             return 0.0
         if index in self.unknown:
@@ -184,7 +184,7 @@ class Lattice:
 
 
 def _split_up(found: list[Token]) -> list[Token]:
-    """Returns the words; those that are two known words run together are split."""
+    """Return the words; those that are two known words run together are split."""
     split: list[Token] = []
     for token in found:
         parts = _two_words(token.text) if len(token.text) > 4 and not _is_known(token.text) else None
@@ -199,7 +199,7 @@ def _split_up(found: list[Token]) -> list[Token]:
 
 @cache
 def _two_words(word: str) -> tuple[str, str] | None:
-    """Returns two known words that a word consists of; None: it does not, or is a known word with an error."""
+    """Return two known words that a word consists of; None: it does not, or is a known word with an error."""
     if any(cost <= costs.SPELLING for _, cost in spellings(word)) and not word.startswith(
         ("the", "in", "to", "on", "of")
     ):
@@ -217,7 +217,7 @@ def _is_known(word: str) -> bool:
 
 
 def spellings(word: str) -> tuple[tuple[str, float], ...]:
-    """Returns the known words that a word may be, with their costs; () if it is similar to none."""
+    """Return the known words that a word may be, with their costs; () if it is similar to none."""
     if _is_known(word):
         return ((word, 0.0),)
     if len(word) < 3 or len(word) > 20 or not word.isalpha():
@@ -252,7 +252,7 @@ def _number(word: str) -> float | None:
 
 @cache
 def vocabulary() -> frozenset[str]:
-    """Returns every single word of the lexicon."""
+    """Return every single word of the lexicon."""
     found: set[str] = set(FILLERS)
     nodes = [trie()]
     while nodes:
@@ -266,7 +266,7 @@ def vocabulary() -> frozenset[str]:
 
 @cache
 def trie() -> dict:
-    """Returns the phrases as nested dicts; under None, the categories and meanings of the phrase that ends there."""
+    """Return the phrases as nested dicts; under None, the categories and meanings of the phrase that ends there."""
     root: dict = {}
     for category, value, phrase in _entries():
         node = root
@@ -280,7 +280,7 @@ def trie() -> dict:
 
 
 def _entries() -> Iterator[tuple[str, Any, str]]:
-    """Yields (category, meaning, phrase) for every phrase of the lexicon."""
+    """Yield (category, meaning, phrase) for every phrase of the lexicon."""
     for phrase, names in words.colors().items():
         yield "color", names, phrase
     for kind, nouns in words.nouns().items():
@@ -303,7 +303,7 @@ def _entries() -> Iterator[tuple[str, Any, str]]:
 
 
 def _inflections(name: str, phrase: str) -> Iterator[tuple[str, str, str]]:
-    """Yields the gerund and the third person of a verb, and its participle, which follows its object."""
+    """Yield the gerund and the third person of a verb, and its participle, which follows its object."""
     first, _, rest = phrase.partition(" ")
     if first in ("i", "we", "can", "could", "may", "over", "gimme", "lemme", "have", "want", "need") or len(first) < 2:
         return
@@ -322,7 +322,7 @@ def _inflections(name: str, phrase: str) -> Iterator[tuple[str, str, str]]:
 
 
 def teach(category: str, meaning: str, phrase: str) -> None:
-    """Adds a phrase to the lexicon: `teach("relation", "near", "hard by")`, `teach("verb", "lift", "snatch up")`.
+    """Add a phrase to the lexicon: `teach("relation", "near", "hard by")`, `teach("verb", "lift", "snatch up")`.
 
     Args:
         category: "verb" or a key of TABLES.
@@ -343,7 +343,7 @@ def teach(category: str, meaning: str, phrase: str) -> None:
 
 
 def forget_caches() -> None:
-    """Clears the caches of the lexicon after its tables were changed."""
+    """Clear the caches of the lexicon after its tables were changed."""
     from language.normalise import verb_words, wordings
 
     for cached in (trie, vocabulary, _choices, _corrected, _two_words, verb_words, wordings):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from math import prod
 from typing import Any, NamedTuple
 
 from language.colors import COLORS
@@ -64,24 +65,24 @@ class Lexicon:
     templates: dict[str, tuple[tuple[str, ...], ...]]
 
     def form(self, category: str, meaning: Any) -> str:
-        """Returns the standard phrase for the meaning. The meaning of a "task" is (name, whether it has a goal)."""
+        """Return the standard phrase for the meaning. The meaning of a "task" is (name, whether it has a goal)."""
         return self.forms(category, meaning)[0]
 
     def forms(self, category: str, meaning: Any) -> tuple[str, ...]:
-        """Returns every phrase for the meaning, the standard one first."""
+        """Return every phrase for the meaning, the standard one first."""
         if category != "task":
             return self.categories[category][meaning]
         task, with_goal = meaning
         return tuple(words for words in VERBS[task].templates if has_goal(words) == with_goal)
 
     def phrases(self) -> tuple[str, ...]:
-        """Returns every fixed phrase of the language once."""
+        """Return every fixed phrase of the language once."""
         forms = [form for meanings in self.categories.values() for forms in meanings.values() for form in forms]
         pieces = [piece for cut in self.templates.values() for template in cut for piece in template]
         return tuple(dict.fromkeys(piece for piece in (*pieces, *forms) if piece not in _SLOTS))
 
     def words(self) -> tuple[str, ...]:
-        """Returns every word once, in the order of the registries."""
+        """Return every word once, in the order of the registries."""
         return tuple(dict.fromkeys(word for phrase in self.phrases() for word in phrase.split()))
 
 
@@ -90,7 +91,7 @@ _latest: tuple[tuple[dict[str, Any], ...], Lexicon] | None = None
 
 
 def lexicon() -> Lexicon:
-    """Returns the lexicon of the registries. It is cached until one of them changes, since every parse needs it."""
+    """Return the lexicon of the registries. It is cached until one of them changes, since every parse needs it."""
     global _latest
     if _latest is None or _latest[0] != _REGISTRIES:
         _latest = tuple(dict(registry) for registry in _REGISTRIES), _read()
@@ -135,14 +136,58 @@ def _read() -> Lexicon:
 
 
 def split_template(template: str) -> tuple[str, ...]:
-    """Splits a template at its slots: "push {object} {goal}" to ("push", "{object}", "{goal}")."""
+    """Split a template at its slots: "push {object} {goal}" to ("push", "{object}", "{goal}")."""
     return tuple(piece.strip() for piece in _SLOT.split(template) if piece.strip())
 
 
 def split(sentence: str) -> list[Word]:
-    """Returns the words and marks of a sentence. Raises NotUnderstood if it is longer than LONGEST_SENTENCE."""
+    """Return the words and marks of a sentence. Raises NotUnderstood if it is longer than LONGEST_SENTENCE."""
     if len(sentence) > LONGEST_SENTENCE:
         message = f"the sentence has {len(sentence)} characters; at most {LONGEST_SENTENCE} are read"
         raise NotUnderstood(message, LONGEST_SENTENCE)
     found = _WORD_OR_MARK.finditer(sentence)
     return [Word(word.group().lower().translate(_SAME), word.start()) for word in found]
+
+
+def count(depth: int, words: Lexicon | None = None) -> int:
+    """Return the number of different one-step sentences whose phrases nest at most `depth` relations.
+
+    Polite words, "that is", punctuation, chains and corrections are not counted; they would multiply the number.
+    """
+    words = words or lexicon()
+    phrases, each = _phrases(depth, words)
+    here_or_there = _forms(words, "spot")
+    objects, goals = phrases + here_or_there, _forms(words, "place") * phrases + here_or_there
+    total = 0
+    for task, templates in words.templates.items():
+        moved = objects + (each * _forms(words, EVERY) if task in VERBS and VERBS[task].takes_every else 0)
+        for pieces in templates:
+            total += moved ** pieces.count(OBJECT) * objects ** pieces.count(BASE) * goals ** pieces.count(GOAL)
+    return total
+
+
+def _phrases(depth: int, words: Lexicon) -> tuple[int, int]:
+    """The numbers of different phrases for one object, and of those after "every", with `depth` relations at most."""
+    heads = _heads(words)
+    named = each = 0
+    for _ in range(depth + 1):
+        where = 1 + _forms(words, "relation") * named + _forms(words, "between") * named**2 if named else 1
+        each = heads * where
+        full = (1 + _forms(words, "pointing")) * each + _forms(words, "superlative") * where
+        named = full + _forms(words, "pointing") + _forms(words, "it")
+    return named, each
+
+
+def _heads(words: Lexicon) -> int:
+    """The number of different heads, including their exclusions."""
+    adjectives = [_forms(words, category) for category in ("size", "role", "color")]
+    optional = prod(1 + forms for forms in adjectives) * (1 + _forms(words, "superlative") + _forms(words, "side"))
+    nouns = _forms(words, "noun")
+    any_nouns = len(words.categories["noun"].get(None, ()))
+    not_nouns = _forms(words, "a") * (prod(1 + forms for forms in adjectives) * nouns - any_nouns)
+    return optional * nouns * (1 + _forms(words, "excluding") * (sum(adjectives) + not_nouns))
+
+
+def _forms(words: Lexicon, category: str) -> int:
+    """The number of different phrases of a category."""
+    return len({form for forms in words.categories[category].values() for form in forms})

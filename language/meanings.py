@@ -137,7 +137,7 @@ Pointed = Sequence[int | Sequence[int] | Gesture]
 
 
 def gestures(pointed: Pointed, world: WorldModel) -> tuple[Gesture, ...]:
-    """Returns gestures: an index is the thing that one shows, several are those that it may show.
+    """Return gestures: an index is the thing that one shows, several are those that it may show.
 
     Raises LanguageError for indices that the world does not have.
     """
@@ -155,14 +155,14 @@ def _indices(things: int | Sequence[int]) -> tuple[int, ...]:
 
 
 def pointing_words(reading: Reading) -> list[int]:
-    """Returns the tokens of a reading's words that need a gesture, in the order of the sentence."""
+    """Return the tokens of a reading's words that need a gesture, in the order of the sentence."""
     phrases = [phrase for step in (*reading.steps, *reading.otherwise) for phrase in _phrases(step)]
     phrases += [reading.condition] if reading.condition is not None else []
     return sorted({token for phrase in phrases for token in _tokens(phrase)})
 
 
 def needs_gesture(phrase: Entity) -> bool:
-    """Returns whether a word of the phrase needs a gesture that is not known yet."""
+    """Return whether a word of the phrase needs a gesture that is not known yet."""
     return next(_tokens(phrase), None) is not None
 
 
@@ -179,7 +179,7 @@ def _tokens(phrase: Entity) -> Iterator[int]:
 
 
 def bound(reading: Reading, made: Sequence[Gesture]) -> Reading:
-    """Returns the reading with each gesture in the place of its word; the last one serves for all further words."""
+    """Return the reading with each gesture in the place of its word; the last one serves for all further words."""
     words = pointing_words(reading)
     if not words or not made:
         return reading

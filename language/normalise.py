@@ -133,7 +133,7 @@ _HUMS = frozenset(
 
 
 def scan(text: str) -> list[Token]:
-    """Returns the words and marks of a text: contractions written out; without articles, emoji and doubled words."""
+    """Return the words and marks of a text: contractions written out; without articles, emoji and doubled words."""
     lowered = text.lower() if len(text.lower()) == len(text) else text
     found: list[Token] = []
     for match in _WORD.finditer(lowered):
@@ -162,7 +162,7 @@ def _written_out(word: str) -> list[str]:
 
 
 def normalised(sentence: str) -> list[Token]:
-    """Returns the plain words of a sentence. Raises NotUnderstood if it is too long."""
+    """Return the plain words of a sentence. Raises NotUnderstood if it is too long."""
     if len(sentence) > LONGEST_SENTENCE:
         raise NotUnderstood(f"the sentence has {len(sentence)} characters; use at most {LONGEST_SENTENCE}")
     text = (
@@ -190,7 +190,7 @@ _CALL = re.compile(r"\w\(|\w\[|_\w|\b(?:drawer|fridge|table|cube|gripper|button|
 
 @cache
 def _joining() -> dict[str, str]:
-    """Returns, for each phrase of a verb that has a goal, the preposition before that."""
+    """Return, for each phrase of a verb that has a goal, the preposition before that."""
     words = {"on": "on", "goal": "on", "in": "in", "out": "from"}
     found: dict[str, str] = {}
     for verb in KNOWN.values():
@@ -201,7 +201,7 @@ def _joining() -> dict[str, str]:
 
 
 def _of_program(sentence: str, found: list[Token]) -> list[Token]:
-    """Returns the words of a sentence that is written like a program, "stack(red, cube.blue)", as of plain words."""
+    """Return the words of a sentence that is written like a program, "stack(red, cube.blue)", as of plain words."""
     if not _CALL.search(sentence):
         return found
     kept: list[Token] = []
@@ -222,7 +222,7 @@ def _of_program(sentence: str, found: list[Token]) -> list[Token]:
 
 
 def _undoubled(found: list[Token]) -> list[Token]:
-    """Returns the words without stutters: "the the", "i want i want"."""
+    """Return the words without stutters: "the the", "i want i want"."""
     for size in (3, 2, 1):
         at = 0
         while at + 2 * size <= len(found):
@@ -235,7 +235,7 @@ def _undoubled(found: list[Token]) -> list[Token]:
 
 
 def _unframed(found: list[Token]) -> list[Token]:
-    """Returns the words without the frames before commands."""
+    """Return the words without the frames before commands."""
     for _ in range(3):
         shorter = rewritten(found, wordings()["frames"])
         if shorter == found:
@@ -256,7 +256,7 @@ _REMARK = re.compile(
 
 
 def without_remarks(found: list[Token]) -> list[Token]:
-    """Returns the words without clauses that only remark something: "the light is off, press the button"."""
+    """Return the words without clauses that only remark something: "the light is off, press the button"."""
     parts: list[list[Token]] = [[]]
     for token in found:
         parts[-1].append(token)
@@ -294,7 +294,7 @@ _NAMED = re.compile(
 
 
 def _trimmed(found: list[Token]) -> list[Token]:
-    """Returns the words without marks at both ends and after other marks."""
+    """Return the words without marks at both ends and after other marks."""
     kept: list[Token] = []
     for token in found:
         if token.text in ",;:.!?" and (not kept or kept[-1].text in ",;:.!?"):
@@ -306,7 +306,7 @@ def _trimmed(found: list[Token]) -> list[Token]:
 
 
 def plain_start(text: str) -> str:
-    """Returns plain words without the frames before a command."""
+    """Return plain words without the frames before a command."""
     return " ".join(token.text for token in _trimmed(_unframed(scan(text))))
 
 
@@ -314,7 +314,7 @@ Rule = tuple[re.Pattern[str], str]
 
 
 def rewritten(found: list[Token], rules: tuple[Rule, ...]) -> list[Token]:
-    """Returns the words after some rules. New words stand for all words that the pattern matched."""
+    """Return the words after some rules. New words stand for all words that the pattern matched."""
     text = " ".join(token.text for token in found)
     for pattern, replacement in rules:
         for _ in range(REWRITES):
@@ -351,7 +351,7 @@ def _replaced(found: list[Token], match: re.Match[str], replacement: str) -> lis
 
 @cache
 def verb_words() -> str:
-    """Returns a pattern for the first words of all verbs, as they are or inflected."""
+    """Return a pattern for the first words of all verbs, as they are or inflected."""
     words = {phrase.split()[0] for verb in KNOWN.values() for phrase in said(verb)}
     return "|".join(
         sorted(words - {"i", "can", "could", "may", "we", "let", "have", "over", "show"}, key=len, reverse=True)
@@ -359,14 +359,14 @@ def verb_words() -> str:
 
 
 def said(verb) -> list[str]:
-    """Returns the phrases of a verb: the words before the object in its templates, and its further words."""
+    """Return the phrases of a verb: the words before the object in its templates, and its further words."""
     own = [template.removesuffix(f" {OBJECT}") for template in verb.templates if template.endswith(OBJECT)]
     own = [phrase for phrase in own if "{" not in phrase and verb.act is not Act.HOLD]
     return list(dict.fromkeys([*own, *(phrases(verb.words) if verb.words else [])]))
 
 
 def repaired(found: list[Token]) -> list[Token]:
-    """Returns the words without what a speaker took back: "the blue no wait the orange cube"."""
+    """Return the words without what a speaker took back: "the blue no wait the orange cube"."""
     text = " ".join(token.text for token in found)
     for match in _REPAIR.finditer(text):
         first = text[: match.start()].count(" ")
@@ -388,7 +388,7 @@ _REPAIR = re.compile(
 
 
 def _taken_back(before: list[Token], after: list[Token]) -> int | None:
-    """Returns from which word on the words before a repair are taken back; None: it repairs nothing."""
+    """Return from which word on the words before a repair are taken back; None: it repairs nothing."""
     first, words = after[0].text, [token.text for token in before]
     start = max((i + 1 for i, word in enumerate(words) if word in ".;!?"), default=0)
     if re.fullmatch(verb_words(), first):
@@ -428,7 +428,7 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
 
 @cache
 def wordings() -> dict[str, tuple[Rule, ...]]:
-    """Returns the rules of `wordings.yaml`: "frames", "misheard" and "plain"."""
+    """Return the rules of `wordings.yaml`: "frames", "misheard" and "plain"."""
     table = read_yaml(Path(__file__).with_name("wordings.yaml"))
     parts = {**table["parts"], "V": f"(?:{verb_words()})"}
     for name in ("frames", "repairs", "misheard", "plain", "questions"):
@@ -442,7 +442,7 @@ def wordings() -> dict[str, tuple[Rule, ...]]:
 
 
 def questions() -> tuple[tuple[str, re.Pattern[str]], ...]:
-    """Returns the kinds of answers, each with the pattern of the questions that it answers."""
+    """Return the kinds of answers, each with the pattern of the questions that it answers."""
     return tuple((kind.strip(), pattern) for pattern, kind in wordings()["questions"])
 
 

@@ -106,7 +106,7 @@ class Scene:
 
     @classmethod
     def from_arrays(cls, nouns, colors, positions, size=0.05, targets=False, viewpoint="robot") -> Scene:
-        """Returns a scene from copies of arrays.
+        """Return a scene from copies of arrays.
 
         Args:
             nouns, colors: (K,) indices into NOUNS and COLORS.
@@ -123,7 +123,7 @@ class Scene:
         return scene
 
     def moved(self, positions) -> Scene:
-        """Returns the same objects at other positions, (K, 3) metres."""
+        """Return the same objects at other positions, (K, 3) metres."""
         return Scene.from_arrays(self.nouns, self.colors, positions, self.sizes, self.targets, self.viewpoint)
 
     def _fill(self, nouns, colors, positions, sizes, targets, viewpoint) -> None:

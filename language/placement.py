@@ -86,7 +86,7 @@ class Layout:
                 raise LanguageError(f"object {index} is an init with role={self.specs[index].role}: it must be real")
 
     def draw(self, rng: Generator, spacing: float) -> Placed:
-        """Draws all K objects, in order.
+        """Draw all K objects, in order.
 
         Random colours differ from all others of the same role while there are colours left.
 
@@ -113,14 +113,14 @@ class Layout:
         return Placed(scene, np.where(turned, yaw, 0.0), np.array([spec.fixed for spec in self.specs]))
 
     def pick(self, rng: Generator) -> tuple[int | None, int | None]:
-        """Draws a subtask: the indices of its init and goal, None if there is none."""
+        """Draw a subtask: the indices of its init and goal, None if there is none."""
         if self.pairs is not None:
             return self.pairs[int(rng.integers(len(self.pairs)))]
         return _one_of(rng, self.inits), _one_of(rng, self.goals)
 
 
 def from_pairs(pairs: Iterable[tuple[ObjectSpec, ObjectSpec | None]]) -> Layout:
-    """Returns a layout of subtasks (init, goal) or (init, None). Each spec is an object of its own."""
+    """Return a layout of subtasks (init, goal) or (init, None). Each spec is an object of its own."""
     specs: list[ObjectSpec] = []
     indices: list[tuple[int, int | None]] = []
     for init, goal in pairs:
@@ -132,14 +132,14 @@ def from_pairs(pairs: Iterable[tuple[ObjectSpec, ObjectSpec | None]]) -> Layout:
 
 
 def from_lists(init: Iterable[ObjectSpec], goal: Iterable[ObjectSpec]) -> Layout:
-    """Returns a layout in which any of `init` goes to any of `goal`; the lists may differ in length or be empty."""
+    """Return a layout in which any of `init` goes to any of `goal`; the lists may differ in length or be empty."""
     inits, goals = tuple(init), tuple(goal)
     count = len(inits) + len(goals)
     return Layout(inits + goals, tuple(range(len(inits))), tuple(range(len(inits), count)))
 
 
 def from_all(objects: Iterable[ObjectSpec]) -> Layout:
-    """Returns a layout in which any real object goes to any target."""
+    """Return a layout in which any real object goes to any target."""
     specs = tuple(objects)
     inits, goals = ([i for i, spec in enumerate(specs) if spec.role == role] for role in ROLES)
     return Layout(specs, tuple(inits), tuple(goals))
@@ -179,7 +179,7 @@ def _draw_colors(rng: Generator, specs: Sequence[ObjectSpec]) -> list[str]:
 
 
 def _draw_places(rng: Generator, specs: Sequence[ObjectSpec], spacing: float) -> list[Place]:
-    """Draws places by rejection sampling, object by object; starts again when no place is found for one."""
+    """Draw places by rejection sampling, object by object; starts again when no place is found for one."""
     for _ in range(TRIES):
         placed: list[Place] = []
         for spec in specs:

@@ -31,7 +31,7 @@ ONTO = ("on", "over", "in", "to", "at", "of", "with", "here")
 
 
 def spots(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...], typed: bool = False) -> list[Spot]:
-    """Returns the positions that all relations allow, the best first; those that cannot be used say why.
+    """Return the positions that all relations allow, the best first; those that cannot be used say why.
 
     typed: whether the moved thing was named with a noun, which "one" then repeats.
     """
@@ -84,7 +84,7 @@ def _points(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
 
 
 def _anchors(resolver: Resolver, relation: RelationPhrase, mover: int | None) -> list[Ref]:
-    """Returns the referents of the anchor and, at a cost, its referents among the things that can bear another one."""
+    """Return the referents of the anchor and, at a cost, its referents among the things that can bear another one."""
     entity = relation.anchors[0]
     refs = _of_kind(resolver, entity, mover)
     if relation.name not in ONTO or entity.kind not in ("thing", "stack"):
@@ -95,7 +95,7 @@ def _anchors(resolver: Resolver, relation: RelationPhrase, mover: int | None) ->
 
 
 def _of_kind(resolver: Resolver, entity: Entity, mover: int | None) -> list[Ref]:
-    """Returns the referents of a phrase; "the blue one" is rather of the moved thing's kind."""
+    """Return the referents of a phrase; "the blue one" is rather of the moved thing's kind."""
     things, refs = resolver.world.things, resolver.resolve(entity)
     if entity.kind == "thing" and entity.noun is None and mover is not None:
         kind = things[mover].kind
@@ -106,7 +106,7 @@ def _of_kind(resolver: Resolver, entity: Entity, mover: int | None) -> list[Ref]
 
 
 def _by(world: WorldModel, mover: int, relation: RelationPhrase, anchor: Ref) -> list[Point]:
-    """Returns the points in a relation to one anchor."""
+    """Return the points in a relation to one anchor."""
     name = relation.name
     if world.cells and relation.measure is not None and name in ("over", "under"):  # "one square above the corner"
         return _beside(world, mover, anchor, "far" if name == "over" else "near", relation.measure)
@@ -128,7 +128,7 @@ def _by(world: WorldModel, mover: int, relation: RelationPhrase, anchor: Ref) ->
 
 
 def _in_region(world: WorldModel, mover: int, area: Ref) -> list[Point]:
-    """Returns the cells of a region, those near the moved thing first."""
+    """Return the cells of a region, those near the moved thing first."""
     thing = world.things[mover]
     x0, x1, y0, y1 = area.box
     if area.kind in ("robot", "person"):
@@ -147,7 +147,7 @@ def _in_region(world: WorldModel, mover: int, area: Ref) -> list[Point]:
 
 
 def _length(world: WorldModel, measure: Measure | None, default: float) -> float:
-    """Returns a length in the world's unit."""
+    """Return a length in the world's unit."""
     if measure is None:
         return default
     if measure.unit == "bit":
@@ -176,7 +176,7 @@ def _beside(world: WorldModel, mover: int, anchor: Ref, side: str, measure: Meas
 
 
 def _around(world: WorldModel, mover: int, anchor: Ref) -> list[Point]:
-    """Returns the four neighbours of an anchor, the nearest to the moved thing first."""
+    """Return the four neighbours of an anchor, the nearest to the moved thing first."""
     thing = world.things[mover]
     found = []
     for side in ("left", "right", "far", "near"):
@@ -201,7 +201,7 @@ def _middle(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[Po
 
 
 def _also(resolver: Resolver, mover: int, points: list[Point], relation: RelationPhrase) -> list[Point]:
-    """Returns the points that are in a further relation, too."""
+    """Return the points that are in a further relation, too."""
     world = resolver.world
     if relation.name == "direction" and relation.value in ("up", "top", "down"):
         return points
@@ -251,7 +251,7 @@ class _Wish(NamedTuple):
 
 
 def _enclosed(world: WorldModel, box: int, cost: float) -> Spot:
-    """Returns the place in a container or on the open hand."""
+    """Return the place in a container or on the open hand."""
     thing = world.things[box]
     why = next((f"{a_name(world, box)} is full: {a_name(world, i)} is in it" for i in world.contents(box)), "")
     return Spot(thing.x, thing.y, thing.top if box == world.hand else thing.bottom, box, cost, why)
@@ -277,7 +277,7 @@ def _on_table(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, .
 
 
 def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 0.0) -> Spot:
-    """Returns the free spot that fits all wishes and is nearest to where they point."""
+    """Return the free spot that fits all wishes and is nearest to where they point."""
     thing, (x0, x1, y0, y1) = world.things[mover], world.bounds
     xs = [wish.x for wish in wishes if wish.x is not None] or [thing.x]
     ys = [wish.y for wish in wishes if wish.y is not None] or [thing.y]
@@ -328,7 +328,7 @@ def _anywhere(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool
 def _shifts(
     world: WorldModel, mover: int, directions: tuple[RelationPhrase, ...], further: bool, aloft: bool = False
 ) -> list[_Wish]:
-    """Returns where a thing goes that moves in some directions. further: whether other relations say where, too.
+    """Return where a thing goes that moves in some directions. further: whether other relations say where, too.
 
     aloft: whether it is not on the table, so that "down" is straight down.
     """
@@ -372,7 +372,7 @@ def _shifts(
 
 
 def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: bool, alone: bool) -> list[_Wish]:
-    """Returns where one relation says that a thing goes, for each referent of its anchor."""
+    """Return where one relation says that a thing goes, for each referent of its anchor."""
     world, thing = resolver.world, resolver.world.things[mover]
     if relation.name == "home":
         return [_near_point(*world.home.get(mover, (thing.x, thing.y)), 0.05, "its old place")]
@@ -438,7 +438,7 @@ _WORDS = {"left": "left of", "right": "right of", "front": "in front of", "near"
 
 
 def _at_side(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase, what: str) -> _Wish:
-    """Returns the place left of a thing, or the like. A length is the gap between the two."""
+    """Return the place left of a thing, or the like. A length is the gap between the two."""
     thing, other = world.things[mover], world.things[anchor]
     dx, dy = world.toward(_SIDEWAYS[relation.name])
     width = (thing.width + other.width) / 2
@@ -460,7 +460,7 @@ def _at_side(world: WorldModel, mover: int, anchor: int, relation: RelationPhras
 
 
 def _ring(world: WorldModel, mover: int, anchor: int, what: str) -> _Wish:
-    """Returns the places next to a thing: the one nearest to where the moved thing is."""
+    """Return the places next to a thing: the one nearest to where the moved thing is."""
     thing, other = world.things[mover], world.things[anchor]
     gap = 0.65 * (thing.width + other.width) + 0.005
     x, y = min(max(thing.x, world.bounds[0]), world.bounds[1]), min(max(thing.y, world.bounds[2]), world.bounds[3])
@@ -475,7 +475,7 @@ def _ring(world: WorldModel, mover: int, anchor: int, what: str) -> _Wish:
 
 
 def _along(world: WorldModel, mover: int, anchor: int, relation: RelationPhrase, what: str) -> _Wish:
-    """Returns the places nearer to a thing, or farther from it."""
+    """Return the places nearer to a thing, or farther from it."""
     thing, other = world.things[mover], world.things[anchor]
     before = max(math.dist((thing.x, thing.y), (other.x, other.y)), 1e-6)
     ux, uy = (other.x - thing.x) / before, (other.y - thing.y) / before
@@ -511,7 +511,7 @@ def _between(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[_
 
 
 def _in_area(world: WorldModel, mover: int, relation: RelationPhrase, area: Ref) -> list[_Wish]:
-    """Returns the places in a region of the table."""
+    """Return the places in a region of the table."""
     name, thing = relation.name, world.things[mover]
     if area.kind in ("robot", "person"):
         return [_side_wish(world, ["near" if area.kind == "robot" else "far"], area.kind == "person")]
@@ -534,7 +534,7 @@ def _in_area(world: WorldModel, mover: int, relation: RelationPhrase, area: Ref)
 
 
 def _side_wish(world: WorldModel, sides: list[str], edge: bool, absolute: bool = False) -> _Wish:
-    """Returns the places at one or two sides of the table. edge: close to it. absolute: in the robot's frame."""
+    """Return the places at one or two sides of the table. edge: close to it. absolute: in the robot's frame."""
     x0, x1, y0, y1 = world.bounds
     vectors = {"far": (1, 0), "near": (-1, 0), "left": (0, 1), "right": (0, -1)}
     x = y = None

@@ -37,7 +37,7 @@ class Planner(Steps):
         return frozenset(found)
 
     def plans(self, reading: Reading) -> list[Draft]:
-        """Returns the plans of a reading, the cheapest first; those that fail come last and say why."""
+        """Return the plans of a reading, the cheapest first; those that fail come last and say why."""
         steps = reading.steps
         if reading.condition is not None:
             refs = self.resolver(self.world, self.it, None).resolve(reading.condition)
@@ -49,7 +49,7 @@ class Planner(Steps):
         return [_finished(each) for each in found]
 
     def _sequence(self, steps: tuple[Clause, ...], last: bool, arbitrary: bool = False) -> list[Draft]:
-        """Returns the plans of clauses, which readings share. last: whether no clause follows."""
+        """Return the plans of clauses, which readings share. last: whether no clause follows."""
         if not steps:
             return [Draft(self.world, it=self.it, mentioned=self.mentioned, box=self.box, arbitrary=arbitrary)]
         key = (steps, last, self.it, arbitrary)
@@ -64,7 +64,7 @@ class Planner(Steps):
         return self._sequences[key]
 
     def judge(self, entity: Entity) -> float:
-        """Returns the cost of what a phrase denotes in the first world; for the chart."""
+        """Return the cost of what a phrase denotes in the first world; for the chart."""
         self._spend()
         if entity.kind in ("it", "robot", "person", "board", "cell", "gap", "side", "center", "edge", "list"):
             return 0.0
@@ -74,7 +74,7 @@ class Planner(Steps):
         return refs[0].cost if refs else costs.EMPTY
 
     def _after(self, plan: Draft, clause: Clause, last: bool) -> Iterator[Draft]:
-        """Yields the plans with one more clause."""
+        """Yield the plans with one more clause."""
         act = clause.act
         if plan.topic is not None and act is not None and (clause.entity is None or clause.entity.kind == "it"):
             topic = plan.topic
@@ -103,7 +103,7 @@ class Planner(Steps):
                 yield from self._all(plan, clause, clause.entity)
 
     def _spoken(self, plan: Draft, mover: int) -> Draft:
-        """Returns the plan with what "it" and "in there" mean after a clause."""
+        """Return the plan with what "it" and "in there" mean after a clause."""
         boxes = [each for step in plan.steps[-1:] for each in (step.object, step.goal) if each in self.world.containers]
         box = mover if mover in self.world.containers else boxes[-1] if boxes else plan.box
         return replace(plan, it=(mover,), box=box, topic=None)
@@ -120,7 +120,7 @@ class Planner(Steps):
     # ---- Clauses without a verb, and such that nobody can carry out
 
     def _fragment(self, plan: Draft, clause: Clause, last: bool) -> Iterator[Draft]:
-        """Yields what a clause without a verb adds: a topic for the next one, or the object or place of the former."""
+        """Yield what a clause without a verb adds: a topic for the next one, or the object or place of the former."""
         entity, before = clause.entity, plan.last
         if entity is None:
             if before is not None and before.act is not None and plan.steps and before.entity is not None:
@@ -167,7 +167,7 @@ class Planner(Steps):
             yield replace(plan, topic=clause, it=it, mentioned=it, cost=plan.cost + refs[0].cost)
 
     def _same_again(self, plan: Draft, clause: Clause, before: Clause) -> Iterator[Draft]:
-        """Yields the plan in which a fragment says more about the object of the clause before, or repeats its verb."""
+        """Yield the plan in which a fragment says more about the object of the clause before, or repeats its verb."""
         start, new = self._sequence_start(plan), clause.entity
         assert new is not None
         meant = (
@@ -194,7 +194,7 @@ class Planner(Steps):
             )
 
     def _sequence_start(self, plan: Draft) -> Draft:
-        """Returns the plan before its last clause, if it has only one; otherwise a plan without steps."""
+        """Return the plan before its last clause, if it has only one; otherwise a plan without steps."""
         return Draft(self.world, it=self.it, mentioned=self.mentioned, box=plan.box, arbitrary=plan.arbitrary)
 
     def _is_box(self, plan: Draft, entity: Entity) -> bool:
@@ -224,14 +224,14 @@ class Planner(Steps):
     # ---- Several things
 
     def _all(self, plan: Draft, clause: Clause, entity: Entity) -> Iterator[Draft]:
-        """Yields the plan that does the clause for all things of a plural, if several fit it."""
+        """Yield the plan that does the clause for all things of a plural, if several fit it."""
         done = self._each(plan, replace(clause, entity=replace(entity, every=True)))
         if not done.failure and len(done.it) > 1:
             one = min((ref.cost for ref in self._refs(plan, clause, entity) if ref.kind == "thing"), default=0.0)
             yield replace(done, cost=plan.cost + one + costs.ALL_OF_PLURAL)
 
     def _each(self, plan: Draft, clause: Clause) -> Draft:
-        """Returns the plan that does the clause for every thing of the phrase, one after the other."""
+        """Return the plan that does the clause for every thing of the phrase, one after the other."""
         entity = clause.entity
         assert entity is not None
         things = self._several(plan, clause, entity)
@@ -279,7 +279,7 @@ class Planner(Steps):
         return replace(done, steps=marked)
 
     def _several(self, plan: Draft, clause: Clause, entity: Entity) -> list[int] | Draft:
-        """Returns the things of a phrase for several, or the plan that says why there are none."""
+        """Return the things of a phrase for several, or the plan that says why there are none."""
         world, act = plan.world, clause.act
         if entity.kind == "list":
             found = []
@@ -323,7 +323,7 @@ class Planner(Steps):
     # ---- One thing
 
     def _movers(self, plan: Draft, clause: Clause) -> Iterator[Draft]:
-        """Yields the plan with each thing that the clause may concern as its mover."""
+        """Yield the plan with each thing that the clause may concern as its mover."""
         entity, held, act, world = clause.entity, plan.world.held, clause.act, plan.world
         asks_held = act in (Act.CARRY, Act.LOWER, Act.GIVE, Act.REMOVE, Act.STORE, Act.NEVER)
         if held is not None and asks_held and (world.cells or self._fits_held(plan, entity)):
@@ -347,7 +347,7 @@ class Planner(Steps):
             yield replace(plan, mover=index, cost=cost, entity=entity, mentioned=(index,), arbitrary=arbitrary)
 
     def _pronoun(self, plan: Draft, clause: Clause) -> Iterator[Draft]:
-        """Yields the plan with what "it" may mean, or what is meant where nothing is named."""
+        """Yield the plan with what "it" may mean, or what is meant where nothing is named."""
         act, world = clause.act, plan.world
         named = [i for i in plan.it if _allows(world, act, i)]
         if act in BOXES and plan.box is not None and not named:
@@ -369,7 +369,7 @@ class Planner(Steps):
             yield replace(plan, mover=index, entity=clause.entity)
 
     def _unnamed(self, plan: Draft, act: Act | None) -> list[int]:
-        """Returns what a verb without an object may concern in this world."""
+        """Return what a verb without an object may concern in this world."""
         world = plan.world
         if act in BOXES:
             return list(world.containers)
@@ -384,7 +384,7 @@ class Planner(Steps):
         return []
 
     def _refs(self, plan: Draft, clause: Clause, entity: Entity) -> list[Ref]:
-        """Returns the referents of a phrase: those that the verb can act on, if there are any."""
+        """Return the referents of a phrase: those that the verb can act on, if there are any."""
         world, act = plan.world, clause.act
         resolver = self.resolver(world, plan.it, None, plan.mentioned, plan.box)
         refs = resolver.resolve(entity)
@@ -454,7 +454,7 @@ class Planner(Steps):
         return True
 
     def _held_cost(self, world: WorldModel, held: int, entity: Entity | None) -> float:
-        """Returns the cost of a phrase for the held thing: how badly it fits."""
+        """Return the cost of a phrase for the held thing: how badly it fits."""
         if entity is None or entity.kind == "it":
             return 0.0
         thing = world.things[held]
@@ -466,7 +466,7 @@ class Planner(Steps):
     # ---- Two and more things at once
 
     def _swap(self, plan: Draft, clause: Clause) -> Draft:
-        """Returns the plan in which two things change places, by way of a free spot."""
+        """Return the plan in which two things change places, by way of a free spot."""
         entity = clause.entity
         if entity is None:
             named = list(plan.it)
@@ -502,7 +502,7 @@ class Planner(Steps):
         return Spot(thing.x, thing.y, thing.bottom, world.below[index] if box is None else box, 0.0)
 
     def _build(self, plan: Draft, clause: Clause) -> Draft:
-        """Returns the plan that stacks things, the first one lowest."""
+        """Return the plan that stacks things, the first one lowest."""
         entity = clause.entity
         if entity is None:
             return replace(plan, failure="it is not said what to stack", reason="where")
@@ -529,12 +529,12 @@ class Planner(Steps):
 
 
 def clause_cost(plan: Draft) -> float:
-    """Returns the cost of a plan without what it costs that a thing is moved twice."""
+    """Return the cost of a plan without what it costs that a thing is moved twice."""
     return plan.cost - costs.MOVED_TWICE - 2 * costs.ANOTHER_OBJECT
 
 
 def _marked(before: Draft, plan: Draft, clause: Clause) -> Draft:
-    """Returns the plan after a clause; its last step keeps the instruction that it was read from."""
+    """Return the plan after a clause; its last step keeps the instruction that it was read from."""
     if (clause.instruction is not None or clause.several) and len(plan.steps) > len(before.steps):
         last = replace(plan.steps[-1], instruction=clause.instruction, several=clause.several)
         plan = replace(plan, steps=(*plan.steps[:-1], last))
@@ -542,7 +542,7 @@ def _marked(before: Draft, plan: Draft, clause: Clause) -> Draft:
 
 
 def _finished(plan: Draft) -> Draft:
-    """Returns the plan, or why it is none: a phrase still waits for its verb."""
+    """Return the plan, or why it is none: a phrase still waits for its verb."""
     if not plan.failure and not plan.steps and plan.notes:
         return replace(plan, failure=plan.notes[0], reason="impossible")
     if not plan.failure and plan.topic is not None:
@@ -562,7 +562,7 @@ def _allows(world: WorldModel, act: Act | None, index: int) -> bool:
 
 
 def at_a_mark(plan: Draft) -> bool:
-    """Returns whether the last thing was put where a see-through thing marks a place, or beside it."""
+    """Return whether the last thing was put where a see-through thing marks a place, or beside it."""
     last = plan.steps[-1] if plan.steps else None
     if last is None or last.place is None or (last.goal is not None and not plan.world.things[last.goal].target):
         return False
@@ -571,14 +571,14 @@ def at_a_mark(plan: Draft) -> bool:
 
 
 def beside(clause: Clause) -> Clause:
-    """Returns the clause for a further thing: beside the place, where the first one lies."""
+    """Return the clause for a further thing: beside the place, where the first one lies."""
     onto = [place.name in ONTO for place in clause.places]
     places = [replace(place, name="near") if at else place for place, at in zip(clause.places, onto, strict=True)]
     return replace(clause, places=tuple(places))
 
 
 def reached(plan: Draft) -> tuple:
-    """Returns the effects of a plan, for comparison: where things end, what is held, and all other steps."""
+    """Return the effects of a plan, for comparison: where things end, what is held, and all other steps."""
     acts = tuple((each.verb, each.object) for each in plan.steps if not (each.takes or each.carries))
     ends = {each.object: (each.place, each.bottom) for each in plan.steps if each.takes or each.carries}
     rounded = tuple(

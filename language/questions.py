@@ -36,7 +36,7 @@ class Questions:
         self.things: list[int] = []  # that were asked about
 
     def answer(self, asked: str) -> str | None:
-        """Returns the answer in a sentence; None if it is not known."""
+        """Return the answer in a sentence; None if it is not known."""
         for kind, pattern in questions():
             if match := pattern.search(asked):
                 part = _OF_PART.get(kind)
@@ -46,7 +46,7 @@ class Questions:
         return None
 
     def refs(self, text: str) -> tuple[Any, list[int]]:
-        """Returns the phrase in some words and the things that it fits."""
+        """Return the phrase in some words and the things that it fits."""
         entity, found = phrase(self.world, self.planner, scan(text))
         things = real(self.world, found)
         if entity is not None and entity.role == "target":
@@ -55,13 +55,13 @@ class Questions:
         return entity, things
 
     def names(self, things: Sequence[int]) -> str:
-        """Returns the names of things, as in a sentence."""
+        """Return the names of things, as in a sentence."""
         return listed([name(self.world, i) for i in things])
 
     # ---- Where, how many, which
 
     def where(self, match: re.Match[str]) -> str | None:
-        """Says where something is."""
+        """Say where something is."""
         entity, things = self.refs(match[1])
         if entity is None:
             return None
@@ -70,7 +70,7 @@ class Questions:
         return "; ".join(f"{name(self.world, i).split(' in ')[0]} is {where(self.world, i)}" for i in things[:3])
 
     def count(self, match: re.Match[str]) -> str | None:
-        """Says how many things fit a phrase."""
+        """Say how many things fit a phrase."""
         entity, things = self.refs(
             re.sub((r"\b(?:are|is) there\b|\b(?:do|can) (?:you|we|i) (?:see|have|count|find)\b"), "", match[1])
         )
@@ -83,7 +83,7 @@ class Questions:
         return f"there {noun} {number} ({len(things)}): {self.names(things)}"
 
     def which(self, match: re.Match[str]) -> str | None:
-        """Names the things that fit a phrase."""
+        """Name the things that fit a phrase."""
         text = match[1].strip()
         if text.split()[0] in _PLACING:
             text = f"thing {text}"
@@ -112,14 +112,14 @@ class Questions:
         )
 
     def color(self, match: re.Match[str]) -> str | None:
-        """Says which colour something has."""
+        """Say which colour something has."""
         _, things = self.refs(match[1])
         return "; ".join(f"it is {self.world.things[i].color}" for i in things[:1]) if things else None
 
     # ---- Yes or no
 
     def is_state(self, match: re.Match[str]) -> str | None:
-        """Says whether a container is open, or a device moved."""
+        """Say whether a container is open, or a device moved."""
         text = match[1]
         if (
             re.search((r"\b(?:anything|something|any|all|everything|they|both|containers?|doors?)\b"), text)
@@ -138,7 +138,7 @@ class Questions:
         return f"{'yes' if right else 'no'}: {state(self.world, boxes[0])}"
 
     def fits(self, match: re.Match[str]) -> str | None:
-        """Says whether something fits into a container."""
+        """Say whether something fits into a container."""
         _, things = self.refs(match[2])
         boxes = [i for i in things if i in self.world.containers]
         if not boxes:
@@ -148,7 +148,7 @@ class Questions:
         return f"{'no' if inside else 'yes'}: one cube fits in {name(self.world, boxes[0])}, {full}"
 
     def is_empty(self, match: re.Match[str]) -> str | None:
-        """Says whether a container, the hand or the gripper is empty."""
+        """Say whether a container, the hand or the gripper is empty."""
         wanted = match[2] == "empty"
         if re.search(r"\b(?:gripper|your hand|claw|you)\b", match[1]):
             return f"{'yes' if (self.world.held is None) == wanted else 'no'}: {holds(self.world)}"
@@ -166,7 +166,7 @@ class Questions:
         return f"{'yes' if (not inside) == wanted else 'no'}: {what}"
 
     def exists(self, match: re.Match[str]) -> str | None:
-        """Says whether something of the kind is there."""
+        """Say whether something of the kind is there."""
         text = match[1].strip()
         mine = re.search(
             (r"\b(?:something|anything|a cube|a block|any cube|nothing|what)\b.* (?:in|on) my (?:hand|palm)"), text
@@ -191,7 +191,7 @@ class Questions:
         return f"yes: {self.names(things)}"
 
     def is_there(self, match: re.Match[str]) -> str | None:
-        """Says whether a thing is where a question says."""
+        """Say whether a thing is where a question says."""
         text = match[1].strip()
         words = text.split()
         for cut in range(2, len(words)):
@@ -228,7 +228,7 @@ class Questions:
     # ---- The gripper and the person's hand
 
     def held(self, match: re.Match[str]) -> str | None:
-        """Says what the gripper holds."""
+        """Say what the gripper holds."""
         world = self.world
         if re.search(r"\bmy (?:hand|palm)\b|\bi (?:hold|have|holding)\b|am i\b", match[0]) and world.hand is not None:
             inside = world.contents(world.hand)
@@ -246,7 +246,7 @@ class Questions:
         return [(turn, turn.outcome) for turn in self.turns if isinstance(turn.outcome, Plan) and turn.outcome.steps]
 
     def did(self, match: re.Match[str]) -> str | None:
-        """Says what was done last, or where something was put."""
+        """Say what was done last, or where something was put."""
         plans = self._plans()
         into = re.search(r"\b(?:inside|in|into)\b(?: (.*))?$", match.string)
         if into:
@@ -267,11 +267,11 @@ class Questions:
         return f"I did this: {said(turn.world, plan.steps)}"
 
     def told(self, match: re.Match[str]) -> str | None:
-        """Says what the person said before."""
+        """Say what the person said before."""
         return f'you said: "{self.turns[-1].sentence}"' if self.turns else "you have said nothing before"
 
     def why(self, match: re.Match[str]) -> str | None:
-        """Says why something was done or was not done."""
+        """Say why something was done or was not done."""
         if not self.turns:
             return "I have done nothing yet, because you have not asked for anything before"
         last = self.turns[-1]
@@ -291,28 +291,28 @@ class Questions:
     # ---- The robot
 
     def can(self, match: re.Match[str]) -> str | None:
-        """Says what can be done."""
+        """Say what can be done."""
         return abilities(self.world)
 
     def see(self, match: re.Match[str]) -> str | None:
-        """Says what there is."""
+        """Say what there is."""
         return seen(self.world)
 
     def who(self, match: re.Match[str]) -> str | None:
-        """Says what the robot is."""
+        """Say what the robot is."""
         return f"I am a robot arm that does what you say and point at. {abilities(self.world)}"
 
     def fine(self, match: re.Match[str]) -> str | None:
-        """Answers questions about the robot's condition."""
+        """Answer questions about the robot's condition."""
         return f"yes, I am ready. {holds(self.world)}"
 
     def language(self, match: re.Match[str]) -> str | None:
-        """Says which language is understood."""
+        """Say which language is understood."""
         return "I understand English: sentences about the things on the table"
 
 
 def _words(text: str, entity: Any) -> str:
-    """Returns the words of a phrase."""
+    """Return the words of a phrase."""
     tokens = [token.text for token in scan(text)]
     part = tokens[slice(*entity.span)] or tokens
     return " ".join(word for word in part if word not in ("a", "an", "any", "some"))
@@ -341,7 +341,7 @@ def _noun(text: str) -> str:
 
 
 def holds_true(condition: str, world: WorldModel, planner: Planner) -> bool | None:
-    """Returns whether a condition is so: "the drawer is open", "there is a green cube"; None if nobody can tell."""
+    """Return whether a condition is so: "the drawer is open", "there is a green cube"; None if nobody can tell."""
     questions = Questions(world, planner, (), None)
     negated = bool(re.search(r"\bnot\b|\bn't\b", condition))
     plain = re.sub(r"\b(?:not|still|already|now|currently|happens to be|also)\b ?", "", condition).strip()

@@ -46,7 +46,7 @@ class Ref(NamedTuple):
 
 
 def distance(x: float, y: float, ref: Ref) -> float:
-    """Returns the distance of a point to a referent's box."""
+    """Return the distance of a point to a referent's box."""
     x0, x1, y0, y1 = ref.box
     dx = x0 - x if x < x0 else x - x1 if x > x1 else 0.0
     dy = y0 - y if y < y0 else y - y1 if y > y1 else 0.0
@@ -56,23 +56,23 @@ def distance(x: float, y: float, ref: Ref) -> float:
 def spot(
     x: float, y: float, top: float = 0.0, kind: str = "cell", things: tuple[int, ...] = (), cost: float = 0.0
 ) -> Ref:
-    """Returns the referent of a point."""
+    """Return the referent of a point."""
     return Ref(kind, (x, x, y, y), top, things, cost)
 
 
 def thing_ref(world: WorldModel, index: int, cost: float = 0.0) -> Ref:
-    """Returns the referent of a thing."""
+    """Return the referent of a thing."""
     thing = world.things[index]
     return spot(thing.x, thing.y, thing.top, "thing", (index,), cost)
 
 
 def color_fits(world: WorldModel, index: int, meant: tuple[str, ...]) -> bool:
-    """Returns whether a thing has the colour: the likeliest meaning of the word that the world holds."""
+    """Return whether a thing has the colour: the likeliest meaning of the word that the world holds."""
     return world.things[index].color == next((color for color in meant if color in world.colors), None)
 
 
 def heads(world: WorldModel, entity: Entity) -> list[Ref]:
-    """Returns the referents of a phrase without its relations, superlatives and ranks."""
+    """Return the referents of a phrase without its relations, superlatives and ranks."""
     found = _unshown(world, entity)
     if isinstance(entity.pointed, Gesture) and entity.kind in ("thing", "stack"):
         shown = set(entity.pointed.things)
@@ -81,7 +81,7 @@ def heads(world: WorldModel, entity: Entity) -> list[Ref]:
 
 
 def _unshown(world: WorldModel, entity: Entity) -> list[Ref]:
-    """Returns the referents of a phrase, whatever a gesture shows."""
+    """Return the referents of a phrase, whatever a gesture shows."""
     if entity.kind == "spot":
         return _shown(world, entity)
     if entity.kind == "thing" and entity.plural and not entity.every and not entity.number and entity.colors:
@@ -94,7 +94,7 @@ def _unshown(world: WorldModel, entity: Entity) -> list[Ref]:
 
 
 def _shown(world: WorldModel, entity: Entity) -> list[Ref]:
-    """Returns the referents of a gesture: things or a place; before the gesture is known, all things."""
+    """Return the referents of a gesture: things or a place; before the gesture is known, all things."""
     if not isinstance(entity.pointed, Gesture):
         return [thing_ref(world, index) for index in range(len(world.things))]
     things = [thing_ref(world, index) for index in entity.pointed.things]
@@ -132,7 +132,7 @@ def _sized(world: WorldModel, width: float, size: str) -> bool:
 
 
 def stacks(world: WorldModel, entity: Entity) -> list[Ref]:
-    """Returns the runs of blocks, one upon the other, that have the phrase's colours."""
+    """Return the runs of blocks, one upon the other, that have the phrase's colours."""
     found = []
     for base, below in enumerate(world.below):
         if world.held == base or world.things[base].kind not in FLAT:
@@ -154,7 +154,7 @@ def stacks(world: WorldModel, entity: Entity) -> list[Ref]:
 
 
 def _stack_cost(world: WorldModel, entity: Entity, run: list[int]) -> float | None:
-    """Returns how badly a run's colours fit, or None."""
+    """Return how badly a run's colours fit, or None."""
     if not entity.colors:
         return 0.0
     for meant in entity.colors:
@@ -165,7 +165,7 @@ def _stack_cost(world: WorldModel, entity: Entity, run: list[int]) -> float | No
 
 
 def regions(world: WorldModel, entity: Entity) -> list[Ref]:
-    """Returns the parts of the board that a phrase may mean."""
+    """Return the parts of the board that a phrase may mean."""
     x0, x1, y0, y1 = world.bounds
     sides = [world.side(side) for side in entity.sides]
     names = {side for side in sides if side != "center"}
@@ -190,7 +190,7 @@ def regions(world: WorldModel, entity: Entity) -> list[Ref]:
 
 
 def _corner(world: WorldModel, sides: Iterable[str]) -> tuple[float, float]:
-    """Returns the point of a corner, of which one or two sides are named."""
+    """Return the point of a corner, of which one or two sides are named."""
     x, y = world.center
     x0, x1, y0, y1 = world.bounds
     for side in sides:
@@ -201,7 +201,7 @@ def _corner(world: WorldModel, sides: Iterable[str]) -> tuple[float, float]:
 
 
 def edge_box(world: WorldModel, side: str) -> tuple[float, float, float, float]:
-    """Returns the box of an edge: the outermost row or column."""
+    """Return the box of an edge: the outermost row or column."""
     x0, x1, y0, y1 = world.bounds
     dx, dy = world.toward(side)
     if dx:
@@ -210,7 +210,7 @@ def edge_box(world: WorldModel, side: str) -> tuple[float, float, float, float]:
 
 
 def best(refs: list[Ref], score: Callable[[Ref], float], tie: float) -> list[Ref]:
-    """Returns the referents of the least score, and those within `tie` of it."""
+    """Return the referents of the least score, and those within `tie` of it."""
     if not refs:
         return []
     scores = [score(ref) for ref in refs]
@@ -219,12 +219,12 @@ def best(refs: list[Ref], score: Callable[[Ref], float], tie: float) -> list[Ref
 
 
 def without(relation: RelationPhrase, entity: Entity) -> tuple[RelationPhrase, ...]:
-    """Returns the other relations of an entity."""
+    """Return the other relations of an entity."""
     return tuple(other for other in entity.relations if other is not relation)
 
 
 def relation_cost(world: WorldModel, ref: Ref, relation: RelationPhrase, anchors: Sequence[Anchors]) -> float | None:
-    """Returns the cost of a relation of a referent to the cheapest of its anchors' referents, or None if none holds."""
+    """Return the cost of a relation of a referent to the cheapest of its anchors' referents, or None if none holds."""
     if relation.name == "into":
         return 0.0 if any(index in world.inside for index in ref.things) else None
     if relation.name == "held":
@@ -256,7 +256,7 @@ class Anchors:
                 self._by_thing.setdefault(index, []).append(ref)
 
     def candidates(self, world: WorldModel, ref: Ref, name: str) -> list[Ref]:
-        """Returns the referents to which the relation may hold: for "on" and the like, those of the same column."""
+        """Return the referents to which the relation may hold: for "on" and the like, those of the same column."""
         if not ref.things or name in _SIDEWAYS or name in ("beside", "opposite") or ref.things[-1] in world.inside:
             return self.refs
         if name == "with":
@@ -385,18 +385,18 @@ class Resolver:
         self.weighed = 0  # points that were compared with a further relation
 
     def boxes(self) -> list[int]:
-        """Returns the containers that "in there" may mean: the one that was spoken of, else those that are open."""
+        """Return the containers that "in there" may mean: the one that was spoken of, else those that are open."""
         if self.box is not None:
             return [self.box]
         return [box for box in self.world.containers if box in self.world.open] or list(self.world.containers)
 
     def bears(self, ref: Ref) -> bool:
-        """Returns whether something can be put on a referent."""
+        """Return whether something can be put on a referent."""
         top = ref.things[-1] if ref.things else None
         return top is None or (self.world.above[top] is None and self.world.things[top].kind in FLAT)
 
     def resolve(self, entity: Entity, usable: Callable[[Ref], bool] | None = None) -> list[Ref]:
-        """Returns the referents of a phrase, the best first. usable: among which superlatives select, where one is."""
+        """Return the referents of a phrase, the best first. usable: among which superlatives select, where one is."""
         key = (entity, usable is not None)
         if key not in self._known:
             self._known[key] = sorted(self._resolve(entity, usable), key=lambda ref: ref.cost)
@@ -417,13 +417,13 @@ class Resolver:
         return self._ranked(entity, refs)
 
     def anchors(self, entity: Entity) -> Anchors:
-        """Returns the referents of a phrase as the anchors of a relation."""
+        """Return the referents of a phrase as the anchors of a relation."""
         if entity not in self._anchors:
             self._anchors[entity] = Anchors(self.resolve(entity))
         return self._anchors[entity]
 
     def _filtered(self, entity: Entity, relations: tuple[RelationPhrase, ...]) -> list[Ref]:
-        """Returns the referents of the phrase with the relations that do not select; phrases share their beginnings."""
+        """Return the referents of the phrase with the relations that do not select; phrases share their beginnings."""
         number = entity.every, entity.number, entity.single, entity.exposed, entity.plural, entity.other
         counted = entity.ordinal is not None
         what = entity.kind, entity.noun, entity.colors, entity.size, entity.sides, entity.pointed, entity.role
@@ -439,7 +439,7 @@ class Resolver:
         return self._heads[key]
 
     def _selects(self, entity: Entity, relation: RelationPhrase) -> bool:
-        """Returns whether a relation selects the best of the referents that the others leave."""
+        """Return whether a relation selects the best of the referents that the others leave."""
         if relation.name in _SELECTING or (relation.name == "direction" and entity.kind in ("thing", "stack")):
             return True
         kinds = {anchor.kind for anchor in relation.anchors}
@@ -460,7 +460,7 @@ class Resolver:
         return found or self._not_quite(refs, relation)
 
     def _not_quite(self, refs: list[Ref], relation: RelationPhrase) -> list[Ref]:
-        """Returns the referents nearest to a region that contains none."""
+        """Return the referents nearest to a region that contains none."""
         kinds = {anchor.kind for anchor in relation.anchors}
         if relation.name in _LOCATING and kinds & {"corner", "edge"}:
             found = self._nearest(refs, relation.anchors[0])
@@ -481,7 +481,7 @@ class Resolver:
         return self._nearest(refs, relation.anchors[0])
 
     def _nearest(self, refs: list[Ref], anchor: Entity, sign: float = 1.0) -> list[Ref]:
-        """Returns the referents that are nearest to the anchor, or, with sign -1, farthest from it."""
+        """Return the referents that are nearest to the anchor, or, with sign -1, farthest from it."""
         anchors = self.resolve(anchor)
         if not anchors:
             return []
@@ -496,7 +496,7 @@ class Resolver:
         return best(refs, score, TIE * self.world.pitch)
 
     def _ranked(self, entity: Entity, refs: list[Ref]) -> list[Ref]:
-        """Returns the referents that the phrase's sides, superlative and rank select."""
+        """Return the referents that the phrase's sides, superlative and rank select."""
         if entity.ordinal is not None:
             return self._counted(entity, refs)
         if entity.kind not in ("thing", "stack"):
@@ -506,7 +506,7 @@ class Resolver:
         return self._toward(refs, entity.sides, entity.number or 1) if entity.sides else refs
 
     def _toward(self, refs: list[Ref], sides: tuple[str, ...], number: int = 1) -> list[Ref]:
-        """Returns the referents that are farthest toward the sides."""
+        """Return the referents that are farthest toward the sides."""
         tie = TIE * self.world.pitch
         if "center" in sides:
             middle = spot(*self.world.center)
@@ -536,7 +536,7 @@ class Resolver:
         return max((self.world.things[i].width for i in ref.things), default=0.0)
 
     def _counted(self, entity: Entity, refs: list[Ref]) -> list[Ref]:
-        """Returns the referent of a rank: from the left, unless the phrase says from where."""
+        """Return the referent of a rank: from the left, unless the phrase says from where."""
         assert entity.ordinal is not None
         start = "left"
         for relation in entity.relations:

@@ -100,7 +100,7 @@ def superlative(
 
 
 def unregister(phrase: str) -> None:
-    """Removes a relation or superlative from its registry. Raises LanguageError if there is none of this phrase."""
+    """Remove a relation or superlative from its registry. Raises LanguageError if there is none of this phrase."""
     check_known("relation or superlative", phrase, [*RELATIONS, *SUPERLATIVES])
     (RELATIONS if phrase in RELATIONS else SUPERLATIVES).pop(phrase)
 

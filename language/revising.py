@@ -15,12 +15,12 @@ SAME = 0.3  # of the distance between neighbours: a thing that moved less was on
 
 
 def pinned(index: int) -> Entity:
-    """Returns a phrase for one thing."""
+    """Return a phrase for one thing."""
     return Entity(pointed=Gesture((index,)))
 
 
 def filled(last: Reading, entity: Entity, slot: str) -> Reading | None:
-    """Returns the last reading with a thing as its object, or as the anchor of its place."""
+    """Return the last reading with a thing as its object, or as the anchor of its place."""
     clause = last.steps[-1]
     if slot == "object":
         return replace(last, steps=(*last.steps[:-1], replace(clause, entity=entity)), cost=0.0)
@@ -37,7 +37,7 @@ def filled(last: Reading, entity: Entity, slot: str) -> Reading | None:
 
 
 def revised(last: Reading, reply: Reading) -> list[Reading]:
-    """Returns the readings that a reply may mean, the likeliest first.
+    """Return the readings that a reply may mean, the likeliest first.
 
     A phrase replaces the object of the last clause that names one; it keeps the noun and colour that it does not say.
     A place replaces the place; "it" and "that" in it mean the former anchor.
@@ -58,7 +58,7 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
 
 
 def _object_clause(steps: tuple[Clause, ...]) -> int | None:
-    """Returns the index of the last clause that names its object."""
+    """Return the index of the last clause that names its object."""
     named = [at for at, step in enumerate(steps) if step.entity is not None and step.entity.kind != "it"]
     return named[-1] if named else (len(steps) - 1 if steps else None)
 
@@ -69,7 +69,7 @@ def _replaced(steps: tuple[Clause, ...], entity: Entity) -> tuple[Clause, ...] |
 
 
 def _completed(steps: tuple[Clause, ...], new: Entity) -> list[Entity]:
-    """Returns the new phrase with the words of the old one that it lacks: noun and colour, noun, or nothing."""
+    """Return the new phrase with the words of the old one that it lacks: noun and colour, noun, or nothing."""
     at = _object_clause(steps)
     old = None if at is None else steps[at].entity
     if old is None or new.noun is not None or new.kind != "thing" or old.kind != "thing":
@@ -81,7 +81,7 @@ def _completed(steps: tuple[Clause, ...], new: Entity) -> list[Entity]:
 
 
 def _anchored(place: RelationPhrase, old: tuple[RelationPhrase, ...]) -> RelationPhrase:
-    """Returns a place whose "it" is the anchor of the former place."""
+    """Return a place whose "it" is the anchor of the former place."""
     anchors = old[0].anchors if old else ()
     if anchors and any(anchor.kind == "it" for anchor in place.anchors):
         return replace(place, anchors=tuple(anchors[0] if a.kind == "it" else a for a in place.anchors))
@@ -89,7 +89,7 @@ def _anchored(place: RelationPhrase, old: tuple[RelationPhrase, ...]) -> Relatio
 
 
 def selecting(places: tuple[RelationPhrase, ...]) -> Entity | None:
-    """Returns an answer such as "left" or "next to the ball" as a phrase for a thing."""
+    """Return an answer such as "left" or "next to the ball" as a phrase for a thing."""
     if len(places) != 1:
         return None
     if places[0].name == "direction" and places[0].value:
@@ -104,7 +104,7 @@ def selecting(places: tuple[RelationPhrase, ...]) -> Entity | None:
 
 
 def restoring(now: WorldModel, then: WorldModel) -> tuple[Step, ...]:
-    """Returns the steps that bring everything back to where and how it was."""
+    """Return the steps that bring everything back to where and how it was."""
     steps: list[Step] = []
     order = sorted(range(len(then.things)), key=lambda i: (i != now.held, then.things[i].bottom))
     boxes = [box for box in now.containers if (box in now.open) != (box in then.open)]

@@ -44,11 +44,11 @@ class NestedDescriber(Describer):
         self.depth = depth
 
     def nameable(self, scene: Scene) -> np.ndarray:
-        """Returns (K,) bool: which objects such a phrase fits uniquely."""
+        """Return (K,) bool: which objects such a phrase fits uniquely."""
         return self.expressions(scene).nameable_nested(self.depth)
 
     def phrase(self, scene: Scene, referent: int, rng: Generator) -> ObjectPhrase:
-        """Returns a phrase that fits the referent alone. Raises LanguageError if there is none."""
+        """Return a phrase that fits the referent alone. Raises LanguageError if there is none."""
         return self.expressions(scene).draw_nested(self.depth, referent, rng)
 
 
@@ -60,7 +60,7 @@ def sample(
     steps: int = 1,
     wording: Wording | None = None,
 ) -> Iterator[Sample]:
-    """Yields random instructions.
+    """Yield random instructions.
 
     Args:
         number: how many.
@@ -88,7 +88,7 @@ def sample(
 
 
 def draw_scene(rng: Generator) -> Scene:
-    """Returns a random scene of OBJECT_COUNTS objects in AREA, the first of which is real."""
+    """Return a random scene of OBJECT_COUNTS objects in AREA, the first of which is real."""
     count = int(rng.integers(OBJECT_COUNTS[0], OBJECT_COUNTS[1] + 1))
     target = rng.random(count) < TARGET_SHARE
     target[0] = False
@@ -109,7 +109,7 @@ def _describer(depth: int | None) -> Describer:
 
 
 def _command(scene: Scene, describer: Describer, rng: Generator, steps: int) -> Command | None:
-    """Returns an instruction whose phrases are unique in the scene, or None."""
+    """Return an instruction whose phrases are unique in the scene, or None."""
     if steps == 1:
         return _instruction(scene, describer, rng)
     generated = generate_tasks(scene, 1, steps, seed=int(rng.integers(2**32)), describer=describer)
@@ -117,7 +117,7 @@ def _command(scene: Scene, describer: Describer, rng: Generator, steps: int) -> 
 
 
 def _instruction(scene: Scene, describer: Describer, rng: Generator) -> Instruction | None:
-    """Returns a task, drawn uniformly among the feasible ones, for nameable objects; None if none is feasible."""
+    """Return a task, drawn uniformly among the feasible ones, for nameable objects; None if none is feasible."""
     named = describer.nameable(scene)
     things, movable = (np.flatnonzero(fit) for fit in (named, named & ~scene.targets))
     goals_of = {name: np.flatnonzero(named & possible_goals(name, scene)) for name in VERBS}

@@ -53,17 +53,17 @@ class NamedScene:
     ids: tuple[str, ...]
 
     def index(self, name: str) -> int:
-        """Returns the index of the object with this id. Raises LanguageError for an unknown id."""
+        """Return the index of the object with this id. Raises LanguageError for an unknown id."""
         check_known("object id", name, self.ids)
         return self.ids.index(name)
 
     def id(self, index: int | None) -> str | None:
-        """Returns the id of the object with this index; None for None."""
+        """Return the id of the object with this index; None for None."""
         return None if index is None else self.ids[index]
 
 
 def read_scene(path: str | Path, viewpoint: str = "robot") -> NamedScene:
-    """Returns the scene of a YAML file.
+    """Return the scene of a YAML file.
 
     Positions and sizes are in metres. Defaults: the id is "o" and the position in the list, from 0; the size is 0.05;
     the role is "real". Raises SceneFileError.
@@ -77,7 +77,7 @@ def read_scene(path: str | Path, viewpoint: str = "robot") -> NamedScene:
 
 
 def as_entries(named: NamedScene) -> list[dict[str, Any]]:
-    """Returns the entries of a scene file; positions are rounded to tenths of a millimetre."""
+    """Return the entries of a scene file; positions are rounded to tenths of a millimetre."""
     return [
         {
             "id": name,
@@ -164,7 +164,7 @@ def _position(value: Any) -> list[float]:
 
 
 def _number(key: str, value: Any) -> float:
-    """Returns the value as a finite number of metres. Raises SceneFileError."""
+    """Return the value as a finite number of metres. Raises SceneFileError."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise SceneFileError(f"{key} {_shown(value)} must be a number of metres{_as_number(value)}")
     if not -MAX_COORDINATE <= value <= MAX_COORDINATE or math.isnan(value):
@@ -175,7 +175,7 @@ def _number(key: str, value: Any) -> float:
 
 
 def _as_number(text: Any) -> str:
-    """Returns a hint for text that looks like a number but is a string in YAML, such as 1e-1."""
+    """Return a hint for text that looks like a number but is a string in YAML, such as 1e-1."""
     try:
         number = float(text) if isinstance(text, str) else math.nan
     except ValueError:
@@ -184,7 +184,7 @@ def _as_number(text: Any) -> str:
 
 
 def _shown(value: Any) -> str:
-    """Returns the value as text, truncated if it is long or deeply nested."""
+    """Return the value as text, truncated if it is long or deeply nested."""
     try:
         return "nothing" if value is None else reprlib.repr(value)
     except ValueError:  # Python does not convert integers of more than 4300 digits
@@ -192,7 +192,7 @@ def _shown(value: Any) -> str:
 
 
 def read_world(path: str | Path) -> tuple[WorldModel, tuple[str, ...]]:
-    """Returns the world of a file, a board's or a table's, and the ids of its things. Raises SceneFileError."""
+    """Return the world of a file, a board's or a table's, and the ids of its things. Raises SceneFileError."""
     try:
         loaded = read_yaml(Path(path))
     except FileError:

@@ -38,7 +38,7 @@ def readings(
     acts: Collection[Act] = frozenset(Act),
     table: bool = True,
 ) -> tuple[list[Reading], Lattice]:
-    """Returns the readings of a sentence, the cheapest first, and its lattice.
+    """Return the readings of a sentence, the cheapest first, and its lattice.
 
     Args:
         words: a sentence as a person writes it, or its plain words.
@@ -56,7 +56,7 @@ def readings(
 
 
 def _with_gestures(found: list[Reading], made: Sequence[Gesture], judge: Judge | None) -> list[Reading]:
-    """Returns the readings with their gestures, whose phrases can only now be compared with the scene."""
+    """Return the readings with their gestures, whose phrases can only now be compared with the scene."""
     changed = []
     used = [min(len(pointing_words(reading)), len(made)) for reading in found]
     for reading, its in zip(found, used, strict=True):
@@ -79,7 +79,7 @@ class _Sentences:
         self._objects: dict[int, list[Item]] = {}
 
     def likeliest(self) -> list[Reading]:
-        """Returns the readings of the least cost."""
+        """Return the readings of the least cost."""
         rests = self._rests()
         found: list[tuple[Item, bool]] = []
         openings = [(0, False), *((edge.end, True) for edge in self.lattice.get(0, "not_meant"))]
@@ -94,7 +94,7 @@ class _Sentences:
         return [self._reading(item, rejects) for item, rejects in found[:KEPT_READINGS]]
 
     def _rests(self) -> list[Item]:
-        """Returns, for each token, the cost of leaving out the rest of the sentence from there on."""
+        """Return, for each token, the cost of leaving out the rest of the sentence from there on."""
         rests = [Item(len(self.lattice), None, 0.0)]
         for index in range(len(self.lattice) - 1, -1, -1):
             join = "join" in self.lattice.edges[index] and self.lattice.tokens[index].text in (".", ";", "and", "then")
@@ -110,7 +110,7 @@ class _Sentences:
         return replace(reading, cost=item.cost, rejects=rejects, unused=words, arbitrary=any_one)
 
     def _conditions(self, start: int) -> list[Item]:
-        """Returns "if there is X, steps, otherwise steps"."""
+        """Return "if there is X, steps, otherwise steps"."""
         found = []
         for item in self.lattice.gaps(start):
             for opening in self.lattice.get(item.end, "if"):
@@ -135,7 +135,7 @@ class _Sentences:
         return found
 
     def _sequences(self, start: int) -> list[Item]:
-        """Returns one or more clauses, joined."""
+        """Return one or more clauses, joined."""
         layer = [item._replace(value=(item.value,)) for item in self.clauses(start)]
         found = layer
         for _ in range(MOST_CLAUSES - 1):
@@ -154,12 +154,12 @@ class _Sentences:
         return found
 
     def _elliptic(self, before: Clause, clause: Clause) -> float:
-        """Returns the cost of a thing with a place after a command: rather what goes there than another object."""
+        """Return the cost of a thing with a place after a command: rather what goes there than another object."""
         related = clause.verb is None and clause.entity is not None and bool(clause.entity.relations)
         return costs.NO_VERB_BUT_PLACE * (related and before.act is Act.CARRY and self.lattice.table)
 
     def _joins(self, end: int) -> list[tuple[int, float]]:
-        """Returns where a further clause may begin, with its cost."""
+        """Return where a further clause may begin, with its cost."""
         found = {}
         at = end
         while at < len(self.lattice) and self.lattice.tokens[at].text in (",", "-", "please", ":", "!", "?"):
@@ -174,7 +174,7 @@ class _Sentences:
         return list(found.items())
 
     def clauses(self, start: int) -> list[Item]:
-        """Returns the clauses that begin at a token."""
+        """Return the clauses that begin at a token."""
         if start not in self._clauses:
             found: list[Item] = []
             for gap in self.lattice.gaps(start):
@@ -198,7 +198,7 @@ class _Sentences:
         return found + self._without_verb(at)
 
     def objects(self, start: int) -> list[Item]:
-        """Returns the phrases for things that begin at a token, and on a table lists of them: "X, Y and Z"."""
+        """Return the phrases for things that begin at a token, and on a table lists of them: "X, Y and Z"."""
         if start not in self._objects:
             found = layer = self.chart.entities(start)
             for _ in range(5 if self.lattice.table else 0):
@@ -210,7 +210,7 @@ class _Sentences:
         return self._objects[start]
 
     def _listed(self, item: Item) -> list[Item]:
-        """Returns the lists with one more thing."""
+        """Return the lists with one more thing."""
         at, first = item.end, item.value
         if first.kind not in ("thing", "list"):
             return []
@@ -247,7 +247,7 @@ class _Sentences:
         return found
 
     def _never(self, verb: str, at: int, start: int) -> list[Item]:
-        """Returns the clause of a verb that no robot here can do: whatever follows belongs to it."""
+        """Return the clause of a verb that no robot here can do: whatever follows belongs to it."""
         end = at
         while end < len(self.lattice) and self.lattice.text(end) not in (".", ";", ",", "then", "!", "?"):
             end += 1
@@ -255,7 +255,7 @@ class _Sentences:
         return [Item(end, Clause(verb, entity, span=(start, end)), costs.NEVER)]
 
     def _thrown(self, verb: str, at: int, start: int) -> list[Item]:
-        """Returns the clause of such a verb with its object and place, for tasks that can do it."""
+        """Return the clause of such a verb with its object and place, for tasks that can do it."""
         if not KNOWN[verb].effect:
             return []
         return [
@@ -263,7 +263,7 @@ class _Sentences:
         ]
 
     def _building(self, verb: str, at: int, start: int) -> list[Item]:
-        """Returns the clauses that ask for a tower: "build a tower of three cubes", "stack the red and blue cube"."""
+        """Return the clauses that ask for a tower: "build a tower of three cubes", "stack the red and blue cube"."""
         found = [
             Item(i.end, Clause(verb, i.value, span=(start, i.end)), i.cost + 0.2, i.skipped) for i in self._tower(at)
         ]
@@ -278,7 +278,7 @@ class _Sentences:
         ]
 
     def _tower(self, at: int) -> list[Item]:
-        """Returns what a tower consists of: "a tower of three cubes"."""
+        """Return what a tower consists of: "a tower of three cubes"."""
         for first in self.lattice.gaps(at):
             for any_one in [*self.lattice.get(first.end, "any"), *self.lattice.get(first.end, "number"), None]:
                 place = any_one.end if any_one else first.end
@@ -295,7 +295,7 @@ class _Sentences:
         return []
 
     def _inverted(self, verb: str, begin: Item, start: int) -> list[Item]:
-        """Returns the clauses whose place precedes the object or is without one: "and place on the red block"."""
+        """Return the clauses whose place precedes the object or is without one: "and place on the red block"."""
         found = []
         for place in self.places(begin.end):
             clause = Clause(verb, None, place.value, span=(start, place.end))
@@ -307,7 +307,7 @@ class _Sentences:
         return found
 
     def _completed(self, verb: str, entity: Item, start: int, at: int) -> list[Item]:
-        """Returns the clauses with this object, with and without a particle and a place."""
+        """Return the clauses with this object, with and without a particle and a place."""
         found = []
         for end, cost, meant in [(entity.end, 0.0, verb), *self._particles(verb, entity, start, at)]:
             act = KNOWN[meant].act
@@ -328,7 +328,7 @@ class _Sentences:
         return found
 
     def _particles(self, verb: str, entity: Item, start: int, at: int) -> list[tuple[int, float, str]]:
-        """Returns the particles after an object: the token after each, its cost, and the verb together with it."""
+        """Return the particles after an object: the token after each, its cost, and the verb together with it."""
         found: list[tuple[int, float, str]] = []
         for edge in self.lattice.get(entity.end, "particle"):
             joined = [token.text for token in self.lattice.tokens[start:at]]
@@ -342,7 +342,7 @@ class _Sentences:
         return found
 
     def _verbs_of(self, words: list[str]) -> list[str]:
-        """Returns the verbs that consist of these words, one for each act."""
+        """Return the verbs that consist of these words, one for each act."""
         from language.lattice import trie
 
         node = trie()
@@ -394,7 +394,7 @@ class _Sentences:
         return found
 
     def _done(self, entity: Item, at: int) -> list[Item]:
-        """Returns the clauses whose verb follows the object: "the drawer closed", "the cube was put in the drawer"."""
+        """Return the clauses whose verb follows the object: "the drawer closed", "the cube was put in the drawer"."""
         found = []
         for gap in self.lattice.gaps(entity.end):
             for edge in [*self.lattice.get(gap.end, "done"), *self.lattice.get(gap.end, "verb")]:
@@ -415,7 +415,7 @@ class _Sentences:
         return found
 
     def places(self, start: int) -> list[Item]:
-        """Returns the places that begin at a token: one relation, or several joined."""
+        """Return the places that begin at a token: one relation, or several joined."""
         if start not in self._placed:
             layer = [_as_place(item) for item in self.chart.relations(start) if _says_where(item.value)]
             found = layer
@@ -456,7 +456,7 @@ def _says_where(relation: RelationPhrase) -> bool:
 
 
 def _cheapest(items: list[Item], kept: int) -> list[Item]:
-    """Returns the cheapest items of each span."""
+    """Return the cheapest items of each span."""
     spans: dict[int, list[Item]] = {}
     for item in sorted(items, key=lambda item: item.cost):
         same = spans.setdefault(item.end, [])

@@ -43,7 +43,7 @@ class Choices(NamedTuple):
 
 
 def choices(words: str | list[Token], planner: Planner, scene_chooses: bool = True, times: int = 1) -> Choices:
-    """Returns the plans of a sentence.
+    """Return the plans of a sentence.
 
     Args:
         words: a sentence as a person writes it, or its plain words.
@@ -88,13 +88,13 @@ def _planned(found: list[Reading], planner: Planner, lattice: Lattice) -> Choice
 
 
 def choices_of(found: list[Reading], planner: Planner, words: Choices | None = None) -> Choices:
-    """Returns the plans of some readings. words: of the sentence that they come from."""
+    """Return the plans of some readings. words: of the sentence that they come from."""
     lattice = words.lattice if words is not None else Lattice([])
     return _planned([replace(reading, unused=()) for reading in found], planner, lattice)
 
 
 def _distinct(possible: list[Choice]) -> list[Choice]:
-    """Returns the cheapest choice of each outcome."""
+    """Return the cheapest choice of each outcome."""
     best: dict[tuple, Choice] = {}
     for choice in possible:
         best.setdefault(reached(choice.plan), choice)
@@ -102,7 +102,7 @@ def _distinct(possible: list[Choice]) -> list[Choice]:
 
 
 def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
-    """Returns the outcome that the plans of a sentence lead to."""
+    """Return the outcome that the plans of a sentence lead to."""
     world = planner.world
     if not found.possible or _far_better(found):
         return refused(sentence, found, world)
@@ -174,13 +174,13 @@ def matters(lattice: Lattice, index: int) -> bool:
 
 
 def _far_better(found: Choices) -> bool:
-    """Returns whether a reading that fails is much cheaper than all others, without the cost of fitting nothing."""
+    """Return whether a reading that fails is much cheaper than all others, without the cost of fitting nothing."""
     least = min((_telling_cost(c) for c in found.failed if c.plan.reason in _TELLING), default=math.inf)
     return least < found.possible[0].cost - costs.FAR_BETTER
 
 
 def _telling_cost(choice: Choice) -> float:
-    """Returns the cost of a plan that fails, without the cost of fitting nothing."""
+    """Return the cost of a plan that fails, without the cost of fitting nothing."""
     fits_nothing = choice.plan.reason == "nothing" and (
         choice.plan.world.cells or choice.reading.cost >= costs.EMPTY + costs.POINTED
     )
@@ -188,7 +188,7 @@ def _telling_cost(choice: Choice) -> float:
 
 
 def understood(sentence: str, choice: Choice, lattice: Lattice, world: WorldModel, following: float = math.inf) -> Plan:
-    """Returns the outcome of a plan. following: the cost of the next best one."""
+    """Return the outcome of a plan. following: the cost of the next best one."""
     tokens = lattice.tokens
     unused = tuple(sentence[tokens[i].start : tokens[i].end] for i in choice.reading.unused)
     gap = 1.0 if choice.plan.arbitrary else 1.0 - 0.5 * math.exp(-(following - choice.cost) / costs.CLOSE)
@@ -200,7 +200,7 @@ def understood(sentence: str, choice: Choice, lattice: Lattice, world: WorldMode
 
 
 def _loose_colors(choice: Choice, world: WorldModel) -> list[str]:
-    """Returns the choices that the scene settled: loose colours."""
+    """Return the choices that the scene settled: loose colours."""
     found = {}
     todo: list[Entity] = [e for step in choice.reading.steps if step.entity for e in [step.entity]]
     todo += [a for step in choice.reading.steps for place in step.places for a in place.anchors]
@@ -237,7 +237,7 @@ def _asked(sentence: str, rivals: list[Choice], found: Choices, world: WorldMode
 
 
 def which(world: WorldModel, candidates: Sequence[int]) -> str:
-    """Returns the question which of some things is meant: three at most are named."""
+    """Return the question which of some things is meant: three at most are named."""
     names = [name(world, i) for i in candidates[:MOST_NAMED]]
     return (
         (f"Do you mean {', '.join(names)}, or something else?")
@@ -247,7 +247,7 @@ def which(world: WorldModel, candidates: Sequence[int]) -> str:
 
 
 def _doubted(sentence: str, found: Choices, world: WorldModel) -> Outcome:
-    """Returns a question whether an unlikely reading is meant."""
+    """Return a question whether an unlikely reading is meant."""
     top = found.possible[0]
     outcome = understood(sentence, top, found.lattice, world)
     if top.cost > 2 * costs.TOO_MUCH:
@@ -259,7 +259,7 @@ def _doubted(sentence: str, found: Choices, world: WorldModel) -> Outcome:
 
 
 def refused(sentence: str, found: Choices, world: WorldModel) -> Outcome:
-    """Returns why no plan of a sentence can be carried out, or a question for what it leaves open."""
+    """Return why no plan of a sentence can be carried out, or a question for what it leaves open."""
     likely = sorted((c for c in found.failed if _telling_cost(c) <= costs.TOO_MUCH), key=_rank)
     lattice = found.lattice
     if not likely:
@@ -368,7 +368,7 @@ def _what(
 
 
 def _each_way(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -> tuple[Plan, ...]:
-    """Returns the plan for each candidate of an ambiguous phrase."""
+    """Return the plan for each candidate of an ambiguous phrase."""
     if world.cells or len(top.plan.candidates) > 8:
         return ()
     plans = []
@@ -391,7 +391,7 @@ def _with(step: Clause, entity: Entity | None, index: int) -> Clause:
 
 
 def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:
-    """Returns the refusal of a sentence without any reading."""
+    """Return the refusal of a sentence without any reading."""
     tokens = lattice.tokens
     words = [token.text for token in tokens]
     strange = [sentence[tokens[i].start : tokens[i].end] for i in sorted(lattice.unknown)]
@@ -415,7 +415,7 @@ def _span(entity: Entity | None, lattice: Lattice, sentence: str) -> tuple[int, 
 
 
 def interpret_alone(sentence: str, world: WorldModel, scene_chooses: bool = True) -> Outcome:
-    """Returns the outcome of a sentence without a dialogue.
+    """Return the outcome of a sentence without a dialogue.
 
     scene_chooses: False: the reading is chosen without the scene's help; for measurements.
     """

@@ -74,7 +74,7 @@ class Split:
             raise LanguageError("split=test_paraphrase needs phrases that are held out")
 
     def keep(self, named: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Returns which expressions belong to the split.
+        """Return which expressions belong to the split.
 
         Args:
             named: bool array, whether an expression exists.
@@ -89,14 +89,14 @@ class Split:
         return named if self.name in ("all", "test_composition") else named & ~held
 
     def held_heads(self, scene: Scene, both: np.ndarray) -> np.ndarray:
-        """Returns (H, K) bool: whether a head contains a held-out pair.
+        """Return (H, K) bool: whether a head contains a held-out pair.
 
         both: (H,), whether the head contains both colour and noun.
         """
         return both[:, None] & self._pairs[scene.colors, scene.nouns]
 
     def held_relations(self, scene: Scene, says_noun: np.ndarray, relations: Sequence[Relation]) -> np.ndarray:
-        """Returns (H, K, R) bool: whether head and relation form a held-out pair.
+        """Return (H, K, R) bool: whether head and relation form a held-out pair.
 
         says_noun: (H,), whether the head contains the noun.
         """
@@ -114,7 +114,7 @@ class Split:
 
 
 def _spoken() -> dict[str, int]:
-    """Returns every phrase with its index among the phrases of the same meaning."""
+    """Return every phrase with its index among the phrases of the same meaning."""
     by_meaning = [forms for meanings in lexicon().categories.values() for forms in meanings.values()]
     by_meaning += [lexicon().forms("task", (task, has_goal)) for task in VERBS for has_goal in (False, True)]
     return {phrase: place for forms in by_meaning for place, phrase in enumerate(forms)}

@@ -41,7 +41,7 @@ class Point(NamedTuple):
 
 
 def settle(world: WorldModel, mover: int, point: Point) -> Spot:
-    """Returns the position with its height: on the ground, or on top of what stands there."""
+    """Return the position with its height: on the ground, or on top of what stands there."""
     column = world.column(point.x, point.y, mover)
     top = column[-1] if column else None
     x, y, cost = point.x, point.y, point.cost
@@ -70,7 +70,7 @@ def settle(world: WorldModel, mover: int, point: Point) -> Spot:
 
 
 def a_name(world: WorldModel, index: int) -> str:
-    """Returns a thing's colour and kind: "the red cube"; "your hand"."""
+    """Return a thing's colour and kind: "the red cube"; "your hand"."""
     thing = world.things[index]
     if index == world.hand:
         return "your hand"

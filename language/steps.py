@@ -82,7 +82,7 @@ class Steps:
         mentioned: tuple[int, ...] = (),
         box: int | None = None,
     ) -> Resolver:
-        """Returns the resolver of a world; phrases that were resolved in it before are not resolved again."""
+        """Return the resolver of a world; phrases that were resolved in it before are not resolved again."""
         key = (id(world), it, origin, mentioned, box)
         if key not in self._resolvers:  # a resolver keeps its world, so that the id stays its own
             self._resolvers[key] = Resolver(world, it, mentioned or self.mentioned, origin)
@@ -90,7 +90,7 @@ class Steps:
         return self._resolvers[key]
 
     def _spend(self, amount: int = 1) -> None:
-        """Raises NotUnderstood if a sentence takes too much effort."""
+        """Raise NotUnderstood if a sentence takes too much effort."""
         self.effort += amount
         if self.effort > MOST_EFFORT:
             raise NotUnderstood("the sentence can be read in too many ways; say it in several shorter sentences")
@@ -102,7 +102,7 @@ class Steps:
         return act is Act.EMPTY and not world.contents(index)
 
     def _act(self, plan: Draft, clause: Clause) -> Iterator[Draft]:
-        """Yields the plans that carry out a clause with the plan's mover."""
+        """Yield the plans that carry out a clause with the plan's mover."""
         assert plan.mover is not None
         self._spend()
         index, act, world = plan.mover, clause.act, plan.world
@@ -127,7 +127,7 @@ class Steps:
             yield from self._handled(plan, clause, index)
 
     def _on_fixed(self, world: WorldModel, index: int, verb: Any, clause: Clause) -> Act | None:
-        """Returns what a verb does to a device, a container or the hand; None: nothing."""
+        """Return what a verb does to a device, a container or the hand; None: nothing."""
         act, placed = (
             verb.act,
             [each for each in clause.places if each.name not in ("direction", "home", "here", "into")],
@@ -156,7 +156,7 @@ class Steps:
         return None
 
     def _stays(self, plan: Draft, index: int, clause: Clause) -> Draft:
-        """Returns why nothing of the kind can be done with a thing that is fixed."""
+        """Return why nothing of the kind can be done with a thing that is fixed."""
         world, name = plan.world, a_name(plan.world, index)
         if clause.act in BOXES:
             failure = f"{name} cannot be opened or closed; only a drawer or a fridge can"
@@ -167,7 +167,7 @@ class Steps:
         return replace(plan, failure=failure, reason="impossible", entity=plan.entity)
 
     def _added(self, plan: Draft, *steps: Step) -> Draft:
-        """Returns the plan with further steps and the world after them."""
+        """Return the plan with further steps and the world after them."""
         for step in steps:
             if plan.failure:
                 return plan
@@ -178,7 +178,7 @@ class Steps:
         return plan
 
     def _ready(self, plan: Draft, index: int | None = None) -> Draft:
-        """Returns the plan with the gripper empty or holding the thing, and with the thing's container open."""
+        """Return the plan with the gripper empty or holding the thing, and with the thing's container open."""
         held = plan.world.held
         if held is not None and held != index and not plan.world.cells:
             plan = self._laid_down(plan, f"I put {a_name(plan.world, held)} down first")
@@ -189,13 +189,13 @@ class Steps:
         return plan
 
     def _laid_down(self, plan: Draft, note: str) -> Draft:
-        """Returns the plan with what is held on the table."""
+        """Return the plan with what is held on the table."""
         held = plan.world.held
         assert held is not None
         return self._aside(plan, held, note)
 
     def _aside(self, plan: Draft, index: int, note: str) -> Draft:
-        """Returns the plan with a thing at a free spot of the table."""
+        """Return the plan with a thing at a free spot of the table."""
         thing = plan.world.things[index]
         spot = free_spot(plan.world, index, [_Wish(thing.x, thing.y, _anywhere)])
         if spot.why_not:
@@ -211,7 +211,7 @@ class Steps:
         return replace(plan, notes=(*plan.notes, note), cost=plan.cost + costs.IMPLIED / 2)
 
     def _with_open(self, plan: Draft, step: Step) -> Draft:
-        """Returns the plan with a step that opens: before the last step if that takes something, which is then held."""
+        """Return the plan with a step that opens: before the last step if that takes something, which is then held."""
         held = plan.world.held
         if held is None or not plan.steps or plan.steps[-1].object != held or plan.steps[-1].carries:
             return self._added(self._ready(plan), step)
@@ -256,7 +256,7 @@ class Steps:
         return self._added(self._ready(plan), Step(verb, index))
 
     def _handled(self, plan: Draft, clause: Clause, index: int) -> Iterator[Draft]:
-        """Yields the plans that take a thing and, if the clause says where, put it there."""
+        """Yield the plans that take a thing and, if the clause says where, put it there."""
         world, act = plan.world, clause.act
         held = world.held == index
         if not held:
@@ -290,7 +290,7 @@ class Steps:
             yield from self._placed(plan, clause, index, places)
 
     def _made_takeable(self, plan: Draft, index: int) -> Draft:
-        """Returns the plan with a thing free to be taken, or why it cannot be."""
+        """Return the plan with a thing free to be taken, or why it cannot be."""
         world = plan.world
         why = obstacle(world, (index,))
         over = world.above[index]
@@ -305,7 +305,7 @@ class Steps:
         return self._ready(plan, index)
 
     def _taken(self, plan: Draft, index: int, verb: str | None = None) -> Draft:
-        """Returns the plan with a thing in the gripper. verb: as it was said; None: nobody said it."""
+        """Return the plan with a thing in the gripper. verb: as it was said; None: nobody said it."""
         box = plan.world.inside.get(index)
         if box is not None and box in plan.world.containers:
             return self._added(plan, Step(bringing("out"), index, box))
@@ -313,7 +313,7 @@ class Steps:
         return self._added(plan, Step(verb if said and verb else bringing("up"), index))
 
     def _places(self, clause: Clause, plan: Draft, index: int) -> tuple[RelationPhrase, ...]:
-        """Returns where the clause says that the thing goes; without what says where it comes from."""
+        """Return where the clause says that the thing goes; without what says where it comes from."""
         places = tuple(each for each in clause.places if each.name != "from" or plan.world.cells)
         if places or clause.act not in (Act.GIVE, Act.UNSTACK, Act.CARRY):
             return places
@@ -332,7 +332,7 @@ class Steps:
         yield from self._placed(plan, clause, index, (down,))
 
     def _beneath(self, plan: Draft, clause: Clause, under: RelationPhrase, index: int) -> Iterator[Draft]:
-        """Yields the plans that put one thing under another one: the other goes on top of it."""
+        """Yield the plans that put one thing under another one: the other goes on top of it."""
         for ref in self.resolver(plan.world, plan.it, None).resolve(under.anchors[0]):
             other = ref.things[-1] if ref.things else None
             if other is None or not plan.world.is_loose(other) or other == index:
@@ -343,7 +343,7 @@ class Steps:
             )
 
     def _stored(self, plan: Draft, clause: Clause, index: int) -> Iterator[Draft]:
-        """Yields the plan that puts a thing into a container that has room, an open one first."""
+        """Yield the plan that puts a thing into a container that has room, an open one first."""
         free = [box for box in plan.world.containers if not plan.world.contents(box)]
         if not free:
             full = " and ".join(a_name(plan.world, box) for box in plan.world.containers)
@@ -378,7 +378,7 @@ class Steps:
             yield self._put(plan, clause, index, spot)
 
     def _put(self, plan: Draft, clause: Clause, index: int, spot: Spot) -> Draft:
-        """Returns the plan with a thing taken, unless it is held, and put at a spot."""
+        """Return the plan with a thing taken, unless it is held, and put at a spot."""
         if spot.on is not None and plan.world.inside.get(index) == spot.on:
             note = f"{a_name(plan.world, index)} is in {a_name(plan.world, spot.on)} already"
             return replace(plan, notes=(*plan.notes, note), cost=plan.cost + costs.NO_CHANGE * (not plan.steps))
@@ -412,7 +412,7 @@ class Steps:
         )
 
     def _verb(self, world: WorldModel, clause: Clause, goal: int | None) -> str:
-        """Returns the verb of a step that brings something somewhere."""
+        """Return the verb of a step that brings something somewhere."""
         if goal is not None and goal in world.containers:
             return bringing("in")
         if goal is not None and goal == world.hand:
@@ -427,7 +427,7 @@ class Steps:
         return bringing("goal")
 
     def _same_place(self, index: int, spot: Spot) -> bool:
-        """Returns whether a thing that was not held stands there at the beginning."""
+        """Return whether a thing that was not held stands there at the beginning."""
         thing = self.world.things[index]
         close = 0.3 * self.world.pitch if self.world.cells else 0.004
         away = max(abs(thing.x - spot.x), abs(thing.y - spot.y), abs(thing.bottom - spot.bottom))
@@ -435,7 +435,7 @@ class Steps:
 
 
 def obstacle(world: WorldModel, things: tuple[int, ...]) -> str:
-    """Returns why a thing cannot be taken, or ""."""
+    """Return why a thing cannot be taken, or ""."""
     if not things:
         return "that is no thing"
     thing = world.things[things[0]]

@@ -21,7 +21,7 @@ MOST_NAMED = 3  # things that a question offers by name
 
 
 def foreign(words: Sequence[str], known: set[str] | frozenset[str]) -> str:
-    """Returns that English is understood, in the language of these words; "" if they are English."""
+    """Return that English is understood, in the language of these words; "" if they are English."""
     strange = [word for word in words if word.isalpha() and word not in known]
     best, said = 0, ""
     for language, text in TABLE["languages"].items():
@@ -37,7 +37,7 @@ def foreign(words: Sequence[str], known: set[str] | frozenset[str]) -> str:
 
 
 def name(world: WorldModel, index: int) -> str:
-    """Returns a thing's name: colour and kind, and where it is if others have the same."""
+    """Return a thing's name: colour and kind, and where it is if others have the same."""
     thing = world.things[index]
     if world.cells:
         same = [i for i, other in enumerate(world.things) if (other.color, other.kind) == (thing.color, thing.kind)]
@@ -66,12 +66,12 @@ def name(world: WorldModel, index: int) -> str:
 
 
 def listed(names: Sequence[str], join: str = "and") -> str:
-    """Returns names as in a sentence: "a, b and c"."""
+    """Return names as in a sentence: "a, b and c"."""
     return f" {join} ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else "nothing"
 
 
 def said(world: WorldModel, steps: Sequence) -> str:
-    """Returns steps in words: "take the red cube and put it in the drawer"."""
+    """Return steps in words: "take the red cube and put it in the drawer"."""
     parts = []
     for step, after in zip(steps, [*steps[1:], None], strict=True):
         if step.takes and after is not None and after.object == step.object and after.carries:
@@ -99,7 +99,7 @@ def _step(world: WorldModel, step) -> str:
 
 
 def spot_words(world: WorldModel, step) -> str:
-    """Returns where a step puts its thing: next to what is nearest, or on which side."""
+    """Return where a step puts its thing: next to what is nearest, or on which side."""
     x, y = step.place
     for index, other in enumerate(world.things):
         if other.target and max(abs(other.x - x), abs(other.y - y)) < 0.02 * (1 if not world.cells else 20):
@@ -138,7 +138,7 @@ def _along(world: WorldModel, side: str, dx: float, dy: float) -> float:
 
 
 def where(world: WorldModel, index: int) -> str:
-    """Returns where a thing is, in words."""
+    """Return where a thing is, in words."""
     if index == world.held:
         return "in my gripper"
     if index in world.inside:
@@ -169,7 +169,7 @@ def where(world: WorldModel, index: int) -> str:
 
 
 def offers(world: WorldModel, words: Sequence[str] = (), most: int = 2) -> tuple[str, ...]:
-    """Returns sentences that can be carried out now, those that share most words with what was said first."""
+    """Return sentences that can be carried out now, those that share most words with what was said first."""
     found = list(dict.fromkeys(_sayable(world)))
     wanted = {
         word
@@ -185,7 +185,7 @@ def offers(world: WorldModel, words: Sequence[str] = (), most: int = 2) -> tuple
 
 
 def _sayable(world: WorldModel) -> Iterator[str]:
-    """Yields sentences that can be carried out now."""
+    """Yield sentences that can be carried out now."""
     loose = [i for i in range(len(world.things)) if world.is_loose(i) and world.above[i] is None]
     on_table = [i for i in loose if i not in world.inside]
     names = [a_name(world, i) for i in range(len(world.things))]
@@ -224,7 +224,7 @@ def _sayable(world: WorldModel) -> Iterator[str]:
 
 
 def abilities(world: WorldModel) -> str:
-    """Returns what can be done in this world, in a sentence."""
+    """Return what can be done in this world, in a sentence."""
     can = ["pick things up", "put them somewhere", "stack them"]
     can += ["open and close " + listed([a_name(world, i) for i in world.containers])] if world.containers else []
     can += ["put things in and take them out"] if world.containers else []
@@ -262,7 +262,7 @@ _ASKING = re.compile(
 
 
 def question(text: str) -> str | None:
-    """Returns the question that a plain text asks; None if it is none."""
+    """Return the question that a plain text asks; None if it is none."""
     match = _ASKING.match(text.rstrip(" ?.!"))
     if match is None:
         return None
@@ -282,7 +282,7 @@ def question(text: str) -> str | None:
 
 
 def phrase(world: WorldModel, planner, tokens: list[Token], start: int = 0) -> tuple[Entity | None, list[Ref]]:
-    """Returns the longest phrase for things in some words, and its referents."""
+    """Return the longest phrase for things in some words, and its referents."""
     lattice = Lattice(tokens, table=not world.cells)
     chart = Chart(lattice, planner.judge)
     best: tuple[float, Entity | None] = (0.0, None)
@@ -301,13 +301,13 @@ def phrase(world: WorldModel, planner, tokens: list[Token], start: int = 0) -> t
 
 
 def real(world: WorldModel, refs: Sequence[Ref]) -> list[int]:
-    """Returns the things of referents, without see-through ones if there are others."""
+    """Return the things of referents, without see-through ones if there are others."""
     things = list(dict.fromkeys(ref.things[-1] for ref in refs if ref.things and ref.cost < costs.EMPTY))
     return [i for i in things if not world.things[i].target] or things
 
 
 def state(world: WorldModel, index: int) -> str:
-    """Returns the state of a container or device, in a sentence."""
+    """Return the state of a container or device, in a sentence."""
     thing = a_name(world, index)
     if index in world.containers:
         inside = world.contents(index)
@@ -323,12 +323,12 @@ def state(world: WorldModel, index: int) -> str:
 
 
 def holds(world: WorldModel) -> str:
-    """Returns what the gripper holds, in a sentence."""
+    """Return what the gripper holds, in a sentence."""
     return "My gripper is empty: I hold nothing" if world.held is None else f"I hold {a_name(world, world.held)}"
 
 
 def seen(world: WorldModel) -> str:
-    """Returns everything that there is, in a sentence."""
+    """Return everything that there is, in a sentence."""
     loose = [i for i in range(len(world.things)) if world.is_loose(i)]
     marks = [a_name(world, i).replace("the ", "a ", 1) for i, thing in enumerate(world.things) if thing.target]
     fixed = [a_name(world, i) for i in (*world.devices, *world.containers)]

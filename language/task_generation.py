@@ -16,7 +16,7 @@ OCCUPIED = 0.04  # metres between centres below which a place is occupied
 
 
 def scene_after(task: str, init: int | None, goal: int | None, scene: Scene) -> Scene:
-    """Returns the scene after a task, without simulation; the same scene if nothing moves.
+    """Return the scene after a task, without simulation; the same scene if nothing moves.
 
     Args:
         task: a key of VERBS.
@@ -45,7 +45,7 @@ def scene_after(task: str, init: int | None, goal: int | None, scene: Scene) -> 
 
 
 def hand_of(scene: Scene) -> int | None:
-    """Returns the index of the person's hand, which no words need to name; None if the scene has none."""
+    """Return the index of the person's hand, which no words need to name; None if the scene has none."""
     hands = np.flatnonzero(scene.nouns == list(NOUNS).index(HAND)).tolist()
     return hands[0] if hands else None
 
@@ -66,7 +66,7 @@ def generate_tasks(
     tasks: tuple[str, ...] = CHAINED,
     describer: Describer | None = None,
 ) -> list[GeneratedTask]:
-    """Returns up to `width` different tasks of `depth` steps; fewer if the scene does not allow more.
+    """Return up to `width` different tasks of `depth` steps; fewer if the scene does not allow more.
 
     Each step is feasible in the scene after the steps before it (the object that moves is real, its goal is free) and
     is described in that scene, so that `understand` grounds the whole command step by step.
@@ -115,7 +115,7 @@ def _generate(
 
 
 def _feasible(task: str, scene: Scene, describer: Describer) -> list[tuple[str, int | None, int | None]]:
-    """Returns (task, init, goal) for everything that is feasible and nameable in the scene."""
+    """Return (task, init, goal) for everything that is feasible and nameable in the scene."""
     named = describer.nameable(scene)
     things = np.flatnonzero(named).tolist()
     if not VERBS[task].moves:
@@ -129,14 +129,14 @@ def _feasible(task: str, scene: Scene, describer: Describer) -> list[tuple[str, 
 
 
 def possible_goals(task: str, scene: Scene) -> np.ndarray:
-    """Returns (K,) bool: which objects can be a task's goal: targets, real objects, or fittings."""
+    """Return (K,) bool: which objects can be a task's goal: targets, real objects, or fittings."""
     if VERBS[task].effect in ("in", "out"):
         return np.isin(scene.nouns, [list(NOUNS).index(noun) for noun in FITTINGS])
     return scene.targets != VERBS[task].goal_is_real
 
 
 def _is_free(scene: Scene, thing: int) -> bool:
-    """Returns whether no object is at the target, or on top of the real object."""
+    """Return whether no object is at the target, or on top of the real object."""
     offset = scene.positions - scene.positions[thing]
     if scene.targets[thing]:
         taken = (np.abs(offset) < OCCUPIED).all(axis=1) & ~scene.targets

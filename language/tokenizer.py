@@ -10,7 +10,22 @@ import numpy as np
 
 from language.errors import LanguageError, quote
 from language.lexicon import lexicon, split
-from language.word_order import WORD_ORDER
+
+_WORDS = """
+    reach touch go to move for push shove pick and place it up put take rotate swipe along the line drag throw toss
+    poke nudge press down on turn twist switch flip toggle grasp grab hold of get lift raise red green blue yellow
+    orange purple violet cyan turquoise pink gray grey object one thing cube block box sphere ball cylinder tube tin
+    button knob lever handle wheel dial small little tiny large big huge solid opaque transparent translucent
+    leftmost left rightmost right nearest closest farthest furthest most distant highest topmost top lowest bottom
+    largest biggest smallest littlest at in front before behind back above over below under underneath beneath near
+    close next beside by from between that is which not isn't a an this here there same position as then after you
+    once please first could can would now robot hey i want thanks thank no meant mean sorry actually but
+    stack drawer fridge door open pull shut unstack off into out remove
+    hand palm me give pass bring my
+    sort gather collect every
+    """
+
+WORD_ORDER: tuple[str, ...] = tuple(_WORDS.split())
 
 MAX_WORDS = 32  # of a sentence, where nothing else is given
 PAD, UNKNOWN = "<pad>", "<unk>"  # always ids 0 and 1
@@ -39,7 +54,7 @@ class Tokenizer:
 
     @classmethod
     def default(cls, length: int = MAX_WORDS) -> Tokenizer:
-        """Returns the tokenizer of all words of the grammar: `WORD_ORDER`, then newer words in the registries' order.
+        """Return the tokenizer of all words of the grammar: `WORD_ORDER`, then newer words in the registries' order.
 
         Adding a word leaves the ids of the others unchanged.
         """
@@ -50,14 +65,14 @@ class Tokenizer:
         return {word: number for number, word in enumerate(self.vocabulary)}
 
     def encode(self, sentence: str) -> np.ndarray:
-        """Returns (length,) int64 token ids. Unknown words have id 1; punctuation is left out.
+        """Return (length,) int64 token ids. Unknown words have id 1; punctuation is left out.
 
         The array is read-only, since results are cached. Raises LanguageError for more words than `length`.
         """
         return _encode(self, sentence)
 
     def decode(self, tokens: Iterable[int]) -> str:
-        """Returns the words of token ids, without padding. Raises LanguageError for an id outside the vocabulary."""
+        """Return the words of token ids, without padding. Raises LanguageError for an id outside the vocabulary."""
         numbers = [int(token) for token in tokens]
         size = len(self.vocabulary)
         for number in numbers:
@@ -66,11 +81,11 @@ class Tokenizer:
         return " ".join(self.vocabulary[number] for number in numbers if number != 0)
 
     def unknown_words(self, sentence: str) -> tuple[str, ...]:
-        """Returns the words of the sentence that are not in the vocabulary, in order."""
+        """Return the words of the sentence that are not in the vocabulary, in order."""
         return tuple(word for word in _words(sentence) if word not in self._ids)
 
     def check_same(self, other: Sequence[str]) -> None:
-        """Raises LanguageError, which names the difference, if another vocabulary is not equal to this one."""
+        """Raise LanguageError, which names the difference, if another vocabulary is not equal to this one."""
         theirs = tuple(other)
         if theirs != self.vocabulary:
             raise LanguageError(f"the vocabularies differ: {_difference(self.vocabulary, theirs)}")
@@ -88,7 +103,7 @@ def _encode(tokenizer: Tokenizer, sentence: str) -> np.ndarray:
 
 
 def count_words(sentence: str) -> int:
-    """Returns how many numbers `Tokenizer.encode` needs for the sentence."""
+    """Return how many numbers `Tokenizer.encode` needs for the sentence."""
     return len(_words(sentence))
 
 

@@ -12,9 +12,11 @@ from language.errors import LanguageError, NothingFits, SeveralFit
 from language.grammar import parse_words
 from language.grounding import PhraseResolver
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase
+from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
 from language.objects import DEVICES, FITTINGS, HAND, NOUNS, Scene
 from language.task_generation import hand_of, scene_after
-from language.verbs import EVERY, HERE, OPERATED, POINTING, VERBS
+from language.verbs import EVERY, HERE, KNOWN, OPERATED, POINTING, VERBS
+from language.world import WorldModel
 
 FIXED = [list(NOUNS).index(noun) for noun in (*DEVICES, *FITTINGS, HAND)]  # which "every object" leaves out
 
@@ -73,7 +75,7 @@ def parse(
     previous: Command | Understood | None = None,
     spoken: Sequence[int] = (),
 ) -> Meaning | Understood:
-    """Parses a sentence and, if a scene is given, grounds it: which task to perform with which objects.
+    """Parse a sentence and, if a scene is given, grounds it: which task to perform with which objects.
 
     Args:
         sentence: an instruction, a chain or a correction.
@@ -102,7 +104,7 @@ def parse(
 
 
 def understand(command: Command, scene: Scene, pointed: Sequence[int] = (), spoken: Sequence[int] = ()) -> Understood:
-    """Grounds each step of a command in the scene after the steps before it. Raises NothingFits or SeveralFit.
+    """Ground each step of a command in the scene after the steps before it. Raises NothingFits or SeveralFit.
 
     "It" is the object of the step before; where something is opened or closed, the fitting that was spoken of last.
     "Every red cube" gives a step for each, the one nearest to the goal first.
@@ -124,7 +126,7 @@ def understand(command: Command, scene: Scene, pointed: Sequence[int] = (), spok
 
 
 def _it(task: str, scene: Scene, spoken: Sequence[int]) -> int | None:
-    """Returns the object that "it" refers to, of those that were spoken of, the latest first."""
+    """Return the object that "it" refers to, of those that were spoken of, the latest first."""
     nouns = list(NOUNS)
     fittings = (each for each in spoken if nouns[scene.nouns[each]] in FITTINGS)
     it = next(fittings, None) if task in OPERATED else None
@@ -132,7 +134,7 @@ def _it(task: str, scene: Scene, spoken: Sequence[int]) -> int | None:
 
 
 def _steps(instruction: Instruction, resolver: PhraseResolver) -> list[GroundedStep]:
-    """Returns a step for each object that is meant; several only for "every"."""
+    """Return a step for each object that is meant; several only for "every"."""
     task = VERBS[instruction.task]
     among = ~resolver.scene.targets if task.moves else None  # targets only mark a place and cannot be moved
     several = instruction.phrase.determiner == EVERY
@@ -160,7 +162,7 @@ def _steps(instruction: Instruction, resolver: PhraseResolver) -> list[GroundedS
 def revise(
     previous: Command | Understood, correction: Correction, scene: Scene, pointed: Sequence[int] = ()
 ) -> Understood:
-    """Returns the previous instruction with the correction applied.
+    """Return the previous instruction with the correction applied.
 
     A correction with "one" or "object" keeps the words of the previous phrase that it does not change: "no, the blue
     one" after "the red cube" means the blue cube. A phrase with a noun of its own is first read alone; if it is not
@@ -191,7 +193,7 @@ def revise(
 
 
 def _regestured(before: Understood, command: Command, changed: int, pointed: Sequence[int]) -> list[int]:
-    """Returns the gestures of the revised command: the previous ones, and the new ones in the changed phrase."""
+    """Return the gestures of the revised command: the previous ones, and the new ones in the changed phrase."""
     old, gestures = list(before.pointed), []
     for number, (old_phrase, new_phrase) in enumerate(zip(_phrases(before.meaning), _phrases(command), strict=True)):
         used, needed = _gesture_count(old_phrase), _gesture_count(new_phrase)
@@ -205,18 +207,18 @@ def _phrases(command: Command) -> list[ObjectPhrase | None]:
 
 
 def _gesture_count(phrase: ObjectPhrase | None) -> int:
-    """Returns how many of its words need a gesture."""
+    """Return how many of its words need a gesture."""
     return 0 if phrase is None else sum(part.determiner in (*POINTING, *HERE) for part in phrase.parts())
 
 
 def _unused_gestures(rejected: ObjectPhrase | None, pointed: Sequence[int]) -> Sequence[int]:
-    """Returns the gestures that the rejected phrase ("not that one, this one") does not use; at least the last."""
+    """Return the gestures that the rejected phrase ("not that one, this one") does not use; at least the last."""
     used = _gesture_count(rejected)
     return pointed[min(used, len(pointed) - 1) :] if used and len(pointed) else pointed
 
 
 def _revisions(previous: Command, correction: Correction) -> list[Command]:
-    """Returns the possible revised commands, the likeliest first."""
+    """Return the possible revised commands, the likeliest first."""
     steps = list(previous.steps)
     at, is_goal = _corrected(steps, correction)
     new = correction.phrase or correction.goal
@@ -244,7 +246,7 @@ def _at(position: int, step: Instruction) -> Instruction:
 
 
 def _corrected(steps: Sequence[Instruction], correction: Correction) -> tuple[int, bool]:
-    """Returns the index of the corrected step and whether its goal is corrected.
+    """Return the index of the corrected step and whether its goal is corrected.
 
     It is the last step that contains the rejected phrase, else the last step.
     """
@@ -267,7 +269,7 @@ def _mentions(phrase: ObjectPhrase, rejected: ObjectPhrase) -> bool:
 
 
 def _readings(old: ObjectPhrase | None, new: ObjectPhrase) -> list[ObjectPhrase]:
-    """Returns the readings of a new phrase: with all other words of the old one, with its head's words, and alone."""
+    """Return the readings of a new phrase: with all other words of the old one, with its head's words, and alone."""
     if old is None or new.determiner != "the" or old.determiner != "the":
         return [new]
     kept = ObjectPhrase(
@@ -284,3 +286,50 @@ def _readings(old: ObjectPhrase | None, new: ObjectPhrase) -> list[ObjectPhrase]
     whole = replace(kept, relation=new.relation or old.relation, anchors=new.anchors or old.anchors)
     readings = [whole, kept, new] if new.noun is None else [new, whole, kept]
     return list(dict.fromkeys(readings))
+
+
+def exact_reading(
+    sentence: str, world: WorldModel, pointed: Sequence[int] = (), spoken: Sequence[int] = ()
+) -> Reading | None:
+    """Return the reading of a sentence that the own language understands in the world's scene, or None.
+
+    pointed: the thing of each gesture. spoken: the things that were spoken of before, the likeliest of "it" first.
+    """
+    if world.scene is None:
+        return None
+    try:
+        meaning = parse(sentence)
+        if isinstance(meaning, Correction) or any(_is_bare(step.goal) for step in meaning.steps):
+            return None
+        understood = understand(meaning, world.scene, pointed, spoken)
+    except LanguageError:
+        return None
+    clauses = []
+    for step, instruction in zip(understood.steps, understood.instructions, strict=True):
+        thing = step.goal if step.init is None else step.init
+        assert thing is not None
+        goal = step.goal if step.init is not None and KNOWN[step.task].takes_goal else None
+        several = len(understood.steps) > len(meaning.steps)
+        clauses.append(_clause(world, step.task, thing, goal, instruction, several))
+    return Reading(tuple(clauses))
+
+
+def _is_bare(goal: ObjectPhrase | None) -> bool:
+    """Whether a place is a superlative alone: "to the right" is a direction, not the rightmost thing."""
+    return goal is not None and goal.superlative is not None and goal.noun is None and goal.color is None
+
+
+def _named(world: WorldModel, index: int) -> Entity:
+    thing = world.things[index]
+    role = "target" if thing.target else None
+    return Entity(noun=thing.kind, colors=((thing.color,),), role=role, pointed=Gesture((index,)))
+
+
+def _clause(world: WorldModel, task: str, thing: int, goal: int | None, instruction: object, several: bool) -> Clause:
+    entity = _named(world, thing)
+    places: tuple[RelationPhrase, ...] = ()
+    if goal is not None:
+        effect = KNOWN[task].effect
+        name = {"out": "from", "goal": "spot_of"}.get(effect, "on" if effect == "on" else "in")
+        places = (RelationPhrase(name, (_named(world, goal),)),)
+    return Clause(task, entity, places, instruction=None if several else instruction, several=several)

@@ -108,7 +108,7 @@ class Verb:
 
 
 def has_goal(template: str) -> bool:
-    """Returns whether the template has a slot for the goal."""
+    """Return whether the template has a slot for the goal."""
     return GOAL in template or BASE in template
 
 
@@ -504,12 +504,12 @@ CHAINED = ("reach", "push", "pick_and_place", "swipe", "throw", "lift")  # the v
 
 
 def doing(act: Act, noun: str = "") -> str:
-    """Returns the first verb with this act, and for this device."""
+    """Return the first verb with this act, and for this device."""
     return next(name for name, verb in KNOWN.items() if verb.act is act and (not noun or verb.noun == noun))
 
 
 def bringing(effect: str) -> str:
-    """Returns the verb of a room with this effect on what is moved."""
+    """Return the verb of a room with this effect on what is moved."""
     return next(name for name in ROOM if VERBS[name].effect == effect)
 
 

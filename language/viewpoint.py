@@ -33,13 +33,13 @@ WHOSE_LEFT = {
 
 
 def whose_left(name: str) -> str:
-    """Returns whose left, right and front are meant, in words. Raises LanguageError for an unknown viewpoint."""
+    """Return whose left, right and front are meant, in words. Raises LanguageError for an unknown viewpoint."""
     check_known("viewpoint", name, WHOSE_LEFT)
     return WHOSE_LEFT[name]
 
 
 def seen_from(name: str, positions: np.ndarray) -> np.ndarray:
-    """Returns positions (..., 3) in the viewer's frame, given those in the workspace frame.
+    """Return positions (..., 3) in the viewer's frame, given those in the workspace frame.
 
     Raises LanguageError for an unknown viewpoint.
     """

@@ -32,7 +32,7 @@ class Wording:
         self._wants_held, self._all = split.name == "test_paraphrase", split.name == "all"
 
     def say(self, meaning: Meaning | ObjectPhrase, rng: Generator) -> str:
-        """Returns a random sentence for the meaning.
+        """Return a random sentence for the meaning.
 
         Raises:
             LanguageError: no sentence has a required held-out phrase, or few enough words.

@@ -49,19 +49,19 @@ ORDINALS = {
 
 
 def phrases(text: str) -> list[str]:
-    """Returns the phrases of a table's entry, which commas separate."""
+    """Return the phrases of a table's entry, which commas separate."""
     return [phrase.strip() for phrase in text.split(", ")]
 
 
 def colors() -> dict[str, tuple[str, ...]]:
-    """Returns every colour word with the colours that it may mean; those of the registry mean themselves."""
+    """Return every colour word with the colours that it may mean; those of the registry mean themselves."""
     known = {word: (name,) for name, color in COLORS.items() for word in (name, *color.synonyms)}
     near = TABLE["near_colors"].items()
     return {**known, **{word: tuple(phrases(names)) for text, names in near for word in phrases(text)}}
 
 
 def nouns() -> dict[str, tuple[str, ...]]:
-    """Returns each kind of thing with its nouns, those of the registry included."""
+    """Return each kind of thing with its nouns, those of the registry included."""
     found = {kind: (kind, *synonyms) for kind, synonyms in NOUNS.items() if kind != HAND}
     for kind, text in THINGS.items():
         found[kind] = tuple(dict.fromkeys((*found.get(kind, ()), *phrases(text))))
@@ -69,5 +69,5 @@ def nouns() -> dict[str, tuple[str, ...]]:
 
 
 def sizes() -> dict[str, str]:
-    """Returns the size words, each with its size."""
+    """Return the size words, each with its size."""
     return {word: name for name, size in SIZES.items() for word in (name, *size.synonyms)}

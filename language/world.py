@@ -85,7 +85,7 @@ class WorldModel:
         return not self.things[index].target and self.things[index].kind not in FIXED
 
     def contents(self, container: int) -> list[int]:
-        """Returns what is in a container, or on the open hand."""
+        """Return what is in a container, or on the open hand."""
         return [thing for thing, box in self.inside.items() if box == container]
 
     def is_on_ground(self, index: int) -> bool:
@@ -133,17 +133,17 @@ class WorldModel:
         return found
 
     def _cell(self, x: float, y: float) -> tuple[int, int] | None:
-        """Returns the cell of a position; None on a table, which has none."""
+        """Return the cell of a position; None on a table, which has none."""
         return (round(x / self.pitch), round(y / self.pitch)) if self.cells else None
 
     def toward(self, side: str) -> tuple[float, float]:
-        """Returns the unit vector of a side: "left", "right", "far", "near", "front", "back", "forward", "backward"."""
+        """Return the unit vector of a side: "left", "right", "far", "near", "front", "back", "forward", "backward"."""
         sign = 1.0 if self.viewpoint == "robot" else -1.0
         side = self.side(side)
         return {"left": (0.0, sign), "right": (0.0, -sign), "far": (sign, 0.0), "near": (-sign, 0.0)}[side]
 
     def side(self, name: str) -> str:
-        """Returns one of SIDES for a side or direction."""
+        """Return one of SIDES for a side or direction."""
         if name in ("front", "back"):
             return self.front if name == "front" else OPPOSITE[self.front]
         return {"forward": "far", "backward": "near"}.get(name, name)
@@ -155,7 +155,7 @@ class WorldModel:
         return (x0 + x1) / 2, (y0 + y1) / 2
 
     def column(self, x: float, y: float, without: int | None = None) -> list[int]:
-        """Returns the things that stand at a place or overlap it, the lowest first."""
+        """Return the things that stand at a place or overlap it, the lowest first."""
         reach = 0.5 if self.cells else 0.8
         found = [
             (thing.bottom, i)
@@ -166,7 +166,7 @@ class WorldModel:
         return [i for _, i in sorted(found)]
 
     def after(self, step: Any) -> WorldModel:
-        """Returns the world after a step, a `language.outcomes.Step`."""
+        """Return the world after a step, a `language.outcomes.Step`."""
         index, effect = step.object, step.act.name
         if step.carries and step.place is not None:
             x, y = step.place
@@ -181,7 +181,7 @@ class WorldModel:
         return self
 
     def put(self, index: int, x: float, y: float, bottom: float, goal: int | None = None) -> WorldModel:
-        """Returns the world with the thing there, or in a container or hand, and the gripper empty."""
+        """Return the world with the thing there, or in a container or hand, and the gripper empty."""
         thing = self.things[index]
         new = thing._replace(x=x, y=y, bottom=bottom, top=bottom + thing.top - thing.bottom)
         inside = {each: box for each, box in self.inside.items() if each != index}
@@ -196,7 +196,7 @@ class WorldModel:
         )
 
     def covers(self, x: float, y: float) -> bool:
-        """Returns whether something may be put there."""
+        """Return whether something may be put there."""
         x0, x1, y0, y1 = self.bounds
         slack = 1e-6
         return x0 - slack <= x <= x1 + slack and y0 - slack <= y <= y1 + slack
@@ -211,7 +211,7 @@ def _with_row(positions: Any, index: int, row: tuple[float, float, float]) -> An
 def board(
     blocks: Sequence[tuple[str, str, int, int, int]], held: int | None = None, front: str = "near", **more
 ) -> WorldModel:
-    """Returns the world of a board of 8 x 8 cells.
+    """Return the world of a board of 8 x 8 cells.
 
     Args:
         blocks: kind, colour, x (cells away from the robot), y (cells to its left), z (height in blocks, from 0).
@@ -226,7 +226,7 @@ def board(
 
 
 def table(scene: Scene, held: int | None = None, **more) -> WorldModel:
-    """Returns the world of a table's scene, in metres.
+    """Return the world of a table's scene, in metres.
 
     more: other fields of `WorldModel`, such as `bounds`, `inside` and `open`.
     """
@@ -258,7 +258,7 @@ def table(scene: Scene, held: int | None = None, **more) -> WorldModel:
 
 
 def _supports(world: WorldModel) -> tuple[tuple[int | None, ...], tuple[int | None, ...]]:
-    """Returns the things directly below and above each thing, or None."""
+    """Return the things directly below and above each thing, or None."""
     below: list[int | None] = [None] * len(world.things)
     above: list[int | None] = [None] * len(world.things)
     for together in world._standing.values():

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from language import COLORS, NOUNS, VERBS, Color, Tokenizer, relation, unregister
-from language.word_order import WORD_ORDER
+from language.tokenizer import WORD_ORDER
 
 TOKENIZER = Tokenizer.default()
 
