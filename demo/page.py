@@ -67,7 +67,7 @@ class Page:
         with gui.add_form(None) as form:
             self._typed = gui.add_text("Say", "", hint="an instruction, a correction or an answer, then Enter")
             do = gui.add_button("Do it")
-        self._typed.on_update(lambda _: self._preview())
+        self._typed.on_update(self._preview)
         form.on_submit(self._say)
         do.on_click(self._say)
         self._whose_left = gui.add_html("")
@@ -126,7 +126,9 @@ class Page:
 
     # ---- Sentences and buttons
 
-    def _preview(self) -> None:
+    def _preview(self, event: Any) -> None:
+        if event.client is None:  # `_say` has emptied the box: what it shows stays
+            return
         sentence = self._typed.value
         self.loop.ask(lambda session: self._show_interpretation(session, sentence, session.preview), "preview")
 

@@ -157,6 +157,8 @@ def test_a_sentence_that_would_take_the_parser_long_is_refused(server):
     with PageClient(server.address) as client:
         client.say("reach the cube between the cube and " * 40)
         client.wait_for_text("a sentence has at most 500 characters")
+        client.listen(0.5)
+        assert "a sentence has at most 500 characters" in client.text()
         client.set("Say", "")
 
 
