@@ -222,6 +222,7 @@ def _gym_spec(config: EnvConfig, choices: Mapping[str, str]) -> Any:
     from gymnasium.envs.registration import EnvSpec
 
     from envs.config import read_env
+    from envs.registration import ENTRY_POINT, VECTOR_ENTRY_POINT, gym_id
     from trainers.sweeps.runs import overrides_of
 
     if not choices:
@@ -236,7 +237,8 @@ def _gym_spec(config: EnvConfig, choices: Mapping[str, str]) -> Any:
     groups = ("task", "robot", "control")
     others = [word for word in words if word.partition("=")[0] not in groups]
     kwargs = {**{group: choices[group] for group in groups}, "overrides": others}
-    return EnvSpec(f"Deixis/{config.task.name}-v0", entry_point="envs.gym_env:GymEnv", kwargs=kwargs)
+    name = gym_id(choices["task"])
+    return EnvSpec(name, entry_point=ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs=kwargs)
 
 
 def _numbered(env_config: EnvConfig, config: RecordConfig) -> Path:

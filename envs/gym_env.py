@@ -12,23 +12,19 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-import torch
-from gymnasium import spaces
 from numpy.typing import NDArray
-from tensordict import TensorDict, TensorDictBase
+from tensordict import TensorDictBase
 
-from core.errors import ConfigError, UseError
-from core.spaces import action_space, space_of
-from envs.mdp.observations import OBSERVATIONS
+from core.errors import ConfigError
+from envs.gym_interface import RENDER_MODES, GymInterface, group_words
 from envs.registration import can_show, check_list, make_env
-
-RENDER_MODES = ("rgb_array", "human")
 
 
 class GymEnv(gym.Env):
     """One world. Observations are a Dict of `OBSERVATIONS` with `gymnasium`; the action is a Box in [-1, 1].
 
-    `info` holds `is_success`, `wrong_object`, `at_goal`, `sentence`, and the weighted `reward_terms` by name.
+    `info` holds `is_success`, `wrong_object`, `at_goal`, and the weighted `reward_terms` (T,), whose names are
+    `reward_names`. It has numbers only, which readers of vectorised environments take.
 
     Args:
         task, robot, control: options of those config groups.
@@ -55,17 +51,21 @@ class GymEnv(gym.Env):
         check_list(overrides)
         self.render_mode, self._due = render_mode, 0.0
         self.metadata = {**self.metadata, "render_modes": [mode for mode in RENDER_MODES if can_show(mode)]}
-        groups = [f"task={task}", f"robot={robot}", f"control={control}", *overrides]
+        words = group_words(task, robot, control, overrides)
         asked = "render_mode=human" if render_mode == "human" else None
-        self._env = make_env(groups, num_worlds=1, render=render_mode is not None, window=asked)
-        spec = self._env.observation_spec
-        self._keys = [term.key for term in OBSERVATIONS if term.gymnasium and term.key in spec.keys()]
-        boxes: dict[str, spaces.Space] = {
-            key: space_of(spec[key]) for key in self._keys if spec[key].dtype == torch.float32
-        }
-        others: dict[str, Any] = {key: space_of(spec[key]) for key in self._keys if key not in boxes}
-        self.observation_space = spaces.Dict(boxes, **others)
-        self.action_space = action_space(self._env.action_spec)
+        self._env = make_env(words, num_worlds=1, render=render_mode is not None, window=asked)
+        self._interface = GymInterface(self._env)
+        self.observation_space, self.action_space = self._interface.observation_space, self._interface.action_space
+
+    @property
+    def sentence(self) -> str:
+        """The instruction of the present episode."""
+        return self._env.sentence()
+
+    @property
+    def reward_names(self) -> list[str]:
+        """The names of the reward terms."""
+        return list(self._env.reward_names)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -79,7 +79,7 @@ class GymEnv(gym.Env):
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, NDArray], float, bool, bool, dict[str, Any]]:
         """One control step. Raises UseError for an action of another shape or type, and before `reset`."""
-        values = self._env.step(_as_tensordict(action, self._env.action_spec.shape[-1]))["next"]
+        values = self._env.step(self._interface.action(action))["next"]
         if self.render_mode == "human":
             self._wait()
         return (
@@ -106,28 +106,8 @@ class GymEnv(gym.Env):
         time.sleep(max(0.0, self._due - time.monotonic()))
 
     def _observation(self, values: TensorDictBase) -> dict[str, NDArray]:
-        arrays = {key: values[key][0].numpy() for key in self._keys}
-        return {key: array.astype(np.int8) if array.dtype == bool else array for key, array in arrays.items()}
+        return {key: array[0] for key, array in self._interface.observations(values).items()}
 
     def _info(self, values: TensorDictBase) -> dict[str, Any]:
-        return {
-            "is_success": values["success"].item(),
-            "wrong_object": values["wrong_object"].item(),
-            "at_goal": values["at_goal"].item(),
-            "sentence": self._env.sentence(),
-            "reward_terms": dict(zip(self._env.reward_names, values["reward_terms"][0].tolist(), strict=True)),
-        }
-
-
-def _as_tensordict(action: NDArray[np.float32], width: int) -> TensorDict:
-    """Return the action as the environment takes it. Raises UseError."""
-    try:
-        values = np.asarray(action)
-    except ValueError:  # lists of different lengths
-        values = np.empty(0, object)
-    if values.shape != (width,) or values.dtype.kind != "f":
-        raise UseError(
-            f"step got an action of shape {values.shape} and {values.dtype}; it must be an array of shape ({width},) "
-            "and float32"
-        )
-    return TensorDict({"action": torch.as_tensor(values, dtype=torch.float32)[None]}, [1])
+        infos = {name: array[0] for name, array in self._interface.infos(values).items()}
+        return {name: value if value.ndim else value.item() for name, value in infos.items()}

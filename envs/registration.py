@@ -17,7 +17,7 @@ from envs.sim.window import Window, display_problem
 if TYPE_CHECKING:
     from envs.workspace_env import WorkspaceEnv
 
-ENTRY_POINT = "envs.gym_env:GymEnv"
+ENTRY_POINT, VECTOR_ENTRY_POINT = "envs.gym_env:GymEnv", "envs.gym_vector_env:GymVectorEnv"
 
 
 def make_env(
@@ -80,4 +80,6 @@ def gym_id(task: str) -> str:
 def register_gym_ids() -> None:
     """Register an id for every task of conf/task with Gymnasium."""
     for task in groups()["task"]:
-        gymnasium.register(gym_id(task), entry_point=ENTRY_POINT, kwargs={"task": task})
+        gymnasium.register(
+            gym_id(task), entry_point=ENTRY_POINT, vector_entry_point=VECTOR_ENTRY_POINT, kwargs={"task": task}
+        )

@@ -352,9 +352,9 @@ class WorkspaceEnv(EpisodeReplayEnv):
         action = np.concatenate((arm, grip[:, None][:, : self._grip_controller.width]), axis=1)
         return torch.from_numpy(action.astype(np.float32))
 
-    def render(self) -> NDArray[np.uint8]:
-        """(height, width, 3) world 0 from the workspace's camera. The env must have been made with render=True."""
-        return self._worlds[0].render()
+    def render(self, world: int = 0) -> NDArray[np.uint8]:
+        """(height, width, 3) a world from the workspace's camera. The env must have been made with render=True."""
+        return self._worlds[world].render()
 
     def close(self, *, raise_if_closed: bool = True) -> None:
         self._gestures.close()

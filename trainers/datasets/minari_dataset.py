@@ -116,10 +116,22 @@ def read_minari(folder: Path) -> Iterator[Demonstration]:
 
 
 def _observation_space(env: EnvBase, shape: tuple[int, ...] | None) -> spaces.Dict:
-    """Return the Gymnasium space of one world's observations. shape: of the images, if any."""
+    """Return the Gymnasium space of one world's observations. shape: of the images, if any.
+
+    It has no MultiBinary and no MultiDiscrete, which TorchRL's reader of Minari datasets does not know.
+    """
     members: dict[str, spaces.Space] = {
-        key: space_of(env.observation_spec[key]) for key in public_keys(env.observation_spec)
+        key: _as_box(space_of(env.observation_spec[key])) for key in public_keys(env.observation_spec)
     }
     if shape is not None:
         members[CAMERA] = spaces.Box(0, 255, shape, np.uint8)
     return spaces.Dict(members)
+
+
+def _as_box(space: spaces.Space) -> spaces.Space:
+    """Return the space as a Box if it holds several whole numbers, otherwise as it is."""
+    if isinstance(space, spaces.MultiBinary):
+        return spaces.Box(0, 1, space.shape, np.uint8)
+    if isinstance(space, spaces.MultiDiscrete):
+        return spaces.Box(0, space.nvec - 1, dtype=np.int64)
+    return space
