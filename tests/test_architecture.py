@@ -29,7 +29,9 @@ LAYERS = {  # sub-package or module of envs -> those that it may import beside i
     "episode_replay": {"sim", "tasks", "mdp"},
     "workspace_env": {"sim", "tasks", "mdp", "config", "episode_replay"},
     "registration": {"sim", "config", "workspace_env"},
-    "gym_env": {"mdp", "registration"},
+    "gym_interface": {"mdp", "workspace_env"},
+    "gym_env": {"gym_interface", "registration"},
+    "gym_vector_env": {"gym_interface", "registration"},
     "checker": {"workspace_env"},
     "experts": {"sim", "tasks", "mdp", "workspace_env"},
     "interactive": {"sim", "mdp", "config", "workspace_env"},
@@ -97,7 +99,7 @@ def test_a_package_imports_only_the_packages_below_it(package):
 @pytest.mark.parametrize("layer", LAYERS)
 def test_a_layer_of_envs_imports_only_the_layers_below_it(layer):
     allowed = {f"envs.{name}" for name in LAYERS[layer] | {layer}}
-    if layer in ("experts", "interactive", "gym_env"):
+    if layer in ("experts", "interactive"):
         allowed |= {"envs.make_env", "envs.read_env"}  # what `envs` itself offers
     for path in sources(f"envs/{layer}") or [Path(f"envs/{layer}.py")]:
         used = {".".join(name.split(".")[:2]) for name in imported(path) if name.startswith("envs.")}
