@@ -6,12 +6,11 @@ the robot's base on the table top, x away from the robot, y to the robot's left,
 
 from language.colors import COLORS, RGBA, SEE_THROUGH, Color, color_name, color_table, draw_colors, rgba
 from language.describing import DEFAULT_KINDS, Describer, describe
-from language.dialogue import Dialogue
+from language.dialogue import Dialogue, interpret
 from language.errors import LanguageError, NothingFits, NotUnderstood, SeveralFit
 from language.generator import KINDS
 from language.grounding import ground, matches
 from language.instruction import Chain, Command, Correction, Instruction, Meaning, ObjectPhrase, say
-from language.interpreting import interpret
 from language.lexicon import count
 from language.meanings import Gesture
 from language.objects import DEVICES, FITTINGS, HAND, NOUNS, ROLES, SHAPES, SIZES, Object, Scene

@@ -153,6 +153,8 @@ class NounPhrases:
             found.append(_item(thing, edge.end, 0.0, start, kind="thing"))
             tokens = self._lattice.tokens
             at = edge.end + (edge.end < len(tokens) and tokens[edge.end].text in ("number", "no", "nr"))
+            further = [e for e in self._get(edge.end, "noun") if e.value == "thing" and noun is not None]
+            found += [_item(thing, e.end, 0.3, start, kind="thing") for e in further]  # "the button thing"
             numbers = [e for e in self._get(at, "number") if 0 < e.value < 20]
             found += [_item(thing, e.end, 0.3, start, kind="thing", ordinal=int(e.value)) for e in numbers]
         return found

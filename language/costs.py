@@ -17,6 +17,7 @@ POINTED = -0.05  # "this cube" with a gesture: more likely the cube that it show
 UNUSED_GESTURE = 12.0  # a gesture without a word for it, if another reading has one
 NO_VERB = 1.0
 NO_VERB_BUT_PLACE = 1.4  # "the red cube on the blue one": more likely a thing than a command
+VAGUE = 1.0  # "the one next to it" as a command
 NEVER = 3.0  # a verb of what no robot here can do
 NO_OBJECT = 0.5  # "pick up the cube and place on the red one"
 NEAREST_PLACE = 1.5  # "nearest to" as a place; it mostly says which thing

@@ -1,85 +1,54 @@
-"""Dialogues: what was said and done before decides what "it", "again", "no, the blue one" and answers mean."""
+"""Dialogues: what was said and done before decides what "it", "again", "no, the blue one" and answers mean.
+
+A turn is read by the same chart as any sentence. What it does beside that (`language.acts`) decides what its reading
+is compared with: an answer with the question before, a correction with the last plan and the world before it.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from itertools import groupby
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 from language import costs
+from language.acts import CONDITION, IDLE, SAME, Part, act_of, parts_of, proposal, question, times
 from language.errors import NotUnderstood
 from language.lattice import vocabulary
 from language.meanings import Clause, Entity, Gesture, Pointed, Reading, gestures
-from language.normalise import COLOR, normalised, plain_start, scan, verb_words
+from language.memory import Memory
+from language.normalise import COLOR, LONGEST_SENTENCE, Token, normalised, plain_start, scan, verb_words
 from language.objects import Scene
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
 from language.planning import CARRY, Planner
-from language.questions import Questions, holds_true
-from language.revising import filled, pinned, restoring, revised, selecting
-from language.settling import Choices, choices, choices_of, matters, settled
-from language.talk import abilities, foreign, name, offers, phrase, question
+from language.questions import Questions
+from language.revising import filled, opposite, pinned, restoring, revised, selecting
+from language.settling import Choices, choices, choices_of, matters, settled, which
+from language.talk import abilities, foreign, name, offers, phrase, said
 from language.understanding import exact_reading
 from language.verbs import Act
-from language.words import CONTROLS, TABLE, phrases
 from language.world import FIXED, WorldModel, table
 
-THANKS = frozenset(phrases(TABLE["thanks"]))
-_CONTROL_OF = {phrase: control for control, text in CONTROLS.items() for phrase in phrases(text)}
 _NOTHING = {
     "yes": "there is no question to answer",
     "no": "say what you mean instead",
     "again": "there is nothing to repeat",
     "undo": "there is nothing to undo",
+    "opposite": "I have done nothing that could be the other way round",
 }
 _SPEED = "my arm keeps its own speed; the clock has a speed, under Time"
-_SAME_WITH = re.compile(
-    r"^(?:and |now |then |please |so )*(?:do |repeat )?(?:exactly )?(?:the )?(?:same|that|it)(?: thing| again)? "
-    r"(?:with|for|to|using) (?P<what>.+?)(?:(?: ,)? but (?P<where>.+))?$"
-    r"|^(?:and )?(?P<also>.+?) (?:as well|too|also)$|^(?:and )?(?:now |then |also )?(?:how about|what about) "
-    r"(?P<about>.+)$"
-)
-_CONDITION = re.compile(
-    r"^(?:if|in case|when(?! you (?:have|are|did))|provided|assuming|should|as long as|whenever) "
-    r"(?P<if>.+?)(?<! is)(?<! are)"
-    rf"(?: ,| then|(?= (?:please|{verb_words()})\b)) ?(?:then )?(?P<do>.+?)"
-    r"(?:(?: ,)? (?:otherwise|else|if not|or else)(?: ,)? (?P<else>.+))?$"
-    r"|^(?P<do2>.+?)(?: ,)?(?: but)?(?: only)? "
-    r"(?P<how>if|in case|unless|provided|as long as|except if|except when|only when) (?P<if2>(?!not$).+)$"
-)
-
-
-class Turn(NamedTuple):
-    """A sentence, what came of it, and the world before it."""
-
-    sentence: str
-    outcome: Outcome
-    world: WorldModel
+_NEXT = "Say what I shall do next"
 
 
 @dataclass
-class Dialogue:
-    """What was said and done.
-
-    world: the scene after the last outcome. turns: oldest first. it: the things that were spoken of last.
-    box: the container that was spoken of last. last: the reading of the last plan or question.
-    surroundings: further fields of `WorldModel` for every scene, such as `bounds` and `little`.
-    """
-
-    world: WorldModel | None = None
-    turns: list[Turn] = field(default_factory=list)
-    it: tuple[int, ...] = ()
-    box: int | None = None
-    last: Reading | None = None
-    surroundings: dict[str, Any] = field(default_factory=dict)
+class Dialogue(Memory):
+    """Answers sentences, and remembers what was said and done."""
 
     def copy(self) -> Dialogue:
         """Return a dialogue with the same memory, to try a sentence."""
         return replace(self, turns=[*self.turns])
 
     def answer(self, sentence: str, scene: Scene | WorldModel | None = None, pointed: Pointed = ()) -> Outcome:
-        """Return the outcome of a sentence and remembers it.
+        """Return the outcome of a sentence and remember it.
 
         Args:
             sentence: as a person writes it.
@@ -94,82 +63,98 @@ class Dialogue:
         if world is None:
             raise ValueError("the first sentence of a dialogue needs a scene")
         made = gestures(pointed, world)
+        self.world = world
         try:
-            outcome = self._answer(sentence, world, made)
+            outcome = self._answer(sentence, made)
         except NotUnderstood as error:
             outcome = Refusal(sentence, span=(0, len(sentence)), text=str(error), suggestions=offers(world))
         self.remember(outcome, world)
         return outcome
 
-    def remember(self, outcome: Outcome, world: WorldModel) -> None:
-        """Add an outcome to the memory. world: before it."""
-        self.turns.append(Turn(outcome.sentence, outcome, world))
-        self.world = world
-        if isinstance(outcome, Plan) and outcome.steps:
-            self.world = outcome.result or world
-            self.last = outcome.reading or self.last
-            asked = [step for step in outcome.steps if not step.implied] or list(outcome.steps)
-            self.it = tuple(dict.fromkeys(s.object for s in asked if s.several)) or (asked[-1].object,)
-            boxes = [i for s in asked for i in (s.object, s.goal) if i is not None and i in world.containers]
-            self.box = boxes[-1] if boxes else self.box
-        elif isinstance(outcome, Signal) and outcome.steps:
-            self.world = outcome.result or world
-        elif isinstance(outcome, Question | Refusal):
-            self.last = getattr(outcome, "reading", None) or self.last
+    # ---- One turn
 
-    def amend(self, outcome: Outcome, world: WorldModel) -> None:
-        """Replace the last turn's outcome by what really came of it. world: before it."""
-        turn = self.turns.pop()
-        kept = self.last
-        self.remember(replace(outcome, sentence=turn.sentence), world)
-        if self.last is None:
-            self.last = kept
+    def _answer(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome:
+        world, span = self.now, (0, len(sentence))
+        if len(sentence) > LONGEST_SENTENCE:
+            normalised(sentence)  # says that it is too long
+        parts = parts_of(sentence)
+        words = [word for part in parts for word in part.words]
+        if not words:
+            return Refusal(sentence, span=span, text="I did not get any words", suggestions=offers(world))
+        signal = self._signal(sentence, words) if not made else None
+        if signal is not None:
+            return signal
+        if strange := foreign(words, vocabulary()):
+            return Refusal(sentence, span=span, reason="language", text=strange, suggestions=offers(world))
+        text = _without_idle(sentence, parts)
+        if len(parts) > 1 and parts[-1].act in ("no", "stop") and parts[0].act is None and len(parts[0].words) > 1:
+            return Answer(sentence, 1.0, (), span, text=f"All right, I do nothing. {_NEXT}")
+        if (told := self._asked(sentence, text)) is not None:
+            return replace(told, sentence=sentence)
+        outcome = replace(self._command(text, made), sentence=sentence)
+        if isinstance(outcome, Plan) or (isinstance(outcome, Question) and outcome.choices):
+            return outcome
+        return self._aside(sentence, parts, outcome) or outcome
 
-    # ---- One sentence
+    def _aside(self, sentence: str, parts: list[Part], outcome: Outcome) -> Outcome | None:
+        """Return what a signal or small talk comes to whose other parts say nothing: "stop, you'll break it"."""
+        act = next((part.act for part in parts if part.act not in (None, "yes", "no", "any", "sorry", "wrong")), None)
+        if act == "social":
+            rest = [word for part in parts if part.act is None for word in part.words]
+            plain = " ".join(rest)
+            about = re.search(rf"\b(?:{COLOR}|cubes?|blocks?|it|one|{verb_words()})\b", plain)
+            return (
+                None
+                if about or (any(word not in vocabulary() for word in rest) and len(rest) > 3)
+                else _social(sentence)
+            )
+        if act is None or (isinstance(outcome, Question) and act not in ("stop", "wait")):
+            return None
+        return self._signal(sentence, [word for part in parts if part.act == act for word in part.words])
 
-    def _planner(self, world: WorldModel, made: tuple[Gesture, ...] = ()) -> Planner:
-        it = self.it if world.held is None or world.cells else (world.held, *(i for i in self.it if i != world.held))
-        return Planner(world, it, self.it, gestures=made, box=self.box)
+    def _command(self, text: str, made: tuple[Gesture, ...]) -> Outcome:
+        """Return the outcome of a sentence that asks for something to be done, answers or corrects."""
+        if (exact := self._exact(text, made)) is not None:
+            return exact
+        conditional = self._conditional(text, made)
+        if conditional is not None:
+            return conditional
+        words, same = self._without_same(normalised(text))
+        number, spent = times([token.text for token in words])
+        words = [token for at, token in enumerate(words) if at not in spent]
+        if number > 1 and act_of([token.text for token in words]) in ("yes", "again"):
+            return self._again(text, number) or self._nothing(text, "again")
+        planner = self.planner(made)
+        found = choices(words, planner, times=number)
+        likely = sorted(found.readings, key=lambda reading: reading.cost)
+        outcome: Outcome | None = None
+        if likely and likely[0].cost <= costs.TOO_MUCH and (same or self._is_reply(likely[0], found)):
+            outcome = self._reply(text, likely[0], found)
+        outcome = outcome or settled(text, found, planner)
+        if isinstance(outcome, Plan) or (isinstance(outcome, Question) and outcome.choices):
+            return outcome
+        return self._named(text, words, found) or outcome
 
-    def _answer(self, sentence: str, world: WorldModel, made: tuple[Gesture, ...]) -> Outcome:
-        if len(sentence) <= 600:
-            raw = [token.text for token in scan(sentence)]
-            outcome = self._talk(sentence, raw, world, made)
-            if outcome is not None:
-                return outcome
-        if world.scene is not None:
-            exact = self._exact(sentence, world, made)
-            if exact is not None:
-                return exact
-        words = normalised(sentence)
+    def _without_same(self, words: list[Token]) -> tuple[list[Token], bool]:
+        """Return the words without those that ask for the same once more, "the same with X", and whether they do."""
         text = " ".join(token.text for token in words)
-        start = plain_start(sentence)
-        for given in (self._conditional, self._same_with):
-            outcome = given(sentence, start if given == self._conditional else text, world, made)
-            if outcome is not None:
-                return outcome
-        times, words = _times(words)
-        planner = self._planner(world, made)
-        found = choices(words, planner, times=times)
-        likeliest = min(found.readings, key=lambda reading: reading.cost, default=None)
-        reply = next((r for r in sorted(found.readings, key=lambda r: r.cost) if r.cost <= costs.TOO_MUCH), None)
-        if reply is not None and self._is_reply(reply, likeliest, found):
-            outcome = self._reply(sentence, reply, found, world)
-            if outcome is not None:
-                return outcome
-        return settled(sentence, found, planner)
+        match = SAME.search(text) if self.last is not None else None
+        if match is None:
+            return words, False
+        first = text[: match.start()].count(" ") + (match.start() > 0)
+        return [t for t in (*words[:first], *words[first + len(match[0].split()) :]) if t.text != "but"], True
 
-    def _is_reply(self, reply: Reading, likeliest: Reading | None, found: Choices) -> bool:
+    def _is_reply(self, reply: Reading, found: Choices) -> bool:
         """Whether a sentence answers or corrects what went before, rather than asks for something of its own."""
-        fragment = len(reply.steps) == 1 and reply.steps[0].verb is None
-        if reply is not likeliest or not (reply.rejects or fragment):
+        if not reply.rejects and (len(reply.steps) > 1 or reply.steps[0].verb is not None):
             return False
-        if reply.rejects or not found.possible or (self.turns and isinstance(self.turns[-1].outcome, Question)):
+        if reply.rejects or not found.possible or self.open_question() is not None:
             return True
         return found.possible[0].cost > reply.cost + (0.2 if self.turns else costs.NO_VERB)
 
-    def _exact(self, sentence: str, world: WorldModel, made: tuple[Gesture, ...]) -> Outcome | None:
+    def _exact(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome | None:
         """Return the plan of a sentence of the project's own language, if it can be carried out."""
+        world = self.now
         spoken = (world.held, *self.it) if world.held is not None else self.it
         reading = exact_reading(sentence, world, _certain(made), spoken)
         if reading is None:
@@ -179,345 +164,361 @@ class Dialogue:
         if not plans or plans[0].failure or (touched and any(each.act is Act.HOLD for each in reading.steps)):
             return None
         best = plans[0]
-        return Plan(sentence, 1.0, (), (0, len(sentence)), best.steps, best.world, reading, best.notes)
+        return Plan(
+            sentence,
+            1.0,
+            (),
+            (0, len(sentence)),
+            steps=best.steps,
+            result=best.world,
+            reading=reading,
+            notes=best.notes,
+        )
 
-    # ---- Talk
-
-    def _talk(self, sentence: str, raw: list[str], world: WorldModel, made: tuple[Gesture, ...]) -> Outcome | None:
-        """Return the outcome of a sentence that asks for no motion: signals, questions, other languages."""
-        span = (0, len(sentence))
-        words = [word for word in raw if word.isalnum()]
-        if not words:
-            text = "I did not get any words"
-            return Refusal(sentence, span=span, text=text, suggestions=offers(world))
-        text = " ".join(raw).strip(" .,!?;:")
-        control = self.control_word(" ".join(word for word, _ in groupby(words)) if len(set(words)) == 1 else text)
-        if control is not None and not made:
-            return self._control(sentence, control, world)
-        strange = foreign(words, vocabulary())
-        if strange:
-            return Refusal(sentence, span=span, reason="language", text=strange, suggestions=offers(world))
-        plain = plain_start(text)
-        polite = re.match(r"(?:thanks|thank you|great|perfect|bye|goodbye|see you|hello|hi)\b", text)
-        nothing = polite and not re.search(rf"\b(?:{COLOR}|cubes?|blocks?|it|one|{verb_words()})\b", plain)
-        if question(text) is None and (text in THANKS or plain in THANKS or not plain or nothing):
-            return Answer(
-                sentence,
-                1.0,
-                text=("You are welcome. Say what I shall do next")
-                if "than" in text
-                else "All right. Say what I shall do next",
-            )
-        parts = [part.strip() for part in re.split(r"[.!?;]", " ".join(raw)) if part.strip()]
-        asked = question(text)
-        if len(parts) > 1:
-            return self._several(sentence, parts, world, made)
-        if asked is None or re.match(r"(?:can|could|would|will|do) you (?:please )?(?:give|put|take|open|close)", text):
-            return self._about_robot(sentence, text)
-        known = Questions(world, self._planner(world), self.turns, None)
-        told = known.answer(asked)
-        if told is not None:
-            if known.things:
-                self.it = tuple(known.things[:1])
-                self.box = known.things[0] if known.things[0] in world.containers else self.box
-            return Answer(sentence, 1.0, (), span, told)
-        unknown = [word for word in words if word not in vocabulary() and not word.isdigit()]
-        if re.match(r"(?:what|which|who|whose|why|when|how)\b|(?:is|are|does|did) ", asked):
-            what = f"'{' '.join(unknown[:3])}'" if unknown else f"'{' '.join(words[:8])}'"
-            text = f"I cannot answer that: I know nothing about {what}, only about the things here"
-            return Refusal(sentence, span=span, reason="nothing", text=text, suggestions=offers(world, words))
-        return None
-
-    def _about_robot(self, sentence: str, text: str) -> Outcome | None:
-        if re.match(
-            (r"you (?:are|were|look|seem|have been) (?!to\b|holding|allowed|asked|supposed|going)"), text
-        ) or re.match((r"i (?:am|was|feel) (?:tired|happy|sad|hungry|bored|angry|fine|here|back|sorry)\b[^,]*$"), text):
-            return Answer(sentence, 0.5, text=f"I am a robot arm, and do what I can. {offers_text(self.world)}".strip())
-        return None
+    # ---- Signals and short replies
 
     def control_word(self, text: str) -> str | None:
         """Return what a sentence says about the motion, a key of `CONTROLS`; None for nothing."""
-        polite = (
-            r"^(?:please|okay|robot|now|and|so|then|hey|well|just|oh|right|alright|could you|can you|would you|no|yes"
-            r"|okay so|could you please|can you please|thanks|i said|you can|you may|you should|okay robot|,|let us"
-            r"|let me|actually|sorry)(?: ,)? "
+        return act_of([token.text for token in scan(text) if token.text.isalnum()])
+
+    def _signal(self, sentence: str, words: Sequence[str]) -> Outcome | None:
+        """Return the outcome of a turn that consists of signals, short replies and small talk; None of another one."""
+        number, spent = times(words)
+        act = act_of([word for at, word in enumerate(words) if at not in spent])
+        span, asked = (0, len(sentence)), self.open_question()
+        did = self.turns[-1].outcome if self.turns else None
+        if act is None:
+            return None
+        if act in ("social", "sorry"):
+            return _social(sentence)
+        if act in ("no", "wrong") and asked is not None:
+            return Answer(sentence, 1.0, (), span, text="All right, I do nothing. Say what you mean instead")
+        if act in ("no", "wrong") and isinstance(did, Plan) and "one" in words:
+            return Question(sentence, 0.5, (), span, text="Which one do you mean instead?", reading=self.last)
+        if act == "no" and isinstance(did, Plan):
+            return Signal(sentence, 1.0, (), span, control="stop", text="I stop. Say what you mean instead")
+        if act in ("undo", "wrong"):
+            return self._undone(sentence, number)
+        if act == "again" or (act == "yes" and number > 1):
+            return self._again(sentence, number) or self._nothing(sentence, "again")
+        if act == "opposite":
+            return self._turned_round(sentence) or self._nothing(sentence, act)
+        if act in ("yes", "any"):
+            return self._agreed(sentence, act, asked)
+        if act in _NOTHING:
+            return self._nothing(sentence, act)
+        note = _SPEED if act in ("faster", "slower") else ""
+        return Signal(sentence, 1.0, (), span, control=act, text=note)
+
+    def _nothing(self, sentence: str, act: str) -> Outcome:
+        text = _NOTHING[act]
+        return Refusal(
+            sentence, 0.0, (), (0, len(sentence)), reason="dialogue", text=text, suggestions=offers(self.now)
         )
-        tail = (
-            r"(?: ,)? (?:please|now|robot|thanks|thank you|for me|right now|then|immediately|at once|okay|a bit|again"
-            r"|for a bit|for a moment|mate|sir|if you can|would you|dear|buddy|arm)$"
+
+    def _undone(self, sentence: str, number: int) -> Outcome:
+        """Return the steps back to the world before the last plan."""
+        done, world = self.done(number), self.now
+        if done is None:
+            return self._nothing(sentence, "undo")
+        steps = restoring(world, done.world)
+        result = world
+        for step in steps:
+            result = result.after(step)
+        still = [i for i in world.devices if abs(result.moved.get(i, 0.0) - done.world.moved.get(i, 0.0)) > 0.5]
+        if still and not steps:
+            text = f"I cannot undo that: {name(world, still[0])} stays down"
+            return Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", text=text, suggestions=offers(world))
+        return Signal(
+            sentence, 1.0, (), (0, len(sentence)), control="undo", text="I undo that", steps=steps, result=result
         )
-        for _ in range(5):
-            if text in _CONTROL_OF:
-                return _CONTROL_OF[text]
-            squeezed = text.replace(" , ", " ")
-            if squeezed in _CONTROL_OF:
-                return _CONTROL_OF[squeezed]
-            shorter = re.sub(polite, "", re.sub(tail, "", text))
-            if shorter == text:
-                break
-            text = shorter
-        first = re.match(r"^(?:no )?(stop|halt|freeze|wait)(?: stop)* [!,]", text)
-        if first and len(text.split()) <= 4:
-            return _CONTROL_OF[first[1]]
+
+    def _again(self, sentence: str, number: int) -> Outcome | None:
+        """Return the last plan once more, or several times."""
+        done = self.done()
+        reading = getattr(done.outcome, "reading", None) if done is not None else None
+        return (
+            self._settle(sentence, replace(reading, unused=(), cost=0.0, times=number)) if reading is not None else None
+        )
+
+    def _turned_round(self, sentence: str) -> Outcome | None:
+        """Return the plan that does the last one the other way round: what was put on something goes below it."""
+        done = self.done()
+        if done is None or not isinstance(done.outcome, Plan) or self.last is None:
+            return None
+        reading = opposite(self.last, done.outcome.steps, self.now)
+        return self._settle(sentence, reading) if reading is not None else self._undone(sentence, 1)
+
+    def _agreed(self, sentence: str, act: str, asked: Question | None) -> Outcome | None:
+        """Return what comes of a yes, or of leaving the choice to the robot."""
+        if asked is not None and asked.choices and (act == "any" or len(asked.choices) == 1):
+            return replace(asked.choices[0], sentence=sentence)
+        if asked is not None and act == "yes" and len(asked.candidates) != 1:
+            return replace(asked, sentence=sentence)
+        if asked is not None and self.last is not None:
+            found = (self._filled(sentence, asked, index) for index in asked.candidates)
+            return next((outcome for outcome in found if isinstance(outcome, Plan)), None)
+        command = proposal(self.turns[-1].sentence) if self.turns and act == "yes" else None
+        tried = self.copy()._command(command, ()) if command else None
+        if isinstance(tried, Plan):
+            return replace(tried, sentence=sentence)
+        return Answer(sentence, 0.5, (), (0, len(sentence)), text=f"Good. {_NEXT}") if act == "yes" else None
+
+    def _settle(self, sentence: str, reading: Reading) -> Outcome:
+        planner = self.planner()
+        return replace(settled(sentence, choices_of([reading], planner), planner), sentence=sentence)
+
+    # ---- Questions
+
+    def _asked(self, sentence: str, text: str) -> Outcome | None:
+        """Return the answer to a turn that asks, or what is to be done after it; None if it asks nothing."""
+        parts = parts_of(text)
+        for at, part in enumerate(parts):
+            rest = " ".join(part.words)
+            later = [i for i in range(at, len(parts) - 1) if parts[i].mark in ".!?"]
+            end = later[0] if later else len(parts) - 1
+            asked = question(" , ".join(" ".join(each.words) for each in parts[at : end + 1]))
+            if asked is None and at == 0 and self.open_question() is None and (again := self._asked_again(rest)):
+                asked = again
+            if asked is None:
+                if part.act is None and not self._is_topic(rest, parts[at + 1 :]):
+                    return None
+                continue
+            after = text[parts[end].end :]
+            return self._told(sentence, asked, after if end + 1 < len(parts) else "")
         return None
 
-    def _control(self, sentence: str, control: str, world: WorldModel) -> Outcome | None:
-        span = (0, len(sentence))
-        if control == "no" and self.turns and isinstance(self.turns[-1].outcome, Question):
-            return Answer(sentence, 1.0, (), span, "All right, I do nothing. Say what you mean instead")
-        if control == "no" and self.turns and isinstance(self.turns[-1].outcome, Plan) and "one" in sentence:
-            return Question(sentence, 0.5, (), span, "Which one do you mean instead?", reading=self.last)
-        if control == "no" and self.turns and isinstance(self.turns[-1].outcome, Plan):
-            return Signal(sentence, 1.0, (), span, "stop", "I stop. Say what you mean instead")
-        if control == "undo" and (done := self._done()) is not None:
-            steps = restoring(world, done.world)
-            result = world
-            for step in steps:
-                result = result.after(step)
-            return Signal(sentence, 1.0, (), span, control, "I undo that", steps, result)
-        if control == "again" and self._done() is not None and self.last is not None:
-            planner = self._planner(world)
-            repeated = replace(self.last, unused=(), cost=0.0)
-            outcome = settled(sentence, choices_of([repeated], planner), planner)
-            return outcome if isinstance(outcome, Plan) else replace(outcome, sentence=sentence)
-        if control == "yes" and self.turns and isinstance(last := self.turns[-1].outcome, Question) and last.choices:
-            return replace(last.choices[0] if len(last.choices) == 1 else last, sentence=sentence)
-        asked = self.turns[-1].outcome if self.turns else None
-        if control == "yes" and isinstance(asked, Question) and len(asked.candidates) == 1 and self.last is not None:
-            slot = "goal" if self._asks_goal(asked, world) else "object"
-            meant = filled(self.last, pinned(asked.candidates[0]), slot)
-            planner = self._planner(world)
-            return settled(sentence, choices_of([meant] if meant else [], planner), planner)
-        if control == "yes" and isinstance(asked, Answer):
-            able = re.match(
-                r"(?:can|could|would|does|will|may|should) (.+?) (?:fit|go|stand|lie|be put|be) (.+)",
-                plain_start(asked.sentence),
-            )
-            tried = self.copy()._answer(f"put {able[1]} {able[2].split(' , ')[0]}", world, ()) if able else None
-            if isinstance(tried, Plan):
-                return replace(tried, sentence=sentence)
-        if control == "yes":
-            return Answer(sentence, 0.5, (), span, "Good. Say what I shall do next")
-        if control in _NOTHING:
-            return Refusal(sentence, span=span, reason="dialogue", text=_NOTHING[control], suggestions=offers(world))
-        note = _SPEED if control in ("faster", "slower") else ""
-        return Signal(sentence, 1.0, (), span, control, note)
+    def _is_topic(self, words: str, later: list[Part]) -> bool:
+        """Whether words only name what a later question is about: "the lever - what colour does it have?"."""
+        asking = [part for part in later if question(" ".join(part.words))]
+        if not asking or (asking[0].words[0] in ("which", "who", "whose") and asking[0].mark != "?"):
+            return False
+        tokens = scan(words)
+        entity, things = Questions(self.now, self.planner(), self.turns).refs(
+            re.sub("^(?:and|now|so) |what about", "", words)
+        )
+        if entity is None or not things or re.search(rf"\b(?:{verb_words()})\b", words) or len(tokens) > 6:
+            return False
+        self.it = tuple(things[:1])
+        self.box = things[0] if things[0] in self.now.containers else self.box
+        return True
 
-    def _done(self) -> Turn | None:
-        """Return the last turn that did something and was not undone."""
-        undone = 0
-        for turn in reversed(self.turns):
-            if isinstance(turn.outcome, Signal) and turn.outcome.control == "undo":
-                undone += 1
-            elif isinstance(turn.outcome, Plan) and turn.outcome.steps:
-                if not undone:
-                    return turn
-                undone -= 1
-        return None
+    def _asked_again(self, words: str) -> str | None:
+        """Return the last question with another phrase: "what is in the drawer?", "and in the fridge?"."""
+        last = self.turns[-1] if self.turns else None
+        match = re.match(r"(?:and|what about|how about|and what about|or)\b ?(.+)$", words)
+        earlier = (question(" ".join(part.words)) for part in parts_of(last.sentence)) if last else ()
+        before = next((asked for asked in earlier if asked), None)
+        if match is None or before is None or re.search(rf"\b(?:{verb_words()})\b", match[1]):
+            return None
+        planner = self.planner()
+        new, old = (phrase(self.now, planner, scan(text))[0] for text in (match[1], before))
+        if new is None or old is None or not (old.noun or old.colors or old.relations) or "can you" in before:
+            return None
+        words_before, words_new = (before.split(), match[1].split())
+        old_words = scan(before)[slice(*old.span)]
+        anchored = old.relations[-1].anchors[:1] if old.relations else ()
+        target = anchored[0] if anchored and (new.relations or words_new[0] in ("in", "on")) else old
+        first, last_word = target.span
+        return (
+            " ".join([*words_before[:first], *words_new[new.span[0] :], *words_before[last_word:]])
+            if old_words
+            else None
+        )
 
-    def _several(self, sentence: str, parts: list[str], world: WorldModel, made: tuple[Gesture, ...]) -> Outcome | None:
-        """Return the outcome of several sentences, if the first is a question or says what does not matter."""
-        asked = question(parts[0])
-        rest = " . ".join(parts[1:])
-        if asked is not None and not re.match(r"(?:can|could|would|will) you", parts[0]):
-            known = Questions(world, self._planner(world), self.turns, None)
-            told = known.answer(asked)
+    def _told(self, sentence: str, asked: str, rest: str) -> Outcome | None:
+        """Return the answer to a question, or the outcome of what is said after it."""
+        world, span = self.now, (0, len(sentence))
+        if (command := proposal(asked)) is not None:
+            return self._supposed(sentence, command)
+        known = Questions(world, self.planner(), self.turns)
+        told = known.answer(asked)
+        about = tuple(dict.fromkeys(known.things))
+        if rest:
             trial = self.copy()
-            if known.things:
-                trial.it = tuple(known.things[:1])
-                trial.box = known.things[0] if known.things[0] in world.containers else trial.box
-            if (then := re.match(r"if (not|so|yes|no|it is not|it is)(?: ,)? (.+)", rest)) and told:
+            trial.it, trial.box = about[:1] or self.it, next((i for i in about if i in world.containers), self.box)
+            if (then := re.match(r"\W*if (not|so|yes|no|it is not|it is)(?:\W) ?(.+)", rest, re.S)) and told:
                 if (then[1] in ("so", "yes", "it is")) != told.lower().startswith("yes"):
-                    return Answer(sentence, 1.0, (), (0, len(sentence)), told)
+                    return Answer(sentence, 1.0, (), span, about=about, text=told)
                 rest = then[2]
-            outcome = trial._answer(rest, world, made) if rest else None
+            outcome = trial._answer(rest, ()) if parts_of(rest) else None
             if isinstance(outcome, Plan | Question):
-                return replace(outcome, sentence=sentence)
-            return Answer(sentence, 1.0, (), (0, len(sentence)), told) if told else None
-        first = self.control_word(parts[0])
-        if (
-            first in ("stop", "wait")
-            and len(parts) == 2
-            and self.control_word(parts[1]) is None
-            and parts[0] not in ("no",)
-        ):
-            outcome = self.copy()._answer(rest, world, made)
-            return outcome if isinstance(outcome, Plan) else None
+                return outcome
+        if told is not None:
+            return Answer(sentence, 1.0, (), span, about=about, text=told)
+        words = asked.split()
+        if re.match(r"(?:did|do|are|have|were|can|will|is|was) (?:you|it|that|this|weather)\b", asked):
+            return _social(sentence, f"I am a robot arm, and do what I can. {abilities(world)}")
+        if re.match(r"(?:what|which|who|whose|why|when|how)\b|(?:is|are|does|did) ", asked):
+            unknown = [word for word in words if word not in vocabulary() and word.isalpha()]
+            what = " ".join(unknown[:3] or words[:8])
+            text = f"I cannot answer that: I know nothing about '{what}', only about the things here"
+            return Refusal(sentence, 0.0, (), span, reason="nothing", text=text, suggestions=offers(world, words))
         return None
 
-    # ---- Conditions, and "the same with"
+    def _supposed(self, sentence: str, command: str) -> Outcome:
+        """Return what would come of a command: "could it go on the red one?"."""
+        tried = self.copy()._command(command, ())
+        about = tried.about
+        if isinstance(tried, Plan):
+            about = tuple(dict.fromkeys(i for step in tried.steps for i in (step.object, step.goal) if i is not None))
+            full = [box for box in about if box in self.now.containers and self.now.contents(box)]
+            text = f"yes, that can be done: I would {said(self.now, tried.steps)}. Say 'do it' if you want that"
+            if full:
+                text = f"no: one thing fits in {name(self.now, full[0])}, and it is full"
+        else:
+            text = f"no: {getattr(tried, 'text', '')}" if isinstance(tried, Refusal) else tried.message
+        return Answer(sentence, 0.8, (), (0, len(sentence)), about=about, text=text[0].upper() + text[1:])
 
-    def _conditional(self, sentence: str, text: str, world: WorldModel, made: tuple[Gesture, ...]) -> Outcome | None:
-        match = _CONDITION.match(text.replace(" 's ", " is "))
-        if match is None or world.cells:
+    # ---- Conditions
+
+    def _conditional(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome | None:
+        match = CONDITION.match(plain_start(sentence).replace(" 's ", " is "))
+        if match is None or self.now.cells:
             return None
         condition, command = match["if"] or match["if2"], match["do"] or match["do2"]
-        planner = self._planner(world)
-        if re.match(r"(?:it|they|that)\b", condition):
-            _, refs = phrase(world, planner, scan(command))
-            planner.it = tuple(i for ref in refs for i in ref.things[-1:]) or planner.it
-        true = holds_true(condition, world, planner)
+        planner = self.planner()
+        if re.search(r"\b(?:it|they|that)\b", condition):
+            _, refs = phrase(self.now, planner, scan(command))
+            planner.it = tuple(i for ref in refs[:1] for i in ref.things[-1:]) or planner.it
+        known = Questions(self.now, planner, self.turns)
+        true = known.is_true(condition)
         if true is None:
             return None
-        if match["how"] in ("unless", "except if", "except when"):
+        how = match["how"] or match["how1"]
+        if how in ("unless", "except if", "except when"):
             true = not true
-        if not true and match["else"]:
-            command = (
-                match["else"]
-                if not re.match(r"(?:a )?\w+ (?:one|cube|block)$|\w+$", match["else"])
-                else _with_object(command, match["else"])
-            )
-        elif not true:
-            return Answer(
-                sentence,
-                1.0,
-                (),
-                (0, len(sentence)),
-                (f"I do nothing, because it is not so that {condition}")
-                if match["how"] not in ("unless",)
-                else f"I do nothing, because {condition}",
-            )
+        other = match["else"]
+        if not true and not other:
+            text = f"I do nothing, because {'' if how == 'unless' else 'it is not so that '}{condition}"
+            state = known.described()
+            return Answer(sentence, 1.0, (), (0, len(sentence)), text=f"{text}{state and f': {state}'}")
+        if not true:
+            short = re.match(r"(?:a )?\w+ (?:one|cube|block)$|\w+$", other)
+            command = _with_object(command, other) if short else other
         trial = self.copy()
         trial.it = planner.it
-        outcome = trial._answer(command, world, made)
-        return replace(outcome, sentence=sentence)
+        return trial._command(command, made)
 
-    def _same_with(self, sentence: str, text: str, world: WorldModel, made: tuple[Gesture, ...]) -> Outcome | None:
-        match = _SAME_WITH.match(text)
-        if match is None or self.last is None or (match["also"] and len(match["also"].split()) > 5):
-            return None
-        what = match["what"] or match["about"] or match["also"]
-        found = choices(scan(what + (f" {match['where']}" if match["where"] else "")), self._planner(world, made))
-        for reading in sorted(found.readings, key=lambda each: each.cost):
-            clause = reading.steps[0]
-            if len(reading.steps) == 1 and clause.entity is not None and (clause.verb is None or match["where"]):
-                last = self.last
-                if clause.places:
-                    last = replace(last, steps=(*last.steps[:-1], replace(last.steps[-1], places=clause.places)))
-                readings = revised(last, Reading((Clause(None, clause.entity),)))
-                return self._tried(sentence, readings, found, world, restore=False)
-        return None
+    # ---- Answers and corrections
 
-    # ---- Replies
-
-    def _reply(self, sentence: str, reply: Reading, found: Choices, world: WorldModel) -> Outcome | None:
+    def _reply(self, sentence: str, reply: Reading, found: Choices) -> Outcome | None:
         """Return the outcome of an answer, or of a correction of the last sentence."""
-        clause = reply.steps[0]
-        last = self.turns[-1].outcome if self.turns else None
+        clause, world = reply.steps[0], self.now
+        asked = self.open_question()
         if not world.cells and any(matters(found.lattice, index) for index in reply.unused):
             return None  # a word is left out that may change the meaning
-        if len(reply.steps) > 1 or (clause.verb is not None and not reply.rejects):
-            return (
-                None
-                if not reply.rejects
-                else self._tried(sentence, [Reading(reply.steps)], found, world, restore=world.cells)
-            )
-        if clause.verb is not None:  # "no, take the blue one"
-            if (
-                clause.act is Act.CARRY
-                and clause.entity is not None
-                and clause.verb == CARRY
-                and len(self.turns)
-                and self.last is not None
-            ):
-                pass
-            return self._tried(sentence, [Reading(reply.steps)], found, world, restore=world.cells)
-        if isinstance(last, Question) and not reply.rejects:
-            chosen = self._chosen(sentence, last, reply, found, world)
+        if len(reply.steps) > 1 or clause.verb is not None:  # "no, take the blue one"
+            return self._tried(sentence, [Reading(reply.steps)], found, restore=world.cells)
+        if asked is not None and not reply.rejects:
+            entity = clause.entity or (selecting(clause.places) if asked.candidates else None)
+            chosen = self._chosen(sentence, asked, entity, found) if entity is not None else None
             if chosen is not None:
                 return chosen
         if self.last is None:
-            return None if clause.entity is None else self._what(sentence, clause.entity, found, world)
+            return None if clause.entity is None else self._what(sentence, clause.entity)
         if world.held is not None and clause.entity is None and not world.cells:
-            put = Reading((Clause(CARRY, None, clause.places),))
-            return self._tried(sentence, [put], found, world, restore=False)
+            return self._tried(sentence, [Reading((Clause(CARRY, None, clause.places),))], found, restore=False)
         restore = reply.rejects and (clause.entity is not None or world.cells)
-        return self._tried(sentence, revised(self.last, reply), found, world, restore=restore)
+        return self._tried(sentence, revised(self.last, reply), found, restore)
 
-    def _what(self, sentence: str, entity: Entity, found: Choices, world: WorldModel) -> Outcome | None:
-        refs = self._planner(world).resolver(world, (), None).resolve(entity)
-        things = [ref.things[-1] for ref in refs if ref.things]
+    def _named(self, sentence: str, words: list[Token], found: Choices) -> Outcome | None:
+        """Return the plan of a reply of which only a phrase is understood: "let me think, the gray one I guess"."""
+        asked = self.open_question()
+        if asked is None or not asked.candidates or any(c.cost < costs.TOO_MUCH for c in found.possible):
+            return None
+        texts = [token.text for token in words]
+        at = next((i for i, word in enumerate(texts) if word in ("not", "except", "but", "no", "never")), len(texts))
+        rejected = phrase(self.now, self.planner(), words[at + 1 :])[1] if at < len(texts) else []
+        left = tuple(i for i in asked.candidates if i not in {i for ref in rejected for i in ref.things})
+        entity = phrase(self.now, self.planner(), words[:at])[0] if at else None
+        if len(left) < len(asked.candidates) and (entity is None or entity.any):
+            plans = (self._filled(sentence, asked, i) for i in (left if entity is not None or len(left) == 1 else ()))
+            again = Question(sentence, 0.5, text=which(self.now, left), candidates=left, reading=self.last)
+            return next((plan for plan in plans if isinstance(plan, Plan)), again if left else None)
+        chosen = self._chosen(sentence, replace(asked, candidates=left), entity, found) if entity is not None else None
+        return chosen if isinstance(chosen, Plan) else None
+
+    def _what(self, sentence: str, entity: Entity) -> Outcome | None:
+        world = self.now
+        things = [ref.things[-1] for ref in self.planner().resolver(world, (), None).resolve(entity) if ref.things]
         if not things:
             return None
         things.sort(key=lambda i: entity.noun is None and world.things[i].kind in FIXED)
-        text = (
-            f"What shall I do with {name(world, things[0])}? Say, for example, "
-            f"{' or '.join(repr(each) for each in offers(world, name(world, things[0]).split()))}"
-        )
-        return Question(sentence, 0.0, (), (0, len(sentence)), text, tuple(things))
+        thing = name(world, things[0])
+        examples = " or ".join(repr(each) for each in offers(world, thing.split()))
+        text = f"What shall I do with {thing}? Say, for example, {examples}"
+        return Question(sentence, 0.0, (), (0, len(sentence)), text=text, candidates=tuple(things))
 
-    def _chosen(
-        self, sentence: str, asked: Question, reply: Reading, found: Choices, world: WorldModel
-    ) -> Outcome | None:
+    def _chosen(self, sentence: str, asked: Question, entity: Entity, found: Choices) -> Outcome | None:
         """Return the plan of the candidate that an answer names."""
-        clause, planner = reply.steps[0], self._planner(world)
-        entity = clause.entity or selecting(clause.places)
-        if entity is None or (clause.entity is None and not asked.candidates):
-            return None
-        among = set(asked.candidates)
+        planner, among = self.planner(), set(asked.candidates)
         several = (entity.kind == "it" and entity.plural) or (
             entity.every and not entity.colors and entity.noun is None
         )
         if several and self.last is not None:
             parts = tuple(pinned(i) for i in asked.candidates)
-            readings = revised(self.last, Reading((Clause(None, Entity("list", parts=parts)),)))
-            return self._tried(sentence, readings, found, world, restore=False)
-        resolver = planner.resolver(world, self.it, None)
-        refs = resolver.resolve(replace(entity, every=False), lambda ref: bool(set(ref.things) & among))
-        named = list(dict.fromkeys(i for ref in refs for i in ref.things if i in among)) or (
-            [i for ref in refs for i in ref.things][:1] if not among else []
-        )
+            return self._tried(
+                sentence, revised(self.last, Reading((Clause(None, Entity("list", parts=parts)),))), found
+            )
+        named = self._meant(planner, entity, asked.candidates)
         if entity.any and not named:
             named = list(asked.candidates)
-        if len(named) > 1 and not entity.any and asked.choices:
-            least = min(ref.cost for ref in refs if set(ref.things) & among)
-            named = [i for i in named if any(i in ref.things and ref.cost <= least + 0.3 for ref in refs)]
         chosen = [
             c for c in asked.choices if named and {i for s in c.steps for i in (s.object, s.goal)} & set(named[:1])
         ]
-        if len(named) == 1 and len(chosen) == 1 and world == self.turns[-1].world:
+        if len(named) == 1 and len(chosen) == 1 and self.now == self.turns[-1].world:
             return replace(chosen[0], sentence=sentence)
-        if not named or self.last is None or (len(named) > 1 and not entity.any):
+        if not named or self.last is None:
             return None
-        chosen_one = pinned(named[0])
-        tried = [
-            filled(self.last, chosen_one, slot)
-            for slot in (("goal", "object") if self._asks_goal(asked, world) else ("object", "goal"))
-        ]
-        good = [each for each in tried if each is not None]
-        return self._tried(sentence, good, found, world, restore=False)
+        if len(named) > 1 and not entity.any:
+            if not among or len(named) == len(among):
+                return None
+            return Question(sentence, 0.5, text=which(self.now, named), candidates=tuple(named), reading=self.last)
+        return self._filled(sentence, asked, named[0], found)
 
-    def _asks_goal(self, asked: Question, world: WorldModel) -> bool:
+    def _meant(self, planner: Planner, entity: Entity, candidates: Sequence[int]) -> list[int]:
+        """Return the candidates that a phrase means; any things if there are no candidates."""
+        among = set(candidates)
+        if entity.ordinal is not None and not entity.relations and set(among) <= set(self.now.containers):
+            order = list(candidates)  # as they were listed
+            return order[entity.ordinal - 1 :][:1] if entity.ordinal > 0 else order[-1:]
+        resolver = planner.resolver(planner.world, self.it, None)
+        refs = resolver.resolve(replace(entity, every=False), lambda ref: bool(set(ref.things) & among))
+        if not among:
+            return [i for ref in refs for i in ref.things][:1]
+        least = min((ref.cost for ref in refs if set(ref.things) & among), default=0.0)
+        refs = [ref for ref in refs if ref.cost <= least + 0.3]
+        return list(dict.fromkeys(i for ref in refs for i in ref.things if i in among))
+
+    def _filled(self, sentence: str, asked: Question, index: int, found: Choices | None = None) -> Outcome | None:
+        """Return the outcome of the sentence that was asked about, with this thing where it left something open."""
+        if self.last is None:
+            return None
+        slots = ("goal", "object") if self._asks_goal(asked) else ("object", "goal")
+        name_of = "in" if index in self.now.containers else "on"
+        tried = [each for slot in slots if (each := filled(self.last, pinned(index), slot, name_of)) is not None]
+        return self._tried(sentence, tried, found)
+
+    def _asks_goal(self, asked: Question) -> bool:
         """Whether the candidates of a question are places, not objects, of its sentence."""
         if self.last is None:
             return False
         clause = self.last.steps[-1]
         if clause.entity is None or clause.entity.kind == "it":
-            return True
-        refs = self._planner(world).resolver(world, self.it, None).resolve(clause.entity)
+            return clause.act not in (Act.OPEN, Act.SHUT, Act.OPERATE, Act.EMPTY, Act.TOUCH)
+        refs = self.planner().resolver(self.now, self.it, None).resolve(clause.entity)
         things = {ref.things[-1] for ref in refs if ref.things}
         return len(things & set(asked.candidates)) < len(asked.candidates) and len(things) <= 2
 
     def _tried(
-        self, sentence: str, readings: list[Reading], found: Choices, world: WorldModel, restore: bool
+        self, sentence: str, readings: list[Reading], found: Choices | None = None, restore: bool = False
     ) -> Outcome | None:
         """Return the outcome of the first reading that can be carried out, if need be from the scene before."""
-        done = self._done()
-        before = done.world if done is not None else world
-        tried: list[tuple[WorldModel, tuple[Step, ...]]] = [(world, ())]
-        restored = restoring(world, before)
-        if restored and (restore or world.cells):
-            tried = (
-                [(before, restored)]
-                if world.cells and restore
-                else [(before, restored), *tried]
-                if restore
-                else [*tried, (before, restored)]
-            )
         last: Outcome | None = None
         for reading in readings:
-            for start, steps in tried:
-                planner = self._planner(start)
+            for start, steps in self._starts(restore):
+                planner = self.planner(world=start)
                 planner.mentioned = self.it
                 outcome = settled(sentence, choices_of([reading], planner, found), planner)
                 if isinstance(outcome, Plan):
@@ -525,10 +526,58 @@ class Dialogue:
                 last = last if isinstance(last, Question) else outcome
         return last
 
+    def _starts(self, restore: bool) -> Iterator[tuple[WorldModel, tuple[Step, ...]]]:
+        """Yield the worlds from which a correction is tried, each with the steps that lead to it."""
+        world, done = self.now, self.done()
+        before = done.world if done is not None else world
+        restored = restoring(world, before)
+        if restored and restore:
+            yield before, restored
+        if not (restored and restore and world.cells):
+            yield world, ()
+        if restored and not restore and world.cells:
+            yield before, restored
 
-def offers_text(world: WorldModel | None) -> str:
-    """Return what can be said now, as a sentence."""
-    return "" if world is None else abilities(world)
+
+def interpret(
+    sentence: str, scene: Scene | WorldModel, dialogue: Dialogue | None = None, pointed: Pointed = ()
+) -> Outcome:
+    """Return what a sentence means in a scene. Never raise for any sentence.
+
+    Args:
+        sentence: as a person writes it.
+        scene: a table's scene, or a `WorldModel`: of a board or a room, or with something in the gripper.
+        dialogue: what was said and done before; it remembers this sentence. None: a new one.
+        pointed: what gestures show, in the order of the words that need one ("this", "that", "here", "there"): the
+            index of an object; a sequence of indices where a gesture may show any of them; or a `Gesture`, also for
+            a free place of the table. If there are more such words than gestures, the last serves for the rest.
+
+    Raises:
+        LanguageError: `pointed` has an index that the scene lacks.
+    """
+    return (dialogue or Dialogue()).answer(sentence, scene, pointed)
+
+
+def _social(sentence: str, text: str = "") -> Answer:
+    thanked = "than" in sentence.lower()
+    return Answer(sentence, 1.0, text=text or f"{'You are welcome' if thanked else 'All right'}. {_NEXT}")
+
+
+def _without_idle(sentence: str, parts: list[Part]) -> str:
+    """Return a sentence with blanks where parts say nothing that matters to the others, and "no" where they correct."""
+    said = False
+    if all(part.act in IDLE for part in parts):
+        return sentence
+    for part in parts:
+        corrects = part.act in ("no", "wrong", "sorry")
+        if part.act is not None and part.act not in IDLE and not corrects:
+            break
+        if part.act is None:
+            said = True
+        elif not (said and part.act != "social"):
+            kept = "no" if corrects else ""
+            sentence = f"{sentence[: part.start]}{kept.ljust(part.end - part.start)}{sentence[part.end :]}"
+    return sentence
 
 
 def _certain(made: Sequence[Gesture]) -> list[int]:
@@ -536,21 +585,8 @@ def _certain(made: Sequence[Gesture]) -> list[int]:
     return [each.things[0] for each in made] if all(len(each.things) == 1 for each in made) else []
 
 
-def _times(words: list) -> tuple[int, list]:
-    """Return how often something is to be done, and the words without that."""
-    text = " ".join(token.text for token in words)
-    match = re.search(r"\b(twice|thrice|(two|three|four|five|2|3|4|5) times)\b", text)
-    if match is None:
-        return 1, words
-    number = {"twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4, "five": 5}.get(match[2] or match[1])
-    at, count = text[: match.start()].count(" "), len(match[0].split())
-    return number or int(match[2]), [*words[:at], *words[at + count :]]
-
-
-def _with_object(command: str, phrase: str) -> str:
+def _with_object(command: str, thing: str) -> str:
     """Return a command with another object: "give it to me", "the yellow one"."""
-    return (
-        re.sub(r"\b(?:it|that one|that|this)\b", phrase, command, count=1)
-        if re.search(r"\b(?:it|that)\b", command)
-        else f"{command.split()[0]} {phrase}"
-    )
+    if re.search(r"\b(?:it|that)\b", command):
+        return re.sub(r"\b(?:it|that one|that|this)\b", thing, command, count=1)
+    return f"{command.split()[0]} {thing}"

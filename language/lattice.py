@@ -54,6 +54,8 @@ _FORMS = (  # verbs whose past and participle are irregular
     "stick stuck, "
     "let let, hang hung, find found, go went gone, send sent, draw drew drawn, catch caught, hide hid hidden"
 )
+_PRONOUNS = ("that", "this", "them", "these", "those")
+_BEFORE_PRONOUN = ("of", "on", "in", "to", "from", "with", "behind", "under", "near", "beside", "over", "between")
 _IRREGULAR = {forms.split()[0]: forms.split()[1:] for forms in _FORMS.split(", ")}
 _DOUBLED = re.compile(r"^[^aeiou]*[aeiou][bdgkmnprt]$")
 
@@ -170,6 +172,9 @@ class Lattice:
     def is_filler(self, index: int) -> bool:
         """Whether a word adds nothing: one of a table, or an adverb that is not known."""
         word = self.tokens[index].text
+        if word in _PRONOUNS and index and self.tokens[index - 1].text in _BEFORE_PRONOUN:  # "on top of that"
+            after = self.edges[index + 1].keys() if index + 1 < len(self.tokens) else set()
+            return bool({"noun", "color", "size", "side", "number", "superlative"} & after)
         return word in FILLERS or (index in self.unknown and len(word) > 4 and word.endswith("ly"))
 
     def skip_cost(self, index: int) -> float:

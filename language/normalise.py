@@ -32,6 +32,7 @@ _WORD = re.compile(
     r"[-=~]+>|[\u2190-\u21ff\u2794\u27a1]|\d+(?:[.,]\d+)?(?:st|nd|rd|th)?(?=\W|$|[a-z])"
     r"|[^\W\d_]+(?:['\u2019][^\W\d_]+)*|[.,;:!?&+/()*@-]|_|\d+"
 )
+_LONG = re.compile(r"([a-z])\1{2,}")  # "nooo"
 _BULLET = re.compile(
     (
         r"(^|[\n;.,!?]|\s)\s*(?:\(?\d{1,2}[.):](?!\d)|[*\u2022\u25cf\u25e6\u00b7]|\(?[a-h]\)|step "
@@ -137,7 +138,7 @@ def scan(text: str) -> list[Token]:
     lowered = text.lower() if len(text.lower()) == len(text) else text
     found: list[Token] = []
     for match in _WORD.finditer(lowered):
-        for word in _written_out(match[0].replace("\u2019", "'")):
+        for word in _written_out(_LONG.sub(r"\1", match[0].replace("\u2019", "'"))):
             if not word or word in _DROPPED or word in _HUMS:
                 continue
             found.append(Token(word, match.start(), match.end()))

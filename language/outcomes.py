@@ -50,12 +50,14 @@ class Outcome:
     """The outcome of a sentence.
 
     confidence: 0 to 1. unused: the words that were not used. span: characters of the sentence that it is about.
+    about: indices of the things that it is about, in the order in which they are named.
     """
 
     sentence: str
     confidence: float = 0.0
     unused: tuple[str, ...] = ()
     span: tuple[int, int] = (0, 0)
+    about: tuple[int, ...] = field(default=(), kw_only=True, compare=False)
 
     @property
     def message(self) -> str:
@@ -104,12 +106,13 @@ class Refusal(Outcome):
 
     reason: "syntax", "nothing" (no thing fits), "impossible" (a precondition fails), "dialogue" (nothing to refer to)
         or "language" (not English).
-    text: the reason in words. suggestions: sentences that can be carried out.
+    text: the reason in words. suggestions: sentences that can be carried out. reading: of what cannot be done.
     """
 
     reason: str = "syntax"
     text: str = ""
     suggestions: tuple[str, ...] = ()
+    reading: Any = field(default=None, compare=False, kw_only=True)
 
     @property
     def message(self) -> str:

@@ -296,6 +296,8 @@ class Planner(Steps):
             return [index for index in dict.fromkeys(found) if index is not None]
         if entity.kind == "it":
             named = [i for i in plan.it if _allows(world, act, i)]
+            if len(named) < 2 and act not in BOXES and not plan.steps:
+                named = [i for i in self.recent if _allows(world, act, i)][:2] or named
             if act in BOXES and len(named) < 2:
                 named = [i for i in world.containers if not self._done(world, act, i)]
             return list(named) or [i for i in self._unnamed(plan, act) if not self._done(world, act, i)]
@@ -366,7 +368,7 @@ class Planner(Steps):
             why = "nothing was mentioned that this may mean; name the thing, or point at it"
             yield replace(plan, failure=why, reason="dialogue", entity=named_by)
         for index in named if len(named) > 1 and plan.it[:1] != tuple(named[:1]) else named[:1]:
-            yield replace(plan, mover=index, entity=clause.entity)
+            yield replace(plan, mover=index, mentioned=(index,), entity=clause.entity)
 
     def _unnamed(self, plan: Draft, act: Act | None) -> list[int]:
         """Return what a verb without an object may concern in this world."""

@@ -1,24 +1,54 @@
-"""Answers to questions about the world and about what was said and done."""
+"""Answers to questions about the world and about what was said and done.
+
+A question states something of a subject: "is the drawer open?", "which cubes are not on the table?". The subject is a
+phrase of the chart, and what is stated a `Predicate` that holds of a thing or not; conditions are read in the same way.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
-from language.normalise import questions, scan
+from language.normalise import COLOR, questions, scan
 from language.outcomes import Plan, Question, Refusal, Signal
 from language.planning import Planner
 from language.talk import abilities, holds, listed, name, phrase, real, said, seen, state, where
+from language.words import colors
 from language.world import AT_END, WorldModel
 
-_STATES = {"open": True, "opened": True, "closed": False, "shut": False, "ajar": True}
-_PLACES = (
-    "in on inside under below left right behind next near between "
-    "above beneath underneath to at over closest nearest within beside touching"
-)
-_PLACING = frozenset(_PLACES.split())
 _NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
+_BE = r"(?:is|are|was|were|be|been|does|do|did|has|have|had|stands?|lies?|sits?|rests?|can|got)"
+_ANY = r"(?:anything|something|nothing|everything|any|some|thing|things|all|there)"
+_ADDING = re.compile(
+    r"\b(?:not|no longer|still|already|now|currently|right|at moment|or not|yet|really|also|just|directly|be|been|being"
+    r"|standing|lying|located|placed|sitting|resting|both|either|today|happens to|any more|anymore|actually|properly"
+    r"|completely|left|always|maybe|hidden|stored|there|then|in this room|in room|here)\b ?"
+)
+_STATES = {"open": True, "opened": True, "ajar": True, "closed": False, "shut": False, "close": False}
+_OPERATED = {
+    "pressed": 1,
+    "down": 1,
+    "switched": 1,
+    "turned": 1,
+    "moved": 1,
+    "flipped": 1,
+    "pushed": 1,
+    "on": 1,
+    "up": 0,
+    "off": 0,
+}
+_GRIPPER = r"\b(?:gripper|your hand|claw|your fingers|you)\b"
+
+
+class Predicate(NamedTuple):
+    """What is stated of things. about: "state", "content", "place" or "color", which an answer tells of each thing.
+
+    holds: whether it is so of a thing; None: it is not the like of which this can be said.
+    """
+
+    holds: Callable[[int], bool | None]
+    about: str
 
 
 class Questions:
@@ -28,29 +58,36 @@ class Questions:
         world: as it is.
         planner: resolves phrases in it.
         turns: what was said before and what came of it, oldest first.
-        before: the world before the last plan, or None.
     """
 
-    def __init__(self, world: WorldModel, planner: Planner, turns: Sequence[Any], before: WorldModel | None) -> None:
-        self.world, self.planner, self.turns, self.before = world, planner, turns, before
+    def __init__(self, world: WorldModel, planner: Planner, turns: Sequence[Any]) -> None:
+        self.world, self.planner, self.turns = world, planner, turns
         self.things: list[int] = []  # that were asked about
 
     def answer(self, asked: str) -> str | None:
         """Return the answer in a sentence; None if it is not known."""
         for kind, pattern in questions():
-            if match := pattern.search(asked):
-                part = _OF_PART.get(kind)
-                text = getattr(self, kind.removesuffix("_of"))(_Words(match[0], part(match)) if part else match)
-                if text:
-                    return text[0].upper() + text[1:] + ("" if text[-1] in ".!?" else ".")
+            if (match := pattern.search(asked)) and (text := getattr(self, kind)(match)):
+                return text[0].upper() + text[1:] + ("" if text[-1] in ".!?" else ".")
         return None
+
+    # ---- Phrases
 
     def refs(self, text: str) -> tuple[Any, list[int]]:
         """Return the phrase in some words and the things that it fits."""
-        entity, found = phrase(self.world, self.planner, scan(text))
+        tokens = scan(text)
+        entity, found = phrase(self.world, self.planner, tokens)
         things = real(self.world, found)
         if entity is not None and entity.role == "target":
             things = [ref.things[-1] for ref in found if ref.things]
+        if (
+            entity is not None
+            and entity.kind == "it"
+            and not entity.plural
+            and self.planner.box is not None
+            and not things
+        ):
+            things = [self.planner.box]
         self.things = things
         return entity, things
 
@@ -58,186 +95,293 @@ class Questions:
         """Return the names of things, as in a sentence."""
         return listed([name(self.world, i) for i in things])
 
-    # ---- Where, how many, which
+    def subject(self, text: str) -> list[int] | None:
+        """Return the things that a question is about; None if the words name none."""
+        if re.fullmatch(rf"(?:{_ANY}|one|ones|who|cubes?|blocks?|of|else| )*", text) and not re.search(
+            "cube|block", text
+        ):
+            return [i for i, thing in enumerate(self.world.things) if not thing.target and i != self.world.hand]
+        if re.fullmatch(r"(?:of )?(?:two|both|them|these|those|they|these two|those two)(?: ones)?", text):
+            return [*self.planner.it] if len(self.planner.it) > 1 else [*self.world.containers]
+        if re.fullmatch(r"(?:it|that|this|that one|this one|there|inside)", text):
+            return list(self.planner.it[:1]) or ([self.planner.box] if self.planner.box is not None else None)
+        parts = [self.refs(part) for part in re.split(r" (?:and|or|,) (?:(?:and|or) )?", text)]
+        if any(entity is None for entity, _ in parts):
+            return None
+        return list(dict.fromkeys(i for _, things in parts for i in things))
 
-    def where(self, match: re.Match[str]) -> str | None:
-        """Say where something is."""
-        entity, things = self.refs(match[1])
+    # ---- What is stated
+
+    def predicate(self, text: str) -> Predicate | None:
+        """Return what some words state of things; None if they state nothing that is known."""
+        negated = bool(re.search(r"\bnot\b|\bno longer\b", text)) and not text.endswith("or not")
+        plain = _ADDING.sub("", f"{text} ").strip()
+        plain = re.sub(r"^(?:to be|in|on) (?=open|closed|empty|free)", "", plain)
+        found = self._state(plain) or self._content(plain) or self._place(plain)
+        if found is None or not negated:
+            return found
+        return Predicate(lambda i: None if (so := found.holds(i)) is None else not so, found.about)
+
+    def _state(self, plain: str) -> Predicate | None:
+        world, word = self.world, plain.split()[-1] if plain else ""
+        boxes, devices = world.containers, world.devices
+        if plain in _STATES:
+            return Predicate(lambda i: (i in world.open) == _STATES[plain] if i in boxes else None, "state")
+        if plain in _OPERATED or (
+            plain.startswith(tuple(_OPERATED)) and plain.split()[-1] in ("in", "down", "over", "on")
+        ):
+            wanted = bool(_OPERATED.get(plain, _OPERATED.get(plain.split()[0], 1)))
+            return Predicate(
+                lambda i: (abs(world.moved.get(i, 0.0)) > AT_END) == wanted if i in devices else None, "state"
+            )
+        if re.fullmatch(r"(?:that )?(?:stacked|piled)(?: up| on top)*", plain):
+            return Predicate(lambda i: world.below[i] is not None or world.above[i] is not None, "place")
+        if plain in ("empty", "full", "free", "occupied", "taken", "vacant", "in use"):
+            full = plain in ("full", "occupied", "taken", "in use")
+            enclosing = (*boxes, *([world.hand] if world.hand is not None else []))
+            return Predicate(lambda i: bool(world.contents(i)) == full if i in enclosing else None, "content")
+        if re.fullmatch(rf"(?:{COLOR})(?: colou?red)?", plain):
+            meant = colors()[plain.split()[0]]
+            return Predicate(lambda i: world.things[i].color in meant, "color")
+        if (
+            re.search(rf"^(?:in|by) .*{_GRIPPER}|^(?:held|held by you|holding|you hold|you holding)$", plain)
+            or word == "held"
+        ):
+            return Predicate(lambda i: i == world.held, "place")
+        return None
+
+    def _content(self, plain: str) -> Predicate | None:
+        """Return the predicate of what encloses something: "has a red cube in it", "contain anything"."""
+        world = self.world
+        match = re.fullmatch(
+            r"(?:(?:have|has|hold|holds|contain|contains|got|with) )?(?P<what>.*?) ?(?:in|inside|within|on)"
+            r"(?: it| them)?"
+            r"|(?:have|has|hold|holds|contain|contains) (?P<only>.+)",
+            plain,
+        )
+        if match is None:
+            return None
+        what = (match["what"] or match["only"] or "").strip()
+        if re.fullmatch(rf"(?:a |any )?(?:{_ANY}|cube|block|cubes|blocks|one|it)?(?: else)?", what):
+            return Predicate(lambda i: bool(world.contents(i)) != what.startswith("nothing"), "content")
+        things = self.subject(what)
+        return Predicate(lambda i: bool(set(world.contents(i)) & set(things)), "content") if things else None
+
+    def _place(self, plain: str) -> Predicate | None:
+        world = self.world
+        if re.fullmatch(r"(?:in|inside|in there|in it|inside it)", plain):
+            boxes = [self.planner.box] if self.planner.box is not None else list(world.containers)
+            return Predicate(lambda i: world.inside.get(i) in boxes, "place")
+        if re.fullmatch(r"(?:on|in) my (?:hand|palm)", plain):
+            return Predicate(lambda i: world.inside.get(i, -1) == world.hand, "place")
+        if re.fullmatch(r"on (?:table|desk|surface|table top)", plain):
+            return Predicate(lambda i: world.is_on_ground(i) if world.is_loose(i) else None, "place")
+        under = re.match(r"(?:under|below|beneath|underneath) (.*)", plain)
+        if under and (upper := self.subject(under[1])):
+            return Predicate(lambda i: any(world.below[j] == i for j in upper), "place")
+        entity, found = self.refs(f"thing {plain}")
+        if entity is None or not (entity.relations or entity.superlative or entity.sides):
+            return None
+        return Predicate(lambda i: i in found, "place")
+
+    def _told(self, index: int, about: str) -> str:
+        """Return what is so of a thing."""
+        world, plain = self.world, name(self.world, index).split(" in ")[0]
+        if about == "content" and index in (*world.containers, world.hand):
+            inside = world.contents(index)
+            return f"{self.names(inside).split(' in ')[0] if inside else 'nothing'} is in {plain}"
+        if about == "color":
+            return f"{plain} is {world.things[index].color}"
+        if about == "state" or not world.is_loose(index):
+            return state(world, index)
+        return f"{plain} is {where(world, index)}"
+
+    def split(self, text: str) -> tuple[list[int], Predicate, str, str] | None:
+        """Return the subject and the predicate of a statement, and their words: the longest subject that leaves one."""
+        words = text.split()
+        for cut in range(len(words) - 1, 0, -1):
+            head, rest = " ".join(words[:cut]), " ".join(words[cut:])
+            joint = re.match(rf"(?:(?:{_BE}|both|not) )+", f"{rest} ")
+            if words[cut] in ("of", "and", "or", ",") or words[cut - 1] in (
+                "of",
+                "and",
+                "or",
+                "a",
+                "not",
+                ",",
+                "in",
+                "on",
+                "to",
+            ):
+                continue
+            stated = self.predicate(
+                rest[joint.end() :] if joint and "not" not in joint[0] else re.sub(rf"^{_BE} ", "", rest)
+            )
+            things = (
+                self.subject(re.sub(r"^(?:my|your|our|any|some|a|an) (?!hand|gripper)", "", head)) if stated else None
+            )
+            if (
+                stated is not None
+                and things is not None
+                and (not things or any(stated.holds(i) is not None for i in things))
+            ):
+                self.things = things
+                return things, stated, head, rest
+        return None
+
+    # ---- Yes or no, which, how many
+
+    def is_so(self, match: re.Match[str]) -> str | None:
+        """Say whether something is so."""
+        text = re.sub(rf"^(?:{_BE}|could|would|will) ", "", match[0])
+        if re.search(r"\b(?:your gripper|gripper|your hand|claw|you)\b.*\b(?:empty|free|full|open)\b", text):
+            return f"{'yes' if (self.world.held is None) == ('full' not in text) else 'no'}: {holds(self.world)}"
+        if re.match(r"table\b.*\bempty", text):
+            return f"no: {seen(self.world)}"
+        found = self.split(re.sub(r" or (?!not\b).*$", "", text) if " , " not in text else text.split(" , ")[0])
+        if found is None:
+            return self.exists(match)
+        things, stated, head, rest = found
+        if not things:
+            return f"no: there is no {_plain(head)} here"
+        fits = [i for i in things if stated.holds(i)]
+        if re.match(rf"(?:there |any )*{_ANY}\b", head):
+            fits = [i for i in fits if self.world.is_loose(i)] or fits
+            self.things = fits or self.refs(rest)[1]
+            shown = "; ".join(self._told(i, stated.about) for i in fits[:3])
+            nothing = head.startswith("nothing")
+            return (
+                f"{'no' if nothing else 'yes'}: {shown}" if fits else f"{'yes' if nothing else 'no'}: nothing is {rest}"
+            )
+        every = re.search(r"\b(?:both|all|every|and|each)\b", match[0]) is not None
+        yes = len(fits) == len(things) if every else bool(fits)
+        self.things = (fits if fits and not every else things)[:3]
+        return f"{'yes' if yes else 'no'}: {'; '.join(self._told(i, stated.about) for i in self.things)}"
+
+    def exists(self, match: re.Match[str]) -> str | None:
+        """Say whether something of the kind is there."""
+        text = re.sub(
+            rf"^(?:{_BE}|any|there|you|we|see|find|know|have|spot|got|recogni[sz]e|still|also|a) ", "", match[0]
+        )
+        while (
+            shorter := re.sub(r"^(?:any|there|you|we|see|find|know|have|got|still|also|a|an|some) ", "", text)
+        ) != text:
+            text = shorter
+        entity, things = self.refs(re.sub(rf"\b{_ANY}\b", "thing", text))
+        if entity is None and re.match(r"(?:do|can|have|is there|are there)\b", match[0]) and len(text.split()) < 5:
+            return f"no: I know of no {_plain(text)} here"
         if entity is None:
             return None
         if not things:
-            return f"there is no {_words(match[1], entity)} here"
-        return "; ".join(f"{name(self.world, i).split(' in ')[0]} is {where(self.world, i)}" for i in things[:3])
+            return f"no: there is no {_plain(text)} here"
+        alone = not re.search(r"\b(?:there|any|you|we)\b", match[0]) and len(things) == 1
+        return f"yes: {self._told(things[0], 'state') if alone else self.names(things)}"
+
+    def which(self, match: re.Match[str]) -> str | None:
+        """Name the things of which something is so."""
+        text, _, among = match[0].partition(" , ")
+        text = re.sub(r"^(?:what|which|who)(?: all| else)? ?(?:of )?", "", text)
+        noun = re.match(
+            r"(?:cubes?|blocks?|things?|objects?|ones?|box|boxes|containers?|devices?|doors?|items?)\b", text
+        )
+        joint = re.search(rf"(?:^|(?<= )){_BE}(?= )", text)
+        head, rest = (text[: joint.start()].strip(), text[joint.end() :].strip()) if joint else ("", text)
+        if rest.startswith("or ") or not rest:
+            return None
+        negated = "not " if rest.startswith("not ") else ""
+        stated = self.predicate(rest)
+        things = self.subject(
+            re.sub(r" ?\b(?:in this room|in room|here|there|on offer)\b", "", head).strip() or "thing"
+        )
+        if among and (named := self.subject(among)):
+            things = named
+        if stated is None or things is None:
+            entity, fits = self.refs(text)
+            return self.names(fits) if entity is not None and fits and noun else None
+        fits = [i for i in things if stated.holds(i)]
+        if stated.about == "place" and not negated:
+            fits = [i for i in fits if self.world.is_loose(i)] or fits
+        self.things = fits
+        plain = _ADDING.sub("", f"{rest} ").strip() if not negated else rest
+        if not fits:
+            return f"nothing is {plain}" if head in ("", "thing") else f"none: no {_plain(head)} is {plain}"
+        return f"{self.names(fits)} {'is' if len(fits) == 1 else 'are'} {plain}"
 
     def count(self, match: re.Match[str]) -> str | None:
-        """Say how many things fit a phrase."""
-        entity, things = self.refs(
-            re.sub((r"\b(?:are|is) there\b|\b(?:do|can) (?:you|we|i) (?:see|have|count|find)\b"), "", match[1])
-        )
-        if entity is None:
-            return None
+        """Say how many things fit a phrase, or how many there are of which something is so."""
+        text = re.sub(r"\b(?:are|is) there\b|\b(?:do|can) (?:you|we|i) (?:see|have|count|find)\b", "", match[1]).strip()
+        text = re.sub(r" (?:have|has|there|you have|got|exist|here)(?= |$)", "", text)
+        found = self.split(text)
+        things = [i for i in found[0] if found[1].holds(i)] if found else self.refs(text)[1]
+        self.things = things
         if not things:
-            return f"none: there is no {_words(match[1], entity)}"
+            return f"none: there is no {_plain(found[2] if found else text)} like that" if found or text else None
         noun = "is" if len(things) == 1 else "are"
         number = _NUMBERS[len(things)] if len(things) < len(_NUMBERS) else str(len(things))
         return f"there {noun} {number} ({len(things)}): {self.names(things)}"
 
-    def which(self, match: re.Match[str]) -> str | None:
-        """Name the things that fit a phrase."""
-        text = match[1].strip()
-        if text.split()[0] in _PLACING:
-            text = f"thing {text}"
-        under = re.search(r"\b(?:under|below|beneath|underneath)\b (.*)", text)
-        if under:
-            _, upper = self.refs(under[1])
-            lower = [b for i in upper if (b := self.world.below[i]) is not None]
-            return (
-                (f"{self.names(lower)} is under {self.names(upper)}")
-                if lower
-                else f"nothing is under {self.names(upper)}"
-                if upper
-                else None
-            )
-        entity, things = self.refs(text)
-        if entity is None:
+    def where(self, match: re.Match[str]) -> str | None:
+        """Say where something is."""
+        things = self.subject(re.sub(r" (?:now|right now|gone to|gone|at|to|located|again|hidden)\b.*$", "", match[1]))
+        if things is None:
             return None
-        rest = " ".join(text.split()[1:])
         if not things:
-            return f"nothing is {rest}" if text.startswith("thing") else f"none: no {_words(text, entity)} is there"
-        things = [i for i in things if self.world.is_loose(i)] or things
-        return (
-            (f"{self.names(things)} {'is' if len(things) == 1 else 'are'} {rest}")
-            if text.startswith("thing")
-            else f"{self.names(things)}"
-        )
+            return f"there is no {_plain(match[1])} here"
+        self.things = things
+        return "; ".join(self._told(i, "place") for i in things[:3])
 
     def color(self, match: re.Match[str]) -> str | None:
         """Say which colour something has."""
-        _, things = self.refs(match[1])
-        return "; ".join(f"it is {self.world.things[i].color}" for i in things[:1]) if things else None
+        things = self.subject(re.sub(r" (?:have|has)$", "", match[1]))
+        return self._told(things[0], "color") if things else None
 
-    # ---- Yes or no
-
-    def is_state(self, match: re.Match[str]) -> str | None:
-        """Say whether a container is open, or a device moved."""
-        text = match[1]
-        if (
-            re.search((r"\b(?:anything|something|any|all|everything|they|both|containers?|doors?)\b"), text)
-            and self.world.containers
-        ):
-            is_open = [i for i in self.world.containers if i in self.world.open]
-            return f"yes: {self.names(is_open)} is open" if is_open else "no: the drawer and the fridge are closed"
-        _, things = self.refs(text)
-        boxes = [i for i in things if i in self.world.containers] or things
-        if not boxes:
+    def is_true(self, condition: str) -> bool | None:
+        """Return whether a condition is so: "the drawer is open", "there is a green cube"; None if nobody can tell."""
+        negated = bool(re.search(r"\bnot\b", condition))
+        plain = re.sub(r"\bnot ", "", condition)
+        if re.match(r"(?:you|your gripper|gripper) .*\b(?:hold|holding|full|free|empty)\b", plain):
+            return ((self.world.held is not None) != bool(re.search(r"\b(?:free|empty)\b", plain))) != negated
+        if match := re.match(r"(?:there is|there are|you (?:see|find|can see|have(?! to\b))|we have) (.*)", plain):
+            entity, things = self.refs(re.sub(r"\b(?:anything|something)\b", "thing", match[1]))
+            self.planner.it = tuple(things[:1]) or self.planner.it
+            return None if entity is None else bool(things) != negated
+        found = self.split(plain)
+        if found is None:
             return None
-        wanted = _STATES.get(match[2].split()[-1])
-        if wanted is None or boxes[0] not in self.world.containers:
-            return state(self.world, boxes[0])
-        right = (boxes[0] in self.world.open) == wanted
-        return f"{'yes' if right else 'no'}: {state(self.world, boxes[0])}"
+        things, stated, *_ = found
+        self.things = things[:1] if len(things) < 4 else [i for i in things if stated.holds(i)][:1]
+        self._described = "; ".join(self._told(i, stated.about) for i in self.things)
+        if self.things and not re.match(rf"{_ANY}\b", plain):
+            self.planner.it = (self.things[0],)
+        return any(stated.holds(i) for i in things) != negated
 
-    def fits(self, match: re.Match[str]) -> str | None:
-        """Say whether something fits into a container."""
-        _, things = self.refs(match[2])
-        boxes = [i for i in things if i in self.world.containers]
-        if not boxes:
-            return None
-        inside = self.world.contents(boxes[0])
-        full = f"but {self.names(inside)} is in it" if inside else "and nothing is in it"
-        return f"{'no' if inside else 'yes'}: one cube fits in {name(self.world, boxes[0])}, {full}"
+    _described = ""
 
-    def is_empty(self, match: re.Match[str]) -> str | None:
-        """Say whether a container, the hand or the gripper is empty."""
-        wanted = match[2] == "empty"
-        if re.search(r"\b(?:gripper|your hand|claw|you)\b", match[1]):
-            return f"{'yes' if (self.world.held is None) == wanted else 'no'}: {holds(self.world)}"
-        if re.search(r"\bmy hand\b", match[1]) and self.world.hand is not None:
-            inside = self.world.contents(self.world.hand)
-            return f"{'yes' if (not inside) == wanted else 'no'}: {self.names(inside)} is in your hand"
-        if re.search(r"\btable\b", match[1]):
-            return f"no: {seen(self.world)}"
-        _, things = self.refs(match[1])
-        boxes = [i for i in things if i in self.world.containers]
-        if not boxes:
-            return None
-        inside = self.world.contents(boxes[0])
-        what = f"{self.names(inside)} is in it" if inside else "nothing is in it"
-        return f"{'yes' if (not inside) == wanted else 'no'}: {what}"
-
-    def exists(self, match: re.Match[str]) -> str | None:
-        """Say whether something of the kind is there."""
-        text = match[1].strip()
-        mine = re.search(
-            (r"\b(?:something|anything|a cube|a block|any cube|nothing|what)\b.* (?:in|on) my (?:hand|palm)"), text
-        )
-        if (
-            mine or re.fullmatch((r"(?:something|anything|a (?:cube|block)) (?:in|on) my (?:hand|palm)"), text)
-        ) and self.world.hand is not None:
-            inside = self.world.contents(self.world.hand)
-            return f"yes: {self.names(inside)} is in your hand" if inside else "no: nothing is in your hand"
-        text = re.sub(r"\b(?:anything|something|nothing)\b", "thing", text)
-        entity, things = self.refs(text)
-        if entity is None:
-            return None
-        if not things:
-            plain = _words(text, entity)
-            return (
-                (f"no: nothing is {' '.join(text.split()[1:])}")
-                if text.startswith("thing")
-                else f"no: there is no {plain} here"
-            )
-        things = [i for i in things if self.world.is_loose(i)] or things
-        return f"yes: {self.names(things)}"
-
-    def is_there(self, match: re.Match[str]) -> str | None:
-        """Say whether a thing is where a question says."""
-        text = match[1].strip()
-        words = text.split()
-        for cut in range(2, len(words)):
-            head, rest = " ".join(words[:cut]), " ".join(words[cut:])
-            if words[cut] in (
-                "in",
-                "on",
-                "under",
-                "left",
-                "right",
-                "behind",
-                "next",
-                "near",
-                "between",
-                "inside",
-                "above",
-                "to",
-                "at",
-                "still",
-                "beside",
-                "within",
-            ):
-                _, things = self.refs(head)
-                _, placed = self.refs(f"thing {rest}")
-                if not things:
-                    return f"no: there is no {head} here"
-                here = f"{name(self.world, things[0]).split(' in ')[0]} is {where(self.world, things[0])}"
-                fits = [i for i in things if i in placed] or (rest.startswith("on table") and "on the table" in here)
-                self.things = things
-                return f"{'yes' if fits else 'no'}: {here}"
-        _, things = self.refs(text)
-        return state(self.world, things[0]) if things else None
+    def described(self) -> str:
+        """Return what is so of the things of the last condition."""
+        return self._described
 
     # ---- The gripper and the person's hand
 
     def held(self, match: re.Match[str]) -> str | None:
-        """Say what the gripper holds."""
+        """Say what the gripper or the person's hand holds."""
         world = self.world
-        if re.search(r"\bmy (?:hand|palm)\b|\bi (?:hold|have|holding)\b|am i\b", match[0]) and world.hand is not None:
-            inside = world.contents(world.hand)
-            return f"yes: {self.names(inside)} is in your hand" if inside else "no: nothing is in your hand"
+        if (
+            re.search(r"\bmy (?:hand|palm)\b|\bi (?:hold|have|holding|got)\b|am i\b|have i\b", match.string)
+            and world.hand is not None
+        ):
+            self.things = inside = world.contents(world.hand)
+            return (
+                f"yes: {self.names(inside).split(' in ')[0]} is in your hand"
+                if inside
+                else "no: nothing is in your hand"
+            )
+        self.things = [] if world.held is None else [world.held]
         if re.match(r"(?:do|are|have|is|did)\b", match[0]):
             asked, things = self.refs(match[0])
-            if asked is not None and (asked.colors or asked.noun) and "anything" not in match[0]:
-                return f"{'yes' if world.held in things else 'no'}: {holds(world)}"
-            return f"{'no: my gripper is empty, I hold nothing' if world.held is None else 'yes: ' + holds(world)}"
+            yes = world.held in things if asked is not None and (asked.colors or asked.noun) else world.held is not None
+            self.things = [] if world.held is None else [world.held]
+            return f"{'yes' if yes else 'no'}: {holds(world)}"
         return holds(world)
 
     # ---- What was said and done
@@ -246,24 +390,26 @@ class Questions:
         return [(turn, turn.outcome) for turn in self.turns if isinstance(turn.outcome, Plan) and turn.outcome.steps]
 
     def did(self, match: re.Match[str]) -> str | None:
-        """Say what was done last, or where something was put."""
-        plans = self._plans()
-        into = re.search(r"\b(?:inside|in|into)\b(?: (.*))?$", match.string)
+        """Say what was done last or first, or whether and where something was put."""
+        plans, text = self._plans(), match.string
+        entity, things = self.refs(text) if re.match(r"(?:did|have) ", text) else (None, [])
+        if things and entity is not None and entity.kind == "thing" and (entity.noun or entity.colors):
+            done = [turn for turn, plan in plans if any(step.object in things for step in plan.steps)]
+            return f"{'yes' if done else 'no, I did not'}: {self._told(things[0], 'state')}"
+        into = re.search(r"\b(?:inside|in|into)\b(?: (.*))?$", text)
         if into:
             boxes = self.refs(into[1])[1] if into[1] and "there" not in into[1] else []
             for turn, plan in reversed(plans):
                 for step in reversed(plan.steps):
                     if step.carries and step.goal is not None and (not boxes or step.goal in boxes):
-                        return (
-                            f"{name(turn.world, step.object).split(' in ')[0]}: I put it in "
-                            f"{name(turn.world, step.goal)}"
-                        )
+                        thing = name(turn.world, step.object).split(" in ")[0]
+                        return f"{thing}: I put it in {name(turn.world, step.goal)}"
             if boxes and (inside := self.world.contents(boxes[0])):
                 return f"{self.names(inside)}"
             return None if plans else "I have done nothing yet"
         if not plans:
             return "I have done nothing yet"
-        turn, plan = plans[-1]
+        turn, plan = plans[0 if re.search(r"\bfirst\b", text) else -1]
         return f"I did this: {said(turn.world, plan.steps)}"
 
     def told(self, match: re.Match[str]) -> str | None:
@@ -272,6 +418,8 @@ class Questions:
 
     def why(self, match: re.Match[str]) -> str | None:
         """Say why something was done or was not done."""
+        if re.search(r"\b(?:one|only|two|fit|fits)\b.*\b(?:in|inside|into|on)\b", match.string):
+            return f"because there is room for one thing in {self.names(self.world.containers)}, and on your hand"
         if not self.turns:
             return "I have done nothing yet, because you have not asked for anything before"
         last = self.turns[-1]
@@ -280,13 +428,16 @@ class Questions:
             return f"because I could not: {last.outcome.text}"
         if isinstance(last.outcome, Question):
             return f"because I had to ask: {last.outcome.text}"
-        if isinstance(last.outcome, Signal):
-            return f"because {sentence}"
         plans = self._plans()
-        if plans:
-            turn, plan = plans[-1]
-            return f'because you said "{turn.sentence}": {said(turn.world, plan.steps)}'
-        return f"because {sentence}"
+        if isinstance(last.outcome, Signal) or not plans:
+            return f"because {sentence}"
+        turn, plan = plans[-1]
+        return f'because you said "{turn.sentence}": {said(turn.world, plan.steps)}'
+
+    def options(self, match: re.Match[str]) -> str | None:
+        """Say what was asked last, or what can be done."""
+        asked = next((turn.outcome for turn in reversed(self.turns) if isinstance(turn.outcome, Question)), None)
+        return f"I asked: {asked.text} {self.names(asked.candidates)}" if asked is not None else abilities(self.world)
 
     # ---- The robot
 
@@ -311,60 +462,6 @@ class Questions:
         return "I understand English: sentences about the things on the table"
 
 
-def _words(text: str, entity: Any) -> str:
-    """Return the words of a phrase."""
-    tokens = [token.text for token in scan(text)]
-    part = tokens[slice(*entity.span)] or tokens
-    return " ".join(word for word in part if word not in ("a", "an", "any", "some"))
-
-
-class _Words:
-    """What a rule's function reads of its match: the whole and one part."""
-
-    def __init__(self, whole: str, part: str) -> None:
-        self._parts = whole, part
-
-    def __getitem__(self, index: int) -> str:
-        return self._parts[index]
-
-
-_OF_PART = {  # kind of answer -> what it reads of a match
-    "exists": lambda match: next(group for group in match.groups() if group is not None),
-    "which": lambda match: f"{_noun(match[0])} {match[1]}".strip(),
-    "which_of": lambda match: re.sub(r"\b(?:is|are|stands|lies|stand|lie|sits)\b ", "", match[1]),
-}
-
-
-def _noun(text: str) -> str:
-    found = re.match(r"(?:what|which|who)(?: (cubes?|blocks?|things?|objects?|box|boxes|container|device))?", text)
-    return (found and found[1]) or ""
-
-
-def holds_true(condition: str, world: WorldModel, planner: Planner) -> bool | None:
-    """Return whether a condition is so: "the drawer is open", "there is a green cube"; None if nobody can tell."""
-    questions = Questions(world, planner, (), None)
-    negated = bool(re.search(r"\bnot\b|\bn't\b", condition))
-    plain = re.sub(r"\b(?:not|still|already|now|currently|happens to be|also)\b ?", "", condition).strip()
-    if match := re.match(r"(?:there is|there are|you (?:see|find|can see|have(?! to\b))|we have) (.*)", plain):
-        _, things = questions.refs(re.sub(r"\b(?:anything|something)\b", "thing", match[1]))
-        planner.it = tuple(things[:1]) or planner.it
-        return bool(things) != negated
-    if match := re.match(
-        (r"(.*?) (?:is|are|stands|was|has been) (open|opened|closed|shut|empty|full|pressed|up|down)\b"), plain
-    ):
-        boxes = list(planner.it) if re.fullmatch(r"it|that|this|they", match[1]) else questions.refs(match[1])[1]
-        boxes = boxes or ([planner.box] if planner.box is not None else [])
-        if not boxes:
-            return None
-        box, word = boxes[0], match[2]
-        planner.it = (box,)
-        if word in ("empty", "full"):
-            return (bool(world.contents(box)) == (word == "full")) != negated
-        if box in world.containers and word in _STATES:
-            return ((box in world.open) == _STATES[word]) != negated
-        return ((abs(world.moved.get(box, 0.0)) > AT_END) == (word in ("pressed", "down"))) != negated
-    if match := re.match(r"you (?:hold|are holding) (.*)", plain):
-        return (world.held is not None) != negated
-    if match := re.match(r"(.*?) is ((?:in|on|under|next|left|right|behind|near)\b.*)", plain):
-        return (set(questions.refs(match[1])[1]) & set(questions.refs(f"thing {match[2]}")[1]) != set()) != negated
-    return None
+def _plain(text: str) -> str:
+    """Return the words of a phrase without articles."""
+    return " ".join(token.text for token in scan(text) if token.text not in ("a", "an", "any", "some"))

@@ -376,6 +376,7 @@ class Resolver:
     ) -> None:
         self.world, self.it, self.mentioned, self.origin = world, it, mentioned, origin
         self.box: int | None = None  # the container that was spoken of
+        self.others: tuple[int, ...] = ()  # what "the other one" means
         self.aloft = False  # whether the thing that moves was not on the table
         self._known: dict[tuple[Entity, int], list[Ref]] = {}
         self._heads: dict[tuple, list[Ref]] = {}
@@ -435,7 +436,9 @@ class Resolver:
             else:
                 refs = heads(self.world, entity)
                 rest = set(self.mentioned) if entity.other else set()
-                self._heads[key] = [ref for ref in refs if not rest & set(ref.things)]
+                kept = [ref for ref in refs if not rest & set(ref.things)]
+                meant = [ref for ref in kept if set(self.others) & set(ref.things)] if entity.other else []
+                self._heads[key] = meant if meant and not entity.number and not entity.plural else kept
         return self._heads[key]
 
     def _selects(self, entity: Entity, relation: RelationPhrase) -> bool:

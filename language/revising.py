@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
 from language.outcomes import Step
 from language.steps import CARRY
-from language.verbs import Act, bringing, doing
+from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
+from language.words import ENCLOSING
 from language.world import WorldModel
 
 SAME = 0.3  # of the distance between neighbours: a thing that moved less was only brushed
@@ -19,13 +21,13 @@ def pinned(index: int) -> Entity:
     return Entity(pointed=Gesture((index,)))
 
 
-def filled(last: Reading, entity: Entity, slot: str) -> Reading | None:
-    """Return the last reading with a thing as its object, or as the anchor of its place."""
+def filled(last: Reading, entity: Entity, slot: str, relation: str = "on") -> Reading | None:
+    """Return the last reading with a thing as its object, or as the anchor of its place. relation: if it had none."""
     clause = last.steps[-1]
     if slot == "object":
         return replace(last, steps=(*last.steps[:-1], replace(clause, entity=entity)), cost=0.0)
-    if not clause.places:
-        place = RelationPhrase("on", (entity,))
+    if not clause.places or not clause.places[0].anchors:
+        place = RelationPhrase(relation, (entity,))
         return replace(last, steps=(*last.steps[:-1], replace(clause, places=(place,))), cost=0.0)
     place = clause.places[0]
     anchors = (entity, *place.anchors[1:])
@@ -43,6 +45,16 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
     A place replaces the place; "it" and "that" in it mean the former anchor.
     """
     clause = reply.steps[0]
+    anchors = [anchor for place in last.steps[-1].places for anchor in place.anchors]
+    if (
+        clause.entity is not None
+        and clause.entity.kind == "list"
+        and len(clause.entity.parts) == 2
+        and len(anchors) == 1
+    ):
+        one, other = sorted(clause.entity.parts, key=lambda part: part.noun in ENCLOSING)
+        pair = filled(replace(last, steps=(*last.steps[:-1], replace(last.steps[-1], entity=one))), other, "goal")
+        return [pair] if pair is not None else []
     if clause.entity is not None:
         return [
             Reading(each) for phrase in _completed(last.steps, clause.entity) if (each := _replaced(last.steps, phrase))
@@ -86,6 +98,34 @@ def _anchored(place: RelationPhrase, old: tuple[RelationPhrase, ...]) -> Relatio
     if anchors and any(anchor.kind == "it" for anchor in place.anchors):
         return replace(place, anchors=tuple(anchors[0] if a.kind == "it" else a for a in place.anchors))
     return place
+
+
+def opposite(last: Reading, steps: Sequence[Step], world: WorldModel) -> Reading | None:
+    """Return the last reading the other way round: object and base change places, left is right, open is closed."""
+    clause = last.steps[-1]
+    carried = [step for step in steps if step.carries and not step.implied]
+    if carried and carried[-1].goal is not None and world.is_loose(carried[-1].goal):
+        on = RelationPhrase("on", (pinned(carried[-1].object),))
+        return Reading((Clause(CARRY, pinned(carried[-1].goal), (on,)),))
+    if clause.act is Act.OPERATE:
+        return replace(last, cost=0.0)
+    if clause.act in (Act.OPEN, Act.SHUT):
+        verb = doing(Act.SHUT if clause.act is Act.OPEN else Act.OPEN)
+        return Reading((*last.steps[:-1], replace(clause, verb=verb)))
+    turned = tuple(
+        replace(place, name=_TURNED.get(place.name, place.name), value=_TURNED.get(place.value or "", place.value))
+        for place in clause.places
+    )
+    same = (
+        [place.name for place in turned] == [place.name for place in clause.places]
+        and turned
+        and (turned[0].value == clause.places[0].value)
+    )
+    return None if same or not turned else Reading((replace(clause, places=turned),))
+
+
+_PAIRS = (("left", "right"), ("front", "behind"), ("forward", "backward"), ("up", "down"), ("on", "under"))
+_TURNED = {one: other for pair in _PAIRS for one, other in (pair, pair[::-1])}
 
 
 def selecting(places: tuple[RelationPhrase, ...]) -> Entity | None:
@@ -133,6 +173,11 @@ def restoring(now: WorldModel, then: WorldModel) -> tuple[Step, ...]:
                 else bringing("on")
             )
             steps.append(Step(verb, index, goal, (old.x, old.y), old.bottom))
+    for device in then.devices:
+        verb = next(verb for verb, noun in DEVICE_VERBS.items() if noun == then.things[device].kind)
+        stays = KNOWN[verb].noun == next(iter(DEVICE_VERBS.values()))  # a button stays down
+        if abs(now.moved.get(device, 0.0) - then.moved.get(device, 0.0)) > 0.5 and not stays:
+            steps.append(Step(verb, device))
     if then.held is not None and now.held != then.held:
         steps.append(Step(bringing("up"), then.held))
     steps += [Step(doing(Act.SHUT), box) for box in boxes if box in now.open]

@@ -379,7 +379,8 @@ class _Sentences:
             found.append(Item(entity.end, clause, entity.cost + costs.NO_VERB, entity.skipped))
             for place in self.places(entity.end):
                 clause = Clause(CARRYING, entity.value, place.value, span=(at, place.end))
-                cost = entity.cost + place.cost + costs.NO_VERB_BUT_PLACE
+                vague = entity.value.kind == "thing" and entity.value.noun is None and not entity.value.colors
+                cost = entity.cost + place.cost + costs.NO_VERB_BUT_PLACE + costs.VAGUE * (vague and self.lattice.table)
                 found.append(Item(place.end, clause, cost, entity.skipped | place.skipped))
             if self.lattice.table:
                 found += self._done(entity, at)

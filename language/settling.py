@@ -169,6 +169,8 @@ def matters(lattice: Lattice, index: int) -> bool:
         return bool(preposed) or index == 0 or len(lattice.text(index)) > 3
     if lattice.text(index) in ("nothing", "none", "nobody"):
         return True
+    if lattice.text(index) in ("it", "that", "this", "them", "these", "those") and index:
+        return "relation" in lattice.edges[index - 1]  # "on top of that"
     strong = {"noun", "color", "every", "both", "other", "never", "not", "number", "stack"}
     return bool(strong & edges.keys())
 
@@ -261,10 +263,18 @@ def _doubted(sentence: str, found: Choices, world: WorldModel) -> Outcome:
 def refused(sentence: str, found: Choices, world: WorldModel) -> Outcome:
     """Return why no plan of a sentence can be carried out, or a question for what it leaves open."""
     likely = sorted((c for c in found.failed if _telling_cost(c) <= costs.TOO_MUCH), key=_rank)
-    lattice = found.lattice
     if not likely:
-        return unreadable(sentence, lattice, world)
+        return unreadable(sentence, found.lattice, world)
     top = likely[0]
+    outcome = _reason(sentence, top, found.lattice, world)
+    if not isinstance(outcome, Refusal) or top.reading.steps[-1].verb is None:
+        return outcome
+    about = (top.plan.mover,) if top.plan.mover is not None else ()
+    return replace(outcome, reading=top.reading, about=about)
+
+
+def _reason(sentence: str, top: Choice, lattice: Lattice, world: WorldModel) -> Outcome:
+    """Return why the likeliest plan cannot be carried out, or a question for what it leaves open."""
     plan, tokens = top.plan, lattice.tokens
     span = _span(plan.entity, lattice, sentence)
     unused = tuple(sentence[tokens[i].start : tokens[i].end] for i in top.reading.unused)
@@ -312,8 +322,11 @@ def refused(sentence: str, found: Choices, world: WorldModel) -> Outcome:
 
 def _rank(choice: Choice) -> float:
     """Sort key: what is said of the likeliest reading, rather than that a verb is impossible or unclear."""
-    return _telling_cost(choice) + {"what": 1.2, "place": 0.8, "nowhere": 0.3, "dialogue": 0.6}.get(
-        choice.plan.reason, 0.0
+    unturnable = 2.0 * (choice.plan.failure == "unturnable")  # rather "push it" without a place
+    return (
+        unturnable
+        + _telling_cost(choice)
+        + {"what": 1.2, "place": 0.8, "nowhere": 0.3, "dialogue": 0.6}.get(choice.plan.reason, 0.0)
     )
 
 

@@ -58,8 +58,9 @@ class Draft:
 class Steps:
     """Adds steps to plans in one world.
 
-    it, mentioned: the things of the dialogue. help: whether the scene helps to select. gestures: those of the sentence.
-    box: the container spoken of last. effort: phrases weighed and steps tried so far.
+    it, mentioned: the things of the dialogue. others: what "the other one" means there. recent: all, the last first.
+    help: whether the scene helps to select. gestures: those of the sentence. box: the container spoken of last.
+    effort: phrases weighed and steps tried so far.
     """
 
     world: WorldModel
@@ -69,6 +70,8 @@ class Steps:
     gestures: tuple[Gesture, ...] = ()
     box: int | None = None
     effort: int = 0
+    others: tuple[int, ...] = ()
+    recent: tuple[int, ...] = ()
     _resolvers: dict[tuple, Resolver] = field(default_factory=dict)
     _usable: dict[tuple, Any] = field(default_factory=dict)
     _sequences: dict[tuple, list[Draft]] = field(default_factory=dict)
@@ -87,6 +90,7 @@ class Steps:
         if key not in self._resolvers:  # a resolver keeps its world, so that the id stays its own
             self._resolvers[key] = Resolver(world, it, mentioned or self.mentioned, origin)
             self._resolvers[key].box = box
+            self._resolvers[key].others = tuple(i for i in self.others if i not in it)
         return self._resolvers[key]
 
     def _spend(self, amount: int = 1) -> None:
@@ -365,7 +369,10 @@ class Steps:
         found = spots(resolver, index, places, typed)
         self._spend((resolver.weighed - weighed) // POINTS)
         if places[0].name == "here" and not places[0].anchors:
-            if plan.box is not None and not plan.world.cells:
+            pronoun = (RelationPhrase("at", (Entity("it"),)),)
+            if plan.it and plan.world.things[plan.it[0]].target:
+                found = spots(resolver, index, pronoun, typed)
+            elif plan.box is not None and not plan.world.cells:
                 found = spots(resolver, index, (RelationPhrase("into"),), typed)
             else:
                 yield replace(plan, failure="no gesture shows the place", reason="where", entity=clause.entity)
@@ -381,7 +388,8 @@ class Steps:
         """Return the plan with a thing taken, unless it is held, and put at a spot."""
         if spot.on is not None and plan.world.inside.get(index) == spot.on:
             note = f"{a_name(plan.world, index)} is in {a_name(plan.world, spot.on)} already"
-            return replace(plan, notes=(*plan.notes, note), cost=plan.cost + costs.NO_CHANGE * (not plan.steps))
+            idle = all(step.implied for step in plan.steps)
+            return replace(plan, notes=(*plan.notes, note), cost=plan.cost + costs.NO_CHANGE * idle)
         if spot.why_not:
             return replace(plan, failure=spot.why_not, reason="impossible", cost=plan.cost + spot.cost)
         cost = spot.cost

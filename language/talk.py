@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 
 from language import costs
 from language.chart import Chart
 from language.lattice import Lattice
 from language.meanings import Entity
-from language.normalise import Token, scan, verb_words
+from language.normalise import Token, scan
 from language.objects import HAND
 from language.referents import Ref
 from language.spots import a_name
@@ -22,6 +21,9 @@ MOST_NAMED = 3  # things that a question offers by name
 
 def foreign(words: Sequence[str], known: set[str] | frozenset[str]) -> str:
     """Return that English is understood, in the language of these words; "" if they are English."""
+    letters = [letter for word in words for letter in word if letter.isalpha()]
+    if letters and sum(letter > "\u024f" for letter in letters) > 0.5 * len(letters):
+        return TABLE["english_only"]["others"]
     strange = [word for word in words if word.isalpha() and word not in known]
     best, said = 0, ""
     for language, text in TABLE["languages"].items():
@@ -240,45 +242,7 @@ def abilities(world: WorldModel) -> str:
     )
 
 
-# ---- Questions
-
-
-_ASKING = re.compile(
-    r"^(?:(?:and|so|but|well|hey|okay|robot|please|then|now|hi|hello|tell me|say|do you know|can you tell me|could you "
-    r"tell me|i wonder|i want to know|"
-    r"please tell me|tell me please|can you say|uh|just|would you tell me|do you remember|remind me|i would like to "
-    r"know|explain|let me know|,) )*"
-    r"(?P<q>(?:what|who|whom|why|how|where|which|whose|when(?= (?:is|are|did|will|do|can)\b))\b(?! (?:about|if)\b).*"
-    r"|(?:is|are|was|were|does|did|has|am) .*|(?:do|can|could|will) (?:you|i|we) "
-    r"(?:see|have|hold|know|hear|understand|remember|feel|speak|talk|say|fly|still|really|even|love|get tired|sleep"
-    r"|dream|fit)\b.*|"
-    r"do (?:i|we|they)\b.*|(?:would|does|will|could|can) (?!you\b).*\bfit\b.*|"
-    r"help|help me|help please|i need help|have you .*|describe (?!how).*|list .*|what|why"
-    r"|commands|options|instructions|anything else|"
-    r"(?:any|some)(?:thing|one)?\b.* (?:in|on|there|open)(?: .*)?|(?:there is )?(?:nothing|something|anything) .*in "
-    r"(?:your|my|robot) .*|can i ask .*|are you .*|you (?:see|hear|have|hold) .*|.*\b(?:what you can do|what can you "
-    r"do|what you see|what you are holding|what i can say|how many .*))$"
-)
-
-
-def question(text: str) -> str | None:
-    """Return the question that a plain text asks; None if it is none."""
-    match = _ASKING.match(text.rstrip(" ?.!"))
-    if match is None:
-        return None
-    asked = match["q"]
-    if re.match(
-        r"does not|(?:give|hand|put|drop|place|pass|bring|set|lay|leave|stack|store|release|return|open|close) "
-        rf"|what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b",
-        asked,
-    ):
-        return None  # "what I want is", "what you hold, put it down"
-    if re.match(
-        (r"(?:are|is) you able to|will you|could you|can you (?!see|have|hold|hear|understand|speak|fly|say|feel)"),
-        asked,
-    ):
-        return None
-    return asked
+# ---- What questions are about
 
 
 def phrase(world: WorldModel, planner, tokens: list[Token], start: int = 0) -> tuple[Entity | None, list[Ref]]:

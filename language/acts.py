@@ -1,0 +1,144 @@
+"""What the words of a turn do beside naming things: signals about the motion, short replies, small talk, questions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+from typing import NamedTuple
+
+from language.normalise import Token, plain_start, scan, verb_words
+from language.words import CONTROLS, TABLE, phrases
+
+MARKS = ".,;:!?"
+IDLE = ("social", "yes", "stop", "wait", "continue", "faster", "slower")  # these change no command that they go with
+NUMBERS = {"twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
+
+
+class Part(NamedTuple):
+    """The words between two marks, their characters in the sentence, and what they do that say nothing else.
+
+    act: a key of `CONTROLS` or of the replies in `words.yaml`, or "social"; None: they say something else. mark: after
+    it.
+    """
+
+    start: int
+    end: int
+    words: tuple[str, ...]
+    act: str | None
+    mark: str = ""
+
+
+@cache
+def _phrases() -> dict[tuple[str, ...], str]:
+    """Return the phrases of signals, replies and small talk, each with what it does."""
+    tables = {**CONTROLS, **TABLE["replies"], "social": TABLE["social"], "polite": TABLE["polite"]}
+    return {tuple(t.text for t in scan(p)): act for act, text in reversed(tables.items()) for p in phrases(text)}
+
+
+def act_of(words: Sequence[str]) -> str | None:
+    """Return what words do that consist of signals, replies and small talk; None if they say something else."""
+    known, count = _phrases(), len(words)
+    longest = max(map(len, known))
+    best: list[tuple[int, tuple[str, ...]] | None] = [None] * count + [(0, ())]
+    for at in range(count - 1, -1, -1):
+        for end in range(min(count, at + longest), at, -1):
+            rest, act = best[end], known.get(tuple(words[at:end]))
+            if act and rest and (best[at] is None or rest[0] + 1 < best[at][0]):  # type: ignore[index]
+                best[at] = rest[0] + 1, (act, *rest[1])
+    acts = [act for act in (best[0] or (0, ()))[1] if act != "polite"]
+    strong = [act for act in acts if act not in ("social", "sorry", "yes", "no")]
+    if "no" in acts and strong == ["again"]:
+        return "wrong"
+    return next(iter([*strong[-1:], *(act for act in ("no", "yes", "sorry", "social") if act in acts)]), None)
+
+
+def parts_of(sentence: str) -> list[Part]:
+    """Return the parts of a sentence between its marks."""
+    found: list[Part] = []
+    words: list[Token] = []
+    for token in [*scan(sentence.replace(" - ", " , ")), Token(".", len(sentence), len(sentence))]:
+        if token.text not in MARKS:
+            words.append(token)
+        elif words:
+            texts = tuple(word.text for word in words)
+            found.append(Part(words[0].start, words[-1].end, texts, act_of(texts), token.text))
+            words = []
+    return found
+
+
+def times(words: Sequence[str]) -> tuple[int, list[int]]:
+    """Return how often something is to be done, and the indices of the words that say so."""
+    for at, word in enumerate(words):
+        if word in ("twice", "thrice"):
+            return NUMBERS[word], [at]
+        end = at + 1 + (words[at + 1 : at + 2] == ["more"])
+        if word in NUMBERS and words[end : end + 1] == ["times"]:
+            return NUMBERS[word], list(range(at, end + 1 + (words[end + 1 : end + 2] == ["more"])))
+    return 1, []
+
+
+# ---- Questions
+
+_OPENING = re.compile(
+    r"^(?:(?:and|so|but|well|hey|okay|robot(?! (?:has|is|was|did)\b)|please|then|now|hi|hello|tell me|say|do you know"
+    r"|can you tell me|could you tell me|i wonder|i want to know|please tell me|tell me please|can you say|just"
+    r"|would you tell me|do you remember|remind me|i would like to know|explain|let me know|also|,) )+"
+)
+_ASKING = re.compile(
+    r"^(?:what|who|whom|why|how|where|which|whose|when(?= (?:is|are|did|will|do|can)\b))\b(?! (?:about|if)\b)"
+    r"|^(?:is|are|was|were|does|did|has|am) |^(?:do|can|could|will) (?:you|i|we) (?:see|hold|know|hear|understand"
+    r"|remember|feel|speak|talk|say|fly|still|really|even|love|get tired|sleep|dream|fit)\b"
+    r"|^(?:do|can) (?:you|we) have\b"
+    r"|^do (?:i|we|they)\b|^do (?!it|that|what).*\b(?:have|contain|hold)\b"
+    r"|^(?:would|does|will|could|can) (?!you\b|we\b|i\b)(?!.*\bplease\b).*\b(?:fit|go|work)\b"
+    r"|^(?:help|help me|help please|i need help|commands|options|instructions|anything else)$|^have you |^list "
+    r"|^describe (?!how)|^(?:any|some|anything|something)\b(?!.*\b(?:must|should|has to|goes?|put|needs?|belongs?)\b)"
+    r".* (?:in|on|there|open)\b|^(?:there is )?(?:nothing|something|anything) .*in (?:your|my|robot) |^can i ask "
+    r"|^you (?:see|hear|have|hold) |\b(?:what you can do|what can you do|what you see|what you are holding"
+    r"|what i can say|how many .*)$"
+)
+_REQUESTING = re.compile(
+    r"does not|(?:give|hand|put|drop|place|pass|bring|set|lay|leave|stack|store|release|return|open|close) "
+    r"|(?:are|is) you able to|will you (?!still)|could you (?!see|hear)"
+)
+
+
+def question(text: str) -> str | None:
+    """Return the question that plain words ask; None if they ask none, or ask politely for something to be done."""
+    asked = _OPENING.sub("", text.rstrip(" ?.!"))
+    if not _ASKING.search(asked) or _REQUESTING.match(asked):
+        return None
+    plain = plain_start(asked)
+    named = rf"what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b"
+    requests = plain != asked and re.match(rf"(?:{verb_words()})\b", plain)
+    return None if requests or re.match(named, asked) else asked  # "what I want is", "what you hold, put it down"
+
+
+# ---- What a sentence consists of beside a command
+
+CONDITION = re.compile(
+    r"^(?P<how1>if|in case|when(?! you (?:have|are|did))|provided|assuming|should|as long as|whenever|unless) "
+    r"(?P<if>.+?)(?<! is)(?<! are)"
+    rf"(?: ,| then|(?= (?:please|{verb_words()})\b)) ?(?:then )?(?P<do>.+?)"
+    r"(?:(?: ,)? (?:otherwise|else|if not|or else)(?: ,)? (?P<else>.+))?$"
+    r"|^(?P<do2>.+?)(?: ,)?(?: but)?(?: only)? "
+    r"(?P<how>if|in case|unless|provided|as long as|except if|except when|only when) (?P<if2>(?!not$).+)$"
+)
+SAME = re.compile(
+    r"^(?:(?:and|now|then|please|so|but) )*(?:(?:do |repeat )?(?:exactly )?(?:same|that|it)(?: thing| again)? "
+    r"(?:with|for|to|using|goes for)|how about|what about|also) | (?:as well|too|also|likewise)$"
+)
+_PROPOSED = re.compile(
+    r"^what (?:would|will|does|happens?)(?: you)?(?: happen| do)? if (?:i|you|we)?(?: said| say| told you to"
+    r"| asked you to| ask you to| tell you to| would| will| were to)? ?(?P<command>.+)$"
+    r"|^(?:can|could|would|does|do|will|may|should) (?P<what>(?!you\b|i\b|we\b).+?) "
+    r"(?:fit|fits|go|stand|lie|be put|be|sit)(?: back)? (?P<where>(?:in|on|into|inside|next|to|onto|at|under|behind"
+    r"|between|left|right|near|over)\b.*?)(?: ,.*)?$"
+)
+
+
+def proposal(asked: str) -> str | None:
+    """Return the command of which a sentence asks whether it is possible, or what would come of it."""
+    match = _PROPOSED.match(question(" ".join(token.text for token in scan(asked))) or asked)
+    return None if match is None else match["command"] or f"put {match['what']} {match['where']}"

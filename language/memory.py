@@ -1,0 +1,128 @@
+"""The memory of a dialogue: turns, what they were about, and what "it" and "the other one" mean after them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+from language.meanings import Gesture, Reading
+from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal
+from language.planning import Planner
+from language.world import WorldModel
+
+
+class Turn(NamedTuple):
+    """A sentence, what came of it, the world before it, and the things that it was about, the last one last."""
+
+    sentence: str
+    outcome: Outcome
+    world: WorldModel
+    about: tuple[int, ...] = ()
+
+
+@dataclass
+class Memory:
+    """What was said and done.
+
+    world: the scene after the last outcome. turns: oldest first. it: the things that were spoken of last.
+    box: the container that was spoken of last. last: the reading of the last plan, question or refusal.
+    surroundings: further fields of `WorldModel` for every scene, such as `bounds` and `little`.
+    """
+
+    world: WorldModel | None = None
+    turns: list[Turn] = field(default_factory=list)
+    it: tuple[int, ...] = ()
+    box: int | None = None
+    last: Reading | None = None
+    surroundings: dict[str, Any] = field(default_factory=dict)
+
+    def remember(self, outcome: Outcome, world: WorldModel) -> None:
+        """Add an outcome to the memory. world: before it."""
+        about = outcome.about
+        self.world = world
+        if isinstance(outcome, Plan) and outcome.steps:
+            self.world = outcome.result or world
+            self.last = outcome.reading or self.last
+            asked = [step for step in outcome.steps if not step.implied] or list(outcome.steps)
+            self.it = tuple(dict.fromkeys(s.object for s in asked if s.several)) or (asked[-1].object,)
+            about = tuple(dict.fromkeys(i for s in asked for i in (s.goal, s.object) if i is not None))
+        elif isinstance(outcome, Signal) and outcome.steps:
+            self.world = outcome.result or world
+        elif isinstance(outcome, Question | Refusal):
+            self.last = getattr(outcome, "reading", None) or self.last
+        if not isinstance(outcome, Plan | Signal):
+            about = about or self._spoken_of(outcome, world)
+            self.it = about[:1] or self.it
+        boxes = [i for i in about if i in world.containers]
+        self.box = boxes[-1] if boxes and not isinstance(outcome, Question) else self.box
+        self.turns.append(Turn(outcome.sentence, outcome, world, about))
+
+    def amend(self, outcome: Outcome, world: WorldModel) -> None:
+        """Replace the last turn's outcome by what really came of it. world: before it."""
+        turn = self.turns.pop()
+        kept = self.last
+        self.remember(replace(outcome, sentence=turn.sentence, about=outcome.about or turn.outcome.about), world)
+        if self.last is None:
+            self.last = kept
+
+    def _spoken_of(self, outcome: Outcome, world: WorldModel) -> tuple[int, ...]:
+        """Return the things that a sentence named exactly which led to a question or could not be carried out."""
+        reading = getattr(outcome, "reading", None)
+        clauses = reading.steps if reading is not None else ()
+        phrases = [a for c in clauses for place in c.places for a in place.anchors] + [
+            c.entity for c in clauses if c.entity
+        ]
+        resolver = self.planner(world=world).resolver(world, self.it, None)
+        found = [resolver.resolve(each) for each in phrases if each.kind == "thing"]
+        return tuple(refs[0].things[-1] for refs in found if len(refs) == 1 and refs[0].things)
+
+    @property
+    def now(self) -> WorldModel:
+        """The world after the last outcome, or of the sentence that is being read."""
+        assert self.world is not None
+        return self.world
+
+    def planner(self, made: tuple[Gesture, ...] = (), world: WorldModel | None = None) -> Planner:
+        """Return a planner that knows what was spoken of. made: the gestures. world: None: as it is now."""
+        world = world or self.now
+        it = self.it if world.held is None or world.cells else (world.held, *(i for i in self.it if i != world.held))
+        mentioned = self.it if self.box is None else (*self.it, self.box)
+        planner = Planner(world, it, mentioned, gestures=made, box=self.box)
+        planner.others = self._others(world)
+        planner.recent = tuple(dict.fromkeys(i for turn in reversed(self.turns) for i in reversed(turn.about)))
+        return planner
+
+    def _others(self, world: WorldModel) -> tuple[int, ...]:
+        """Return what "the other one" means: the rest of the things of a turn from which one was singled out later."""
+        if not self.it or world.cells:
+            return ()
+        one = self.it[-1]
+        alike = [i for i, thing in enumerate(world.things) if world.is_loose(i) == world.is_loose(one)]
+        for turn in reversed(self.turns):
+            about = [i for i in turn.about if i in alike]
+            if one in about and len(about) > 1:
+                return tuple(i for i in about if i != one)
+        return ()
+
+    def open_question(self) -> Question | None:
+        """Return the question that waits for its answer: the last one, if nothing was done since."""
+        for turn in reversed(self.turns[-3:]):
+            if isinstance(turn.outcome, Question):
+                return turn.outcome
+            if not isinstance(turn.outcome, Answer):
+                return None
+        return None
+
+    def done(self, steps_back: int = 1) -> Turn | None:
+        """Return the last turn that did something and was not undone; of several steps back, the first of them."""
+        undone = 1 - steps_back
+        found = None
+        for turn in reversed(self.turns):
+            if isinstance(turn.outcome, Signal) and turn.outcome.control == "undo":
+                undone += 1
+            elif isinstance(turn.outcome, Plan) and turn.outcome.steps:
+                found = turn if undone <= 0 else found
+                if undone == 0:
+                    return turn
+                undone -= 1 if undone > 0 else -1
+        return found
