@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
-from language.normalise import Token, plain_start, scan, verb_words
+from language.normalise import plain_start
+from language.scanning import Token, scan, verb_words
 from language.words import CONTROLS, TABLE, phrases
 
 MARKS = ".,;:!?"

@@ -61,7 +61,9 @@ class NounPhrases:
         if draft.at >= len(lattice):
             return []
         cost = self._lattice.skip_cost(draft.at)
-        if lattice.tokens[draft.at].text == "," or (cost and (draft.skipped or draft.at not in lattice.unknown)):
+        if lattice.tokens[draft.at].text in (",", "to") or (
+            cost and (draft.skipped or draft.at not in lattice.unknown)
+        ):
             return []
         return [_Draft(draft.at + 1, draft.known, draft.cost + cost, draft.skipped | (1 << draft.at if cost else 0))]
 
@@ -121,16 +123,18 @@ class NounPhrases:
             found.append(_item(draft, at, 0.0, start, kind="thing"))
         elif not known.keys() - {"sides"}:
             far = costs.FAR_SIDE * ("far" in known["sides"] and len(known["sides"]) > 1)
-            found.append(_item(draft, at, 0.5 + far, start, kind="side"))
-            found.append(_item(draft, at, 1.2, start, kind="thing"))
+            most = self._lattice.table and self._lattice.text(at - 1).endswith("most")  # rather a thing
+            found.append(_item(draft, at, 0.5 + far + 1.5 * most, start, kind="side"))
+            found.append(_item(draft, at, 1.2 - 0.6 * most, start, kind="thing"))
         elif self._lattice.table and len(known.get("colors", ())) > 1 and self._lattice.text(at - 2) == "and":
             found.append(_several(draft, at, costs.NO_NOUN + costs.LISTED, start))
         elif known.keys() & {"colors", "ordinal", "other", "every", "number", "single", "role"}:
             found.append(_item(draft, at, costs.NO_NOUN, start, kind="thing"))
         elif known.get("superlative") in ("left", "right") and len(known) == 1:
             sides = draft._replace(known={"sides": (known["superlative"],)})
-            found.append(_item(sides, at, 0.5, start, kind="side"))
-            found.append(_item(draft, at, costs.SUPERLATIVE_ALONE, start, kind="thing"))
+            most = self._lattice.table and self._lattice.text(at - 1).endswith("most")
+            found.append(_item(sides, at, 0.5 + 1.5 * most, start, kind="side"))
+            found.append(_item(draft, at, costs.SUPERLATIVE_ALONE - most, start, kind="thing"))
         elif "superlative" in known:
             found.append(_item(draft, at, costs.SUPERLATIVE_ALONE, start, kind="thing"))
         return found
@@ -310,7 +314,7 @@ class Chart:
         found = []
         get = self.lattice.get
         for edge in get(start, "relation"):
-            for anchor in self.anchored(edge.end):
+            for anchor in self.anchored(edge.end) if self.lattice.text(edge.end) != "," else ():
                 relation = RelationPhrase(edge.value, (anchor.value,), span=(start, anchor.end))
                 cost = edge.cost + anchor.cost + odd(relation)
                 if edge.end > start + 1 and relation.name == "on" and anchor.value.kind in _AREAS:
@@ -403,4 +407,8 @@ def odd(relation: RelationPhrase) -> float:
         return costs.ODD_PREPOSITION
     if relation.name == "of" and thing:
         return 2 * costs.ODD_PREPOSITION
+    if kind == "list":
+        return 4 * costs.ODD_PREPOSITION
+    if relation.name in ("left", "right") and kind == "side":  # "in the lower right to ..."
+        return costs.ODD_PREPOSITION
     return 0.0

@@ -16,12 +16,13 @@ from language.errors import NotUnderstood
 from language.lattice import vocabulary
 from language.meanings import Clause, Entity, Gesture, Pointed, Reading, gestures
 from language.memory import Memory
-from language.normalise import COLOR, LONGEST_SENTENCE, Token, normalised, plain_start, scan, verb_words
+from language.normalise import LONGEST_SENTENCE, normalised, plain_start
 from language.objects import Scene
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal, Step
 from language.planning import CARRY, Planner
 from language.questions import Questions
 from language.revising import filled, opposite, pinned, restoring, revised, selecting
+from language.scanning import COLOR, Token, scan, verb_words
 from language.settling import Choices, choices, choices_of, matters, settled, which
 from language.talk import abilities, foreign, name, offers, phrase, said
 from language.understanding import exact_reading

@@ -12,9 +12,11 @@ from rapidfuzz.distance import OSA
 
 from language import costs, words
 from language.errors import NotUnderstood, check_known
-from language.normalise import Token, normalised, said, scan
+from language.normalise import normalised, wordings
+from language.remarks import command
+from language.scanning import Token, said, scan, verb_words
 from language.verbs import KNOWN, Act
-from language.words import FILLERS, phrases
+from language.words import FILLERS, TABLE, phrases
 
 MOST_RELATIONS = 12  # tokens where a relation begins; commands that people wrote have up to 8
 TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
@@ -26,6 +28,7 @@ TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
     "superlative": words.TABLE["superlatives"],
     "unit": words.TABLE["units"],
 }
+STRANGERS = frozenset(phrases(TABLE["strangers"]))
 CONTENT = frozenset(
     [
         "noun",
@@ -225,7 +228,7 @@ def spellings(word: str) -> tuple[tuple[str, float], ...]:
     """Return the known words that a word may be, with their costs; () if it is similar to none."""
     if _is_known(word):
         return ((word, 0.0),)
-    if len(word) < 3 or len(word) > 20 or not word.isalpha():
+    if len(word) < 3 or len(word) > 20 or not word.isalpha() or word in STRANGERS:
         return ()
     return _corrected(word)
 
@@ -315,7 +318,11 @@ def _inflections(name: str, phrase: str) -> Iterator[tuple[str, str, str]]:
     stem = first[:-1] if first.endswith("e") and first != "see" else first
     stem = first + first[-1] if _DOUBLED.match(first) else stem
     third = first + ("es" if first.endswith(("s", "sh", "ch", "x", "z")) else "s")
-    pasts = _IRREGULAR[first] if first in _IRREGULAR else [first[:-1] + "ied" if first.endswith("ry") else stem + "ed"]
+    pasts = (
+        [*_IRREGULAR[first], stem + "ed"]
+        if first in _IRREGULAR
+        else [first[:-1] + "ied" if first.endswith("ry") else stem + "ed"]
+    )
     for form in (stem + "ing", third):
         yield "inflected", name, f"{form} {rest}".strip()
     for form in pasts:
@@ -349,7 +356,5 @@ def teach(category: str, meaning: str, phrase: str) -> None:
 
 def forget_caches() -> None:
     """Clear the caches of the lexicon after its tables were changed."""
-    from language.normalise import verb_words, wordings
-
-    for cached in (trie, vocabulary, _choices, _corrected, _two_words, verb_words, wordings):
+    for cached in (trie, command, vocabulary, _choices, _corrected, _two_words, verb_words, wordings):
         cached.cache_clear()

@@ -9,30 +9,17 @@ from __future__ import annotations
 import re
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
 from core.safe_files import read_yaml
 from language.errors import NotUnderstood
-from language.verbs import KNOWN, OBJECT, Act
-from language.words import phrases
+from language.remarks import without_remarks
+from language.scanning import Token, said, scan, verb_words
+from language.verbs import KNOWN, Act
 
 LONGEST_SENTENCE, MOST_WORDS = 600, 80  # characters as typed; words
 REWRITES = 8  # times that one rule may change one sentence
 
 
-class Token(NamedTuple):
-    """A word in lower case or a mark, and its offsets in the sentence in characters."""
-
-    text: str
-    start: int
-    end: int
-
-
-_WORD = re.compile(
-    r"[-=~]+>|[\u2190-\u21ff\u2794\u27a1]|\d+(?:[.,]\d+)?(?:st|nd|rd|th)?(?=\W|$|[a-z])"
-    r"|[^\W\d_]+(?:['\u2019][^\W\d_]+)*|[.,;:!?&+/()*@-]|_|\d+"
-)
-_LONG = re.compile(r"([a-z])\1{2,}")  # "nooo"
 _BULLET = re.compile(
     (
         r"(^|[\n;.,!?]|\s)\s*(?:\(?\d{1,2}[.):](?!\d)|[*\u2022\u25cf\u25e6\u00b7]|\(?[a-h]\)|step "
@@ -40,126 +27,6 @@ _BULLET = re.compile(
     ),
     re.I,
 )
-_DROPPED = frozenset({"-", '"', "*", "(", ")", "_", "the", "teh", "hte", "th", "tha"})
-_SHORT = {  # without an apostrophe
-    "dont": "do not",
-    "cant": "can not",
-    "wont": "will not",
-    "doesnt": "does not",
-    "isnt": "is not",
-    "arent": "are not",
-    "didnt": "did not",
-    "couldnt": "could not",
-    "shouldnt": "should not",
-    "wouldnt": "would not",
-    "whats": "what is",
-    "wheres": "where is",
-    "thats": "that is",
-    "theres": "there is",
-    "im": "i am",
-    "ive": "i have",
-    "youre": "you are",
-    "youve": "you have",
-    "lets": "let us",
-    "gonna": "going to",
-    "wanna": "want to",
-    "gotta": "have to",
-    "cannot": "can not",
-    "gimme": "give me",
-    "lemme": "let me",
-    "pls": "please",
-    "plz": "please",
-    "plse": "please",
-    "pleas": "please",
-    "thx": "thanks",
-    "u": "you",
-    "ur": "your",
-    "r": "are",
-    "n": "and",
-    "w": "with",
-    "outta": "out of",
-    "dunno": "do not know",
-    "kinda": "kind of",
-    "approx": "about",
-    "ca": "about",
-    "cuz": "because",
-    "cos": "because",
-    "ok": "okay",
-    "k": "okay",
-}
-_CLITICS = {"ll": "will", "re": "are", "ve": "have", "m": "am", "d": "would"}
-_BE = [
-    "that",
-    "there",
-    "here",
-    "what",
-    "where",
-    "who",
-    "it",
-    "how",
-    "he",
-    "she",
-    "everything",
-    "something",
-    "nothing",
-    "when",
-    "why",
-    "this",
-]
-_HUMS = frozenset(
-    [
-        "uh",
-        "um",
-        "erm",
-        "er",
-        "ah",
-        "eh",
-        "hm",
-        "hmm",
-        "hmmm",
-        "uhm",
-        "umm",
-        "uhh",
-        "ehm",
-        "huh",
-        "oh",
-        "aha",
-        "ahem",
-        "euh",
-        "ähm",
-        "hmpf",
-        "phew",
-    ]
-)
-
-
-def scan(text: str) -> list[Token]:
-    """Return the words and marks of a text: contractions written out; without articles, emoji and doubled words."""
-    lowered = text.lower() if len(text.lower()) == len(text) else text
-    found: list[Token] = []
-    for match in _WORD.finditer(lowered):
-        for word in _written_out(_LONG.sub(r"\1", match[0].replace("\u2019", "'"))):
-            if not word or word in _DROPPED or word in _HUMS:
-                continue
-            found.append(Token(word, match.start(), match.end()))
-    return found
-
-
-def _written_out(word: str) -> list[str]:
-    if word[-1] in ">\u2192\u2794\u27a1":
-        return ["to"]
-    if word in _SHORT:
-        return _SHORT[word].split()
-    stem, mark, tail = word.partition("'")
-    if not mark:
-        return ["and"] if word in "&+" else [","] if word == "/" else ["at"] if word == "@" else [word]
-    if word.endswith("n't"):
-        return [{"ca": "can", "wo": "will", "sha": "shall"}.get(word[:-3], word[:-3]), "not"]
-    if tail in _CLITICS:
-        return [stem, _CLITICS[tail]]
-    if tail == "s":
-        return [stem, "us" if stem == "let" else "is"] if stem in (*_BE, "let") else [stem, "'s"]
-    return [stem] if tail == "" else [word]
 
 
 def normalised(sentence: str) -> list[Token]:
@@ -178,9 +45,9 @@ def normalised(sentence: str) -> list[Token]:
         del found[0]
     found = _undoubled(_of_program(sentence, found))
     found = repaired(rewritten(_unframed(found), wordings()["repairs"]))
+    found = _unframed(without_remarks(found))
     for name in ("misheard", "plain"):
         found = rewritten(found, wordings()[name])
-    found = without_remarks(found)
     if len(found) > MOST_WORDS:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
     return _trimmed(found)
@@ -228,6 +95,10 @@ def _undoubled(found: list[Token]) -> list[Token]:
         at = 0
         while at + 2 * size <= len(found):
             one, two = ([token.text for token in found[i : i + size]] for i in (at, at + size))
+            if (
+                size > 1 and two and two[0] in ("please", "yeah", "okay") and one[0] != two[0]
+            ):  # "move it please move it"
+                two = [token.text for token in found[at + size + 1 : at + 2 * size + 1]]
             if one == two and one[0].isalpha() and "very" not in one and not (size == 1 and one[0] in ("no", "stop")):
                 del found[at : at + size]
             else:
@@ -243,55 +114,6 @@ def _unframed(found: list[Token]) -> list[Token]:
             break
         found = shorter
     return found
-
-
-_REMARK = re.compile(
-    r"^(?:but |and |so |because |since )?(?:i|he|she|they|we|it|there|that|this|someone|somebody|everyone|everybody"
-    r"|nobody|(?:my|his|her|our|your|a|an) \w+|\w+(?: \w+)?)"
-    r" (?:'s|is|are|was|were|am|has|have|had|will|would|likes?|loves?|hates?|forgot|put"
-    r"|placed|bought|found|saw|changed|left|feels?|looks?|seems?"
-    r"|thinks?|came|went|want|wants|needs? a|"
-    r"do not|does not|did not|can not|could not|went|told|said|promise|hope|know)\b(?!.*\b(?:should|must|belongs|goes"
-    r"|ought|shall|supposed)\b)"
-)
-
-
-def without_remarks(found: list[Token]) -> list[Token]:
-    """Return the words without clauses that only remark something: "the light is off, press the button"."""
-    parts: list[list[Token]] = [[]]
-    for token in found:
-        parts[-1].append(token)
-        if token.text in ",.;!:":
-            parts.append([])
-    texts = [" ".join(token.text for token in part).rstrip(" ,.;!:") for part in parts]
-    commands = [
-        bool(re.match((rf"(?:and |then |so |please |to |you |just |now )*(?:{verb_words()})\b"), text))
-        for text in texts
-    ]
-    if not any(commands):
-        return found
-    scene = re.compile(
-        rf"\b(?:{COLOR}|cubes?|blocks?|one|drawer|fridge|refrigerator)\b.* (?:in|on|next|to|at|behind|under|left"
-        rf"|right|between|be)\b"
-    )
-    asks = re.compile(
-        rf"^(?:and |but |then )*(?:on|in|at|to|into|onto|next|near|behind|under|between|from|by|over|with)\b"
-        rf"|\b(?:{verb_words()})\b.*\b(?:{COLOR}|button|lever|wheel|switch|drawer|fridge|lid|cube|block)s?\b"
-    )
-    kept: list[Token] = []
-    for part, text, command in zip(parts, texts, commands, strict=True):
-        if command or not _REMARK.match(text) or scene.search(text) or asks.search(text):
-            kept += part
-        elif (named := _NAMED.search(text)) and not kept:  # what "it" means afterwards
-            first = text[: named.start()].count(" ")
-            kept += [*part[first : first + len(named[0].split())], Token(",", part[-1].start, part[-1].end)]
-    return kept or found
-
-
-_NAMED = re.compile(
-    r"\b(?:(?:red|blue|yellow|orange|cyan|gray|grey) (?:cube|block|one|box|brick)"
-    r"|drawer|fridge|refrigerator|button|lever|wheel)\b"
-)
 
 
 def _trimmed(found: list[Token]) -> list[Token]:
@@ -348,22 +170,6 @@ def _replaced(found: list[Token], match: re.Match[str], replacement: str) -> lis
         else:
             new.append(Token(piece, start, end))
     return [*within(0, match.start()), *new, *within(match.end(), 1 << 30)]
-
-
-@cache
-def verb_words() -> str:
-    """Return a pattern for the first words of all verbs, as they are or inflected."""
-    words = {phrase.split()[0] for verb in KNOWN.values() for phrase in said(verb)}
-    return "|".join(
-        sorted(words - {"i", "can", "could", "may", "we", "let", "have", "over", "show"}, key=len, reverse=True)
-    )
-
-
-def said(verb) -> list[str]:
-    """Return the phrases of a verb: the words before the object in its templates, and its further words."""
-    own = [template.removesuffix(f" {OBJECT}") for template in verb.templates if template.endswith(OBJECT)]
-    own = [phrase for phrase in own if "{" not in phrase and verb.act is not Act.HOLD]
-    return list(dict.fromkeys([*own, *(phrases(verb.words) if verb.words else [])]))
 
 
 def repaired(found: list[Token]) -> list[Token]:
@@ -453,6 +259,3 @@ def _rules(lines: str) -> tuple[Rule, ...]:
         pattern, _, replacement = re.sub(r"(?<![a-z])the ", "", line).partition(" ==>")
         found.append((re.compile(pattern), replacement))
     return tuple(found)
-
-
-COLOR = "red|blue|yellow|orange|cyan|gray|grey|green|pink|purple|white"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from language import costs
 from language.meanings import Entity, Measure, RelationPhrase
-from language.referents import Ref, Resolver, distance, regions, relation_cost, spot
+from language.referents import Ref, Resolver, distance, regions, relation_cost, spot, thing_ref
 from language.spots import Point, Spot, a_name, settle
 from language.world import FIXED, WorldModel
 
@@ -27,6 +27,7 @@ GRID = 0.01  # metres between the spots of a table that are tried
 NEAR = 0.15  # metres from the middle of a thing up to which a spot is next to it
 AT_MARK = 0.012  # metres from a mark up to which a spot is at it
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
+_APART = ("away", "farthest", *_SIDEWAYS)
 ONTO = ("on", "over", "in", "to", "at", "of", "with", "here")
 
 
@@ -43,7 +44,8 @@ def spots(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...],
 
 def _spots(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...], typed: bool) -> list[Spot]:
     world = resolver.world
-    if world.hand is not None and any(anchor.kind == "person" for each in relations for anchor in each.anchors):
+    given = any(anchor.kind == "person" for each in relations if each.name not in _APART for anchor in each.anchors)
+    if world.hand is not None and given:
         return [_enclosed(world, world.hand, 0.0)]
     if not world.cells:
         return _on_table(resolver, mover, relations, typed)
@@ -395,6 +397,8 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
     if relation.name in ("away", "farthest") and region.kind == "robot":
         return _shifts(world, mover, (RelationPhrase("direction", measure=relation.measure, value="forward"),), False)
     for ref in _anchors(resolver, relation, mover if typed or world.containers or world.devices else None):
+        if ref.kind == "person" and world.hand is not None:
+            ref = thing_ref(world, world.hand)
         if mover not in ref.things:
             anchor = ref.things[-1] if ref.things else None
             made = _by_anchor(world, mover, relation, ref)

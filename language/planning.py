@@ -55,7 +55,8 @@ class Planner(Steps):
         key = (steps, last, self.it, arbitrary)
         if key not in self._sequences:
             clause = steps[-1]
-            if clause.act is Act.CARRY and clause.entity is not None and not clause.places and not last:
+            thing = clause.entity is not None and clause.entity.noun not in DEVICE_VERBS.values()
+            if clause.act is Act.CARRY and thing and not clause.places and not last:
                 clause = replace(clause, verb=bringing("up"))  # "move the cube and put it there"
             before = self._sequence(steps[:-1], False, arbitrary)
             layer = [_marked(plan, d, clause) for plan in before for d in self._after(plan, clause, last)]
@@ -79,6 +80,12 @@ class Planner(Steps):
         if plan.topic is not None and act is not None and (clause.entity is None or clause.entity.kind == "it"):
             topic = plan.topic
             plan, clause = replace(plan, topic=None), replace(clause, entity=topic.entity)
+        if act is Act.CARRY and clause.entity is not None and clause.entity.kind == "robot" and not plan.world.cells:
+            near = next((anchor for p in clause.places if p.name != "near" for anchor in p.anchors), None)
+            clause = (
+                clause if near is None else Clause(doing(Act.TOUCH), near, span=clause.span)
+            )  # "move the gripper to"
+            act = clause.act
         if plan.failure or clause.negated:
             yield plan
         elif act is None:
@@ -305,6 +312,8 @@ class Planner(Steps):
         refs = [ref for ref in refs if ref.things and all(_allows(world, act, i) for i in ref.things[-1:])] or refs
         things = list(dict.fromkeys(i for ref in refs for i in ref.things if ref.cost <= refs[0].cost + 0.5))
         things = [i for i in things if not world.things[i].target] or things  # "all cubes" moves the real ones
+        if entity.every and entity.number and len(things) < entity.number and entity.noun is not None:  # "both cubes"
+            return replace(plan, failure=f"{len(things)} things fit", reason="nothing", entity=entity)
         fresh = [i for i in things if not self._done(world, act, i)]
         things, wanted = (fresh or things) if act in (*BOXES, Act.OPERATE) else things, entity.number
         if not things or (wanted and len(things) < wanted and not entity.every):

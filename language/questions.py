@@ -10,9 +10,10 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from language.normalise import COLOR, questions, scan
+from language.normalise import questions
 from language.outcomes import Plan, Question, Refusal, Signal
 from language.planning import Planner
+from language.scanning import COLOR, scan
 from language.talk import abilities, holds, listed, name, phrase, real, said, seen, state, where
 from language.words import colors
 from language.world import AT_END, WorldModel

@@ -181,6 +181,8 @@ def regions(world: WorldModel, entity: Entity) -> list[Ref]:
         return [Ref(entity.kind, edge_box(world, side), world.ground) for side in sorted(wanted)]
     if entity.kind == "center":
         return [spot(*world.center, kind="center")]
+    if entity.kind == "person" and world.hand is not None:
+        return [spot(world.things[world.hand].x, world.things[world.hand].y, world.ground, "person")]
     if entity.kind in ("robot", "person"):
         x = x0 - world.pitch if entity.kind == "robot" else x1 + world.pitch
         return [Ref(entity.kind, (x, x, y0, y1), world.ground)]
@@ -368,12 +370,18 @@ class Resolver:
     """Resolves the phrases of a sentence in one world; every phrase once.
 
     it: the things that "it" and "them" mean. mentioned: the things that "other" excludes.
-    origin: the thing whose neighbour "the nearest" is; None: the robot's.
+    origin: the thing whose neighbour "the nearest" is; None: the robot's. first: the world before the sentence.
     """
 
     def __init__(
-        self, world: WorldModel, it: tuple[int, ...] = (), mentioned: tuple[int, ...] = (), origin: int | None = None
+        self,
+        world: WorldModel,
+        it: tuple[int, ...] = (),
+        mentioned: tuple[int, ...] = (),
+        origin: int | None = None,
+        first: WorldModel | None = None,
     ) -> None:
+        self.first = first or world
         self.world, self.it, self.mentioned, self.origin = world, it, mentioned, origin
         self.box: int | None = None  # the container that was spoken of
         self.others: tuple[int, ...] = ()  # what "the other one" means
@@ -434,12 +442,25 @@ class Resolver:
                 before = self._filtered(entity, relations[:-1])
                 self._heads[key] = self._related(before, relations[-1], counted)
             else:
-                refs = heads(self.world, entity)
+                refs = self._former_stacks(entity) or heads(self.world, entity)
                 rest = set(self.mentioned) if entity.other else set()
                 kept = [ref for ref in refs if not rest & set(ref.things)]
                 meant = [ref for ref in kept if set(self.others) & set(ref.things)] if entity.other else []
                 self._heads[key] = meant if meant and not entity.number and not entity.plural else kept
         return self._heads[key]
+
+    def _former_stacks(self, entity: Entity) -> list[Ref]:
+        """Return what is left of the stacks that a sentence takes apart: "unstack it, and put it beside the stack"."""
+        world, first = self.world, self.first
+        if entity.kind != "stack" or world is first or world.cells:
+            return []
+        found = []
+        for ref in heads(first, entity):
+            rest = [i for i in ref.things if world.things[i] == first.things[i] and i != world.held]
+            if len(ref.things) > 1 and 0 < len(rest) < len(ref.things):
+                thing = world.things[rest[-1]]
+                found.append(spot(thing.x, thing.y, thing.top, "stack", tuple(rest), ref.cost))
+        return found
 
     def _selects(self, entity: Entity, relation: RelationPhrase) -> bool:
         """Return whether a relation selects the best of the referents that the others leave."""

@@ -9,7 +9,7 @@ from language import costs
 from language.chart import Chart, Judge
 from language.lattice import Item, Lattice
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase, bound, needs_gesture, pointing_words
-from language.normalise import Token
+from language.scanning import Token
 from language.verbs import KNOWN, Act
 
 MOST_PLACES = 3  # relations that are joined to one place
@@ -167,7 +167,7 @@ class _Sentences:
         for edge in self.lattice.get(at, "join"):
             further = [again.end for again in self.lattice.get(edge.end, "join")]
             found.update(dict.fromkeys([edge.end, *further], 0.0))
-        if "verb" in (self.lattice.edges[at] if at < len(self.lattice) else {}):
+        if any(edge.cost == 0.0 for edge in self.lattice.get(at, "verb")):  # no word that is only similar to a verb
             found.setdefault(at, costs.STEP_WITHOUT_JOIN if at == end else 0.3)
         if at > end:
             found.setdefault(at, costs.STEP_WITHOUT_JOIN if not self.lattice.table else 0.4)
@@ -383,15 +383,52 @@ class _Sentences:
                 cost = entity.cost + place.cost + costs.NO_VERB_BUT_PLACE + costs.VAGUE * (vague and self.lattice.table)
                 found.append(Item(place.end, clause, cost, entity.skipped | place.skipped))
             if self.lattice.table:
-                found += self._done(entity, at)
+                found += self._done(entity, at) + self._with_particle(entity, at)
         for place in self.places(at):
             clause = Clause(None, None, place.value, span=(at, place.end))
             found.append(Item(place.end, clause, place.cost + costs.NO_VERB, place.skipped))
+            found += self._place_first(place, at) if self.lattice.table else []
         if self.lattice.table:
             found += [
                 Item(i.end, Clause(BUILDING, i.value, span=(at, i.end)), i.cost + 1.0, i.skipped)
                 for i in self._tower(at)
             ]
+        return found
+
+    def _place_first(self, place: Item, at: int) -> list[Item]:
+        """Return the clauses after their place: "in the drawer: the gray one", "between the two set the red cube"."""
+        found = []
+        begin = place.end + (self.lattice.text(place.end) in (":", ","))
+        verbs = [(CARRYING, begin, costs.NO_VERB_BUT_PLACE + costs.NO_VERB * (begin == place.end))]
+        verbs += [(e.value, e.end, e.cost) for e in self.lattice.get(begin, "verb") if KNOWN[e.value].act is Act.CARRY]
+        for verb, start, cost in verbs:
+            for entity in self.objects(start):
+                total = place.cost + entity.cost + cost + costs.INVERTED
+                skipped = place.skipped | entity.skipped
+                found.append(
+                    Item(entity.end, Clause(verb, entity.value, place.value, span=(at, entity.end)), total, skipped)
+                )
+                for gap in self.lattice.gaps(entity.end) if verb is CARRYING else ():
+                    for edge in self.lattice.get(gap.end, "done"):
+                        if KNOWN[edge.value].act is Act.CARRY and not gap.cost:
+                            clause = Clause(edge.value, entity.value, place.value, span=(at, edge.end))
+                            found.append(Item(edge.end, clause, total - cost + costs.PARTICIPLE, skipped))
+        return found
+
+    def _with_particle(self, entity: Item, at: int) -> list[Item]:
+        """Return the clauses of a thing and a particle: "the drawer out, the blue cube in, the drawer shut"."""
+        found = []
+        for gap in self.lattice.gaps(entity.end):
+            for edge in self.lattice.get(gap.end, "particle") if not gap.cost else ():
+                said = [self._verbs_of([verb, self.lattice.text(gap.end)]) for verb in _WITH_PARTICLE]
+                names = {
+                    n for each in said for n in each if KNOWN[n].act in (Act.OPEN, Act.SHUT, Act.REMOVE, Act.UNSTACK)
+                }
+                cost = entity.cost + edge.cost + costs.NO_VERB_BUT_PLACE + costs.NO_NOUN * (entity.value.noun is None)
+                skipped = entity.skipped | gap.skipped
+                found += [
+                    Item(edge.end, Clause(n, entity.value, span=(at, edge.end)), cost, skipped) for n in sorted(names)
+                ]
         return found
 
     def _done(self, entity: Item, at: int) -> list[Item]:
@@ -443,6 +480,7 @@ class _Sentences:
         return found
 
 
+_WITH_PARTICLE = ("take", "put", "push", "pull")  # what a particle alone may stand for: "in", "out", "up"
 CARRYING = next(name for name, verb in KNOWN.items() if verb.act is Act.CARRY and "put {" in " ".join(verb.templates))
 BUILDING = next(name for name, verb in KNOWN.items() if verb.act is Act.BUILD)
 

@@ -14,14 +14,16 @@ from language import costs
 from language.errors import NotUnderstood
 from language.lattice import Lattice
 from language.meanings import Clause, Entity, Gesture, Reading
-from language.normalise import Token, normalised
+from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
 from language.planning import ENOUGH_EFFORT, Draft, Planner, reached
+from language.scanning import Token
 from language.sentences import readings
 from language.talk import MOST_NAMED, listed, name, offers, said
 from language.verbs import Act
 from language.world import WorldModel
 
+_NEARBY = ("near", "left", "right", "front", "behind", "under", "opposite", "away")  # relations that always matter
 _TELLING = ("nothing", "impossible", "dialogue")  # failures that are reported in preference to another reading
 
 
@@ -109,9 +111,13 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     top = found.possible[0]
     if not world.cells and any(c.plan.reason == "never" and c.cost < top.cost for c in found.failed):
         return refused(sentence, found._replace(failed=[c for c in found.failed if c.plan.reason == "never"]), world)
-    rivals = [c for c in found.possible[1:] if c.cost <= top.cost + costs.CLOSE]
-    if not world.cells:  # only what one reading leaves open is asked about
-        rivals = [c for c in rivals if c.reading is top.reading]
+    close = [c for c in found.possible if c.cost <= top.cost + costs.CLOSE]
+    rivals = close[1:]
+    if not world.cells:  # only what one reading leaves open is asked about, unless another reading leaves nothing open
+        same = [c for c in close if c.reading.unused == top.reading.unused]
+        alone = [c for c in same if sum(other.reading is c.reading for other in close) == 1]
+        top = top if top.plan.arbitrary or not alone else alone[0]
+        rivals = [c for c in close if c.reading is top.reading and c is not top]
     if not world.cells and (doubt := _left_out(sentence, top, found, world)) is not None:
         return doubt
     if top.cost > costs.TOO_MUCH:
@@ -131,7 +137,8 @@ def _left_out(sentence: str, top: Choice, found: Choices, world: WorldModel) -> 
     strange = [i for i in top.reading.unused if matters(lattice, i)]
     if not strange:
         return None
-    contradicted = [choice for choice in found.failed if _shown(choice.plan) and not choice.reading.unused]
+    whole = [choice for choice in found.failed if not choice.reading.unused]
+    contradicted = [choice for choice in whole if _shown(choice.plan) or choice.cost < top.cost]
     if contradicted:  # "take this cube" of a sphere
         return refused(sentence, found._replace(failed=contradicted), world)
     words = " ".join(sentence[lattice.tokens[i].start : lattice.tokens[i].end] for i in strange[:3])
@@ -167,11 +174,15 @@ def matters(lattice: Lattice, index: int) -> bool:
             or before in ("my", "your", "our", "his", "for", "with")
         )
         return bool(preposed) or index == 0 or len(lattice.text(index)) > 3
-    if lattice.text(index) in ("nothing", "none", "nobody"):
+    if lattice.text(index) in ("nothing", "none", "nobody", "no", "without", "only", "unless", "until"):
+        return True
+    if any(edge.value in _NEARBY for edge in edges.get("relation", ())) and lattice.text(index) not in ("by", "around"):
         return True
     if lattice.text(index) in ("it", "that", "this", "them", "these", "those") and index:
         return "relation" in lattice.edges[index - 1]  # "on top of that"
     strong = {"noun", "color", "every", "both", "other", "never", "not", "number", "stack"}
+    if "verb" in edges and (index == 0 or "join" in lattice.edges[index - 1] or lattice.text(index - 1) in ",;."):
+        return True
     return bool(strong & edges.keys())
 
 

@@ -56,7 +56,7 @@ class Draft:
 
 @dataclass
 class Steps:
-    """Adds steps to plans in one world.
+    """Add steps to plans in one world.
 
     it, mentioned: the things of the dialogue. others: what "the other one" means there. recent: all, the last first.
     help: whether the scene helps to select. gestures: those of the sentence. box: the container spoken of last.
@@ -88,7 +88,7 @@ class Steps:
         """Return the resolver of a world; phrases that were resolved in it before are not resolved again."""
         key = (id(world), it, origin, mentioned, box)
         if key not in self._resolvers:  # a resolver keeps its world, so that the id stays its own
-            self._resolvers[key] = Resolver(world, it, mentioned or self.mentioned, origin)
+            self._resolvers[key] = Resolver(world, it, mentioned or self.mentioned, origin, self.world)
             self._resolvers[key].box = box
             self._resolvers[key].others = tuple(i for i in self.others if i not in it)
         return self._resolvers[key]
@@ -272,6 +272,10 @@ class Steps:
                 yield plan
                 return
         places = self._places(clause, plan, index)
+        board = places and all(anchor.kind == "board" for each in places for anchor in each.anchors or (Entity("it"),))
+        if board and not world.cells and world.is_on_ground(index) and any(s.object == index for s in plan.steps):
+            yield plan  # it was put on the table by an earlier step
+            return
         under = next(
             (each for each in places if each.name == "under" and each.anchors and each.anchors[0].kind == "thing"), None
         )
@@ -319,6 +323,8 @@ class Steps:
     def _places(self, clause: Clause, plan: Draft, index: int) -> tuple[RelationPhrase, ...]:
         """Return where the clause says that the thing goes; without what says where it comes from."""
         places = tuple(each for each in clause.places if each.name != "from" or plan.world.cells)
+        if clause.act in TAKING and not plan.world.cells:
+            places = tuple(each for each in places if each.value != "up")
         if places or clause.act not in (Act.GIVE, Act.UNSTACK, Act.CARRY):
             return places
         if clause.act is Act.GIVE:
@@ -365,6 +371,8 @@ class Steps:
             plan = replace(plan, arbitrary=True)
         typed = clause.entity is not None and clause.entity.noun is not None
         resolver.aloft = plan.world.held == index or plan.world.below[index] is not None or index in plan.world.inside
+        if places[0].name == "here" and not places[0].anchors and (vacated := self._vacated(plan, index)) is not None:
+            places = (vacated, *places[1:])
         weighed = resolver.weighed
         found = spots(resolver, index, places, typed)
         self._spend((resolver.weighed - weighed) // POINTS)
@@ -383,6 +391,16 @@ class Steps:
             yield replace(plan, failure="no place fits", reason=reason, entity=anchor)
         for spot in found[:KEPT]:
             yield self._put(plan, clause, index, spot)
+
+    def _vacated(self, plan: Draft, index: int) -> RelationPhrase | None:
+        """Return the place that an earlier step left: "take the red one away, put this there"."""
+        moved = next((step.object for step in reversed(plan.steps) if step.object != index), None)
+        if moved is None or not self.world.is_loose(moved) or moved in self.world.inside or moved == self.world.held:
+            return None
+        below, thing = self.world.below[moved], self.world.things[moved]
+        if below is not None:
+            return RelationPhrase("on", (Entity(pointed=Gesture((below,))),))
+        return RelationPhrase("here", (Entity("spot", pointed=Gesture((), (thing.x, thing.y))),))
 
     def _put(self, plan: Draft, clause: Clause, index: int, spot: Spot) -> Draft:
         """Return the plan with a thing taken, unless it is held, and put at a spot."""

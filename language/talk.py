@@ -8,9 +8,9 @@ from language import costs
 from language.chart import Chart
 from language.lattice import Lattice
 from language.meanings import Entity
-from language.normalise import Token, scan
 from language.objects import HAND
 from language.referents import Ref
+from language.scanning import Token, scan
 from language.spots import a_name
 from language.verbs import DEVICE_VERBS, KNOWN, Act, doing
 from language.words import FILLERS, TABLE

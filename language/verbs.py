@@ -314,7 +314,7 @@ VERBS: dict[str, Verb] = {
             "take a look inside, "
             "take a look in, get ready, prepare, lift open, swing open, draw open, crack open, undo, unclose, have a "
             "look into, "
-            "reopen, show the inside of, show me the inside of, make accessible, expose"
+            "reopen, show the inside of, show me the inside of, make accessible, expose, reveal"
         ),
     ),
     "close": Verb(

@@ -1,0 +1,178 @@
+"""Parts of a sentence that ask for nothing: reasons, circumstances, labels and signatures.
+
+A part is left out only if another part is a command or a wish, and never if it may say what is to be done where.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import NamedTuple
+
+from language.scanning import COLOR, Token, verb_words
+
+_MARKS = ",.;!?:"
+_THING = (
+    rf"(?:{COLOR}|cubes?|blocks?|bricks?|box|boxes|pieces?|drawers?|fridge|refrigerator|doors?|button|lever|wheel|switch"
+    r"|tower|stack|pile|left|right|table|corner|middle|side|edge|them|both|all|everything|leftmost|rightmost|one"
+    r"|gripper|containers?|whatever|what|which|nothing|thing|lid|palm|hand)"
+)
+_PLACE = (
+    r"(?:in|into|inside|on|onto|at|to|next|near|left|right|behind|between|under|beside|above|below|over|top|from|off"
+    r"|together|away|closer|up|down)"
+)
+_PERSON = (
+    r"(?:i|we|he|she|they|you|someone|somebody|everyone|everybody|anyone|anybody|nobody|no one|there|this|it|something"
+    r"|(?:my|his|her|our|your|their|a|an|some|another|these|those) (?:\w+ ){0,1}\w+|whoever)"
+)
+_IS = r"(?:'s|is|are|was|were|am|has|have|had|will|would|may|might|looks?|seems?|feels?|stands?)"
+_DOES = (
+    rf"(?:{_IS}|likes?|loves?|hates?|forgot|put|bought|found|saw|left|thinks?|came|comes?|went|wants?|needs?|told|said"
+    r"|says|promise|hopes?|knows?|bet|keeps?|gets?|got|makes?|made|(?:do|does|did|can|could) not|can|could|did|lost"
+    r"|spilt|see|cannot|play|plays|cleans?|cook|work|wipe|watch|trust|read|sleep|melts?|spoils?|trips?|ran|runs?|just"
+    r"|already|still|always|never|really|[a-z]{3,}ed)"
+)
+_REMARK = re.compile(
+    rf"^(?:but |and |so |because |since |now |well |also |or |as )*"
+    rf"(?:{_PERSON} {_DOES}|(?!{_THING}\b)\w+(?: (?!{_THING}\b)\w+)? {_IS}|{_THING}(?: {_THING})? {_IS}"
+    rf"|(?!{_THING}\b)[a-z]\w+ (?:keeps?|wants?|likes?|says|said|thinks|hates|loves))\b"
+)
+_LEAD = (
+    r"(?:(?:and|then|so|please|to|just|now|but|or|at least|better|first|second|finally|next|also|simply|only|kindly"
+    r"|quickly|again|therefore|hence|thus|instead|rather|otherwise|maybe|you|either|if so|after that|,|robot) )*"
+)
+_OBLIGED = (
+    r"\b(?:should|must|has to|have to|needs to|need to|ought to|shall|belongs?|supposed to|is to|are to|goes|go"
+    r"|had better|(?:can|could|would|will|may) (?:you|we|it|they|someone))\b"
+)
+_WISH = r"\b(?:i|we) (?:\w+ )?(?:want|need|like|love|prefer|wish|require|appreciate)\b"
+_CLOSING = "regards|wishes|sincerely|greetings|faithfully|truly|yours|thanks|cheers|love"
+_SIGNED = re.compile(
+    rf"(?:^|(?<=[.,;!?] ))(?:(?:best|kind|kindest|warm|many|with|yours|all) )*(?:{_CLOSING}) "
+    r"[,.!]? ?(?P<who>[^,;!?]*?)(?: [.!])?$"
+)
+_SINCE = r"(?:because|cause|since|although|though|whereas|while|whilst)\b"
+_AFTER = re.compile(  # where a reason or a circumstance begins within a part
+    rf" (?:{_SINCE}"
+    r"|(?:so(?: that)?|as|before|until|in case|or(?: else)?|otherwise|in order (?:that|to)|when|after)"
+    r" (?!(?:it|they|he|she) (?:is|are|was|were)(?:$| [.;,]))"
+    rf"(?:{_PERSON} {_DOES}|{_THING}(?: {_THING})? {_IS}|(?!{_THING}\b)\w{{3,}} {_DOES})\b"
+    r"|so (?:it|he|she|they) (?:gets?|does|do|stays?|cools?|dries)\b"
+    r"|and (?:i|we|he|she|they) (?!.*\bit\b.* (?:in|on|to))"
+    r"|(?<! where)(?<! after)(?<! when)(?<! that)(?<! if)(?<! until)(?<! and)(?<! but)(?<! sure)(?<! so)"
+    r" (?:he|she|they) (?:is|are|was|wants?|has|likes?|looks?|feels?|gets?)\b)"
+)
+_STATES = re.compile(  # what a circumstance does not say
+    rf"{_OBLIGED}|\b(?:next to|left of|right of|on top|behind|between|inside|pressed|opened?|shut|in front)\b"
+    rf"|\byou {_DOES}\b"
+)
+_IDLE = re.compile(  # what is said to people, and what a look at the scene shows
+    r"(?:and |then |please |so )*(?:report|notify|inform|let (?:me|us) know|tell (?:me|us) (?:when|that|once|if)"
+    r"|keep me posted|as (?:discussed|agreed|mentioned|promised|usual|always|requested|planned|i said|we said|before)"
+    r"|yeah|yep|come on)\b"
+)
+_CHECK = re.compile(r"(?:and |then |please |first )*(?:verify|check|confirm|assert|see) (?:that|whether|if)\b")
+_REASON = re.compile(
+    rf"{_SINCE}|(?:many )?(?:thanks|thank you) for\b"
+    r"|(?:i|we) (?:need|want|use|require) (?:drawer|fridge|refrigerator|table) (?:for|to)\b"
+)
+_UNSURE = re.compile(r"(?:i|we) (?:forgot|thought|know|said)\b")
+
+
+class _Part(NamedTuple):
+    """A part of a sentence: its words, as text without the mark after it, and the mark."""
+
+    words: list[Token]
+    text: str
+    mark: str
+
+
+def without_remarks(found: list[Token]) -> list[Token]:
+    """Return the words without parts that ask for nothing: "the light is off, press the button, I cannot see"."""
+    parts = _parts(_unsigned(found))
+    parts = [part for part in parts if not _is_label(part)] or parts
+    asking = [part for part in parts if _asks(part.text)]
+    if not asking:
+        return [token for part in parts for token in part.words]
+    refers = any(re.search(r"\b(?:it|its|that|them|there|inside)\b|^\S+$", part.text) for part in asking)
+    kept: list[Token] = []
+    for part in parts:
+        if _follows(part, kept):
+            continue
+        if part in asking or not _asks_nothing(part.text):
+            kept += part.words
+        elif (named := _NAMED.search(part.text)) and not kept and refers:  # what "it" means afterwards
+            first, last = part.text[: named.start()].count(" "), part.words[-1]
+            kept += [*part.words[first : first + len(named[0].split())], Token(",", last.start, last.end)]
+    return kept or found
+
+
+def _parts(found: list[Token]) -> list[_Part]:
+    """Return the words between marks; a reason within them is a part of its own."""
+    parts: list[list[Token]] = []
+    for token in found:
+        if not parts or parts[-1][-1].text in _MARKS:
+            parts.append([])
+        parts[-1].append(token)
+    split: list[list[Token]] = []
+    for part in parts:
+        text = " ".join(token.text for token in part)
+        cut = _AFTER.search(text)
+        at = text[: cut.start()].count(" ") + 1 if cut and not _STATES.search(text[cut.start() :]) else len(part)
+        split += [each for each in (part[:at], part[at:]) if each]
+    return [_Part(each, " ".join(token.text for token in each).rstrip(f" {_MARKS}"), each[-1].text) for each in split]
+
+
+@cache
+def command() -> re.Pattern[str]:
+    """Return a pattern for the beginning of a command."""
+    return re.compile(rf"^{_LEAD}(?:{verb_words()}|do not|never|no need)\b(?! ?:)")
+
+
+def _asks(text: str) -> bool:
+    """Whether a part is surely a command or a wish."""
+    if _IDLE.match(text) or _CHECK.match(text):
+        return False
+    if command().match(text):
+        return True
+    wish = re.search(rf"{_OBLIGED}|{_WISH}", text) and re.search(rf"\b(?:{_THING}|it|that|there)\b", text)
+    return bool(wish) and not _UNSURE.match(text) and not _REASON.match(text)
+
+
+def _is_label(part: _Part) -> bool:
+    """Whether a part is a label: "message from reception:"."""
+    told = rf"\b(?:{_THING}|it|twice|times|once|{verb_words()})\b"
+    return part.mark == ":" and not re.search(told, part.text)
+
+
+def _follows(part: _Part, kept: list[Token]) -> bool:
+    """Whether a part says what follows from a place: "behind the red cube, so that the red cube is before it"."""
+    if not re.match(rf"(?:so|such) that {_THING} ", part.text):
+        return False
+    return any(re.fullmatch(_PLACE, token.text) for token in kept)
+
+
+def _asks_nothing(text: str) -> bool:
+    """Whether a part is a reason, or says what is so."""
+    if (_IDLE.match(text) and not re.search(rf"\b{_THING}\b", text)) or _CHECK.match(text) or _REASON.match(text):
+        return True
+    kept = rf"\b(?:which|any|order|should|must|only|not touch)\b|^there (?:is|are)\b.*\b{_THING}\b"
+    if not _REMARK.match(text) or re.search(kept, text):
+        return False
+    subject = re.match(rf"(?:and |but |so )?(?:\w+ ){{0,2}}{_THING}\b", text)
+    return not (subject and re.search(rf"\b{_THING} .*\b{_PLACE}\b", text))
+
+
+def _unsigned(found: list[Token]) -> list[Token]:
+    """Return the words without a name under them: "best regards, Hannelore"."""
+    text = " ".join(token.text for token in found)
+    signed = _SIGNED.search(text)
+    if not signed or not signed.start() or len(signed["who"].split()) > 4 or re.search(_THING + r"\b", signed["who"]):
+        return found
+    return found[: text[: signed.start()].count(" ")]
+
+
+_NAMED = re.compile(
+    rf"\b(?:{COLOR}) (?:cube|block|one|box|brick|piece)\b|\b(?:{COLOR})\b(?! drawer| fridge)"
+    r"|\b(?:drawer|fridge|refrigerator|button|lever|wheel)\b"
+)

@@ -1,0 +1,165 @@
+"""Words and marks of a text, and patterns for words that the rules of wordings name."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import NamedTuple
+
+from language.verbs import KNOWN, OBJECT, Act
+from language.words import phrases
+
+COLOR = "red|blue|yellow|orange|cyan|gray|grey|green|pink|purple|white"
+
+
+class Token(NamedTuple):
+    """A word in lower case or a mark, and its offsets in the sentence in characters."""
+
+    text: str
+    start: int
+    end: int
+
+
+_WORD = re.compile(
+    r"[-=~]+>|[\u2190-\u21ff\u2794\u27a1]|\d+(?:[.,]\d+)?(?:st|nd|rd|th)?(?=\W|$|[a-z])"
+    r"|[^\W\d_]+(?:['\u2019][^\W\d_]+)*|[.,;:!?&+/()*@>-]|_|\d+"
+)
+_LONG = re.compile(r"([a-z])\1{2,}")  # "nooo"
+_DROPPED = frozenset({"-", '"', "*", "(", ")", "_", "the", "teh", "hte", "th", "tha"})
+_SHORT = {  # without an apostrophe
+    "dont": "do not",
+    "cant": "can not",
+    "wont": "will not",
+    "doesnt": "does not",
+    "isnt": "is not",
+    "arent": "are not",
+    "didnt": "did not",
+    "couldnt": "could not",
+    "shouldnt": "should not",
+    "wouldnt": "would not",
+    "whats": "what is",
+    "wheres": "where is",
+    "thats": "that is",
+    "theres": "there is",
+    "im": "i am",
+    "ive": "i have",
+    "youre": "you are",
+    "youve": "you have",
+    "lets": "let us",
+    "gonna": "going to",
+    "wanna": "want to",
+    "gotta": "have to",
+    "cannot": "can not",
+    "gimme": "give me",
+    "lemme": "let me",
+    "pls": "please",
+    "plz": "please",
+    "plse": "please",
+    "pleas": "please",
+    "thx": "thanks",
+    "u": "you",
+    "ur": "your",
+    "r": "are",
+    "n": "and",
+    "w": "with",
+    "outta": "out of",
+    "dunno": "do not know",
+    "kinda": "kind of",
+    "approx": "about",
+    "ca": "about",
+    "cuz": "because",
+    "cos": "because",
+    "ok": "okay",
+    "k": "okay",
+}
+_CLITICS = {"ll": "will", "re": "are", "ve": "have", "m": "am", "d": "would"}
+_BE = [
+    "that",
+    "there",
+    "here",
+    "what",
+    "where",
+    "who",
+    "it",
+    "how",
+    "he",
+    "she",
+    "everything",
+    "something",
+    "nothing",
+    "when",
+    "why",
+    "this",
+]
+_HUMS = frozenset(
+    [
+        "uh",
+        "um",
+        "erm",
+        "er",
+        "ah",
+        "eh",
+        "hm",
+        "hmm",
+        "hmmm",
+        "uhm",
+        "umm",
+        "uhh",
+        "ehm",
+        "huh",
+        "oh",
+        "aha",
+        "ahem",
+        "euh",
+        "ähm",
+        "hmpf",
+        "phew",
+    ]
+)
+
+
+def scan(text: str) -> list[Token]:
+    """Return the words and marks of a text: contractions written out; without articles, emoji and doubled words."""
+    lowered = text.lower() if len(text.lower()) == len(text) else text
+    found: list[Token] = []
+    for match in _WORD.finditer(lowered):
+        for word in _written_out(_LONG.sub(r"\1", match[0].replace("\u2019", "'"))):
+            if not word or word in _DROPPED or word in _HUMS:
+                continue
+            found.append(Token(word, match.start(), match.end()))
+    return found
+
+
+def _written_out(word: str) -> list[str]:
+    if word == ">":
+        return [";"]
+    if word[-1] in ">\u2192\u2794\u27a1":
+        return ["to"]
+    if word in _SHORT:
+        return _SHORT[word].split()
+    stem, mark, tail = word.partition("'")
+    if not mark:
+        return ["and"] if word in "&+" else [","] if word == "/" else ["at"] if word == "@" else [word]
+    if word.endswith("n't"):
+        return [{"ca": "can", "wo": "will", "sha": "shall"}.get(word[:-3], word[:-3]), "not"]
+    if tail in _CLITICS:
+        return [stem, _CLITICS[tail]]
+    if tail == "s":
+        return [stem, "us" if stem == "let" else "is"] if stem in (*_BE, "let") else [stem, "'s"]
+    return [stem] if tail == "" else [word]
+
+
+@cache
+def verb_words() -> str:
+    """Return a pattern for the first words of all verbs, as they are or inflected."""
+    words = {phrase.split()[0] for verb in KNOWN.values() for phrase in said(verb)}
+    return "|".join(
+        sorted(words - {"i", "can", "could", "may", "we", "let", "have", "over", "show"}, key=len, reverse=True)
+    )
+
+
+def said(verb) -> list[str]:
+    """Return the phrases of a verb: the words before the object in its templates, and its further words."""
+    own = [template.removesuffix(f" {OBJECT}") for template in verb.templates if template.endswith(OBJECT)]
+    own = [phrase for phrase in own if "{" not in phrase and verb.act is not Act.HOLD]
+    return list(dict.fromkeys([*own, *(phrases(verb.words) if verb.words else [])]))
