@@ -34,6 +34,7 @@ CONTENT = frozenset(
         "noun",
         "color",
         "role",
+        "superlative",
         "stack",
         "region",
         "number",

@@ -264,6 +264,8 @@ class Planner(Steps):
             if not good:
                 failed = found[0] if found else plan
                 text = failed.failure or "there is no place for all of them"
+                if "is full" in text and number:
+                    text = f"{text.partition(' is full')[0]} holds one thing at a time"
                 return replace(failed, failure=text, reason="impossible", entity=failed.entity or entity)
             plan = min(good, key=lambda done: done.cost)
             if (

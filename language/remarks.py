@@ -53,14 +53,19 @@ _SIGNED = re.compile(
 )
 _SINCE = r"(?:because|cause|since|although|though|whereas|while|whilst)\b"
 _AFTER = re.compile(  # where a reason or a circumstance begins within a part
-    rf" (?:{_SINCE}"
+    rf" (?={_SINCE}"
     r"|(?:so(?: that)?|as|before|until|in case|or(?: else)?|otherwise|in order (?:that|to)|when|after)"
     r" (?!(?:it|they|he|she) (?:is|are|was|were)(?:$| [.;,]))"
     rf"(?:{_PERSON} {_DOES}|{_THING}(?: {_THING})? {_IS}|(?!{_THING}\b)\w{{3,}} {_DOES})\b"
     r"|so (?:it|he|she|they) (?:gets?|does|do|stays?|cools?|dries)\b"
-    r"|and (?:i|we|he|she|they) (?!.*\bit\b.* (?:in|on|to))"
-    r"|(?<! where)(?<! after)(?<! when)(?<! that)(?<! if)(?<! until)(?<! and)(?<! but)(?<! sure)(?<! so)"
-    r" (?:he|she|they) (?:is|are|was|wants?|has|likes?|looks?|feels?|gets?)\b)"
+    r"|and (?:i|we|he|she|they) (?!.*\bit\b.* (?:in|on|to)))"
+    r"|(?<! where)(?<! after)(?<! when)(?<! that)(?<! if)(?<! until)(?<! and)(?<! but)(?<! sure)(?<! so)(?<! which)"
+    r" (?=(?:he|she|they) (?:is|are|was|wants?|has|likes?|looks?|feels?|gets?)\b)"
+    r"|(?<=it|em|re|ck|wn|up|ay|ff|ut|in|ow|en) (?=i (?:do not|did not|can not|am|was|hate|forgot|just)\b)"
+)
+_IS_SO = re.compile(  # "the red cube is dusty | put it in the drawer"
+    rf"^(?:{_THING} ){{1,2}}{_IS} (?:(?:so|too|very) )?(?!not\b)\w+"
+    r"(?= (?:please )?(?:put|move|take|give|bring|open|close|shut|get) (?:it|them)\b)"
 )
 _STATES = re.compile(  # what a circumstance does not say
     rf"{_OBLIGED}|\b(?:next to|left of|right of|on top|behind|between|inside|pressed|opened?|shut|in front)\b"
@@ -119,6 +124,7 @@ def _parts(found: list[Token]) -> list[_Part]:
         text = " ".join(token.text for token in part)
         cut = _AFTER.search(text)
         at = text[: cut.start()].count(" ") + 1 if cut and not _STATES.search(text[cut.start() :]) else len(part)
+        at = before[0].count(" ") + 1 if (before := _IS_SO.match(text)) else at
         split += [each for each in (part[:at], part[at:]) if each]
     return [_Part(each, " ".join(token.text for token in each).rstrip(f" {_MARKS}"), each[-1].text) for each in split]
 

@@ -437,7 +437,7 @@ class _Sentences:
         for gap in self.lattice.gaps(entity.end):
             for edge in [*self.lattice.get(gap.end, "done"), *self.lattice.get(gap.end, "verb")]:
                 act = KNOWN[edge.value].act
-                if gap.cost or act in (Act.NEVER, Act.BUILD, Act.TOUCH, Act.GIVE, Act.TIDY, Act.SWAP):
+                if gap.cost or act in (Act.NEVER, Act.BUILD, Act.TOUCH, Act.TIDY, Act.SWAP):
                     continue
                 cost = entity.cost + edge.cost + costs.PARTICIPLE + (0.0 if edge.category == "done" else 0.3)
                 ends = [
