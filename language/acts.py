@@ -121,7 +121,7 @@ def question(text: str) -> str | None:
 CONDITION = re.compile(
     r"^(?P<how1>if|in case|when(?! you (?:have|are|did))|provided|assuming|should|as long as|whenever|unless) "
     r"(?P<if>.+?)(?<! is)(?<! are)"
-    rf"(?: ,| then|(?= (?:please|{verb_words()})\b)) ?(?:then )?(?P<do>.+?)"
+    rf"(?: [,:]| then|(?= (?:please|{verb_words()})\b)) ?(?:then )?(?P<do>.+?)"
     r"(?:(?: ,)? (?:otherwise|else|if not|or else)(?: ,)? (?P<else>.+))?$"
     r"|^(?P<do2>.+?)(?: ,)?(?: but)?(?: only)? "
     r"(?P<how>if|in case|unless|provided|as long as|except if|except when|only when) (?P<if2>(?!not$).+)$"

@@ -186,12 +186,11 @@ def repaired(found: list[Token]) -> list[Token]:
     return found
 
 
-_REPAIR = re.compile(
-    r"(?<= )(?:, )?(?:no actually|no hang on|hang on no|well no|or no|oh no|no not|no wait|"
-    r"wait no|no no|no sorry|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make "
-    r"that|oops"
-    r"|no actually|actually no|no i mean|no make it|correction)(?: ,)?(?= )"
+_TAKING_BACK = (
+    r"(?:no actually|no hang on|hang on no|well no|or no|oh no|no not|no wait|wait no|no no|no sorry|sorry no|i mean"
+    r"|i meant|or rather|sorry|no|wait|scratch that|make that|oops|actually no|no i mean|no make it|correction)"
 )
+_REPAIR = re.compile(rf"(?<= )(?:, )?{_TAKING_BACK}(?:(?: ,)? {_TAKING_BACK})*(?: ,)?(?= )")
 
 
 def _taken_back(before: list[Token], after: list[Token]) -> int | None:

@@ -147,7 +147,7 @@ def _asks(text: str) -> bool:
 
 def _is_label(part: _Part) -> bool:
     """Whether a part is a label: "message from reception:"."""
-    told = rf"\b(?:{_THING}|it|twice|times|once|{verb_words()})\b"
+    told = rf"\b(?:{_THING}|it|twice|times|once|no|not|wait|sorry|if|mean|{verb_words()})\b"
     return part.mark == ":" and not re.search(told, part.text)
 
 
@@ -162,7 +162,7 @@ def _asks_nothing(text: str) -> bool:
     """Whether a part is a reason, or says what is so."""
     if (_IDLE.match(text) and not re.search(rf"\b{_THING}\b", text)) or _CHECK.match(text) or _REASON.match(text):
         return True
-    kept = rf"\b(?:which|any|order|should|must|only|not touch)\b|^there (?:is|are)\b.*\b{_THING}\b"
+    kept = rf"\b(?:which|any|order|should|must|only|not touch|wrong)\b|^there (?:is|are)\b.*\b{_THING}\b"
     if not _REMARK.match(text) or re.search(kept, text):
         return False
     subject = re.match(rf"(?:and |but |so )?(?:\w+ ){{0,2}}{_THING}\b", text)
