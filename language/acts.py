@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -13,6 +13,26 @@ from language.words import CONTROLS, TABLE, phrases
 
 MARKS = ".,;:!?"
 IDLE = ("social", "yes", "stop", "wait", "continue", "faster", "slower")  # these change no command that they go with
+_HOME = re.compile(
+    r"\b(?:start|starting|initial|original|resting|rest|neutral|default|parking|base|first) "
+    r"(?:position|pose|point|place|posture|location)\b"
+)
+_ADVERBS = (
+    "so",
+    "too",
+    "very",
+    "pretty",
+    "a bit too",
+    "really",
+    "actually",
+    "just",
+    "simply",
+    "honestly",
+    "quite",
+    "even",
+    "totally",
+    "literally",
+)
 NUMBERS = {"twice": 2, "thrice": 3, "two": 2, "three": 3, "four": 4, "five": 5, "2": 2, "3": 3, "4": 4, "5": 5}
 
 
@@ -34,12 +54,19 @@ class Part(NamedTuple):
 def _phrases() -> dict[tuple[str, ...], str]:
     """Return the phrases of signals, replies and small talk, each with what it does."""
     tables = {**CONTROLS, **TABLE["replies"], "social": TABLE["social"], "polite": TABLE["polite"]}
-    return {tuple(t.text for t in scan(p)): act for act, text in reversed(tables.items()) for p in phrases(text)}
+    found = ((act, _plain(t.text for t in scan(p))) for act, text in reversed(tables.items()) for p in phrases(text))
+    return {words: act for act, words in found if words}
+
+
+def _plain(words: Iterable[str]) -> tuple[str, ...]:
+    """Return words without adverbs, and with one name for the place where the arm rests."""
+    return tuple(_HOME.sub("home position", " ".join(word for word in words if word not in _ADVERBS)).split())
 
 
 def act_of(words: Sequence[str]) -> str | None:
     """Return what words do that consist of signals, replies and small talk; None if they say something else."""
-    known, count = _phrases(), len(words)
+    known, words = _phrases(), _plain(words)
+    count = len(words)
     longest = max(map(len, known))
     best: list[tuple[int, tuple[str, ...]] | None] = [None] * count + [(0, ())]
     for at in range(count - 1, -1, -1):
@@ -91,7 +118,8 @@ _ASKING = re.compile(
     r"|^(?:is|are|was|were|does|did|has|am) |^(?:do|can|could|will) (?:you|i|we) (?:see|hold|know|hear|understand"
     r"|remember|feel|speak|talk|say|fly|still|really|even|love|get tired|sleep|dream|fit)\b"
     r"|^(?:do|can) (?:you|we) have\b"
-    r"|^do (?:i|we|they)\b|^do (?!it|that|what).*\b(?:have|contain|hold)\b"
+    r"|^(?:do|did) (?:you|i|we|they)\b|^(?:can|could|may|should) (?:i|one) (?!have\b|get\b|please\b)"
+    r"|^do (?!it|that|what).*\b(?:have|contain|hold)\b"
     r"|^(?:would|does|will|could|can) (?!you\b|we\b|i\b)(?!.*\bplease\b).*\b(?:fit|go|work)\b"
     r"|^(?:help|help me|help please|i need help|commands|options|instructions|anything else)$|^have you |^list "
     r"|^describe (?!how)|^(?:any|some|anything|something)\b(?!.*\b(?:must|should|has to|goes?|put|needs?|belongs?)\b)"
@@ -119,7 +147,7 @@ def question(text: str) -> str | None:
 # ---- What a sentence consists of beside a command
 
 CONDITION = re.compile(
-    r"^(?P<how1>if|in case|when(?! you (?:have|are|did))|provided|assuming|should|as long as|whenever|unless) "
+    r"^(?P<how1>if|only if|in case|when(?! you (?:have|are|did))|provided|assuming|should|as long as|whenever|unless) "
     r"(?P<if>.+?)(?<! is)(?<! are)"
     rf"(?: [,:]| then|(?= (?:please|{verb_words()})\b)) ?(?:then )?(?P<do>.+?)"
     r"(?:(?: ,)? (?:otherwise|else|if not|or else)(?: ,)? (?P<else>.+))?$"
@@ -127,12 +155,14 @@ CONDITION = re.compile(
     r"(?P<how>if|in case|unless|provided|as long as|except if|except when|only when) (?P<if2>(?!not$).+)$"
 )
 SAME = re.compile(
-    r"^(?:(?:and|now|then|please|so|but) )*(?:(?:do |repeat )?(?:exactly )?(?:same|that|it)(?: thing| again)? "
+    r"^(?:(?:and|now|then|please|so|but) )*(?:(?:do |repeat )?(?:exactly )?(?:same|that|it)"
+    r"(?: thing| again| once more)*(?: ,)?(?: but)? "
     r"(?:with|for|to|using|goes for)|how about|what about|also) | (?:as well|too|also|likewise)$"
 )
 _PROPOSED = re.compile(
     r"^what (?:would|will|does|happens?)(?: you)?(?: happen| do)? if (?:i|you|we)?(?: said| say| told you to"
     r"| asked you to| ask you to| tell you to| would| will| were to)? ?(?P<command>.+)$"
+    r"|^(?:can|could|may|should) (?:i|one) (?P<mine>(?:put|stack|place|move|fit|store|use|open|close|press|turn)\b.+)$"
     r"|^(?:can|could|would|does|do|will|may|should) (?P<what>(?!you\b|i\b|we\b).+?) "
     r"(?:fit|fits|go|stand|lie|be put|be|sit)(?: back)? (?P<where>(?:in|on|into|inside|next|to|onto|at|under|behind"
     r"|between|left|right|near|over)\b.*?)(?: ,.*)?$"
@@ -142,4 +172,4 @@ _PROPOSED = re.compile(
 def proposal(asked: str) -> str | None:
     """Return the command of which a sentence asks whether it is possible, or what would come of it."""
     match = _PROPOSED.match(question(" ".join(token.text for token in scan(asked))) or asked)
-    return None if match is None else match["command"] or f"put {match['what']} {match['where']}"
+    return None if match is None else match["command"] or match["mine"] or f"put {match['what']} {match['where']}"

@@ -74,7 +74,8 @@ class Memory:
         ]
         resolver = self.planner(world=world).resolver(world, self.it, None)
         found = [resolver.resolve(each) for each in phrases if each.kind == "thing"]
-        return tuple(refs[0].things[-1] for refs in found if len(refs) == 1 and refs[0].things)
+        sure = [refs[0] for refs in found if refs and all(ref.cost > refs[0].cost + 0.2 for ref in refs[1:])]
+        return tuple(ref.things[-1] for ref in sure if ref.things)
 
     @property
     def now(self) -> WorldModel:

@@ -27,7 +27,7 @@ GRID = 0.01  # metres between the spots of a table that are tried
 NEAR = 0.15  # metres from the middle of a thing up to which a spot is next to it
 AT_MARK = 0.012  # metres from a mark up to which a spot is at it
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
-_APART = ("away", "farthest", *_SIDEWAYS)
+_APART = ("toward", "away", "farthest", *_SIDEWAYS)
 ONTO = ("on", "over", "in", "to", "at", "of", "with", "here")
 
 
@@ -390,6 +390,8 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
     region = relation.anchors[0]
     if relation.measure is not None and region.kind == "side" and len(region.sides) == 1:
         return _shifts(world, mover, (replace(relation, name="direction", value=region.sides[0]),), False)
+    if relation.name in ("toward", "away", "farthest") and region.kind == "person" and world.hand is not None:
+        return [_along(world, mover, world.hand, relation, "the place near your hand")]
     if relation.name in ("toward", "to") and region.kind == "robot":
         return _shifts(world, mover, (RelationPhrase("direction", measure=relation.measure, value="backward"),), False)
     if relation.name in ("away", "farthest") and region.kind == "robot" and not alone:

@@ -15,6 +15,7 @@ from language.outcomes import Plan, Question, Refusal, Signal
 from language.planning import Planner
 from language.scanning import COLOR, scan
 from language.talk import abilities, holds, listed, name, phrase, real, said, seen, state, where
+from language.viewpoint import whose_left
 from language.words import colors
 from language.world import AT_END, WorldModel
 
@@ -22,9 +23,10 @@ _NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight"
 _BE = r"(?:is|are|was|were|be|been|does|do|did|has|have|had|stands?|lies?|sits?|rests?|can|got)"
 _ANY = r"(?:anything|something|nothing|everything|any|some|thing|things|all|there)"
 _ADDING = re.compile(
-    r"\b(?:not|no longer|still|already|now|currently|right|at moment|or not|yet|really|also|just|directly|be|been|being"
-    r"|standing|lying|located|placed|sitting|resting|both|either|today|happens to|any more|anymore|actually|properly"
-    r"|completely|left|always|maybe|hidden|stored|there|then|in this room|in room|here)\b ?"
+    r"\b(?:not|no longer|still|already|now|currently|right(?= now| there)|at moment|or not|yet|really|also|just"
+    r"|directly|be|been|being|standing|lying|located|placed|sitting|resting|both|either|today|happens to|any more"
+    r"|anymore|actually|properly|completely|left(?= open| closed| shut| over|$)|always|maybe|hidden|stored|there|then"
+    r"|in this room|in room|here)\b ?"
 )
 _STATES = {"open": True, "opened": True, "ajar": True, "closed": False, "shut": False, "close": False}
 _OPERATED = {
@@ -163,6 +165,8 @@ class Questions:
         if match is None:
             return None
         what = (match["what"] or match["only"] or "").strip()
+        if not what:
+            return None
         if re.fullmatch(rf"(?:a |any )?(?:{_ANY}|cube|block|cubes|blocks|one|it)?(?: else)?", what):
             return Predicate(lambda i: bool(world.contents(i)) != what.startswith("nothing"), "content")
         things = self.subject(what)
@@ -177,6 +181,12 @@ class Questions:
             return Predicate(lambda i: world.inside.get(i, -1) == world.hand, "place")
         if re.fullmatch(r"on (?:table|desk|surface|table top)", plain):
             return Predicate(lambda i: world.is_on_ground(i) if world.is_loose(i) else None, "place")
+        if re.fullmatch(
+            r"(?:on|at) (?:very )?(?:top|bottom)(?: of (?:something|a cube|another cube|stack|tower|pile|any cube))?",
+            plain,
+        ):
+            neighbours = world.below if " top" in plain else world.above
+            return Predicate(lambda i: neighbours[i] is not None, "place")
         under = re.match(r"(?:under|below|beneath|underneath) (.*)", plain)
         if under and (upper := self.subject(under[1])):
             return Predicate(lambda i: any(world.below[j] == i for j in upper), "place")
@@ -281,7 +291,14 @@ class Questions:
     def which(self, match: re.Match[str]) -> str | None:
         """Name the things of which something is so."""
         text, _, among = match[0].partition(" , ")
+        if re.fullmatch(r"(?:what|which) (?:ones?|of them|cubes?|blocks?)(?: exactly)?", text) and self.turns:
+            self.things = [i for turn in reversed(self.turns) for i in turn.about if turn.about][:12]
+            return f"I mean {self.names(self.things)}" if self.things else None
         text = re.sub(r"^(?:what|which|who)(?: all| else)? ?(?:of )?", "", text)
+        if re.search(r" (?:on|in|inside|under|next to|near|behind|at)$", text):  # "what is the red cube standing on?"
+            words = re.sub(rf"^{_BE} ", "", text.rpartition(" ")[0])
+            self.things = self.subject(_ADDING.sub("", f"{words} ").strip()) or []
+            return "; ".join(self._told(i, "place") for i in self.things[:3]) or None
         noun = re.match(
             r"(?:cubes?|blocks?|things?|objects?|ones?|box|boxes|containers?|devices?|doors?|items?)\b", text
         )
@@ -297,8 +314,9 @@ class Questions:
         if among and (named := self.subject(among)):
             things = named
         if stated is None or things is None:
-            entity, fits = self.refs(text)
-            return self.names(fits) if entity is not None and fits and noun else None
+            entity, fits = self.refs(rest if joint and not head else text)
+            known = entity is not None and (noun or entity.superlative or entity.ordinal)
+            return self.names(fits) if known and fits else None
         fits = [i for i in things if stated.holds(i)]
         if stated.about == "place" and not negated:
             fits = [i for i in fits if self.world.is_loose(i)] or fits
@@ -306,6 +324,12 @@ class Questions:
         plain = _ADDING.sub("", f"{rest} ").strip() if not negated else rest
         if not fits:
             return f"nothing is {plain}" if head in ("", "thing") else f"none: no {_plain(head)} is {plain}"
+        if (
+            stated.about == "place"
+            and len(fits) <= 3
+            and not re.search(r"\b(?:closest|nearest|farthest|furthest|most)\b", plain)
+        ):
+            return "; ".join(self._told(i, "place") for i in fits)
         return f"{self.names(fits)} {'is' if len(fits) == 1 else 'are'} {plain}"
 
     def count(self, match: re.Match[str]) -> str | None:
@@ -316,7 +340,7 @@ class Questions:
         things = [i for i in found[0] if found[1].holds(i)] if found else self.refs(text)[1]
         self.things = things
         if not things:
-            return f"none: there is no {_plain(found[2] if found else text)} like that" if found or text else None
+            return f"none: no {_plain(f'{found[2]} {found[3]}' if found else text)}"
         noun = "is" if len(things) == 1 else "are"
         number = _NUMBERS[len(things)] if len(things) < len(_NUMBERS) else str(len(things))
         return f"there {noun} {number} ({len(things)}): {self.names(things)}"
@@ -334,7 +358,7 @@ class Questions:
     def color(self, match: re.Match[str]) -> str | None:
         """Say which colour something has."""
         things = self.subject(re.sub(r" (?:have|has)$", "", match[1]))
-        return self._told(things[0], "color") if things else None
+        return "; ".join(self._told(i, "color") for i in things[:3]) if things else None
 
     def is_true(self, condition: str) -> bool | None:
         """Return whether a condition is so: "the drawer is open", "there is a green cube"; None if nobody can tell."""
@@ -441,6 +465,10 @@ class Questions:
         return f"I asked: {asked.text} {self.names(asked.candidates)}" if asked is not None else abilities(self.world)
 
     # ---- The robot
+
+    def whose(self, match: re.Match[str]) -> str | None:
+        """Say whose left is meant."""
+        return whose_left(self.world.viewpoint)
 
     def can(self, match: re.Match[str]) -> str | None:
         """Say what can be done."""

@@ -56,17 +56,20 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
         pair = filled(replace(last, steps=(*last.steps[:-1], replace(last.steps[-1], entity=one))), other, "goal")
         return [pair] if pair is not None else []
     if clause.entity is not None:
-        return [
-            Reading(each) for phrase in _completed(last.steps, clause.entity) if (each := _replaced(last.steps, phrase))
-        ]
+        phrases = _completed(last.steps, clause.entity)
+        objects = [Reading(each) for phrase in phrases if (each := _replaced(last.steps, phrase))]
+        goals = filled(last, clause.entity, "goal") if anchors and clause.entity.kind == "thing" else None
+        return [*objects, *([goals] if goals is not None and clause.entity.noun in ENCLOSING else [])]
     old = last.steps[-1]
     places = tuple(_anchored(place, old.places) for place in clause.places)
     verb = CARRY if old.act is None or old.act not in (Act.CARRY, Act.LOWER) else old.verb
     entity = old.entity if old.entity is not None and old.entity.kind != "list" else Entity("it")
     direct = any(place.name in ("direction", "home", "into") for place in places)
     subject = Entity("it") if direct or old.act not in (Act.CARRY, Act.TAKE, Act.HOLD, None) else entity
-    placed = Clause(verb, subject, places, span=old.span)
-    return [Reading((*last.steps[:-1], placed)) if not direct and len(last.steps) > 1 else Reading((placed,))]
+    placed = [Clause(verb, each, places, span=old.span) for each in dict.fromkeys((subject, entity))]
+    return [
+        Reading((*last.steps[:-1], each)) if not direct and len(last.steps) > 1 else Reading((each,)) for each in placed
+    ]
 
 
 def _object_clause(steps: tuple[Clause, ...]) -> int | None:
@@ -122,6 +125,16 @@ def opposite(last: Reading, steps: Sequence[Step], world: WorldModel) -> Reading
         and (turned[0].value == clause.places[0].value)
     )
     return None if same or not turned else Reading((replace(clause, places=turned),))
+
+
+def further(last: Reading) -> Reading:
+    """Return the last reading once more: what went to one side of something goes further to that side."""
+    clause = last.steps[-1]
+    side = {"left": "left", "right": "right", "front": "backward", "behind": "forward"}
+    if clause.act is not Act.CARRY or len(clause.places) != 1 or clause.places[0].name not in side:
+        return last
+    shift = RelationPhrase("direction", value=side[clause.places[0].name])
+    return Reading((replace(clause, entity=Entity("it"), places=(shift,)),))
 
 
 _PAIRS = (("left", "right"), ("front", "behind"), ("forward", "backward"), ("up", "down"), ("on", "under"))

@@ -1,0 +1,168 @@
+"""Replies: answers to a question, and corrections of the last plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from language import costs
+from language.meanings import Clause, Entity, Reading
+from language.memory import Memory
+from language.outcomes import Outcome, Plan, Question, Step
+from language.planning import CARRY, Planner
+from language.revising import filled, pinned, restoring, revised, selecting
+from language.scanning import Token
+from language.settling import Choices, choices_of, matters, settled, which
+from language.talk import name, offers, phrase
+from language.verbs import Act
+from language.world import FIXED, WorldModel
+
+
+@dataclass
+class Replies(Memory):
+    """Compares a reading with what was asked or done before."""
+
+    def _reply(self, sentence: str, reply: Reading, found: Choices) -> Outcome | None:
+        """Return the outcome of an answer, or of a correction of the last sentence."""
+        clause, world = reply.steps[0], self.now
+        asked = self.open_question()
+        if not world.cells and any(matters(found.lattice, index) for index in reply.unused):
+            return None  # a word is left out that may change the meaning
+        if len(reply.steps) > 1 or clause.verb is not None:  # "no, take the blue one"
+            return self._tried(sentence, [Reading(reply.steps)], found, restore=world.cells, back=True)
+        if asked is not None and not reply.rejects:
+            entity = clause.entity or (selecting(clause.places) if asked.candidates else None)
+            chosen = self._chosen(sentence, asked, entity, found) if entity is not None else None
+            if chosen is not None:
+                return chosen
+        if self.last is None:
+            return None if clause.entity is None else self._what(sentence, clause.entity)
+        if world.held is not None and clause.entity is None and not world.cells:
+            return self._tried(sentence, [Reading((Clause(CARRY, None, clause.places),))], found, restore=False)
+        restore = reply.rejects and (clause.entity is not None or world.cells)
+        return self._tried(sentence, revised(self.last, reply), found, restore)
+
+    def _named(self, sentence: str, words: list[Token], found: Choices) -> Outcome | None:
+        """Return the plan of a reply of which only a phrase is understood: "let me think, the gray one I guess"."""
+        asked = self.open_question()
+        if asked is None or not asked.candidates or any(c.cost < costs.TOO_MUCH for c in found.possible):
+            return None
+        texts = [token.text for token in words]
+        at = next((i for i, word in enumerate(texts) if word in ("not", "except", "but", "no", "never")), len(texts))
+        rejected = phrase(self.now, self.planner(), words[at + 1 :])[1] if at < len(texts) else []
+        left = tuple(i for i in asked.candidates if i not in {i for ref in rejected for i in ref.things})
+        entity = phrase(self.now, self.planner(), words[:at])[0] if at else None
+        if len(left) < len(asked.candidates) and (entity is None or entity.any):
+            plans = (self._filled(sentence, asked, i) for i in (left if entity is not None or len(left) == 1 else ()))
+            again = Question(sentence, 0.5, text=which(self.now, left), candidates=left, reading=self.last)
+            return next((plan for plan in plans if isinstance(plan, Plan)), again if left else None)
+        chosen = self._chosen(sentence, replace(asked, candidates=left), entity, found) if entity is not None else None
+        return chosen if isinstance(chosen, Plan) else None
+
+    def _what(self, sentence: str, entity: Entity) -> Outcome | None:
+        world = self.now
+        things = [ref.things[-1] for ref in self.planner().resolver(world, (), None).resolve(entity) if ref.things]
+        if not things:
+            return None
+        things.sort(key=lambda i: entity.noun is None and world.things[i].kind in FIXED)
+        thing = name(world, things[0])
+        examples = " or ".join(repr(each) for each in offers(world, thing.split()))
+        text = f"What shall I do with {thing}? Say, for example, {examples}"
+        return Question(sentence, 0.0, (), (0, len(sentence)), text=text, candidates=tuple(things))
+
+    def _chosen(self, sentence: str, asked: Question, entity: Entity, found: Choices) -> Outcome | None:
+        """Return the plan of the candidate that an answer names."""
+        planner, among = self.planner(), set(asked.candidates)
+        several = (entity.kind == "it" and entity.plural) or (
+            entity.every and not entity.colors and entity.noun is None
+        )
+        if several and self.last is not None:
+            parts = tuple(pinned(i) for i in asked.candidates)
+            return self._tried(
+                sentence, revised(self.last, Reading((Clause(None, Entity("list", parts=parts)),))), found
+            )
+        named = self._meant(planner, entity, asked.candidates)
+        if entity.any and not named:
+            named = list(asked.candidates)
+        chosen = [
+            c for c in asked.choices if named and {i for s in c.steps for i in (s.object, s.goal)} & set(named[:1])
+        ]
+        if len(named) == 1 and len(chosen) == 1 and self.now == self.turns[-1].world:
+            return replace(chosen[0], sentence=sentence)
+        if not named or self.last is None:
+            return None
+        if len(named) > 1 and not entity.any:
+            if not among or len(named) == len(among):
+                return None
+            return Question(sentence, 0.5, text=which(self.now, named), candidates=tuple(named), reading=self.last)
+        return self._filled(sentence, asked, named[0], found)
+
+    def _meant(self, planner: Planner, entity: Entity, candidates: Sequence[int]) -> list[int]:
+        """Return the candidates that a phrase means; any things if there are no candidates."""
+        among = set(candidates)
+        if entity.ordinal is not None and not entity.relations and set(among) <= set(self.now.containers):
+            order = list(candidates)  # as they were listed
+            return order[entity.ordinal - 1 :][:1] if entity.ordinal > 0 else order[-1:]
+        resolver = planner.resolver(planner.world, self.it, None)
+        refs = resolver.resolve(replace(entity, every=False), lambda ref: bool(set(ref.things) & among))
+        if not among:
+            return [i for ref in refs for i in ref.things][:1]
+        least = min((ref.cost for ref in refs if set(ref.things) & among), default=0.0)
+        refs = [ref for ref in refs if ref.cost <= least + 0.3]
+        return list(dict.fromkeys(i for ref in refs for i in ref.things if i in among))
+
+    def _filled(self, sentence: str, asked: Question, index: int, found: Choices | None = None) -> Outcome | None:
+        """Return the outcome of the sentence that was asked about, with this thing where it left something open."""
+        if self.last is None:
+            return None
+        slots = ("goal", "object") if self._asks_goal(asked) else ("object", "goal")
+        name_of = "in" if index in self.now.containers else "on"
+        tried = [each for slot in slots if (each := filled(self.last, pinned(index), slot, name_of)) is not None]
+        return self._tried(sentence, tried, found)
+
+    def _asks_goal(self, asked: Question) -> bool:
+        """Whether the candidates of a question are places, not objects, of its sentence."""
+        if self.last is None:
+            return False
+        clause = self.last.steps[-1]
+        if clause.entity is None or clause.entity.kind == "it":
+            return clause.act not in (Act.OPEN, Act.SHUT, Act.OPERATE, Act.EMPTY, Act.TOUCH)
+        refs = self.planner().resolver(self.now, self.it, None).resolve(clause.entity)
+        things = {ref.things[-1] for ref in refs if ref.things}
+        return len(things & set(asked.candidates)) < len(asked.candidates) and len(things) <= 2
+
+    def _tried(
+        self,
+        sentence: str,
+        readings: list[Reading],
+        found: Choices | None = None,
+        restore: bool = False,
+        back: bool = False,
+    ) -> Outcome | None:
+        """Return the outcome of the first reading that can be carried out, if need be from the scene before."""
+        last: Outcome | None = None
+        for reading in readings:
+            for start, steps in self._starts(restore, back or self.now.cells):
+                planner = self.planner(world=start)
+                planner.mentioned = self.it
+                outcome = settled(sentence, choices_of([reading], planner, found), planner)
+                if isinstance(outcome, Plan):
+                    return replace(outcome, steps=(*steps, *outcome.steps))
+                last = last if isinstance(last, Question) else outcome
+        return last
+
+    def _starts(self, restore: bool, back: bool) -> Iterator[tuple[WorldModel, tuple[Step, ...]]]:
+        """Yield the worlds from which a correction is tried, each with the steps that lead to it."""
+        world, done = self.now, self.done()
+        before = done.world if done is not None else world
+        restored = restoring(world, before)
+        if restored and restore:
+            yield before, restored
+        if not (restored and restore and world.cells):
+            yield world, ()
+        if restored and not restore and back:
+            yield before, restored
+
+    def _settle(self, sentence: str, reading: Reading) -> Outcome:
+        planner = self.planner()
+        return replace(settled(sentence, choices_of([reading], planner), planner), sentence=sentence)
