@@ -9,7 +9,7 @@ import signal
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -17,6 +17,7 @@ from types import ModuleType
 from core.errors import ConfigError
 
 PACKAGES = ("torch", "torchrl", "tensordict", "pybullet", "numpy")
+FORKS = {"pybullet": "pybullet-arm64"}  # packages that are installed in place of another one
 # Signals to end a program: from a terminal (SIGINT, SIGHUP), a scheduler (SIGTERM; SIGUSR1 as SLURM's warning).
 STOP_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1") if hasattr(signal, name)]
 PR_SET_PDEATHSIG = 1  # of prctl(2)
@@ -29,16 +30,22 @@ def cores() -> int:
 
 def system_info() -> dict[str, str]:
     """Return the number of cores, processor, operating system, and versions of Python and `PACKAGES`, as text."""
-    from importlib.metadata import PackageNotFoundError, version  # 50 ms to import
-
     info = {"cores": str(cores()), "cpu": _cpu_model(), "system": f"{platform.system()} {platform.machine()}"}
     info["python"] = platform.python_version()
+    return info | package_versions()
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of `PACKAGES`; of a fork that is in place of one, with its name in parentheses."""
+    from importlib.metadata import PackageNotFoundError, version  # 50 ms to import
+
+    found = {}
     for package in PACKAGES:
-        try:
-            info[package] = version(package)
-        except PackageNotFoundError:
-            info[package] = "not installed"
-    return info
+        found[package] = "not installed"
+        for name in (FORKS.get(package, package), package):
+            with suppress(PackageNotFoundError):
+                found[package] = version(name) + ("" if name == package else f" ({name})")
+    return found
 
 
 def _cpu_model() -> str:

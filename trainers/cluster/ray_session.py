@@ -14,18 +14,15 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from core.errors import ConfigError
-from core.system import cores
+from core.system import cores, package_versions
 
 ROOT = Path(__file__).parents[2]
 OWN = ("conf", "core", "envs", "human", "language", "trainers")  # packages of this project
 SUFFIXES = (".py", ".yaml")
-LIBRARIES = ("torch", "torchrl", "tensordict", "pybullet", "numpy")
-
 
 CURRENT_CLUSTER = Path("/tmp/ray/ray_current_cluster")  # `ray start` writes its address there
 CONNECT_SECONDS = 3.0
@@ -195,12 +192,7 @@ def import_ray() -> Any:
 def versions() -> dict[str, str]:
     """By name: Python's and the libraries' versions, and for Deixis a checksum of its sources."""
     found = {"Deixis": f"sources {_checksum():08x}", "Python": ".".join(platform.python_version_tuple()[:2])}
-    for name in LIBRARIES:
-        try:
-            found[name] = version(name).partition("+")[0]
-        except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+    return found | {name: version.partition("+")[0] for name, version in package_versions().items()}
 
 
 def difference(own: Mapping[str, str], theirs: Mapping[str, str]) -> str:

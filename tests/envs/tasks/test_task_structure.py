@@ -1,6 +1,7 @@
 """How tasks are built: few levels of classes, traits that are declared, and docstrings with fixed headings."""
 
 import ast
+import inspect
 from dataclasses import FrozenInstanceError, fields
 from pathlib import Path
 
@@ -35,7 +36,7 @@ def test_traits_are_frozen_and_every_one_is_documented():
     with pytest.raises(FrozenInstanceError):
         TASKS["reach"].traits.moves = True
     for field in fields(TaskTraits):
-        assert f"        {field.name}: " in TaskTraits.__doc__
+        assert f"    {field.name}: " in inspect.getdoc(TaskTraits)
 
 
 @pytest.mark.parametrize("task", CLASSES)

@@ -74,7 +74,7 @@ def test_the_card_has_the_result_and_the_command_of_the_run(run, policy):
     assert "bring the gripper to the object that the sentence names" in card
     assert "* `policy.width=16`" in card
     assert re.search(r"\| date \| \d{4}-\d\d-\d\d \|", card)
-    assert f"| torch | {torch.__version__} |" in card
+    assert re.search(rf"\| torch \| {re.escape(torch.__version__.partition('+')[0])}", card)
     (command,) = re.findall(r"^python train.py (.*?)   #", card, re.MULTILINE)
     again = training_keys(compose(command.split()))
     assert again == training_keys(compose(["seed=3", *(w for w in TINY if "eval" not in w), "policy.width=16"]))
