@@ -95,6 +95,11 @@ def load_plugins() -> None:
             ) from error
 
 
+def plugin_packages() -> tuple[str, ...]:
+    """Return the names of the installed packages that register classes."""
+    return tuple(dict.fromkeys(point.module.partition(".")[0] for point in _entry_points(PLUGINS)))
+
+
 def package_folder(name: str) -> Path | None:
     """Return the folder of an installed package that adds options, where its URDFs are; None for any other name."""
     for point in _entry_points(CONFIG):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from core.errors import ConfigError, did_you_mean
+from core.plugins import load_plugins
 from core.program import program
 from deixis import __version__
 from deixis.origins import ForeignPackageError, check_origins
@@ -64,6 +65,8 @@ def _main() -> int:
         print(f"error: {name} is not a command of deixis{did_you_mean(name, PROGRAMS)}", file=sys.stderr)
         return WRONG
     sys.argv = ["deixis", *words] if name in SHARED else [f"deixis {name}", *rest]
+    if name in SHARED:
+        load_plugins()  # verbs and relations of own packages; the other programs import them with `envs`
     try:
         return PROGRAMS[name].load()() or 0
     except ForeignPackageError as error:

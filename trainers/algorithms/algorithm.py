@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from functools import cache
-from importlib import import_module
 from typing import Any
 
 import torch
@@ -18,7 +17,7 @@ from torch import Tensor, nn
 from torchrl.data import Composite, LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 
 from core.errors import ConfigError, RunError
-from trainers.algorithms.settings import PACKAGE, AlgorithmConfig
+from trainers.algorithms.settings import AlgorithmConfig, import_class
 from trainers.config import TrainingConfig
 from trainers.environment import DEFAULT_READERS, Readers, Relabel
 from trainers.models.critics import CriticBuilder
@@ -55,8 +54,7 @@ def build_algorithm(
     bounds = MoveBounds(squash=training.algo.squashes, clip=training.algo.clips)
     policy = build_policy(training.policy, observation_spec, action_unit, bounds, vocabulary, readers).to(device)
     critics = CriticBuilder(training.policy, policy, observation_spec, device, readers)
-    module, _, name = training.algo.algorithm.rpartition(".")
-    cls: type[Algorithm] = getattr(import_module(f"{PACKAGE}.{module}"), name)
+    cls: type[Algorithm] = import_class(training.algo.algorithm)
     return policy, cls.build(training.algo, policy, critics, relabel)
 
 

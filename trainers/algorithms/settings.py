@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from typing import Any, ClassVar, TypeVar
 
 from core.errors import ConfigError, did_you_mean
+from core.plugins import load_plugins
 from core.schema import Checked, checked_by, one_of, read, within, word
 
 MOST_FRAMES = 10**9  # of a batch, a buffer or a memory
@@ -25,7 +26,7 @@ _CLASSES: dict[str, type[AlgorithmConfig]] = {}
 class AlgorithmConfig(Checked):
     """The settings of every algorithm; `register` names those of one algorithm."""
 
-    algorithm: ClassVar[str]  # <module>.<class> in `PACKAGE`, set by `register`
+    algorithm: ClassVar[str]  # <module>.<class>, set by `register`
     on_policy: ClassVar[bool]  # whether an update learns from the latest batch alone
 
     name: str = word()
@@ -68,8 +69,8 @@ def register(name: str, builds: str) -> Callable[[C], C]:
 
     Args:
         name: `algo.adapter` of the configs that it reads, or else their `algo.name`.
-        builds: <module>.<class> in `PACKAGE`, the algorithm with these settings. It is named rather than imported, so
-            that settings are read without torch.
+        builds: <module>.<class>, the algorithm with these settings: a module in `PACKAGE`, or of an own package. It is
+            named rather than imported, so that settings are read without torch.
     """
 
     def add(cls: C) -> C:
@@ -89,8 +90,20 @@ def read_algorithm(node: Any) -> AlgorithmConfig:
     if name not in _CLASSES and name.isidentifier() and find_spec(f"{PACKAGE}.{name}"):
         import_module(f"{PACKAGE}.{name}")  # of an algorithm that registers its settings in its own file
     if name not in _CLASSES:
+        load_plugins()
+    if name not in _CLASSES:
         raise ConfigError(f"algo.{key}={name} is not known" + did_you_mean(name, _CLASSES))
     return read(_CLASSES[name], node, "algo")
+
+
+def import_class(path: str) -> Any:
+    """Return <module>.<class>: of a module in `PACKAGE` if there is one of this name. Raises ImportError."""
+    module, _, name = path.rpartition(".")
+    ours = module and find_spec(f"{PACKAGE}.{module.partition('.')[0]}")
+    found = getattr(import_module(f"{PACKAGE}.{module}" if ours else module), name, None)
+    if found is None:
+        raise ImportError(f"{module} has no class {name}")
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
-from importlib import import_module
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Any
 
+import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModule
 from torch import Tensor
@@ -16,16 +18,15 @@ from torchrl.objectives import HardUpdate, LossModule, SoftUpdate
 from torchrl.objectives.utils import TargetNetUpdater
 
 from core.errors import ConfigError, did_you_mean
+from core.plugins import plugin_packages
+from core.schema import shown
 from trainers.algorithms.algorithm import GROUNDING_METRICS, ExplorationSchedule
 from trainers.algorithms.off_policy import OffPolicyAlgorithm
 from trainers.algorithms.on_policy import OnPolicyAlgorithm
-from trainers.algorithms.settings import TorchRLOffPolicyConfig, TorchRLOnPolicyConfig
+from trainers.algorithms.settings import PACKAGE, TorchRLOffPolicyConfig, TorchRLOnPolicyConfig, import_class
 from trainers.environment import Relabel
 from trainers.models.critics import CriticBuilder
 from trainers.models.policy import Policy, deterministic_actor, parameters, stochastic_actor
-
-OWN = "trainers.algorithms"  # where "<module>.<class>" is looked for
-
 
 # Outputs of TorchRL's losses, and the names that they are reported under.
 OFF_POLICY_OUTPUTS = {
@@ -57,8 +58,7 @@ class TorchRLOnPolicy(OnPolicyAlgorithm):
         # functional=False: its networks are not shared, so no parameters need to be swapped in.
         given = {"actor_network": stochastic_actor(policy), "critic_network": critic, "functional": False}
         self.loss = build_loss(find_loss(config.loss), config.options, given)
-        measured = [name for key, name in ON_POLICY_OUTPUTS.items() if key in self.loss.out_keys]
-        super().__init__(config, policy, critic, measured)
+        super().__init__(config, policy, critic, list(outputs_of(self.loss, ON_POLICY_OUTPUTS).values()))
 
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
         return loss_outputs(self.loss, frames)
@@ -70,10 +70,37 @@ class TorchRLOnPolicy(OnPolicyAlgorithm):
         return cls(config, policy, critics.build_value())
 
 
+def outputs_of(loss: LossModule, names: Mapping[str, str]) -> dict[str, str]:
+    """Return the outputs of a loss that are measured, each with the name that it is reported under.
+
+    names: of outputs of TorchRL's losses. Any other `loss_x` of a loss of one's own is reported as loss/x.
+    """
+    known = {key: name for key, name in names.items() if key in loss.out_keys}
+    own = [key for key in loss.out_keys if key.startswith("loss_") and key not in known]
+    return known | {key: key.replace("_", "/", 1) for key in own}
+
+
 def loss_outputs(loss: LossModule, frames: TensorDictBase) -> dict[str, Tensor]:
-    """Return the outputs of the loss on frames (B,), under our names."""
-    out = loss(frames)
-    return {name: out[key] for key, name in ON_POLICY_OUTPUTS.items() if key in loss.out_keys}
+    """Return the outputs of an on-policy loss on frames (B,), under our names. Raises ConfigError as `fits`."""
+    with fits(type(loss)):
+        out = loss(frames)
+    return {name: out[key] for key, name in outputs_of(loss, ON_POLICY_OUTPUTS).items()}
+
+
+@contextmanager
+def fits(cls: type[LossModule]) -> Iterator[None]:
+    """Make an error of a loss in this context a ConfigError: it suits neither our networks nor our frames."""
+    try:
+        yield
+    except torch.OutOfMemoryError:
+        raise
+    except (AttributeError, IndexError, KeyError, NotImplementedError, RuntimeError, TypeError, ValueError) as error:
+        if isinstance(error, ConfigError):
+            raise
+        raise ConfigError(
+            f"algo.loss: {cls.__name__} fits neither the actor and the critics of this adapter nor the frames that it "
+            f"is given ({type(error).__name__}: {shown(error)}); docs/extending.md lists the losses that do"
+        ) from error
 
 
 class TorchRLOffPolicy(OffPolicyAlgorithm):
@@ -87,7 +114,7 @@ class TorchRLOffPolicy(OffPolicyAlgorithm):
         super().__init__(config, policy, critics.keys, relabel)
         self.config: TorchRLOffPolicyConfig = config
         self.loss = build_off_policy_loss(config, policy, critics)
-        self.outputs = {key: name for key, name in OFF_POLICY_OUTPUTS.items() if key in self.loss.out_keys}
+        self.outputs = outputs_of(self.loss, OFF_POLICY_OUTPUTS)
         self.metrics = (*self.outputs.values(), "std", "updates", "relabelled", *GROUNDING_METRICS)
         self.updater = build_target_updater(config, self.loss)
         self.exploration = ExplorationSchedule(policy, config.final_std) if config.final_std else None
@@ -108,7 +135,8 @@ class TorchRLOffPolicy(OffPolicyAlgorithm):
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:
         """Return the outputs of the loss module. The actor's losses are included in one of `actor_every` steps only."""
         frames["next", "done"] = frames["next", "terminated"]  # a truncated frame bootstraps
-        out = self.loss(frames)
+        with fits(type(self.loss)):
+            out = self.loss(frames)
         measured = {name: out[key].mean() for key, name in self.outputs.items()}
         measured["std"] = self.policy.actor.log_std.exp().mean()
         if self.steps_taken % self.config.actor_every:
@@ -152,32 +180,39 @@ def build_off_policy_loss(config: TorchRLOffPolicyConfig, policy: Policy, builde
     if takes(cls, "qvalue_network"):
         del given["value_network"]
     loss = build_loss(cls, config.options, given)
-    if hasattr(loss.tensor_keys, "action"):  # DDPGLoss takes the key from its networks
-        loss.set_keys(action="move")
-    getattr(loss, "target_entropy", None)  # REDQLoss registers this buffer at its first use: a checkpoint has it
-    loss.make_value_estimator(loss.default_value_estimator, gamma=config.gamma)
-    return loss.to(builder.device)
+    with fits(cls):
+        if hasattr(loss.tensor_keys, "action"):  # DDPGLoss takes the key from its networks
+            loss.set_keys(action="move")
+        getattr(loss, "target_entropy", None)  # REDQLoss registers this buffer at its first use: a checkpoint has it
+        loss.make_value_estimator(loss.default_value_estimator, gamma=config.gamma)
+        return loss.to(builder.device)
 
 
 def build_target_updater(config: TorchRLOffPolicyConfig, loss: LossModule) -> TargetNetUpdater | None:
     """Return the updater of the target networks, used after each gradient step; None: the loss has no targets."""
-    if config.target == "soft":
-        return SoftUpdate(loss, tau=config.tau)
-    if config.target == "hard":
-        return HardUpdate(loss, value_network_update_interval=config.target_interval)
+    with fits(type(loss)):
+        if config.target == "soft":
+            return SoftUpdate(loss, tau=config.tau)
+        if config.target == "hard":
+            return HardUpdate(loss, value_network_update_interval=config.target_interval)
     return None
 
 
 def find_loss(name: str) -> type[LossModule]:
-    """Return the loss class of torchrl.objectives, or <module>.<class> of trainers.algorithms. Raises ConfigError."""
-    module, _, cls = name.rpartition(".")
+    """Return the loss class of torchrl.objectives, or <module>.<class> of trainers.algorithms or an installed plugin.
+
+    Raises ConfigError. A config may come from a file, so that no other module is imported.
+    """
+    module = name.rpartition(".")[0]
+    first = module.partition(".")[0]
     try:
-        found = getattr(import_module(f"{OWN}.{module}") if module else objectives, cls, None)
-    except ModuleNotFoundError:
+        known = first in plugin_packages() or find_spec(f"{PACKAGE}.{first}") is not None
+        found = getattr(objectives, name, None) if not module else import_class(name) if known else None
+    except ImportError:
         found = None
     if not (inspect.isclass(found) and issubclass(found, LossModule)):
-        known = [each for each in objectives.__all__ if each.endswith("Loss")]
-        raise ConfigError(f"algo.loss={name} is not known" + did_you_mean(name, known))
+        losses = [each for each in objectives.__all__ if each.endswith("Loss")]
+        raise ConfigError(f"algo.loss={name} is not known" + did_you_mean(name, losses))
     return found
 
 
@@ -202,6 +237,10 @@ def build_loss(cls: type[LossModule], options: Mapping[str, Any], given: Mapping
             known = [each for each in inspect.signature(cls.__init__).parameters if each != "self"]
             raise ConfigError(f"algo.options.{name} is not a parameter of {cls.__name__}" + did_you_mean(name, known))
     try:
-        return cls(**{name: value for name, value in given.items() if takes(cls, name)} | dict(options))
-    except (TypeError, ValueError) as error:
+        with fits(cls):
+            return cls(**{name: value for name, value in given.items() if takes(cls, name)} | dict(options))
+    except ConfigError as failure:
+        error = failure.__cause__
+        if not isinstance(error, TypeError | ValueError):
+            raise
         raise ConfigError(f"algo.options={dict(options)} was refused by {cls.__name__}: {error}") from None

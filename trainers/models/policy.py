@@ -7,6 +7,7 @@ robot, further observations ──────────────┴─► 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from typing import NamedTuple
 
 import torch
@@ -258,6 +259,23 @@ def build_policy(
         ConfigError: several networks for a task without stages, or without verbs; or an observation that cannot be
             normalised has a reader.
     """
+    if config.builds is not None:
+        module, _, function = config.builds.rpartition(".")
+        return getattr(import_module(module), function)(
+            config, observation_spec, action_unit, bounds=bounds, vocabulary=vocabulary, readers=readers
+        )
+    return build_networks(config, observation_spec, action_unit, bounds, vocabulary, readers)
+
+
+def build_networks(
+    config: PolicyConfig,
+    observation_spec: Composite,
+    action_unit: Sequence[float],
+    bounds: MoveBounds = UNBOUNDED,
+    vocabulary: Sequence[str] = (),
+    readers: Readers = DEFAULT_READERS,
+) -> Policy:
+    """`build_policy` for our own networks, which a policy of an own package may begin with."""
     encoder = _build_encoder(config, observation_spec, vocabulary, readers)
     further = keys_read(readers, "actor", observation_spec, further=True)
     actor = _build_actor(config, observation_spec, encoder, len(action_unit), further)

@@ -1,14 +1,16 @@
 """The adapter trains with TorchRL's off-policy loss modules: replay, targets, grounding and checkpoints."""
 
 import copy
+from dataclasses import replace
 
 import pytest
 import torch
+from torchrl import objectives
 
 from core.errors import ConfigError
 from tests.helpers.fake_env import make_env
 from tests.helpers.training_configs import training
-from trainers.algorithms.algorithm import build_algorithm
+from trainers.algorithms.algorithm import DivergedError, build_algorithm
 
 ALGOS = ("crossq", "redq", "td3", "tqc")
 SMALL = ("algo.batch=16", "algo.learning_starts=16", "algo.updates_per_frame=0.1", "policy.critic_hidden=[16,16]")
@@ -100,6 +102,7 @@ def test_a_deterministic_policy_explores_within_bounds_and_its_noise_declines():
         ("algo.loss=TD3Los", "algo.loss=TD3Los is not known; did you mean 'TD3Loss'"),
         ("algo.loss=nowhere.Loss", "algo.loss=nowhere.Loss is not known"),
         ("+algo.options.polcy_noise=1", "algo.options.polcy_noise is not a parameter of TD3Loss; did you mean"),
+        ("algo.loss=PPOLoss", "algo.options.loss_function is not a parameter of PPOLoss"),
         ("algo.final_std=null", "final_std=None must be a number with deterministic=True"),
         ("policy.state_dependent_std=true", "policy.state_dependent_std=true needs an algorithm that learns the noise"),
     ],
@@ -107,3 +110,26 @@ def test_a_deterministic_policy_explores_within_bounds_and_its_noise_declines():
 def test_a_wrong_setting_is_named(override, message):
     with pytest.raises(ConfigError, match=message.replace("(", r"\(")):
         learner("td3", override.removeprefix("+"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("adapter", ["a2c", "td3"])
+@pytest.mark.parametrize("loss", [name for name in objectives.__all__ if name.endswith("Loss")])
+def test_a_loss_of_torchrl_learns_or_is_refused_in_one_sentence(adapter, loss):
+    words = ("algo.minibatch=40",) if adapter == "a2c" else SMALL
+    config = training(adapter, "mlp", words)
+    config = replace(config, algo=replace(config.algo, loss=loss, options={}))
+    env = make_env(8, 0)
+    try:
+        made, algorithm = build_algorithm(config, env.observation_spec, env.action_unit, relabel=env.hindsight)
+        with torch.no_grad():
+            batch = env.rollout(5, made.act, break_when_any_done=False)
+        measured = algorithm.update(batch, 0.0)
+    except DivergedError:
+        pass  # of losses for several agents
+    except ConfigError as error:
+        refused = str(error)
+        assert "\n" not in refused
+    else:
+        assert loss in ("A2CLoss", "ClipPPOLoss", "PPOLoss", "DDPGLoss", "TD3Loss", "TD3BCLoss")
+        assert measured
