@@ -33,6 +33,7 @@ from envs.sim.devices import DEVICES
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.object_pool import PoolSpec
 from envs.sim.robot import read_kinematics
+from envs.sim.robot_check import check_reach
 from envs.sim.window import Window
 from envs.sim.world import SimulatedWorld
 from envs.tasks import NOTHING, TASKS, EpisodeSpec, State, Task
@@ -84,6 +85,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self.kinematics = make_kinematics(config, self.task)
         self._worlds = [make_world(config, self.task, render, window) for _ in range(num_worlds)]
         self.control = make_control(config, self.task, self.kinematics)
+        check_reach(config.robot, self.kinematics, config.workspace.object_area, float(self.control.box[0, 2]))
         self._initial_states = make_initial_states(config, self.task, self.kinematics)
         self._arrays = WorldState(
             worlds=self._worlds,

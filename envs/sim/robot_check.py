@@ -29,7 +29,13 @@ TIME_STEP, STEPS = 1 / 240, 120  # seconds, and physics steps for which the moto
 NUDGE = 0.1  # radians by which each joint is to turn within these steps
 FOLLOWED = 0.03  # radians by which a joint may miss it
 OPPOSITE = -0.9  # the greatest cosine between the directions of two fingers
+DOWN = 0.85  # the least cosine between where the gripper points at rest and down
+REACHING, STARTS = 100, 3  # iterations of the inverse kinematics, and how often it begins
+REACHED = 0.03  # metres by which the gripper may miss a place that it reaches
 SLACK = 1e-9  # by which a rest pose may be beyond a limit
+
+
+_reached: set[str] = set()  # robots and areas that `check_reach` has passed
 
 
 class Loaded(NamedTuple):
@@ -138,11 +144,57 @@ def _name(info: tuple) -> str:
 
 def check_motion(config: RobotConfig, chain: Kinematics, loaded: Loaded) -> None:
     """Raise ConfigError where the body in the client does not move as the chain, or its motors cannot move it."""
+    _check_approach(config, chain)
     _check_forward(config, chain, loaded)
     if loaded.fingers:
         _check_fingers(config, loaded)
     _check_masses(config, loaded)
     _check_motors(config, chain, loaded)
+
+
+def _check_approach(config: RobotConfig, chain: Kinematics) -> None:
+    """Raise ConfigError where the gripper does not point down at rest: every task comes to its objects from above."""
+    way = chain.forward(chain.rest[None]).rotation[0] @ np.array(config.approach)
+    if way[2] > -DOWN:
+        raise ConfigError(
+            f"robot.approach={config.approach}: at robot.rest the gripper points to ({way[0]:.2f}, {way[1]:.2f}, "
+            f"{way[2]:.2f}), and not down: it would not come to the objects from above; give another rest, or "
+            "the approach that points down there"
+        )
+
+
+def check_reach(config: RobotConfig, chain: Kinematics, area: Sequence[float], height: float) -> None:
+    """Raise ConfigError unless the gripper gets to half of the corners, edges and middle of an area.
+
+    Args:
+        config: of the robot.
+        chain: its kinematics; the gripper keeps the orientation at rest.
+        area: (x0, x1, y0, y1) of the objects, metres.
+        height: of the gripper over the table there, metres.
+    """
+    key = repr((config, *area, height))
+    if key in _reached:
+        return
+    x0, x1, y0, y1 = area
+    xs, ys = np.linspace(x0, x1, 3), np.linspace(y0, y1, 3)
+    places = np.array([(x, y, height) for x in xs for y in ys])
+    rotation = chain.forward(chain.rest[None]).rotation[0]
+    joints, missed = chain.rest, np.full(len(places), np.inf)
+    for _ in range(STARTS):  # from rest, and then from where it came nearest
+        found = chain.solve(np.tile(joints, (len(places), 1)), places, rotation, iterations=REACHING)
+        missed = np.minimum(missed, np.linalg.norm(chain.forward(found).position - places, axis=1))
+        if (missed <= REACHED).all():
+            break
+        joints = found[int(missed.argmin())]
+    worst = int(missed.argmax())
+    if 2 * int((missed <= REACHED).sum()) < len(places):
+        x, y, z = places[worst]
+        raise ConfigError(
+            f"robot.reach={config.reach}: the gripper gets to {int((missed <= REACHED).sum())} of {len(places)} places "
+            f"of workspace.object_area={list(area)}; it stays {missed[worst]:.2f} m away from ({x:.2f}, {y:.2f}, "
+            f"{z:.2f}). Give robot.reach=[x0,x1,y0,y1,z0,z1], the box that it reaches, or another robot.base"
+        )
+    _reached.add(key)
 
 
 def _check_masses(config: RobotConfig, loaded: Loaded) -> None:

@@ -75,7 +75,7 @@ class Anything(RoomScenes):
             num_targets=targets,
             radius=STACK_RADIUS if verb == "stack" else config.success_radius,
             hold_steps=config.success_steps,
-            reward={term: config.reward[term] for term in task.terms},
+            reward={term: config.reward.get(term, 0.0) for term in task.terms},  # a term of that task alone counts as 0
         )
         return task(own, self._area, worlds)
 

@@ -313,5 +313,5 @@ def check_terms(config: TaskConfig, terms: Sequence[str]) -> None:
         if name not in config.reward:
             raise ConfigError(
                 f"task.reward.{name} has no value: task.name={config.name} needs a weight for each of "
-                f"{', '.join(terms)}; 0 switches a term off"
+                f"{', '.join(terms)}; +task.reward.{name}=0 switches it off, also for runs and policies from before it"
             )

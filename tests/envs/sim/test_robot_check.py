@@ -154,7 +154,8 @@ def test_an_unusual_robot_that_works_is_accepted(tmp_path, name):
         frame += '<joint name="to_frame" type="fixed"><parent link="lbr_iiwa_link_7"/><child link="frame"/></joint>'
         change, fields = (lambda text: swapped(text, "</robot>", frame + "</robot>")), {"tip": "frame"}
     else:
-        change, fields = (lambda text: text), {"joints": KUKA[:6], "rest": [0.0] * 6, "max_speed": [1.0] * 6}
+        rest = [0.0, 0.6109, 0.0, -1.7006, 0.0, 0.8301]
+        change, fields = (lambda text: text), {"joints": KUKA[:6], "rest": rest, "max_speed": [1.0] * 6}
     assert read_kinematics(own_robot(tmp_path, "kuka", change, **fields)).rest.shape[0] in (6, 7)
 
 
@@ -179,3 +180,20 @@ def test_the_chain_of_a_shipped_robot_moves_as_bullets_own_body(robot):
             np.testing.assert_allclose(found, place, atol=1e-5)
     finally:
         bullet.disconnect(client)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["robot=kuka", "robot.approach=[1.0,0.0,0.0]"], "it would not come to the objects from above"),
+        (["robot=panda", "robot.rest.5=0.3"], "it would not come to the objects from above"),
+        (["robot=kuka", "robot.base=[-0.9,0.0,0.0]"], r"robot\.reach=\[\]: the gripper gets to 0 of 9 places"),
+        (
+            ["robot=so_arm", "robot.reach=[]", "robot.base=[-0.3,0.0,0.0]"],
+            r"robot\.reach=\[\]: the gripper gets to 0 of",
+        ),
+    ],
+)
+def test_a_gripper_that_does_not_come_from_above_is_refused(words, message):
+    with pytest.raises(ConfigError, match=message):
+        make_env(words)

@@ -1,6 +1,7 @@
 """Anything: what is drawn and said, whose rules count, and one instruction after another in the same world."""
 
 from collections import Counter
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from core.errors import ConfigError
 from envs import make_env
 from envs.experts import expert
 from envs.mdp.object_rows import COLUMNS
+from envs.tasks.reach import NLReach
 from envs.tasks.shared.feasible import PLAIN_VERBS as VERBS
 from envs.tasks.shared.feasible import options
 from envs.tasks.shared.types import NOTHING
@@ -199,3 +201,12 @@ def test_anything_needs_fittings_with_handles():
         ConfigError, match=r"task\.name=anything needs a workspace whose fittings are drawer and fridge"
     ):
         make_env(["task=anything", "workspace=table"])
+
+
+def test_a_term_that_another_task_gains_counts_nothing_here(monkeypatch):
+    monkeypatch.setattr(NLReach, "terms", (*NLReach.terms, "low"))
+    with closing(make_env(["task=anything"])) as env:
+        assert "low" not in env.reward_names
+        env.rollout(2)
+    with pytest.raises(ConfigError, match=r"\+task\.reward\.low=0 switches it off, also for runs"):
+        make_env(["task=nl_reach"])
