@@ -16,6 +16,7 @@ from tests.helpers.tiny_run import TINY_RUN
 from tools.forked import call
 
 FEW = ("episodes=1", "worlds=1")
+SCENE = "- {id: a, noun: cube, color: red, position: [0.5, 0.1, 0.0]}\n"
 QUICK = ("eval.video_episodes=0", "eval.episodes=1", "eval.worlds=1")
 
 
@@ -48,14 +49,39 @@ def report_there(run: Path, folder: Path) -> list[tuple[str, ...]]:
     return [("trainers.reports.report", str(folder))]
 
 
+def sweep_there(run: Path, folder: Path) -> list[tuple[str, ...]]:
+    few = (*TINY_RUN, *QUICK, "total_frames=128", "sweep.jobs=1")
+    return [("train", "-m", "seed=1", *few, f"hydra.sweep.dir={folder}"), ("train", "-m", f"sweep.resume={folder}")]
+
+
+def play_there(run: Path, folder: Path) -> list[tuple[str, ...]]:
+    shutil.copytree(run, folder)
+    small = ("workspace.camera.width=64", "workspace.camera.height=48", "task.max_steps=8")
+    return [("play", f"--headless={folder}/a.mp4", "--say=reach {0}", f"checkpoint={folder}", *small)]
+
+
+def parse_there(run: Path, folder: Path) -> list[tuple[str, ...]]:
+    folder.mkdir()
+    (folder / "scene.yaml").write_text(SCENE)
+    return [("language.__main__", "parse", "reach the red cube", "--scene", f"{folder}/scene.yaml")]
+
+
+def record_policy_there(run: Path, folder: Path) -> list[tuple[str, ...]]:
+    shutil.copytree(run, folder)
+    return [("record", f"checkpoint={folder}", "episodes=1", f"out={folder}/out-v0", "format=minari")]
+
+
 COMMANDS = (train_there, resume_there, begin_with, evaluate_there, record_there, report_there)
+COMMANDS += (sweep_there, play_there, parse_there, record_policy_there)
 
 
 def _run(words: tuple[str, ...]) -> None:
     program, *rest = words
     sys.argv = [f"{program}.py", *rest]
-    run: Callable[[list[str]], None] = importlib.import_module(program).cli
-    run(rest)
+    module = importlib.import_module(program)
+    if program == "language.__main__":
+        sys.exit(module.run())
+    module.cli(rest)
 
 
 def _failure(command: Callable, run: Path, place: Path, name: str) -> str:
@@ -74,7 +100,7 @@ def test_a_folder_of_any_name_is_used_as_it_is_written(row, tiny_run, tmp_path):
     import trainers.run.train_loop  # noqa: F401  imported once, before the forks
 
     every = [(command, name) for name in NAMES for command in COMMANDS]
-    number = row.number(sample=3, thorough=len(every))
+    number = row.number(sample=5, thorough=len(every))
     for index, (command, name) in enumerate(every if number >= len(every) else row.rng.sample(every, number)):
         place = tmp_path / f"try-{index}"
         place.mkdir()
