@@ -140,6 +140,7 @@ def question(text: str) -> str | None:
         return None
     plain = plain_start(asked)
     named = rf"what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b"
+    named += r"|what(?:ever)? \w+ (?:holds|contains|hides) .*\b(?:on|in|to)\b"
     requests = plain != asked and re.match(rf"(?:{verb_words()})\b", plain)
     return None if requests or re.match(named, asked) else asked  # "what I want is", "what you hold, put it down"
 

@@ -407,7 +407,7 @@ def odd(relation: RelationPhrase) -> float:
         return costs.ODD_PREPOSITION
     if relation.name == "of" and thing:
         return 2 * costs.ODD_PREPOSITION
-    if kind == "list":
+    if kind == "list" and relation.name != "among":
         return 4 * costs.ODD_PREPOSITION
     if relation.name in ("left", "right") and kind == "side":  # "in the lower right to ..."
         return costs.ODD_PREPOSITION

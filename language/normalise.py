@@ -178,7 +178,7 @@ def repaired(found: list[Token]) -> list[Token]:
     for match in _REPAIR.finditer(text):
         first = text[: match.start()].count(" ")
         before, after = found[:first], found[first + len(match[0].split()) :]
-        if not before or not after or len(before) < 2:
+        if not before or not after or (len(before) < 2 and not re.fullmatch(verb_words(), before[0].text)):
             continue
         cut = _taken_back(before, after)
         if cut is not None:
@@ -187,15 +187,16 @@ def repaired(found: list[Token]) -> list[Token]:
 
 
 _TAKING_BACK = (
-    r"(?:no actually|no hang on|hang on no|well no|or no|oh no|no not|no wait|wait no|no no|no sorry|sorry no|i mean"
-    r"|i meant|or rather|sorry|no|wait|scratch that|make that|oops|actually no|no i mean|no make it|correction)"
+    r"(?:no actually|no hang on|no hold on|wait hold on|hang on no|well no|or no|oh no|no not|no wait|wait no|no no|no sorry"
+    r"|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make that|oops|actually no|no i mean|no make it|correction)"
 )
 _REPAIR = re.compile(rf"(?<= )(?:, )?{_TAKING_BACK}(?:(?: ,)? {_TAKING_BACK})*(?: ,)?(?= )")
 
 
 def _taken_back(before: list[Token], after: list[Token]) -> int | None:
     """Return from which word on the words before a repair are taken back; None: it repairs nothing."""
-    first, words = after[0].text, [token.text for token in before]
+    words = [token.text for token in before]
+    first = next((token.text for token in after if token.text not in ("just", "only", "please", "rather")), "")
     start = max((i + 1 for i, word in enumerate(words) if word in ".;!?"), default=0)
     if re.fullmatch(verb_words(), first):
         verbs = [i for i in range(start, len(words)) if re.fullmatch(verb_words(), words[i])]

@@ -46,7 +46,8 @@ class Planner(Steps):
             else:
                 steps = reading.otherwise or (Clause(doing(Act.CARRY), negated=True, span=reading.condition.span),)
         found = self._sequence(steps * reading.times, last=True, arbitrary=reading.arbitrary)
-        return [_finished(each) for each in found]
+        forbidden = [clause for clause in steps if clause.negated and clause.act is not None]
+        return [self._allowed(_finished(each), forbidden) for each in found]
 
     def _sequence(self, steps: tuple[Clause, ...], last: bool, arbitrary: bool = False) -> list[Draft]:
         """Return the plans of clauses, which readings share. last: whether no clause follows."""
@@ -86,8 +87,11 @@ class Planner(Steps):
                 clause if near is None else Clause(doing(Act.TOUCH), near, span=clause.span)
             )  # "move the gripper to"
             act = clause.act
-        if plan.failure or clause.negated:
+        if plan.failure:
             yield plan
+        elif clause.negated:
+            refs = self._refs(plan, clause, clause.entity) if clause.entity is not None and act in BOXES else []
+            yield plan if not refs else replace(plan, box=refs[0].things[-1], it=refs[0].things[-1:])
         elif act is None:
             yield from self._fragment(plan, clause, last)
         elif (

@@ -473,6 +473,10 @@ class Resolver:
         if relation.name == "not":
             rejected = {i for ref in self.resolve(relation.anchors[0]) for i in ref.things}
             return [ref for ref in refs if not set(ref.things) & rejected]
+        if relation.name == "among":
+            parts = relation.anchors[0].parts or relation.anchors
+            named = {i for part in parts for ref in self.resolve(part) for i in ref.things}
+            return [ref for ref in refs if set(ref.things) <= named]
         if counted and relation.name == "from" and relation.anchors[0].kind in ("side", "edge"):
             return refs  # "the second from the left" says how to count
         anchors = [self.anchors(anchor) for anchor in relation.anchors]

@@ -18,8 +18,8 @@ _THING = (
     r"|gripper|containers?|whatever|what|which|nothing|thing|lid|palm|hand)"
 )
 _PLACE = (
-    r"(?:in|into|inside|on|onto|at|to|next|near|left|right|behind|between|under|beside|above|below|over|top|from|off"
-    r"|together|away|closer|up|down)"
+    r"(?:in|into|inside|on|onto|at|to|next|near|left|right|behind|between|under|beside|above|below|over|top|from"
+    r"|together|closer)"
 )
 _PERSON = (
     r"(?:i|we|he|she|they|you|someone|somebody|everyone|everybody|anyone|anybody|nobody|no one|there|this|it|something"
@@ -33,13 +33,14 @@ _DOES = (
     r"|already|still|always|never|really|[a-z]{3,}ed)"
 )
 _REMARK = re.compile(
-    rf"^(?:but |and |so |because |since |now |well |also |or |as )*"
-    rf"(?:{_PERSON} {_DOES}|(?!{_THING}\b)\w+(?: (?!{_THING}\b)\w+)? {_IS}|{_THING}(?: {_THING})? {_IS}"
+    r"^(?:(?:but|and|so|that|because|since|now|well|also|or|else|as|before|until|in case|otherwise|when|after) )*"
+    rf"(?:{_PERSON} {_DOES}|everything [a-z]{{3,}}s|(?!{_THING}\b)\w+(?: (?!{_THING}\b)\w+)? {_IS}"
+    rf"|{_THING}(?: {_THING})? {_IS}"
     rf"|(?!{_THING}\b)[a-z]\w+ (?:keeps?|wants?|likes?|says|said|thinks|hates|loves))\b"
 )
 _LEAD = (
-    r"(?:(?:and|then|so|please|to|just|now|but|or|at least|better|first|second|finally|next|also|simply|only|kindly"
-    r"|quickly|again|therefore|hence|thus|instead|rather|otherwise|maybe|you|either|if so|after that|,|robot) )*"
+    r"(?:(?:and|then|so|no|yes|please|to|just|now|but|or|at least|better|first|second|finally|next|also|simply|only"
+    r"|kindly|quickly|again|therefore|hence|thus|instead|rather|otherwise|maybe|you|either|if so|after that|,|robot) )*"
 )
 _OBLIGED = (
     r"\b(?:should|must|has to|have to|needs to|need to|ought to|shall|belongs?|supposed to|is to|are to|goes|go"
@@ -56,12 +57,14 @@ _AFTER = re.compile(  # where a reason or a circumstance begins within a part
     rf" (?={_SINCE}"
     r"|(?:so(?: that)?|as|before|until|in case|or(?: else)?|otherwise|in order (?:that|to)|when|after)"
     r" (?!(?:it|they|he|she) (?:is|are|was|were)(?:$| [.;,]))"
-    rf"(?:{_PERSON} {_DOES}|{_THING}(?: {_THING})? {_IS}|(?!{_THING}\b)\w{{3,}} {_DOES})\b"
+    rf"(?:(?:{_PERSON}|everything) (?:{_DOES}|[a-z]{{3,}}s)|{_THING}(?: {_THING})? {_IS}"
+    rf"|(?!{_THING}\b)\w{{3,}} {_DOES})\b"
     r"|so (?:it|he|she|they) (?:gets?|does|do|stays?|cools?|dries)\b"
     r"|and (?:i|we|he|she|they) (?!.*\bit\b.* (?:in|on|to)))"
     r"|(?<! where)(?<! after)(?<! when)(?<! that)(?<! if)(?<! until)(?<! and)(?<! but)(?<! sure)(?<! so)(?<! which)"
+    r"(?<! as)"
     r" (?=(?:he|she|they) (?:is|are|was|wants?|has|likes?|looks?|feels?|gets?)\b)"
-    r"|(?<=it|em|re|ck|wn|up|ay|ff|ut|in|ow|en) (?=i (?:do not|did not|can not|am|was|hate|forgot|just)\b)"
+    r"|(?<=it|em|re|ck|wn|up|ay|ff|ut|in|ow|en) (?=i (?:do not|did not|can not|am|was|hate|forgot|just|will)\b)"
 )
 _IS_SO = re.compile(  # "the red cube is dusty | put it in the drawer"
     rf"^(?:{_THING} ){{1,2}}{_IS} (?:(?:so|too|very) )?(?!not\b)\w+"
@@ -74,11 +77,12 @@ _STATES = re.compile(  # what a circumstance does not say
 _IDLE = re.compile(  # what is said to people, and what a look at the scene shows
     r"(?:and |then |please |so )*(?:report|notify|inform|let (?:me|us) know|tell (?:me|us) (?:when|that|once|if)"
     r"|keep me posted|as (?:discussed|agreed|mentioned|promised|usual|always|requested|planned|i said|we said|before)"
-    r"|yeah|yep|come on)\b"
+    r"|yeah|yep|come on|meanwhile|nothing else)\b"
 )
 _CHECK = re.compile(r"(?:and |then |please |first )*(?:verify|check|confirm|assert|see) (?:that|whether|if)\b")
 _REASON = re.compile(
-    rf"{_SINCE}|(?:many )?(?:thanks|thank you) for\b"
+    rf"{_SINCE}|(?:in order )?to (?:make|have|keep|save|avoid|prevent|free|create|be|let|ensure|help|allow|prepare)\b"
+    r"|(?:many )?(?:thanks|thank you) for\b"
     r"|(?:i|we) (?:need|want|use|require) (?:drawer|fridge|refrigerator|table) (?:for|to)\b"
 )
 _UNSURE = re.compile(r"(?:i|we) (?:forgot|thought|know|said)\b")
@@ -108,7 +112,7 @@ def without_remarks(found: list[Token]) -> list[Token]:
             kept += part.words
         elif (named := _NAMED.search(part.text)) and not kept and refers:  # what "it" means afterwards
             first, last = part.text[: named.start()].count(" "), part.words[-1]
-            kept += [*part.words[first : first + len(named[0].split())], Token(",", last.start, last.end)]
+            kept += [*part.words[first : first + len(named[0].split())], Token(".", last.start, last.end)]
     return kept or found
 
 
@@ -139,7 +143,7 @@ def _asks(text: str) -> bool:
     """Whether a part is surely a command or a wish."""
     if _IDLE.match(text) or _CHECK.match(text):
         return False
-    if command().match(text):
+    if command().match(text) and not _REASON.match(text):
         return True
     wish = re.search(rf"{_OBLIGED}|{_WISH}", text) and re.search(rf"\b(?:{_THING}|it|that|there)\b", text)
     return bool(wish) and not _UNSURE.match(text) and not _REASON.match(text)
@@ -147,8 +151,8 @@ def _asks(text: str) -> bool:
 
 def _is_label(part: _Part) -> bool:
     """Whether a part is a label: "message from reception:"."""
-    told = rf"\b(?:{_THING}|it|twice|times|once|no|not|wait|sorry|if|mean|{verb_words()})\b"
-    return part.mark == ":" and not re.search(told, part.text)
+    told = rf"\b(?:{_THING}|it|twice|times|once|no|not|wait|sorry|if|mean)\b"
+    return part.mark == ":" and not re.search(told, part.text) and not command().match(part.text)
 
 
 def _follows(part: _Part, kept: list[Token]) -> bool:
@@ -160,7 +164,11 @@ def _follows(part: _Part, kept: list[Token]) -> bool:
 
 def _asks_nothing(text: str) -> bool:
     """Whether a part is a reason, or says what is so."""
-    if (_IDLE.match(text) and not re.search(rf"\b{_THING}\b", text)) or _CHECK.match(text) or _REASON.match(text):
+    if (
+        (_IDLE.match(text) and not re.search(rf"\b{_THING}\b", text.replace("nothing", "")))
+        or _CHECK.match(text)
+        or _REASON.match(text)
+    ):
         return True
     kept = rf"\b(?:which|any|order|should|must|only|not touch|wrong)\b|^there (?:is|are)\b.*\b{_THING}\b"
     if not _REMARK.match(text) or re.search(kept, text):

@@ -52,6 +52,8 @@ _SHORT = {  # without an apostrophe
     "cannot": "can not",
     "gimme": "give me",
     "lemme": "let me",
+    "smth": "something",
+    "sth": "something",
     "pls": "please",
     "plz": "please",
     "plse": "please",

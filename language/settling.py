@@ -348,7 +348,8 @@ def _missing(plan: Draft, part: str, lattice: Lattice) -> str:
     if plan.reason == "nothing" and entity is not None and entity.kind in ("thing", "stack", "list"):
         head = [*(colors[0] for colors in entity.colors), *([entity.noun] if entity.noun else [])]
         if head and not entity.relations and not entity.superlative and not entity.sides and not entity.other:
-            return f"there is no {' '.join(head)} here"
+            said = [token.text for token in lattice.tokens[slice(*entity.span)]]
+            return f"there is no {' '.join(head) if entity.noun is None or entity.noun in said else repr(part)} here"
         return f"I do not see which thing is meant by {part!r}"
     if plan.reason == "place":
         return f"{part!r} is a place, and I do not see which thing you mean"

@@ -105,6 +105,20 @@ class Steps:
             return (index in world.open) == (act is Act.OPEN)
         return act is Act.EMPTY and not world.contents(index)
 
+    def _allowed(self, plan: Draft, forbidden: list[Clause]) -> Draft:
+        """Return the plan, or why it is none: it needs a step that a clause forbids."""
+        for clause in forbidden:
+            entity = clause.entity
+            spoken = entity is None or entity.kind == "it"
+            refs = [] if spoken or entity is None else self.resolver(self.world, self.it, None).resolve(entity)
+            things = {i for ref in refs for i in ref.things}
+            for step in plan.steps:
+                same = step.act is clause.act or (clause.act is Act.LOWER and step.carries)
+                if same and step.implied and (spoken or step.object in things) and not plan.failure:
+                    failure = f"I would have to {step.verb} {a_name(self.world, step.object)} for that"
+                    return replace(plan, failure=failure, reason="impossible", entity=entity)
+        return plan
+
     def _act(self, plan: Draft, clause: Clause) -> Iterator[Draft]:
         """Yield the plans that carry out a clause with the plan's mover."""
         assert plan.mover is not None
@@ -263,6 +277,10 @@ class Steps:
         """Yield the plans that take a thing and, if the clause says where, put it there."""
         world, act = plan.world, clause.act
         held = world.held == index
+        if not world.cells and not held and (box := self._other_box(plan, clause, index)) is not None:
+            failure = f"{a_name(world, index)} is not in {a_name(world, box)}"
+            yield replace(plan, failure=failure, reason="impossible", entity=clause.entity)
+            return
         if not held:
             if act is Act.LOWER and not clause.places and world.below[index] is None and index not in world.inside:
                 yield replace(plan, failure="the gripper is empty", reason="impossible")
@@ -296,6 +314,16 @@ class Steps:
             yield replace(plan, failure="it is not said where to", reason="where", entity=clause.entity)
         else:
             yield from self._placed(plan, clause, index, places)
+
+    def _other_box(self, plan: Draft, clause: Clause, index: int) -> int | None:
+        """Return the container from which a clause takes a thing that is not in it; None: there is none."""
+        for place in clause.places:
+            if place.name == "from" and place.anchors:
+                refs = self.resolver(plan.world, plan.it, None, (), plan.box).resolve(place.anchors[0])
+                boxes = [ref.things[-1] for ref in refs if ref.things and ref.things[-1] in plan.world.containers]
+                if boxes and len(boxes) == len(refs) and plan.world.inside.get(index) not in boxes:
+                    return boxes[0]
+        return None
 
     def _made_takeable(self, plan: Draft, index: int) -> Draft:
         """Return the plan with a thing free to be taken, or why it cannot be."""
