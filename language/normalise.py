@@ -187,8 +187,9 @@ def repaired(found: list[Token]) -> list[Token]:
 
 
 _TAKING_BACK = (
-    r"(?:no actually|no hang on|no hold on|wait hold on|hang on no|well no|or no|oh no|no not|no wait|wait no|no no|no sorry"
-    r"|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make that|oops|actually no|no i mean|no make it|correction)"
+    r"(?:no actually|no hang on|no hold on|wait hold on|hang on no|well no|or no|oh no|no not|no wait|wait no|no no"
+    r"|no sorry|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make that|oops|actually no|no i mean"
+    r"|no make it|correction)"
 )
 _REPAIR = re.compile(rf"(?<= )(?:, )?{_TAKING_BACK}(?:(?: ,)? {_TAKING_BACK})*(?: ,)?(?= )")
 

@@ -208,10 +208,6 @@ class Planner(Steps):
         """Return the plan before its last clause, if it has only one; otherwise a plan without steps."""
         return Draft(self.world, it=self.it, mentioned=self.mentioned, box=plan.box, arbitrary=plan.arbitrary)
 
-    def _is_box(self, plan: Draft, entity: Entity) -> bool:
-        refs = self.resolver(plan.world, plan.it, None).resolve(entity) if entity.kind in ("thing", "person") else []
-        return bool(refs) and all(ref.kind == "person" or ref.things[-1] in plan.world.containers for ref in refs)
-
     def _unsaid(self, plan: Draft) -> Draft:
         assert plan.topic is not None
         return replace(plan, failure="it is not said what to do with it", reason="what", entity=plan.topic.entity)

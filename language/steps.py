@@ -105,6 +105,10 @@ class Steps:
             return (index in world.open) == (act is Act.OPEN)
         return act is Act.EMPTY and not world.contents(index)
 
+    def _is_box(self, plan: Draft, entity: Entity) -> bool:
+        refs = self.resolver(plan.world, plan.it, None).resolve(entity) if entity.kind in ("thing", "person") else []
+        return bool(refs) and all(ref.kind == "person" or ref.things[-1] in plan.world.containers for ref in refs)
+
     def _allowed(self, plan: Draft, forbidden: list[Clause]) -> Draft:
         """Return the plan, or why it is none: it needs a step that a clause forbids."""
         for clause in forbidden:

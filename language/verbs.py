@@ -127,8 +127,8 @@ VERBS: dict[str, Verb] = {
             "move the gripper to, move the arm to, move the hand to, bring your hand to, bring your arm to, "
             "bring your gripper to, put your hand on, put your gripper on, put your finger on, lay your hand on, find, "
             "look for, look at, search for, show me, show us, show, locate, feel, contact, hover over, navigate to, "
-            "drive to, close in on, walk to, walk over to, visit, make contact with, poke, prod, go and touch, over to, "
-            "guide your hand to"
+            "drive to, close in on, walk to, walk over to, visit, make contact with, poke, prod, go and touch, "
+            "over to, guide your hand to"
         ),
     ),
     "push": Verb(
