@@ -13,7 +13,6 @@ overrides the environment's config, as in train.py. The page requires pip instal
 from __future__ import annotations
 
 import argparse
-import gc
 import signal
 import socket
 import sys
@@ -26,6 +25,7 @@ from typing import TYPE_CHECKING
 from core.command_line import check_file
 from core.errors import ConfigError
 from core.machine_limits import require_docstrings
+from core.platform_tuning import lean_imports
 from core.plugins import take_config_dir
 from core.program import help_text, program
 
@@ -83,7 +83,9 @@ def main(words: Sequence[str]) -> None:
 def make_session(args: argparse.Namespace) -> Session:
     """Make the session that the arguments choose. Raises ConfigError."""
     from core.command_line import split
-    from demo.session import Session
+
+    with lean_imports():
+        from demo.session import Session
     from demo.session_config import DEFAULTS, check_choices, default_task, make_config
 
     values, overrides = split(args.overrides, SESSION_KEYS, "robot=panda")
@@ -135,9 +137,8 @@ def serve_page(args: argparse.Namespace) -> None:
             print(f"{gate.address} (press Ctrl-C to stop)", flush=True)
             for origin in args.origin:
                 print(f"or {gate.with_token(origin)}", flush=True)
-            from demo.page import Page
-
-            gc.freeze()  # what is imported stays: looking for garbage in it takes long, and so is seldom done
+            with lean_imports():
+                from demo.page import Page
             session = stack.enter_context(closing(make_session(args)))
             page = stack.enter_context(closing(Page(server, session)))
             with _on_interrupt(page.loop.stop):
