@@ -10,6 +10,9 @@ from tests.helpers.screen import TIMEOUT, start  # noqa: F401  a fixture
 
 PROGRAM = """
 from core.overrides import compose
+from core.platform_tuning import lean_imports
+with lean_imports():
+    import envs.workspace_env
 from envs import read_env
 from envs.interactive.by_hand import ByHandEnv, run_by_hand
 from envs.experts import Oracle
@@ -42,7 +45,7 @@ def test_play_draws_the_robot_in_a_window_and_ends_with_escape(start):  # noqa: 
     deadline = time.monotonic() + TIMEOUT
     while not is_drawn(program.picture()) and program.process.poll() is None:
         assert time.monotonic() < deadline
-        time.sleep(0.5)
+        time.sleep(0.1)
     if program.process.poll() is not None:
         program.until("an end")  # skips if PyBullet cannot open a window at all
     program.press("Escape")

@@ -160,9 +160,11 @@ def test_the_result_is_reported_even_if_it_cannot_be_written(tmp_path):
 SCRIPT = """
 from pathlib import Path
 from functools import partial
+from core.platform_tuning import lean_imports
+with lean_imports():
+    from trainers.run.train_loop import fit
 from tests.helpers.fake_env import WORDS, FakeEnv
 from tests.helpers.training_configs import config, training
-from trainers.run.train_loop import fit
 def make(worlds, seed):
     return FakeEnv(worlds, seed, nap=0.002)
 if __name__ == "__main__":
