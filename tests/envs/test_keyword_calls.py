@@ -6,7 +6,7 @@ from pathlib import Path
 ENVS = Path(__file__).parents[2] / "envs"
 MOST = 4
 # Doors of the package, whose order of arguments is documented; and what another part of the project defines.
-DOORS = {"make_env", "WorkspaceEnv", "GymEnv", "ObservationTerm", "Room"}
+DOORS = {"make_env", "WorkspaceEnv", "GymEnv", "GymVectorEnv", "ObservationTerm", "Room"}
 
 
 def by_position(function):

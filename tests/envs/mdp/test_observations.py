@@ -27,7 +27,7 @@ HEIGHT = ObservationTerm(
 @pytest.fixture
 def with_height(monkeypatch):
     """One more term in the table."""
-    for module in ("envs.mdp.observations", "envs.workspace_env", "envs.gym_env"):
+    for module in ("envs.mdp.observations", "envs.workspace_env", "envs.gym_interface"):
         monkeypatch.setattr(f"{module}.OBSERVATIONS", (*observations.OBSERVATIONS, HEIGHT))
 
 
