@@ -129,17 +129,17 @@ def test_a_policy_trained_on_three_objects_is_evaluated_on_six(trained):
 
 
 def test_evaluate_ablates_instructions_and_names_each_object_in_turn(trained):
-    success = evaluate.main([f"checkpoint={trained}", "episodes=60"])["success_at_end"]
+    success = evaluate.main([f"checkpoint={trained}", "episodes=40"])["success_at_end"]
     for words in ("blank", "swapped"):
-        ablated = evaluate.main([f"checkpoint={trained}", "episodes=60", f"words={words}"])["success_at_end"]
+        ablated = evaluate.main([f"checkpoint={trained}", "episodes=40", f"words={words}"])["success_at_end"]
         assert ablated < success - 0.2
-    in_turn = evaluate.main([f"checkpoint={trained}", "in_turn=20"])
-    assert (in_turn["scenes"], in_turn["episodes"]) == (20, 60)
+    in_turn = evaluate.main([f"checkpoint={trained}", "in_turn=12"])
+    assert (in_turn["scenes"], in_turn["episodes"]) == (12, 36)
     assert in_turn["success_at_end"] > 0.6  # by chance, a third
 
 
 def test_the_oracle_understands_every_sentence(trained):
-    assert evaluate.main([f"checkpoint={trained}", "episodes=60", "reader=oracle"])["success_at_end"] >= 0.95
+    assert evaluate.main([f"checkpoint={trained}", "episodes=40", "reader=oracle"])["success_at_end"] >= 0.95
 
 
 def test_evaluate_reports_each_split(trained, capsys):

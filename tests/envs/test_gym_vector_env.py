@@ -127,13 +127,12 @@ def test_torchrl_wraps_the_worlds(mode):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [2, 4])
-def test_torchrl_makes_the_environment_in_workers(count):
-    env = GymEnv(ID, num_envs=count, overrides=SHORT)  # its processes have not imported envs
+def test_torchrl_makes_the_environment_in_workers():
+    env = GymEnv(ID, num_envs=2, overrides=SHORT)  # its processes have not imported envs
     rollout = env.rollout(8, break_when_any_done=False)
-    assert rollout.batch_size == (count, 8)
-    assert rollout["next", "reward_terms"].shape == (count, 8, 4)
-    assert rollout["next", "done"].squeeze(-1).sum(1).tolist() == [1] * count
+    assert rollout.batch_size == (2, 8)
+    assert rollout["next", "reward_terms"].shape == (2, 8, 4)
+    assert rollout["next", "done"].squeeze(-1).sum(1).tolist() == [1, 1]
     env.close()
 
 
@@ -142,7 +141,7 @@ def test_torchrl_makes_the_environment_in_workers(count):
 def test_gymnasium_makes_the_environment_in_workers_of_any_kind(start):
     code = (
         "import envs, gymnasium\n"
-        f"worlds = gymnasium.make_vec('{ID}', 2, vectorization_mode='async', vector_kwargs={{'context': '{start}'}})\n"
+        f"worlds = gymnasium.make_vec('{ID}', 1, vectorization_mode='async', vector_kwargs={{'context': '{start}'}})\n"
         "worlds.reset(seed=0)\n"
         "worlds.step(worlds.action_space.sample())\n"
         "print(*worlds.get_attr('sentence'))\n"

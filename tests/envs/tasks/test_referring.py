@@ -69,10 +69,10 @@ def test_the_oracle_succeeds_from_public_observations(name):
         "step",
         name,
         "task.curriculum={near: 0, held: 0, placed: 0}",
-        worlds=8,
+        worlds=4,
         seed=31,
     )
-    oracle, td, ended, solved = Oracle(env), env.reset(), np.zeros(8, bool), []
+    oracle, td, ended, solved = Oracle(env), env.reset(), np.zeros(4, bool), []
     while not ended.all():
         seen = td.clone().exclude("privileged")
         td = act(env, td, oracle(seen)["action"])
@@ -82,4 +82,4 @@ def test_the_oracle_succeeds_from_public_observations(name):
         if over.any():
             td = partial_reset(env, td, np.flatnonzero(over))
     env.close()
-    assert np.mean(solved) >= 7 / 8
+    assert np.mean(solved) >= 3 / 4

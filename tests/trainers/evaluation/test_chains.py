@@ -53,11 +53,11 @@ def test_success_is_told_by_task_and_by_transition_the_worst_first():
 @pytest.mark.slow
 def test_the_expert_completes_chains_and_a_still_arm_none():
     env = make("kuka", "step", "anything", "task.instructions=2", "task.max_steps=80", worlds=4)
-    chains = run_chains(env, expert(env), 6, seed=3)
-    assert len(chains) == 6
-    assert sum(chain.reached for chain in chains) >= 10
+    chains = run_chains(env, expert(env), 4, seed=3)
+    assert len(chains) == 4
+    assert sum(chain.reached for chain in chains) >= 7
     assert all(len(chain.kinds) <= 2 for chain in chains)
-    again = run_chains(env, expert(env), 6, seed=3)
+    again = run_chains(env, expert(env), 4, seed=3)
     assert again == chains
     still = run_chains(env, lambda state: state.set("action", state["hold"]), 4, seed=3)
     assert [chain.reached for chain in still] == [0] * 4
