@@ -55,9 +55,9 @@ _SIGNED = re.compile(
 _SINCE = r"(?:because|cause|since|although|though|whereas|while|whilst)\b"
 _AFTER = re.compile(  # where a reason or a circumstance begins within a part
     rf" (?={_SINCE}"
-    r"|(?:so(?: that)?|as|before|until|in case|or(?: else)?|otherwise|in order (?:that|to)|when|after)"
+    r"|(?:so(?: that)?|as|before|(?<!not )until|in case|or(?: else)?|otherwise|in order (?:that|to)|when|after)"
     r" (?!(?:it|they|he|she) (?:is|are|was|were)(?:$| [.;,]))"
-    rf"(?:(?:{_PERSON}|everything) (?:{_DOES}|[a-z]{{3,}}s)|{_THING}(?: {_THING})? {_IS}"
+    rf"(?:(?:{_PERSON}|everything) (?:{_DOES}|[a-z]{{3,}}s)|{_THING}(?: {_THING})? {_IS}(?!.*\b(?:{_PLACE}|where|there)\b)"
     rf"|(?!{_THING}\b)\w{{3,}} {_DOES})\b"
     r"|so (?:it|he|she|they) (?:gets?|does|do|stays?|cools?|dries)\b"
     r"|and (?:i|we|he|she|they) (?!.*\bit\b.* (?:in|on|to)))"

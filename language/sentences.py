@@ -156,6 +156,9 @@ class _Sentences:
     def _elliptic(self, before: Clause, clause: Clause) -> float:
         """Return the cost of a thing with a place after a command: rather what goes there than another object."""
         related = clause.verb is None and clause.entity is not None and bool(clause.entity.relations)
+        if before.verb is None and before.entity is not None and before.entity.relations and self.lattice.table:
+            own = clause.entity is not None and clause.entity.kind != "it"
+            return costs.TOPIC_LEFT * own
         return costs.NO_VERB_BUT_PLACE * (related and before.act is Act.CARRY and self.lattice.table)
 
     def _joins(self, end: int) -> list[tuple[int, float]]:

@@ -120,9 +120,14 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         rivals = [c for c in close if c.reading is top.reading and c is not top]
     if not world.cells and (doubt := _left_out(sentence, top, found, world)) is not None:
         return doubt
-    if top.cost > costs.TOO_MUCH:
+    whole = not top.reading.unused and not world.cells and all(step.verb is not None for step in top.reading.steps)
+    clauses = len(top.reading.steps) - 1 if whole else 0
+    if top.cost > costs.TOO_MUCH + costs.NO_VERB_BUT_PLACE * clauses:
         return _doubted(sentence, found, world)
     if rivals and not top.plan.arbitrary:
+        impossible = [c for c in found.failed if c.plan.reason == "impossible" and not c.reading.unused]
+        if not world.cells and any(c.cost < top.cost - 3 * costs.CLOSE for c in impossible):
+            return refused(sentence, found._replace(failed=impossible), world)
         return _asked(sentence, [top, *rivals], found, world)
     following = found.possible[1].cost if len(found.possible) > 1 else math.inf
     if not top.plan.steps and not world.cells:
