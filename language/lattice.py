@@ -30,26 +30,10 @@ TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
 }
 STRANGERS = frozenset(phrases(TABLE["strangers"]))
 CONTENT = frozenset(
-    [
-        "noun",
-        "color",
-        "role",
-        "superlative",
-        "stack",
-        "region",
-        "number",
-        "ordinal",
-        "verb",
-        "done",
-        "pronoun",
-        "every",
-        "both",
-        "other",
-        "never",
-        "not",
-        "if",
-        "else",
-    ]
+    phrases(
+        "noun, color, role, superlative, stack, region, number, ordinal, verb, "
+        "done, pronoun, every, both, other, never, not, if, else"
+    )
 )
 _FORMS = (  # verbs whose past and participle are irregular
     "put put, take took taken, give gave given, bring brought, get got gotten, set set, lay laid, hold held, shut "

@@ -15,6 +15,7 @@ from language.errors import NotUnderstood
 from language.remarks import without_remarks
 from language.scanning import Token, said, scan, verb_words
 from language.verbs import KNOWN, Act
+from language.words import phrases
 
 LONGEST_SENTENCE, MOST_WORDS = 600, 80  # characters as typed; words
 REWRITES = 8  # times that one rule may change one sentence
@@ -204,21 +205,7 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
         return verbs[-1] if verbs else None
     from language.words import FILLERS, colors, nouns
 
-    prepositions = {
-        "in",
-        "on",
-        "into",
-        "to",
-        "onto",
-        "behind",
-        "under",
-        "near",
-        "left",
-        "right",
-        "from",
-        "between",
-        "next",
-    }
+    prepositions = set(phrases("in, on, into, to, onto, behind, under, near, left, right, from, between, next"))
     heads = {noun for kinds in nouns().values() for noun in kinds} | set(colors())
     if first in prepositions:
         starts = [i for i in range(start, len(words)) if words[i] in prepositions]

@@ -7,7 +7,7 @@ from functools import cache
 from typing import NamedTuple
 
 from language.verbs import KNOWN, OBJECT, Act
-from language.words import phrases
+from language.words import TABLE, phrases
 
 COLOR = "red|blue|yellow|orange|cyan|gray|grey|green|pink|purple|white"
 
@@ -26,98 +26,10 @@ _WORD = re.compile(
 )
 _LONG = re.compile(r"([a-z])\1{2,}")  # "nooo"
 _DROPPED = frozenset({"-", '"', "*", "(", ")", "_", "the", "teh", "hte", "th", "tha"})
-_SHORT = {  # without an apostrophe
-    "dont": "do not",
-    "cant": "can not",
-    "wont": "will not",
-    "doesnt": "does not",
-    "isnt": "is not",
-    "arent": "are not",
-    "didnt": "did not",
-    "couldnt": "could not",
-    "shouldnt": "should not",
-    "wouldnt": "would not",
-    "whats": "what is",
-    "wheres": "where is",
-    "thats": "that is",
-    "theres": "there is",
-    "im": "i am",
-    "ive": "i have",
-    "youre": "you are",
-    "youve": "you have",
-    "lets": "let us",
-    "gonna": "going to",
-    "wanna": "want to",
-    "gotta": "have to",
-    "cannot": "can not",
-    "gimme": "give me",
-    "lemme": "let me",
-    "smth": "something",
-    "sth": "something",
-    "pls": "please",
-    "plz": "please",
-    "plse": "please",
-    "pleas": "please",
-    "thx": "thanks",
-    "u": "you",
-    "ur": "your",
-    "r": "are",
-    "n": "and",
-    "w": "with",
-    "outta": "out of",
-    "dunno": "do not know",
-    "kinda": "kind of",
-    "approx": "about",
-    "ca": "about",
-    "cuz": "because",
-    "cos": "because",
-    "ok": "okay",
-    "k": "okay",
-}
+_SHORT = dict(pair.split(": ") for pair in phrases(TABLE["short"]))  # without an apostrophe
 _CLITICS = {"ll": "will", "re": "are", "ve": "have", "m": "am", "d": "would"}
-_BE = [
-    "that",
-    "there",
-    "here",
-    "what",
-    "where",
-    "who",
-    "it",
-    "how",
-    "he",
-    "she",
-    "everything",
-    "something",
-    "nothing",
-    "when",
-    "why",
-    "this",
-]
-_HUMS = frozenset(
-    [
-        "uh",
-        "um",
-        "erm",
-        "er",
-        "ah",
-        "eh",
-        "hm",
-        "hmm",
-        "hmmm",
-        "uhm",
-        "umm",
-        "uhh",
-        "ehm",
-        "huh",
-        "oh",
-        "aha",
-        "ahem",
-        "euh",
-        "ähm",
-        "hmpf",
-        "phew",
-    ]
-)
+_BE = phrases("that, there, here, what, where, who, it, how, he, she, everything, something, nothing, when, why, this")
+_HUMS = frozenset(phrases(TABLE["hums"]))
 
 
 def scan(text: str) -> list[Token]:
