@@ -271,7 +271,16 @@ def _replay(folder: Path, tolerance: float) -> None:
 
 def cli(words: Sequence[str] | None = None) -> None:
     """Run `main` with `words`, by default those of this process. Exits with one line for bad input."""
-    run_program(main, __file__, words)
+    run_program(_main, __file__, words)
+
+
+def _main(arguments: list[str]) -> None:
+    if "collector=ray" not in arguments:
+        main(arguments)
+        return
+    from trainers.cluster.supervised_run import run_apart
+
+    run_apart(partial(main, arguments), Path(__file__), arguments, "recording: nothing is saved; start it again")
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from core.platform_tuning import lean_imports
 from core.plugins import search_words, take_config_dir
 from core.program import program
 from core.system import cores
-from trainers.cluster.supervised_run import RunWords, is_supervised, ray_errors, report_end, supervise
+from trainers.cluster.supervised_run import RunWords, is_supervised, ray_errors, report_end, run_apart, supervise
 from trainers.sweeps.arguments import expand_resume, register_resolvers
 
 if TYPE_CHECKING:
@@ -32,6 +32,10 @@ if TYPE_CHECKING:
     from envs.workspace_env import WorkspaceEnv
 
 
+SWEEP_ENDED = (
+    "sweep; the jobs that have finished keep their results: go on with python train.py -m sweep.resume=<its folder> "
+    "hydra/launcher=ray"
+)
 OWN_FOLDER: dict[str, Path | None] = {"run": None}  # a folder of the run that Hydra is not told, by `split_run_folder`
 
 
@@ -212,12 +216,20 @@ def cli(words: Sequence[str] | None = None) -> None:
     with program():
         require_threads(2 * cores())
         register_resolvers()
-        words = expand_resume(take_config_dir(sys.argv[1:] if words is None else words))
+        given = take_config_dir(sys.argv[1:] if words is None else words)
+        words = expand_resume(given)
         check_run(words)
         words, OWN_FOLDER["run"] = split_run_folder(words)
         sys.argv[1:] = [*quoted(words), *search_words()]  # Hydra reads them there
-        with raised_by_hydra():
-            main()
+        if "hydra/launcher=ray" in words:
+            run_apart(_start_hydra, Path(__file__), given, SWEEP_ENDED)
+        else:
+            _start_hydra()
+
+
+def _start_hydra() -> None:
+    with raised_by_hydra():
+        main()
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from hydra.plugins.launcher import Launcher
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, open_dict
 
-from core.errors import ConfigError
+from core.errors import ConfigError, RunError
 
 
 class RayLauncher(Launcher):
@@ -40,6 +40,8 @@ class RayLauncher(Launcher):
             run_jobs(self.address, [make_job(self._config(words, number), words) for number, words in numbered])
         except ConfigError as error:
             sys.exit(f"error: {error}")
+        except RunError as error:
+            sys.exit(f"error: {error}; go on with sweep.resume={self.config.hydra.sweep.dir} hydra/launcher=ray")
         return [JobReturn(status=JobStatus.COMPLETED, _return_value=None) for _ in job_overrides]
 
     def _config(self, overrides: Sequence[str], number: int) -> DictConfig:

@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -38,6 +39,32 @@ def killed_run(folder: Path, pattern: str, rows: int) -> subprocess.CompletedPro
         process.terminate()
         out, err = process.communicate()
         return subprocess.CompletedProcess([], -1, out, err)
+    return subprocess.CompletedProcess([], process.returncode, out, err)
+
+
+def killed_program(words: list[str], folder: Path, pattern: str, seconds: float) -> subprocess.CompletedProcess[str]:
+    """Return how a program ended, of which the processes whose command has `pattern` were killed.
+
+    Args:
+        words: of the command, after python.
+        folder: in which it runs.
+        pattern: of the processes of Ray.
+        seconds: after the start of the first of them.
+    """
+    process = subprocess.Popen(
+        [sys.executable, *words], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + SECONDS
+    while process.poll() is None and time.monotonic() < deadline and not _descendants(process.pid, pattern):
+        time.sleep(0.1)
+    time.sleep(seconds)
+    for each in _descendants(process.pid, pattern):
+        os.kill(each, signal.SIGKILL)
+    try:
+        out, err = process.communicate(timeout=max(1.0, deadline - time.monotonic()))
+    except subprocess.TimeoutExpired:
+        process.terminate()
+        out, err = process.communicate()
     return subprocess.CompletedProcess([], process.returncode, out, err)
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from core.errors import ConfigError
+from core.errors import ConfigError, RunError
 from core.system import cores, package_versions
 
 ROOT = Path(__file__).parents[2]
@@ -130,6 +130,12 @@ class RaySession:
                 raise ConfigError(f"node {node.address} differs from this machine: {text}; install the same on both")
         for reference in silent:
             raise ConfigError(f"node {asked[reference].address} has not answered for {CHECK_SECONDS:g} s")
+
+    def check_own_node(self) -> None:
+        """Raise RunError if the node of this machine is dead: tasks of this process would wait for it forever."""
+        own = self.ray.get_runtime_context().get_node_id()
+        if any(node["NodeID"] == own and not node["Alive"] for node in self.ray.nodes()):
+            raise RunError("Ray has ended on this machine: its raylet or its agent has died")
 
     def close(self) -> None:
         """Leave the cluster, or end the Ray that was started here and remove its files."""

@@ -114,13 +114,14 @@ class RaySweep:
         self.starts: dict[Path, int] = {}  # how often each job was started
 
     def run(self, jobs: Sequence[NodeJob]) -> None:
-        """Run the jobs, until all have ended or a signal stops the sweep."""
+        """Run the jobs, until all have ended or a signal stops the sweep. Raises RunError if Ray ends here."""
         for job in jobs:
             self._start(job)
         while self.running:
             if SweepCallback.received:
                 self._stop()
                 return
+            self.session.check_own_node()
             for reference in self.ray.wait(list(self.running), num_returns=1, timeout=SWEEP_POLL_SECONDS)[0]:
                 self._end(reference, self.running.pop(reference))
 

@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from traceback import walk_tb
@@ -115,6 +115,45 @@ def supervise(program: Path, words: RunWords, restarts: int) -> int:
     )
 
 
+def run_apart(main: Callable[[], object], program: Path, words: Sequence[str], ended: str) -> None:
+    """Do the work of a program that uses a Ray cluster in a process of its own; exit with its code if that is not 0.
+
+    Args:
+        main: the work, which is called in the other process.
+        program: path of the program, which calls this function.
+        words: its command-line words.
+        ended: the message for the case that Ray, or a node of it, has ended that process.
+
+    Raises:
+        RunError: Ray has ended it.
+    """
+    if is_supervised():
+        with _apart():
+            main()
+        return
+    with _Forwarding() as forwarding:
+        code, orderly = _run([sys.executable, str(program), *words], forwarding)
+    if not (orderly or forwarding.received):
+        raise RunError(f"Ray, or a node of it, has ended the {ended}")
+    if code:
+        raise SystemExit(128 - code if code < 0 else code)
+
+
+@contextmanager
+def _apart() -> Iterator[None]:
+    """Within this block a process tells the one that waits for it that it ended by itself.
+
+    Processes that it starts do not inherit the pipe's number: a job of a sweep would take another file for it.
+    """
+    pipe = int(os.environ.pop(FINISHED))
+    try:
+        with ray_errors():
+            yield
+    finally:
+        with suppress(OSError):
+            os.write(pipe, b"1")
+
+
 def _run(command: Sequence[str], forwarding: _Forwarding) -> tuple[int, bool]:
     """Return the exit code of a command, and whether it ended by itself."""
     read, write = os.pipe()
@@ -129,14 +168,23 @@ def _run(command: Sequence[str], forwarding: _Forwarding) -> tuple[int, bool]:
         os.close(write)
         forwarding.to(process)
         code = process.wait()
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)  # what Ray has left of it
+        _kill_session(process.pid)  # what Ray has left of it
         os.set_blocking(read, False)
         with suppress(BlockingIOError):
             return code, bool(os.read(read, 1))
         return code, False
     finally:
         os.close(read)
+
+
+def _kill_session(leader: int) -> None:
+    """Kill the processes of a session: Ray's workers have process groups of their own, and may outlive the raylet."""
+    for entry in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError, ValueError):  # it has ended
+            if os.getsid(int(entry.name)) == leader:
+                os.kill(int(entry.name), signal.SIGKILL)
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(leader, signal.SIGKILL)  # where there is no /proc
 
 
 def _end_with_parent() -> None:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -14,6 +17,7 @@ from core.errors import RunError
 from trainers.cluster import supervised_run
 from trainers.cluster.supervised_run import RunWords, supervise
 
+ROOT = Path(__file__).parents[3]
 PROGRAM = """
 import os, sys
 from pathlib import Path
@@ -106,6 +110,59 @@ def test_an_error_that_ray_raises_is_one_line_and_no_orderly_end(monkeypatch):
     os.close(write)
     assert os.read(read, 1) == b""
     os.close(read)
+
+
+APART = """
+import os, sys
+from pathlib import Path
+from trainers.cluster.supervised_run import run_apart
+
+def work():
+    {work}
+
+run_apart(work, Path(__file__), sys.argv[1:], "evaluation: start it again")
+print("exit")
+"""
+
+
+@pytest.mark.parametrize(
+    ("work", "code", "said"),
+    [
+        ("print(sys.argv[1], os.environ.get('DEIXIS_RUN_ENDED_PIPE'))", 0, "a None\nexit\nexit\n"),
+        ("sys.exit(3)", 3, ""),
+        ("os._exit(1)", 1, "RunError: Ray, or a node of it, has ended the evaluation: start it again"),
+        ("os.kill(os.getpid(), 9)", 1, "RunError: Ray, or a node of it, has ended the evaluation: start it again"),
+    ],
+)
+def test_work_apart_ends_as_it_ends_itself_or_with_what_to_do(tmp_path, work, code, said):
+    (tmp_path / "program.py").write_text(APART.format(work=work))
+    path = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, str(tmp_path / "program.py"), "a"], env=path, capture_output=True, text=True)
+    assert done.returncode == code
+    assert said in done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pattern", ["raylet/raylet ", "agent.py", "gcs_server"])
+def test_programs_of_which_ray_is_killed_end_with_one_error(tmp_path, request, pattern):
+    """Evaluations, recordings and sweeps. The raylet's own command names its agents: both die."""
+    if not request.config.getoption("--thorough"):
+        pytest.skip("each of the tries starts Ray and kills it: --thorough")
+    from tests.helpers.ray_faults import killed_program
+
+    few = ("collector.workers=1", "collector.worlds=8", "algo.minibatch=64", "logger=[]", "eval.video_episodes=0")
+    commands = {
+        "evaluate.py": ("checkpoint=nl_reach_kuka", "collector=ray", "episodes=4000"),
+        "record.py": ("expert=true", "collector=ray", "episodes=2000", "format=minari", "out=demos-v0"),
+        "train.py": ("-m", "seed=1,2", "hydra/launcher=ray", "total_frames=1000000", *few, "hydra.sweep.dir=sweep"),
+    }
+    for seconds, (name, words) in product((4.0, 12.0), commands.items()):
+        place = tmp_path / f"{seconds:g} {name}"
+        place.mkdir()
+        done = killed_program([str(ROOT / name), *words], place, pattern, seconds)
+        errors = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+        assert (done.returncode, len(errors)) == (1, 1), (name, seconds, done.stderr[-2000:])
+        assert not (place / "demos-v0").exists()
 
 
 @pytest.mark.slow
