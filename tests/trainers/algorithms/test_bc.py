@@ -45,7 +45,7 @@ def batch():
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
 def test_it_learns_to_do_what_the_expert_does(policy):
     small, learned, bc = build("algo.updates_per_frame=0.5", "algo.grounding_every=1", policy=policy)
-    measured = train(small, bc, 22)
+    measured = train(small, bc, 18)
     assert measured[-1]["loss/imitation"] < measured[0]["loss/imitation"] / 2
     if policy == "grounded":  # without attention, words take longer
         assert evaluate(make_labelled(8, 3), learned.act, 80, 3).success_at_end > 0.9

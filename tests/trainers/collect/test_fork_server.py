@@ -15,10 +15,12 @@ from trainers.collect import fork_server
 
 SCRIPT = """
 from functools import partial
+from core.platform_tuning import lean_imports
+with lean_imports():
+    from trainers.collect.rollouts import Rollouts
 from tests.helpers.fake_env import FakeEnv
 from tests.helpers.training_configs import training
 from trainers.models.policy import build_policy
-from trainers.collect.rollouts import Rollouts
 if __name__ == "__main__":
     env = FakeEnv(4, 0)
     policy = build_policy(training().policy, env.observation_spec, env.action_unit)

@@ -38,7 +38,8 @@ def test_save_and_load_round_trip_and_leave_no_other_file(path):
 @pytest.mark.slow
 def test_a_kill_during_a_write_keeps_the_previous_file(path):
     code = (
-        "import os, sys, torch; from pathlib import Path; from trainers.run import checkpoint\n"
+        "import os, sys, torch; from pathlib import Path; from core.platform_tuning import lean_imports\n"
+        "with lean_imports(): from trainers.run import checkpoint\n"
         "class Half:\n"
         "    def __reduce__(self): os.kill(os.getpid(), 9)\n"
         "checkpoint.save(Path(sys.argv[1]), {'algorithm': torch.zeros(10**6), 'bomb': Half()})"
