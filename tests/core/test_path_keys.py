@@ -30,6 +30,7 @@ MORE = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*NAMES, *MORE, "/tmp/'a', \"b\"/c = d"])
 def test_a_path_reaches_the_config_as_it_was_written(name):
     word = f"init={name}"
@@ -40,11 +41,13 @@ def test_a_path_reaches_the_config_as_it_was_written(name):
     assert apply(saved, [word]).init == name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a${b}", "${oc.env}{x}", "a b,c", "it's", "{a}$"])
 def test_an_output_folder_is_named_as_it_was_written(name):
     assert unescaped(output_folder([f"hydra.run.dir=/tmp/{name}"], "run")) == f"/tmp/{name}"
 
 
+@pytest.mark.slow
 def test_an_output_folder_can_be_named_by_interpolations_that_exist():
     for known in ("${seed}", "${now:%H}", "${algo.name}"):
         assert to_hydra(f"hydra.run.dir=runs/{known}", lambda name: name != "b") == f"hydra.run.dir='runs/{known}'"

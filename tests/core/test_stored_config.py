@@ -57,6 +57,7 @@ def holds_text(value):
     return isinstance(value, str) or (isinstance(value, list) and any(map(holds_text, value)))
 
 
+@pytest.mark.slow
 def test_every_key_with_text_is_a_place_or_a_word():
     unlisted = set()
     for group, options in groups().items():

@@ -105,6 +105,7 @@ def test_what_is_held_is_put_down_before_anything_else(session):
     assert session.scene().positions[index, 2] < 0.03
 
 
+@pytest.mark.slow
 def test_a_later_step_that_is_done_already_is_left_out_and_told(session):
     drawer, thing = names_in(session, "open (the .*drawer)", "grasp (the .*)")
     result = session.say(f"open {drawer} then open {drawer}")

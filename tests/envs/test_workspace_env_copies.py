@@ -39,6 +39,7 @@ def assert_equal(one, other):
         assert torch.equal(one[key], other[key]), key
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
 @pytest.mark.parametrize("name", some(TASKS, 2))
 def test_a_copy_goes_on_as_the_original_and_leaves_it_alone(name, way):

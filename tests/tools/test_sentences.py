@@ -59,6 +59,7 @@ def test_an_error_names_file_and_line(tmp_path, name, text, said):
         read_sentences(tmp_path / name, EXAMPLES / "table.yaml")
 
 
+@pytest.mark.slow
 def test_the_benchmark_prints_the_results():
     command = [sys.executable, "-m", "benchmarks.sentences", "--data", str(EXAMPLES / "sentences.tsv"), "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)

@@ -108,6 +108,7 @@ def test_a_fitting_moves_when_pushed_stays_there_and_is_reset(workspace, name, r
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("workspace", "name"), FITTINGS)
 def test_a_fitting_stays_within_its_limits(workspace, name):
     env = make("kuka", "step", "reach", f"workspace={workspace}")

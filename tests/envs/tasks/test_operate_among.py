@@ -64,6 +64,7 @@ def test_a_sentence_names_one_of_two_alike_devices_among_other_objects(name):
     assert seconds == set(DEVICES)
 
 
+@pytest.mark.slow
 def test_rows_say_which_device_an_object_is_where_it_faces_and_how_far_it_has_gone(env):
     td = begun(env)
     rows, device = td["objects"].numpy(), is_device(env)

@@ -59,6 +59,7 @@ def test_in_reach_gesture_the_words_carry_no_information():
     assert sentences == {"reach there", "reach here", "reach this", "reach that"}
 
 
+@pytest.mark.slow
 def test_in_nl_reach_gesture_the_words_fit_two_objects_that_stand_apart_and_one_is_meant():
     task, rng = task_of("nl_reach_gesture"), np.random.default_rng(0)
     for _ in range(200):

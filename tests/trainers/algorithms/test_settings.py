@@ -17,6 +17,7 @@ ROOT = Path(__file__).parents[3]
 ALGOS = sorted(path.stem for path in (CONF / "algo").glob("*.yaml"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALGOS)
 def test_every_yaml_of_an_algorithm_is_read(name):
     algo = read_training(compose([f"algo={name}"])).algo
@@ -44,6 +45,7 @@ except ConfigError as error:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ppo", "td3"])
 def test_a_wrong_value_is_refused_without_torch(name):
     assert subprocess.run([sys.executable, "-c", REFUSED.format(name=name)], cwd=ROOT).returncode == 0

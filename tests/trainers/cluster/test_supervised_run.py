@@ -54,6 +54,7 @@ def test_a_run_that_ends_by_itself_is_not_started_again(tmp_path):
     assert starts(tmp_path) == [f"seed=1 hydra.run.dir={tmp_path}"]
 
 
+@pytest.mark.slow
 def test_a_run_that_ray_ends_begins_again_or_goes_on_from_its_checkpoint(tmp_path, capfd):
     words = ["collector=ray", "seed=1"]
     assert supervise(program(tmp_path, ends=1), RunWords(words, tmp_path), 2) == 0

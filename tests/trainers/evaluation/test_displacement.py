@@ -104,6 +104,7 @@ def sweep(env: WorkspaceEnv):
     return TensorDictModule(act, in_keys=["robot"], out_keys=["action"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", ["reach", "nl_reach"])
 def test_real_objects_are_followed(task):
     still = world(f"task={task}")

@@ -66,6 +66,7 @@ def test_the_action_depends_on_what_the_policy_reads(key, reader, policy):
     assert not torch.equal(first, second)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", ["actor", "scene", "critic"])
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
 def test_an_update_trains_the_weights_of_a_further_observation(reader, algo):
@@ -79,6 +80,7 @@ def test_an_update_trains_the_weights_of_a_further_observation(reader, algo):
     assert (layer.weight[:, column] != before).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", ["actor", "scene", "critic"])
 @pytest.mark.parametrize("algo", ["a2c", "bc", "td3"])
 def test_other_algorithms_learn_with_a_further_observation(reader, algo):
