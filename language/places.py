@@ -66,7 +66,7 @@ def _points(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
     if relation.name == "direction":
         return _shifted(world, mover, relation)
     region = relation.anchors[0] if relation.anchors else Entity()
-    if relation.measure is not None and region.kind == "side" and len(region.sides) == 1:  # "one square on the left"
+    if relation.measure is not None and _is_one_side(region):  # "one square on the left"
         return _shifted(world, mover, replace(relation, value=region.sides[0]))
     if relation.name == "between":
         return _middle(resolver, mover, relation)
@@ -83,6 +83,11 @@ def _points(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
         group = number if len(points) > 1 else 0
         found += [point._replace(cost=point.cost + anchor.cost, group=group) for point in points]
     return found
+
+
+def _is_one_side(region: Entity) -> bool:
+    """Whether a region says in which direction a thing moves: "2 cm on the left"."""
+    return region.kind == "side" and len(region.sides) == 1 and region.sides[0] != "center"
 
 
 def _anchors(resolver: Resolver, relation: RelationPhrase, mover: int | None) -> list[Ref]:
@@ -388,7 +393,7 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
         return []
     found: list[_Wish] = []
     region = relation.anchors[0]
-    if relation.measure is not None and region.kind == "side" and len(region.sides) == 1:
+    if relation.measure is not None and _is_one_side(region):
         return _shifts(world, mover, (replace(relation, name="direction", value=region.sides[0]),), False)
     if relation.name in ("toward", "away", "farthest") and region.kind == "person" and world.hand is not None:
         return [_along(world, mover, world.hand, relation, "the place near your hand")]

@@ -151,3 +151,41 @@ def test_a_place_after_on_the_table_counts():
 @pytest.mark.parametrize("sentence", ["shut the drawer and shut the window", "no cube should be left of the red one"])
 def test_what_is_understood_in_part_is_not_done(sentence):
     assert isinstance(Dialogue().answer(sentence, room(open=frozenset({DRAWER}))), Refusal | Question)
+
+
+def test_a_length_before_a_middle_is_no_direction():
+    assert isinstance(Dialogue().answer("put the red cube 2 cm at the center side", room()), Plan | Question | Refusal)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "I spilled juice next to the yellow cube, so can you open the drawer while I wipe?",
+        "The cat keeps jumping into the boxes, better open the drawer.",
+        "Message from reception: open the drawer. Best regards, Hannelore",
+        "open the drawer because my glasses are in there",
+        "To make room, open the drawer before everything melts.",
+    ],
+)
+def test_parts_that_ask_for_nothing_change_nothing(sentence):
+    assert steps(sentence) == steps("open the drawer")
+
+
+def test_a_step_that_is_forbidden_is_not_implied():
+    outcome = Dialogue().answer("put the red cube in the drawer without opening it", room())
+    assert isinstance(outcome, Refusal)
+    assert "open the blue drawer" in outcome.text
+
+
+def test_a_thing_is_not_taken_out_of_what_it_is_not_in():
+    assert not isinstance(Dialogue().answer("take the red cube out of the drawer", room()), Plan)
+
+
+def test_a_place_may_come_before_its_command():
+    assert steps("in the drawer: the red cube") == steps("put the red cube in the drawer")
+
+
+def test_a_common_word_is_not_taken_for_a_misspelt_one():
+    outcome = Dialogue().answer("put the blue books in the drawer", room())
+    assert isinstance(outcome, Refusal)
+    assert "books" in outcome.text
