@@ -61,7 +61,7 @@ class NounPhrases:
         if draft.at >= len(lattice):
             return []
         cost = self._lattice.skip_cost(draft.at)
-        if lattice.tokens[draft.at].text in (",", "to") or (
+        if lattice.tokens[draft.at].text in (",", ":", ";", "to") or (
             cost and (draft.skipped or draft.at not in lattice.unknown)
         ):
             return []
