@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from itertools import product
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  
 ASIDE, TIGHT = 1.3, 1.1  # widths between middles: room for fingers, and just room
 GRID = 0.01  # metres between the spots of a table that are tried
 NEAR = 0.15  # metres from the middle of a thing up to which a spot is next to it
+SPOT = 8  # points that are compared for the effort of looking for one free spot
 AT_MARK = 0.012  # metres from a mark up to which a spot is at it
 _SIDEWAYS = {"left": "left", "right": "right", "front": "front", "behind": "back"}
 _APART = ("toward", "away", "farthest", *_SIDEWAYS)
@@ -275,6 +277,7 @@ def _on_table(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, .
         wishes.append(_shifts(world, mover, directions, bool(wishes), resolver.aloft))
     found = []
     for chosen in product(*wishes):
+        resolver.weighed += SPOT
         single = [wish.spot for wish in chosen if wish.spot is not None]
         cost = sum(wish.cost for wish in chosen)
         spot = single[0]._replace(cost=cost) if single else free_spot(world, mover, list(chosen), cost)
@@ -291,10 +294,8 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
     xs = [wish.x for wish in wishes if wish.x is not None] or [thing.x]
     ys = [wish.y for wish in wishes if wish.y is not None] or [thing.y]
     nx, ny = sum(xs) / len(xs), sum(ys) / len(ys)
-    grid_x = np.arange(x0, x1 + 1e-6, GRID)
-    grid_y = np.arange(y0, y1 + 1e-6, GRID)
-    gx, gy = (axis.ravel() for axis in np.meshgrid(grid_x, grid_y, indexing="ij"))
-    gx, gy = np.append(gx, min(max(nx, x0), x1)), np.append(gy, min(max(ny, y0), y1))
+    grid = _grid(world.bounds)
+    gx, gy = np.append(grid[0], min(max(nx, x0), x1)), np.append(grid[1], min(max(ny, y0), y1))
     fits = np.ones(len(gx), bool)
     for wish in wishes:
         fits &= wish.fits(gx, gy)
@@ -304,11 +305,11 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
     taken = [
         i for i in world._standing.get(None, ()) if i != mover and (world.is_loose(i) or world.covers(*_xy(world, i)))
     ]
+    places = np.array([_xy(world, i) for i in taken]).reshape(-1, 2)
+    widths = np.array([max(thing.width, world.things[i].width) for i in taken])
+    apart = np.hypot(gx[:, None] - places[:, 0], gy[:, None] - places[:, 1])
     for share in (ASIDE, TIGHT):
-        free = fits.copy()
-        for i in taken:
-            other = world.things[i]
-            free &= np.hypot(gx - other.x, gy - other.y) >= share * max(thing.width, other.width) - 1e-9
+        free = fits & (apart >= share * widths - 1e-9).all(axis=1)
         if free.any():
             away = np.where(free, np.hypot(gx - nx, gy - ny), np.inf)
             at = int(away.argmin())
@@ -324,6 +325,14 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
     return Spot(
         nx, ny, world.ground, None, cost, f"{a_name(world, near)} stands there: there is no free spot near enough"
     )
+
+
+@lru_cache(maxsize=8)
+def _grid(bounds: tuple[float, float, float, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the x and y of the spots of a table that are tried."""
+    x0, x1, y0, y1 = bounds
+    gx, gy = np.meshgrid(np.arange(x0, x1 + 1e-6, GRID), np.arange(y0, y1 + 1e-6, GRID), indexing="ij")
+    return gx.ravel(), gy.ravel()
 
 
 def _xy(world: WorldModel, index: int) -> tuple[float, float]:

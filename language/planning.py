@@ -19,7 +19,7 @@ from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
 from language.world import WorldModel
 
 # Effort: phrases that are weighed and steps that are tried for one sentence, of about 0.03 ms each.
-ENOUGH_EFFORT = 700  # after this, no further readings are weighed if one can be carried out
+ENOUGH_EFFORT, ENOUGH_ON_BOARD = 350, 700  # after this, no further readings are weighed if one can be carried out
 GRIPS_ONE = "my gripper takes one thing at a time"
 
 
@@ -62,7 +62,7 @@ class Planner(Steps):
             before = self._sequence(steps[:-1], False, arbitrary)
             layer = [_marked(plan, d, clause) for plan in before for d in self._after(plan, clause, last)]
             layer.sort(key=lambda plan: (bool(plan.failure), plan.cost))
-            self._sequences[key] = layer[:KEPT]
+            self._sequences[key] = _different(layer)[:KEPT]
         return self._sequences[key]
 
     def judge(self, entity: Entity) -> float:
@@ -539,6 +539,15 @@ class Planner(Steps):
                 return plan
         arbitrary = plan.arbitrary or bool(entity.number)
         return replace(plan, it=tuple(things), arbitrary=arbitrary, topic=None)
+
+
+def _different(layer: list[Draft]) -> list[Draft]:
+    """Return the first of the plans that differ in nothing but their cost."""
+    found: dict[tuple, Draft] = {}
+    for plan in layer:
+        said = (plan.steps, plan.it, plan.mentioned, plan.box, plan.failure, plan.reason, plan.entity, plan.topic)
+        found.setdefault((*said, plan.candidates, plan.mover if plan.failure else None), plan)
+    return list(found.values())
 
 
 def clause_cost(plan: Draft) -> float:

@@ -144,9 +144,9 @@ class _Sentences:
                 for at, cost in self._joins(item.end):
                     for clause in self.clauses(at):
                         total = item.cost + cost + clause.cost + self._elliptic(item.value[-1], clause.value)
-                        longer.append(
-                            Item(clause.end, (*item.value, clause.value), total, item.skipped | clause.skipped)
-                        )
+                        if total <= MOST_COST:
+                            skipped = item.skipped | clause.skipped
+                            longer.append(Item(clause.end, (*item.value, clause.value), total, skipped))
             layer = _cheapest(longer, KEPT_CLAUSES)
             found = found + layer
             if not layer:

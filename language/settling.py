@@ -16,7 +16,7 @@ from language.lattice import Lattice
 from language.meanings import Clause, Entity, Gesture, Reading
 from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
-from language.planning import ENOUGH_EFFORT, Draft, Planner, reached
+from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, Draft, Planner, reached
 from language.scanning import Token
 from language.sentences import readings
 from language.talk import MOST_NAMED, listed, name, offers, said
@@ -71,7 +71,7 @@ def _planned(found: list[Reading], planner: Planner, lattice: Lattice) -> Choice
     failed: list[Choice] = []
     least = math.inf
     for reading in found:
-        if possible and planner.effort > ENOUGH_EFFORT:
+        if possible and planner.effort > (ENOUGH_ON_BOARD if planner.world.cells else ENOUGH_EFFORT):
             break
         fits_nothing = reading.cost >= costs.EMPTY + costs.POINTED
         telling = fits_nothing and reading.cost < least + costs.EMPTY - costs.FAR_BETTER  # why a cheaper reading fails

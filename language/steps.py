@@ -19,7 +19,7 @@ from language.world import AT_END, FIXED, WorldModel
 
 KEPT = 12  # plans of the clauses so far
 POINTS = 8  # points of places that are compared with a further relation for the same effort
-MOST_EFFORT = 900  # after this, the sentence is refused
+MOST_EFFORT, MOST_ON_BOARD = 500, 900  # after this, the sentence is refused
 LOOSE = (Act.TAKE, Act.CARRY, Act.LOWER, Act.REMOVE, Act.GIVE, Act.UNSTACK, Act.STORE, Act.SWAP, Act.BUILD)
 TAKING = (Act.TAKE, Act.HOLD, Act.REMOVE, Act.UNSTACK)
 BOXES = (Act.OPEN, Act.SHUT, Act.EMPTY)
@@ -96,7 +96,7 @@ class Steps:
     def _spend(self, amount: int = 1) -> None:
         """Raise NotUnderstood if a sentence takes too much effort."""
         self.effort += amount
-        if self.effort > MOST_EFFORT:
+        if self.effort > (MOST_ON_BOARD if self.world.cells else MOST_EFFORT):
             raise NotUnderstood("the sentence can be read in too many ways; say it in several shorter sentences")
 
     def _done(self, world: WorldModel, act: Act | None, index: int) -> bool:
@@ -407,7 +407,7 @@ class Steps:
             places = (vacated, *places[1:])
         weighed = resolver.weighed
         found = spots(resolver, index, places, typed)
-        self._spend((resolver.weighed - weighed) // POINTS)
+        self._spend((resolver.weighed - weighed) // POINTS + min(len(found), KEPT) // 3)
         if places[0].name == "here" and not places[0].anchors:
             pronoun = (RelationPhrase("at", (Entity("it"),)),)
             if plan.it and plan.world.things[plan.it[0]].target:
