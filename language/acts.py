@@ -60,7 +60,9 @@ def _phrases() -> dict[tuple[str, ...], str]:
 
 def _plain(words: Iterable[str]) -> tuple[str, ...]:
     """Return words without adverbs, and with one name for the place where the arm rests."""
-    return tuple(_HOME.sub("home position", " ".join(word for word in words if word not in _ADVERBS)).split())
+    text = _HOME.sub("home position", " ".join(word for word in words if word not in _ADVERBS))
+    text = re.sub(r"^(?:but )?(?:you|that) (?:have |did )?\w+ (?:it )?(?:in |on |at )?wrong \w+$", "wrong one", text)
+    return tuple(re.sub(r"\b(?:stop|quit|cease) \w+ing\b(?: it| that)?$", "stop", text).split())
 
 
 def act_of(words: Sequence[str]) -> str | None:
@@ -78,6 +80,8 @@ def act_of(words: Sequence[str]) -> str | None:
     strong = [act for act in acts if act not in ("social", "sorry", "yes", "no")]
     if "no" in acts and strong == ["again"]:
         return "wrong"
+    if "undo" in strong:
+        return "undo"
     return next(iter([*strong[-1:], *(act for act in ("no", "yes", "sorry", "social") if act in acts)]), None)
 
 

@@ -41,6 +41,9 @@ _SPEED = "my arm keeps its own speed; the clock has a speed, under Time"
 _NEXT = "Say what I shall do next"
 
 
+_PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near", "next", "inside")
+
+
 @dataclass
 class Dialogue(Replies):
     """Answers sentences, and remembers what was said and done."""
@@ -328,7 +331,7 @@ class Dialogue(Replies):
         words_before, words_new = (before.split(), match[1].split())
         old_words = scan(before)[slice(*old.span)]
         anchored = old.relations[-1].anchors[:1] if old.relations else ()
-        target = anchored[0] if anchored and (new.relations or words_new[0] in ("in", "on")) else old
+        target = anchored[0] if anchored and (new.relations or words_new[0] in _PREPOSITIONS) else old
         first, last_word = target.span
         while first < last_word and words_before[first] in (
             "is",

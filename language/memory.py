@@ -52,7 +52,9 @@ class Memory:
             self.last = getattr(outcome, "reading", None) or self.last
         if not isinstance(outcome, Plan | Signal):
             about = about or self._spoken_of(outcome, world)
-            self.it = about[:1] or self.it
+            if isinstance(outcome, Question) and outcome.reading is None:  # "what shall I do with the red cube?"
+                about = about or outcome.candidates[:1]
+            self.it = about or self.it
         boxes = [i for i in about if i in world.containers]
         self.box = boxes[-1] if boxes and not isinstance(outcome, Question) else self.box
         self.turns.append(Turn(outcome.sentence, outcome, world, about))
@@ -87,8 +89,8 @@ class Memory:
         """Return a planner that knows what was spoken of. made: the gestures. world: None: as it is now."""
         world = world or self.now
         it = self.it if world.held is None or world.cells else (world.held, *(i for i in self.it if i != world.held))
-        mentioned = self.it if self.box is None else (*self.it, self.box)
-        planner = Planner(world, it, mentioned, gestures=made, box=self.box)
+        planner = Planner(world, it, self.it, gestures=made, box=self.box)
+        planner.boxes = () if self.box is None else (self.box,)
         planner.others = self._others(world)
         planner.recent = tuple(dict.fromkeys(i for turn in reversed(self.turns) for i in reversed(turn.about)))
         return planner

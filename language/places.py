@@ -97,7 +97,9 @@ def _anchors(resolver: Resolver, relation: RelationPhrase, mover: int | None) ->
     entity = relation.anchors[0]
     refs = _of_kind(resolver, entity, mover)
     if relation.name == "in" and entity.noun is None and not entity.colors:  # "into the other one"
-        refs = [ref for ref in refs if ref.things[-1:] and ref.things[-1] in resolver.world.containers] or refs
+        boxes = [ref for ref in refs if ref.things[-1:] and ref.things[-1] in resolver.world.containers]
+        if boxes:
+            return boxes
     if relation.name not in ONTO or entity.kind not in ("thing", "stack"):
         return refs
     known = {ref.things for ref in refs}

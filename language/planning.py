@@ -14,7 +14,7 @@ from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
 from language.places import ONTO, _anywhere, _Wish, free_spot
 from language.referents import Ref, color_fits
 from language.spots import Spot
-from language.steps import BOXES, CARRY, KEPT, LOOSE, ON_TABLE, Draft, Steps, obstacle
+from language.steps import BOXES, CARRY, KEPT, LOOSE, ON_TABLE, Draft, Steps, different, obstacle, without_stops
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
 from language.world import WorldModel
 
@@ -45,7 +45,7 @@ class Planner(Steps):
                 self.it = refs[0].things
             else:
                 steps = reading.otherwise or (Clause(doing(Act.CARRY), negated=True, span=reading.condition.span),)
-        found = self._sequence(steps * reading.times, last=True, arbitrary=reading.arbitrary)
+        found = self._sequence(without_stops(steps) * reading.times, last=True, arbitrary=reading.arbitrary)
         forbidden = [clause for clause in steps if clause.negated and clause.act is not None]
         return [self._allowed(_finished(each), forbidden) for each in found]
 
@@ -62,7 +62,7 @@ class Planner(Steps):
             before = self._sequence(steps[:-1], False, arbitrary)
             layer = [_marked(plan, d, clause) for plan in before for d in self._after(plan, clause, last)]
             layer.sort(key=lambda plan: (bool(plan.failure), plan.cost))
-            self._sequences[key] = _different(layer)[:KEPT]
+            self._sequences[key] = different(layer)[:KEPT]
         return self._sequences[key]
 
     def judge(self, entity: Entity) -> float:
@@ -83,9 +83,8 @@ class Planner(Steps):
             plan, clause = replace(plan, topic=None), replace(clause, entity=topic.entity)
         if act is Act.CARRY and clause.entity is not None and clause.entity.kind == "robot" and not plan.world.cells:
             near = next((anchor for p in clause.places if p.name != "near" for anchor in p.anchors), None)
-            clause = (
-                clause if near is None else Clause(doing(Act.TOUCH), near, span=clause.span)
-            )  # "move the gripper to"
+            if near is not None:  # "move the gripper to"
+                clause = Clause(doing(Act.TOUCH), near, span=clause.span)
             act = clause.act
         if plan.failure:
             yield plan
@@ -293,7 +292,9 @@ class Planner(Steps):
         if entity.kind == "list":
             found = []
             for part in entity.parts:
-                drafts = list(self._movers(replace(plan, it=()), replace(clause, entity=part)))
+                drafts = list(
+                    self._movers(plan if part.kind == "it" else replace(plan, it=()), replace(clause, entity=part))
+                )
                 good = [each for each in drafts if not each.failure and each.mover is not None]
                 if not good:
                     return drafts[0]
@@ -508,7 +509,7 @@ class Planner(Steps):
             if plan.failure:
                 return plan
             plan = self._put(plan, Clause(CARRY), index, where)
-        return replace(plan, cost=clause_cost(plan), it=(one, other), topic=None)
+        return replace(plan, cost=plan.cost - costs.MOVED_TWICE - 2 * costs.ANOTHER_OBJECT, it=(one, other), topic=None)
 
     def _location(self, world: WorldModel, index: int) -> Spot:
         thing, box = world.things[index], world.inside.get(index)
@@ -539,20 +540,6 @@ class Planner(Steps):
                 return plan
         arbitrary = plan.arbitrary or bool(entity.number)
         return replace(plan, it=tuple(things), arbitrary=arbitrary, topic=None)
-
-
-def _different(layer: list[Draft]) -> list[Draft]:
-    """Return the first of the plans that differ in nothing but their cost."""
-    found: dict[tuple, Draft] = {}
-    for plan in layer:
-        said = (plan.steps, plan.it, plan.mentioned, plan.box, plan.failure, plan.reason, plan.entity, plan.topic)
-        found.setdefault((*said, plan.candidates, plan.mover if plan.failure else None), plan)
-    return list(found.values())
-
-
-def clause_cost(plan: Draft) -> float:
-    """Return the cost of a plan without what it costs that a thing is moved twice."""
-    return plan.cost - costs.MOVED_TWICE - 2 * costs.ANOTHER_OBJECT
 
 
 def _marked(before: Draft, plan: Draft, clause: Clause) -> Draft:

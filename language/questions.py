@@ -6,6 +6,7 @@ phrase of the chart, and what is stated a `Predicate` that holds of a thing or n
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -146,10 +147,16 @@ class Questions:
         if re.fullmatch(rf"(?:{COLOR})(?: colou?red)?", plain):
             meant = colors()[plain.split()[0]]
             return Predicate(lambda i: world.things[i].color in meant, "color")
-        if (
-            re.search(rf"^(?:in|by) .*{_GRIPPER}|^(?:held|held by you|holding|you hold|you holding)$", plain)
-            or word == "held"
+        if compared := re.fullmatch(
+            r"(nearer|closer|farther|further)(?: away)?(?: (?:to|from) (.*?))? than (.*?)(?: is)?", plain
         ):
+            other, anchor = self.subject(compared[3]), self.subject(compared[2] or "")
+            x, y = (world.things[anchor[0]].x, world.things[anchor[0]].y) if anchor else (0.0, 0.0)
+            far = [math.hypot(thing.x - x, thing.y - y) for thing in world.things]
+            sign = 1 if compared[1] in ("nearer", "closer") else -1
+            return Predicate(lambda i: sign * far[i] < sign * far[other[0]], "place") if other else None
+        held = r"^(?:held|held by you|holding|you hold|you holding)$"
+        if word == "held" or re.search(rf"^(?:in|by) .*{_GRIPPER}|{held}", plain):
             return Predicate(lambda i: i == world.held, "place")
         return None
 
@@ -191,7 +198,11 @@ class Questions:
         if under and (upper := self.subject(under[1])):
             return Predicate(lambda i: any(world.below[j] == i for j in upper), "place")
         entity, found = self.refs(f"thing {plain}")
-        if entity is None or not (entity.relations or entity.superlative or entity.sides):
+        if (
+            entity is None
+            or entity.span[1] < len(scan(f"thing {plain}"))
+            or not (entity.relations or entity.superlative or entity.sides)
+        ):
             return None
         return Predicate(lambda i: i in found, "place")
 
@@ -314,7 +325,10 @@ class Questions:
         if among and (named := self.subject(among)):
             things = named
         if stated is None or things is None:
-            entity, fits = self.refs(rest if joint and not head else text)
+            phrase_words = rest if joint and not head else text
+            entity, fits = self.refs(phrase_words)
+            if entity is not None and entity.span[1] < len(scan(phrase_words)):
+                return None
             known = entity is not None and (noun or entity.superlative or entity.ordinal)
             return self.names(fits) if known and fits else None
         fits = [i for i in things if stated.holds(i)]

@@ -59,7 +59,8 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
         phrases = _completed(last.steps, clause.entity)
         objects = [Reading(each) for phrase in phrases if (each := _replaced(last.steps, phrase))]
         goals = filled(last, clause.entity, "goal") if anchors and clause.entity.kind == "thing" else None
-        return [*objects, *([goals] if goals is not None and clause.entity.noun in ENCLOSING else [])]
+        meant = [goals] if goals is not None and (clause.entity.noun in ENCLOSING or clause.entity.role) else []
+        return [*meant, *objects] if clause.entity.role == "target" else [*objects, *meant]
     old = last.steps[-1]
     places = tuple(_anchored(place, old.places) for place in clause.places)
     verb = CARRY if old.act is None or old.act not in (Act.CARRY, Act.LOWER) else old.verb
@@ -92,7 +93,8 @@ def _completed(steps: tuple[Clause, ...], new: Entity) -> list[Entity]:
     noun = replace(new, noun=old.noun)
     if new.colors or new.other:
         return [noun, new]
-    return [replace(noun, colors=old.colors), noun, new]
+    said = () if isinstance(old.pointed, Gesture) else (replace(noun, colors=old.colors),)  # not only pinned
+    return [*said, noun, new]
 
 
 def _anchored(place: RelationPhrase, old: tuple[RelationPhrase, ...]) -> RelationPhrase:

@@ -382,7 +382,9 @@ class _Sentences:
             found.append(Item(entity.end, clause, entity.cost + costs.NO_VERB, entity.skipped))
             for place in self.places(entity.end):
                 clause = Clause(CARRYING, entity.value, place.value, span=(at, place.end))
-                vague = entity.value.kind == "thing" and entity.value.noun is None and not entity.value.colors
+                vague = entity.value.kind == "thing" and not (
+                    entity.value.noun or entity.value.colors or entity.value.other
+                )
                 cost = entity.cost + place.cost + costs.NO_VERB_BUT_PLACE + costs.VAGUE * (vague and self.lattice.table)
                 found.append(Item(place.end, clause, cost, entity.skipped | place.skipped))
             if self.lattice.table:

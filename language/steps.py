@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 from language import costs
@@ -59,6 +60,7 @@ class Steps:
     """Add steps to plans in one world.
 
     it, mentioned: the things of the dialogue. others: what "the other one" means there. recent: all, the last first.
+    boxes: the container spoken of last, which is no other one.
     help: whether the scene helps to select. gestures: those of the sentence. box: the container spoken of last.
     effort: phrases weighed and steps tried so far.
     """
@@ -72,6 +74,7 @@ class Steps:
     effort: int = 0
     others: tuple[int, ...] = ()
     recent: tuple[int, ...] = ()
+    boxes: tuple[int, ...] = ()
     _resolvers: dict[tuple, Resolver] = field(default_factory=dict)
     _usable: dict[tuple, Any] = field(default_factory=dict)
     _sequences: dict[tuple, list[Draft]] = field(default_factory=dict)
@@ -88,7 +91,8 @@ class Steps:
         """Return the resolver of a world; phrases that were resolved in it before are not resolved again."""
         key = (id(world), it, origin, mentioned, box)
         if key not in self._resolvers:  # a resolver keeps its world, so that the id stays its own
-            self._resolvers[key] = Resolver(world, it, mentioned or self.mentioned, origin, self.world)
+            excluded = (*(mentioned or self.mentioned), *self.boxes)  # by "other"
+            self._resolvers[key] = Resolver(world, it, excluded, origin, self.world)
             self._resolvers[key].box = box
             self._resolvers[key].others = tuple(i for i in self.others if i not in it)
         return self._resolvers[key]
@@ -504,3 +508,25 @@ def obstacle(world: WorldModel, things: tuple[int, ...]) -> str:
     if thing.kind in FIXED:
         return f"the {thing.color} {thing.kind} is fixed"
     return f"the see-through {thing.kind} only marks a place" if thing.target else ""
+
+
+def different(layer: list[Draft]) -> list[Draft]:
+    """Return the first of the plans that differ in nothing but their cost."""
+    found: dict[tuple, Draft] = {}
+    for plan in layer:
+        said = (plan.steps, plan.it, plan.mentioned, plan.box, plan.failure, plan.reason, plan.entity, plan.topic)
+        found.setdefault((*said, plan.candidates, plan.mover if plan.failure else None), plan)
+    return list(found.values())
+
+
+def without_stops(steps: tuple[Clause, ...]) -> tuple[Clause, ...]:
+    """Return the clauses without putting down what the next one brings elsewhere: "take it down and give it to me"."""
+    kept = list(steps)
+    for at, (one, other) in enumerate(pairwise(steps)):
+        goes_on = (
+            other.act in (Act.GIVE, Act.CARRY, Act.STORE) and other.entity is not None and other.entity.kind == "it"
+        )
+        down = all(place.name == "direction" and place.value == "down" for place in one.places)
+        if goes_on and down and one.entity is not None and one.act in (Act.TAKE, Act.CARRY, Act.UNSTACK):
+            kept[at] = replace(one, verb=bringing("up"), places=())
+    return tuple(kept)

@@ -176,7 +176,7 @@ class WorldModel:
             return replace(self, held=index, inside=inside)
         if effect in ("OPEN", "SHUT"):
             return replace(self, open=self.open | {index} if effect == "OPEN" else self.open - {index})
-        if index in self.devices:
+        if index in self.devices and effect == "OPERATE":
             return replace(self, moved={**self.moved, index: float(abs(self.moved.get(index, 0.0)) < 0.5)})
         return self
 
