@@ -223,6 +223,8 @@ class Questions:
         words = text.split()
         for cut in range(len(words) - 1, 0, -1):
             head, rest = " ".join(words[:cut]), " ".join(words[cut:])
+            if re.search(r" (?:is|are|have|has|contains?|holds?)\b", head) and "that" not in head:
+                continue
             joint = re.match(rf"(?:(?:{_BE}|both|not) )+", f"{rest} ")
             if words[cut] in ("of", "and", "or", ",") or words[cut - 1] in (
                 "of",

@@ -523,10 +523,11 @@ def without_stops(steps: tuple[Clause, ...]) -> tuple[Clause, ...]:
     """Return the clauses without putting down what the next one brings elsewhere: "take it down and give it to me"."""
     kept = list(steps)
     for at, (one, other) in enumerate(pairwise(steps)):
-        goes_on = (
-            other.act in (Act.GIVE, Act.CARRY, Act.STORE) and other.entity is not None and other.entity.kind == "it"
-        )
+        if one.entity is None or other.entity is None:
+            continue
+        shown = isinstance(one.entity.pointed, Gesture) and other.entity.pointed == one.entity.pointed
+        goes_on = (shown or other.entity.kind == "it") and other.act in (Act.GIVE, Act.CARRY, Act.STORE)
         down = all(place.name == "direction" and place.value == "down" for place in one.places)
-        if goes_on and down and one.entity is not None and one.act in (Act.TAKE, Act.CARRY, Act.UNSTACK):
-            kept[at] = replace(one, verb=bringing("up"), places=())
+        if goes_on and down and one.act in (Act.TAKE, Act.CARRY, Act.UNSTACK):
+            kept[at] = replace(one, verb=bringing("up"), places=(), instruction=None)
     return tuple(kept)
