@@ -9,6 +9,7 @@ import math
 import sys
 from collections import deque
 from collections.abc import Mapping
+from threading import RLock
 from typing import Any
 
 from tqdm import tqdm
@@ -38,6 +39,7 @@ class Progress:
         self.recent: deque[tuple[float, float]] = deque()  # number of episodes and their success, of the last rows
         self.line_at = -math.inf  # seconds of the run at the last line
         self.prints_lines = shown and not sys.stderr.isatty()
+        tqdm.set_lock(RLock())  # its own is a semaphore of all processes, which a killed run would leave in /dev/shm
         self.bar = tqdm(total=total, unit="frames", disable=not shown or self.prints_lines)
         self.bar.set_postfix_str("starting")
         if self.prints_lines:

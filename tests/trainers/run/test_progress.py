@@ -91,3 +91,14 @@ def test_nothing_is_shown_where_it_is_not_wanted(capsys):
         progress.resume(400)
         progress.show(row(500, 1, 0.5, **{"eval/success_at_end": 0.5}))
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_bar_makes_no_semaphore_that_a_killed_run_would_leave():
+    code = (
+        "from pathlib import Path\n"
+        "from trainers.run.progress import Progress\n"
+        "with Progress(1000):\n"
+        "    print('/dev/shm/sem.' in Path('/proc/self/maps').read_text())\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "False", done.stderr
