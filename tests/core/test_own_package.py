@@ -56,6 +56,7 @@ def test_every_loss_of_an_own_module_is_minimised_and_reported(python):
     assert {"loss/actor", "loss/smooth"} <= set(header.strip().split(","))
 
 
+@pytest.mark.slow
 def test_a_loss_of_another_module_is_not_imported(python):
     done = python("-m", "train", "algo=a2c", "algo.loss=this.Zen")
     assert done.stderr.startswith("error: algo.loss=this.Zen is not known"), done.stderr

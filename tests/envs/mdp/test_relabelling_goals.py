@@ -190,6 +190,7 @@ def test_the_new_sentence_names_the_new_objects_in_the_new_scene(env, relabelled
             assert step.goal == asked.referent
 
 
+@pytest.mark.slow
 def test_a_relabelled_episode_is_cut_at_its_success(relabelled_episodes):
     for _, _, relabelled in relabelled_episodes:
         after = relabelled["next"]
