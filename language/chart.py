@@ -112,7 +112,7 @@ class NounPhrases:
         for edge in self._get(at, "region"):
             if edge.value == "robot" and at and self._lattice.tokens[at - 1].text in _OURS:
                 continue  # "my hand" is not the robot's
-            if not known.keys() & {"colors", "superlative", "single", "size"}:
+            if not known.keys() & {"colors", "superlative", "single", "size", "role"}:
                 found.append(_item(draft, edge.end, edge.cost, start, kind=edge.value))
         if not known:
             for edge in self._get(at, "pronoun"):

@@ -32,6 +32,7 @@ ON_TOP_OF_REGION = 0.7  # "on top | right corner"
 SUPERLATIVE_ALONE = 1.6  # "the top" as a thing
 INVERTED = 0.8  # "place on the red cube the blue one"
 PLACE_TWICE = 0.7  # two places joined without "and"
+CONTRAST = 0.4  # "but in the fridge" after what is not to be done says what is
 STEP_WITHOUT_JOIN = 1.0  # a further step without a word such as "then"
 
 SPELLING = 1.2  # of one wrong letter
@@ -60,5 +61,6 @@ MOVED_TWICE = 2.0  # the same thing is put down by two steps
 
 # Outcomes.
 FAR_BETTER = 3.0  # a reading that fails is reported if it is this much cheaper than any that can be carried out
+BETTER = 0.7  # the same on a table, of a reading with a length that uses every word
 TOO_MUCH = 7.5  # a reading that costs more leads to a question
 DOUBT = 12.0  # cost that lowers the confidence by a factor of e

@@ -20,6 +20,7 @@ from language.objects import Scene
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal
 from language.planning import Planner
 from language.questions import Questions
+from language.remarks import command as command_word
 from language.replies import Replies
 from language.revising import further, opposite, restoring
 from language.scanning import COLOR, Token, scan, verb_words
@@ -41,6 +42,8 @@ _SPEED = "my arm keeps its own speed; the clock has a speed, under Time"
 _NEXT = "Say what I shall do next"
 
 
+_THERE = re.compile(r"(?<!if )(?<!that )(?<!what )\b(?:is|are|was|were) there\b")
+_STATED = re.compile(r"^(?!you |we |i ).*\b(?:is|are) (?:\w+ )?(?:open|closed|shut|empty|full|pressed|free)\b")
 _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near", "next", "inside")
 
 
@@ -96,6 +99,8 @@ class Dialogue(Replies):
             return Answer(sentence, 1.0, (), span, text=f"All right, I do nothing. {_NEXT}")
         if (told := self._asked(sentence, text)) is not None:
             return replace(told, sentence=sentence)
+        if parts[-1].mark == "?" and _THERE.search(" ".join(parts[-1].words)):  # "apart from X, is there anything?"
+            return self._unknown(sentence, words)
         outcome = replace(self._command(text, made), sentence=sentence)
         if isinstance(outcome, Plan) or (isinstance(outcome, Question) and outcome.choices):
             return outcome
@@ -106,6 +111,8 @@ class Dialogue(Replies):
         act = next((part.act for part in parts if part.act not in (None, "yes", "no", "any", "sorry", "wrong")), None)
         said = [word for part in parts for word in part.words]
         if act is None and isinstance(outcome, Refusal):  # "stop it, or else"
+            if re.search(rf"\b(?:{COLOR}|{verb_words()})\b", " ".join(said[2:])):
+                return None
             starts = (act_of(said[:end]) for end in range(1, len(said)))
             act = next((each for each in starts if each in ("stop", "wait")), None)
             if act is not None:
@@ -121,8 +128,8 @@ class Dialogue(Replies):
                 if about or (any(word not in vocabulary() for word in rest) and len(rest) > 3)
                 else _social(sentence)
             )
-        if act is None or (isinstance(outcome, Question) and act not in ("stop", "wait")):
-            return None
+        if act is None or (act not in ("stop", "wait") and not isinstance(outcome, Answer)):
+            return None  # other signals are meant only where nothing else is asked for
         return self._signal(sentence, [word for part in parts if part.act == act for word in part.words])
 
     def _command(self, text: str, made: tuple[Gesture, ...]) -> Outcome:
@@ -371,15 +378,24 @@ class Dialogue(Replies):
                 return outcome
         if told is not None:
             return Answer(sentence, 1.0, (), span, about=about, text=told)
-        words = asked.split()
         if re.match(r"(?:did|do|are|have|were|can|will|is|was) (?:you|it|that|this|weather)\b", asked):
             return _social(sentence, f"I am a robot arm, and do what I can. {abilities(world)}")
         if re.match(r"(?:what|which|who|whose|why|when|how)\b|(?:is|are|does|did) ", asked):
-            unknown = [word for word in words if word not in vocabulary() and word.isalpha()]
-            what = " ".join(unknown[:3] or words[:8])
-            text = f"I cannot answer that: I know nothing about '{what}', only about the things here"
-            return Refusal(sentence, 0.0, (), span, reason="nothing", text=text, suggestions=offers(world, words))
+            return self._unknown(sentence, asked.split())
         return None
+
+    def _untold(self, sentence: str, condition: str) -> Refusal:
+        """Return the refusal of a sentence whose condition cannot be compared with the world."""
+        text, offered = f"I cannot tell whether {condition}", offers(self.now, condition.split())
+        return Refusal(sentence, 0.0, (), (0, len(sentence)), reason="nothing", text=text, suggestions=offered)
+
+    def _unknown(self, sentence: str, words: Sequence[str]) -> Refusal:
+        """Return the refusal of a question that cannot be answered."""
+        unknown = [word for word in words if word not in vocabulary() and word.isalpha()]
+        what = " ".join(unknown[:3] or words[:8])
+        text = f"I cannot answer that: I know nothing about '{what}', only about the things here"
+        offered = offers(self.now, words)
+        return Refusal(sentence, 0.0, (), (0, len(sentence)), reason="nothing", text=text, suggestions=offered)
 
     def _supposed(self, sentence: str, command: str) -> Outcome:
         """Return what would come of a command: "could it go on the red one?"."""
@@ -398,18 +414,23 @@ class Dialogue(Replies):
     # ---- Conditions
 
     def _conditional(self, sentence: str, made: tuple[Gesture, ...]) -> Outcome | None:
-        match = CONDITION.match(plain_start(sentence).replace(" 's ", " is "))
+        plain, planner = plain_start(sentence).replace(" 's ", " is "), self.planner()
+        lead = re.match(r"([^.;!]+) [.;!] (?=(?:if|unless) )", plain)
+        if lead is not None and not command_word().match(lead[1]):  # "I forgot where the cube is; if it is in X, ..."
+            plain = plain[lead.end() :]
+            refs = phrase(self.now, planner, scan(lead[1]))[1]
+            planner.it = tuple(i for ref in refs[:1] for i in ref.things[-1:]) or planner.it
+        match = CONDITION.match(plain)
         if match is None or self.now.cells:
             return None
         condition, command = match["if"] or match["if2"], match["do"] or match["do2"]
-        planner = self.planner()
         if re.search(r"\b(?:it|they|that)\b", condition):
             _, refs = phrase(self.now, planner, scan(command))
             planner.it = tuple(i for ref in refs[:1] for i in ref.things[-1:]) or planner.it
         known = Questions(self.now, planner, self.turns)
         true = known.is_true(condition)
         if true is None:
-            return None
+            return self._untold(sentence, condition) if _STATED.search(condition) else None
         how = match["how"] or match["how1"]
         if how in ("unless", "except if", "except when"):
             true = not true

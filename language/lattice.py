@@ -28,7 +28,8 @@ TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
     "superlative": words.TABLE["superlatives"],
     "unit": words.TABLE["units"],
 }
-STRANGERS = frozenset(phrases(TABLE["strangers"]))
+LIMITING = frozenset(phrases(TABLE["limiting"]))  # words that no reading may leave out
+STRANGERS = frozenset(phrases(TABLE["strangers"])) | LIMITING  # words that are no misspelling of another
 CONTENT = frozenset(
     phrases(
         "noun, color, role, superlative, stack, region, number, ordinal, verb, "
@@ -163,7 +164,22 @@ class Lattice:
         if word in _PRONOUNS and index and self.tokens[index - 1].text in _BEFORE_PRONOUN:  # "on top of that"
             after = self.edges[index + 1].keys() if index + 1 < len(self.tokens) else set()
             return bool({"noun", "color", "size", "side", "number", "superlative"} & after)
+        if self.is_relative(index):
+            return False
         return word in FILLERS or (index in self.unknown and len(word) > 4 and word.endswith("ly"))
+
+    def is_corrected(self, index: int) -> bool:
+        """Whether a word is no word of the lexicon, but similar to some."""
+        return any(cost for _, cost in self.variants[index])
+
+    def is_head(self, index: int) -> bool:
+        """Whether a word names a colour, a kind of thing or all of several."""
+        nouns = {edge.value for edge in self.get(index, "noun")} - {"cube", "thing"}
+        return not self.is_corrected(index) and bool(nouns or {"color", "both", "every"} & self.edges[index].keys())
+
+    def is_relative(self, index: int) -> bool:
+        """Whether a word begins a relative clause of what somebody does: "the spot from which you lifted it"."""
+        return self.text(index) == "which" and self.text(index + 1) in ("i", "you", "we")
 
     def skip_cost(self, index: int) -> float:
         """Return the cost of leaving out a token."""

@@ -74,8 +74,13 @@ def _of_program(sentence: str, found: list[Token]) -> list[Token]:
     if not _CALL.search(sentence):
         return found
     kept: list[Token] = []
-    verb = ""
+    verb, relation = "", None
     for token in found:
+        if token.text in ("on", "in") and sentence[token.end : token.end + 1] == "(":  # "on(gray, blue)"
+            relation = token
+            continue
+        if token.text == "," and relation is not None:
+            token, relation = token._replace(text=relation.text), None
         pair = f"{kept[-1].text} {token.text}" if kept else ""
         verb = next((each for each in (pair, token.text) if each in _joining()), "" if token.text in ";." else verb)
         inner = sentence[max(token.start - 1, 0) : token.end + 1]

@@ -537,6 +537,8 @@ def _between(resolver: Resolver, mover: int, relation: RelationPhrase) -> list[_
 def _in_area(world: WorldModel, mover: int, relation: RelationPhrase, area: Ref) -> list[_Wish]:
     """Return the places in a region of the table."""
     name, thing = relation.name, world.things[mover]
+    if area.kind == "robot" and name == "in":
+        return []  # "in the gripper" is no place on the table
     if area.kind in ("robot", "person"):
         return [_side_wish(world, ["near" if area.kind == "robot" else "far"], area.kind == "person")]
     if area.kind == "cell":  # what a gesture shows

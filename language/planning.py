@@ -324,7 +324,9 @@ class Planner(Steps):
         if act is Act.UNSTACK:
             things = [i for i in things if world.below[i] is not None] or things
         if wanted and entity.every and len(things) > wanted and entity.noun is None and not entity.colors:  # "both"
-            things = [i for i in things if i in (*plan.it, *plan.mentioned)] or things
+            spoken = [i for i in things if i in (*plan.it, *plan.mentioned)]
+            few = 0 < len(spoken) < wanted and act not in BOXES  # it asks which
+            entity, things = replace(entity, every=not few), things if few else spoken or things
         if wanted and len(things) > wanted and not entity.every:
             if plan.arbitrary or entity.any:
                 things.sort(key=lambda i: (bool(obstacle(world, (i,))), i in world.inside, world.things[i].x))

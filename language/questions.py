@@ -42,6 +42,7 @@ _OPERATED = {
     "up": 0,
     "off": 0,
 }
+_BEST = r"\b(?:closest|nearest|farthest|furthest|most)\b"
 _GRIPPER = r"\b(?:gripper|your hand|claw|your fingers|you)\b"
 
 
@@ -338,13 +339,11 @@ class Questions:
             fits = [i for i in fits if self.world.is_loose(i)] or fits
         self.things = fits
         plain = _ADDING.sub("", f"{rest} ").strip() if not negated else rest
+        if not fits and (not things or re.search(rf"{_BEST}|\b(?:is|are)\b", rest)):
+            return None  # one is always the farthest: the words were not all used
         if not fits:
             return f"nothing is {plain}" if head in ("", "thing") else f"none: no {_plain(head)} is {plain}"
-        if (
-            stated.about == "place"
-            and len(fits) <= 3
-            and not re.search(r"\b(?:closest|nearest|farthest|furthest|most)\b", plain)
-        ):
+        if stated.about == "place" and len(fits) <= 3 and not re.search(_BEST, plain):
             return "; ".join(self._told(i, "place") for i in fits)
         return f"{self.names(fits)} {'is' if len(fits) == 1 else 'are'} {plain}"
 

@@ -72,8 +72,8 @@ _IS_SO = re.compile(  # "the red cube is dusty | put it in the drawer"
     r"(?= (?:please )?(?:put|move|take|give|bring|open|close|shut|get) (?:it|them)\b)"
 )
 _STATES = re.compile(  # what a circumstance does not say
-    rf"{_OBLIGED}|\b(?:next to|left of|right of|on top|behind|between|inside|pressed|opened?|shut|in front)\b"
-    rf"|\byou {_DOES}\b"
+    rf"{_OBLIGED}|\b(?:next to|left of|right of|on top|behind|between|inside|pressed|open(?:ed)?|shut|in front)\b"
+    rf"|\byou {_DOES}\b|\bwhile you\b"
 )
 _IDLE = re.compile(  # what is said to people, and what a look at the scene shows
     r"(?:and |then |please |so )*(?:report|notify|inform|let (?:me|us) know|tell (?:me|us) (?:when|that|once|if)"
@@ -171,7 +171,7 @@ def _asks_nothing(text: str) -> bool:
         or _REASON.match(text)
     ):
         return True
-    kept = rf"\b(?:which|any|order|should|must|only|not touch|wrong)\b|^there (?:is|are)\b.*\b{_THING}\b"
+    kept = rf"\b(?:if|unless|which|any|order|should|must|only|not touch|wrong)\b|^there (?:is|are)\b.*\b{_THING}\b"
     if not _REMARK.match(text) or re.search(kept, text):
         return False
     subject = re.match(rf"(?:and |but |so )?(?:\w+ ){{0,2}}{_THING}\b", text)

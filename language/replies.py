@@ -52,6 +52,10 @@ class Replies(Memory):
         rejected = phrase(self.now, self.planner(), words[at + 1 :])[1] if at < len(texts) else []
         left = tuple(i for i in asked.candidates if i not in {i for ref in rejected for i in ref.things})
         entity = phrase(self.now, self.planner(), words[:at])[0] if at else None
+        first, end = entity.span if entity is not None else (0, 0)
+        heads = {i for i in range(len(found.lattice)) if found.lattice.is_head(i)}
+        if entity is not None and at == len(texts) and (entity.ordinal or heads - {*range(first, end)}):
+            return None  # it says more than the phrase
         if len(left) < len(asked.candidates) and (entity is None or entity.any):
             plans = (self._filled(sentence, asked, i) for i in (left if entity is not None or len(left) == 1 else ()))
             again = Question(sentence, 0.5, text=which(self.now, left), candidates=left, reading=self.last)

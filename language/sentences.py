@@ -85,6 +85,8 @@ class _Sentences:
         openings = [(0, False), *((edge.end, True) for edge in self.lattice.get(0, "not_meant"))]
         for start, rejects in openings:
             start += self.lattice.text(start) in (",", ".", "!", ";") and rejects
+            if rejects and "not" in (self.lattice.text(start - 1), self.lattice.text(start)) and self.lattice.table:
+                continue  # "no, not the blue one": what follows is not meant either
             for item in [*self._sequences(start), *self._conditions(start)]:
                 rest = rests[item.end]
                 whole = item._replace(cost=item.cost + rest.cost, skipped=item.skipped | rest.skipped)
@@ -198,7 +200,21 @@ class _Sentences:
                 for i in self.clauses(edge.end)
                 if i.value.verb is not None
             ]
+            found += self._contrasted(edge.end)
         return found + self._without_verb(at)
+
+    def _contrasted(self, at: int) -> list[Item]:
+        """Return what is to be done instead: "do not | put it in the drawer but in the fridge"."""
+        found = []
+        for item in self.clauses(at):
+            begin = item.end + (self.lattice.text(item.end) == ",")
+            if item.value.verb is None or not item.value.places or self.lattice.text(begin) != "but":
+                continue
+            for place in self.places(begin + 1):
+                clause = replace(item.value, places=place.value, span=(at, place.end))
+                total = item.cost + place.cost - costs.CONTRAST
+                found.append(Item(place.end, clause, total, item.skipped | place.skipped))
+        return found
 
     def objects(self, start: int) -> list[Item]:
         """Return the phrases for things that begin at a token, and on a table lists of them: "X, Y and Z"."""
@@ -325,7 +341,7 @@ class _Sentences:
                     clause = Clause(meant, both, span=(start, other.end))
                     found.append(Item(other.end, clause, base + other.cost, entity.skipped | other.skipped))
         for edge in self.lattice.get(entity.end, "done"):  # "have the drawer opened"
-            if KNOWN[verb].act in (Act.GIVE, Act.CARRY):
+            if KNOWN[verb].act in (Act.GIVE, Act.CARRY) and not entity.value.single:
                 clause = Clause(edge.value, entity.value, span=(start, edge.end))
                 found.append(Item(edge.end, clause, entity.cost + edge.cost + 0.3, entity.skipped))
         return found
@@ -366,7 +382,7 @@ class _Sentences:
                 entity.cost
                 + cost
                 + place.cost
-                + costs.TAKEN_SOMEWHERE * taking
+                + costs.TAKEN_SOMEWHERE * (taking and place.value[0].name != "away")
                 + which
                 + 1.0 * (given and not any(anchor.kind == "person" for anchor in place.value[0].anchors))
                 + away * (place.value[0].name == "from"),
@@ -438,7 +454,9 @@ class _Sentences:
 
     def _done(self, entity: Item, at: int) -> list[Item]:
         """Return the clauses whose verb follows the object: "the drawer closed", "the cube was put in the drawer"."""
-        found = []
+        found: list[Item] = []
+        if entity.value.single:  # "only the drawer open" says that nothing else is
+            return found
         for gap in self.lattice.gaps(entity.end):
             for edge in [*self.lattice.get(gap.end, "done"), *self.lattice.get(gap.end, "verb")]:
                 act = KNOWN[edge.value].act

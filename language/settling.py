@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from language import costs
 from language.errors import NotUnderstood
-from language.lattice import Lattice
+from language.lattice import LIMITING, Lattice
 from language.meanings import Clause, Entity, Gesture, Reading
 from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
@@ -111,13 +111,18 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     top = found.possible[0]
     if not world.cells and any(c.plan.reason == "never" and c.cost < top.cost for c in found.failed):
         return refused(sentence, found._replace(failed=[c for c in found.failed if c.plan.reason == "never"]), world)
+    impossible = [c for c in found.failed if c.plan.reason == "impossible" and not c.reading.unused]
+    measured = [c for c in impossible if any(place.measure for step in c.reading.steps for place in step.places)]
+    if not world.cells and any(c.cost < top.cost - costs.BETTER for c in measured):  # no other reading uses the length
+        return refused(sentence, found._replace(failed=measured), world)
     close = [c for c in found.possible if c.cost <= top.cost + costs.CLOSE]
     rivals = close[1:]
     if not world.cells:  # only what one reading leaves open is asked about, unless another reading leaves nothing open
         same = [c for c in close if c.reading.unused == top.reading.unused]
         alone = [c for c in same if sum(other.reading is c.reading for other in close) == 1]
         top = top if top.plan.arbitrary or not alone else alone[0]
-        rivals = [c for c in close if c.reading is top.reading and c is not top]
+        guessed = any("verb" in e and found.lattice.is_corrected(i) for i, e in enumerate(found.lattice.edges))
+        rivals = [c for c in close if c is not top and (guessed or c.reading is top.reading)]
     if not world.cells and (doubt := _left_out(sentence, top, found, world)) is not None:
         return doubt
     whole = not top.reading.unused and not world.cells and all(step.verb is not None for step in top.reading.steps)
@@ -125,7 +130,6 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     if top.cost > costs.TOO_MUCH + costs.NO_VERB_BUT_PLACE * clauses:
         return _doubted(sentence, found, world)
     if rivals and not top.plan.arbitrary:
-        impossible = [c for c in found.failed if c.plan.reason == "impossible" and not c.reading.unused]
         if not world.cells and any(c.cost < top.cost - 3 * costs.CLOSE for c in impossible):
             return refused(sentence, found._replace(failed=impossible), world)
         return _asked(sentence, [top, *rivals], found, world)
@@ -169,7 +173,7 @@ def matters(lattice: Lattice, index: int) -> bool:
     if index >= len(lattice):
         return False
     edges = lattice.edges[index]
-    if index in lattice.unknown:
+    if index in lattice.unknown or lattice.is_corrected(index):
         after = lattice.edges[index + 1].keys() if index + 1 < len(lattice) else set()
         if {"noun", "color", "size"} & after and index > 0:
             return False  # an adjective
@@ -178,9 +182,11 @@ def matters(lattice: Lattice, index: int) -> bool:
             {"relation", "any", "between", "verb"} & lattice.edges[index - 1].keys()
             or before in ("my", "your", "our", "his", "for", "with")
         )
-        return bool(preposed) or index == 0 or len(lattice.text(index)) > 3
-    if lattice.text(index) in ("nothing", "none", "nobody", "no", "without", "only", "unless", "until"):
+        return bool(preposed) or (index in lattice.unknown and (index == 0 or len(lattice.text(index)) > 3))
+    if lattice.text(index) in LIMITING or lattice.is_relative(index):
         return True
+    if lattice.text(index) == "more" and index and "number" in lattice.edges[index - 1]:
+        return True  # "one more"
     if any(edge.value in _NEARBY for edge in edges.get("relation", ())) and lattice.text(index) not in ("by", "around"):
         return True
     if lattice.text(index) in ("it", "that", "this", "them", "these", "those") and index:
@@ -424,7 +430,7 @@ def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:
     """Return the refusal of a sentence without any reading."""
     tokens = lattice.tokens
     words = [token.text for token in tokens]
-    strange = [sentence[tokens[i].start : tokens[i].end] for i in sorted(lattice.unknown)]
+    strange = [sentence[tokens[i].start : tokens[i].end] for i in sorted(lattice.unknown) if words[i] not in LIMITING]
     if strange:
         text = (
             (f"I do not know the word {strange[0]!r}")
