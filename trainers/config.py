@@ -228,7 +228,7 @@ def read_training(config: Any) -> TrainingConfig:
 
 def read_policy(node: Any) -> PolicyConfig:
     """Return the key `policy` of a composed config. Raises ConfigError."""
-    if hasattr(node, "get") and node.get("name") not in POLICIES:
+    if hasattr(node, "get") and str(node.get("name")) not in POLICIES:
         load_plugins()
     policy: PolicyConfig = _by_name(node, "policy", POLICIES)
     pretrained = isinstance(policy, GroundedConfig) and policy.encoder == "sentence"

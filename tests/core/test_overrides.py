@@ -1,5 +1,6 @@
 """Every YAML of conf/ reads into its dataclass; overrides are checked and applied."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import hydra
@@ -124,8 +125,8 @@ def test_dataclasses_of_the_config_have_no_defaults():
     config = compose()
     for holder in (read_env(config), read_training(config)):
         for part in vars(holder).values():
-            fields = type(part).__dataclass_fields__.values()
-            assert {field.name for field in fields if field.default is not field.default_factory} <= NEWER, type(part)
+            defaults = {field.name for field in fields(part) if field.default is not field.default_factory}
+            assert defaults <= NEWER, type(part)
 
 
 # ---- overrides as they are typed -----------------------------------------------------------------------------------
