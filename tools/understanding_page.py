@@ -83,6 +83,10 @@ assert [step.verb for step in plan.steps] == ["open", "lift", "put_in", "close"]
 Gestures go with "this", "that", "here" and "there": `interpret("take this", scene, pointed=[0])`. Boards and tables
 are files, too: `language.scene_file.read_world` reads them; [board.yaml](examples/board.yaml) is an example.
 """
+FRESH = """\
+What a stranger may expect: sentences for the room by people who did not know the grammar, measured before anybody who
+develops it read them. The expectations allow several outcomes; "as expected" includes right questions and refusals.
+"""
 TREEBANK = """\
 ### Commands of strangers for a board
 
@@ -146,8 +150,12 @@ def page() -> str:
 def _figures() -> Iterator[str]:
     yield "## How well\n"
     if SETS.exists():
-        yield "Sentences of the instruction sets (`python -m benchmarks.instructions --data benchmarks/sets`):\n"
-        kinds = json.loads(SETS.read_text("utf-8"))["kinds"]
+        measured = json.loads(SETS.read_text("utf-8"))
+        yield FRESH
+        rows = [(each["set"], str(each["n"]), *_shares(each)) for each in measured["fresh"]]
+        yield _table(("sentences", "number", "as expected", "wrong", "refused without help"), rows)
+        yield f"Sentences that the grammar was developed on (`{measured['command']}`):\n"
+        kinds = measured["kinds"]
         header = ("kind of sentence", "sentences", "as expected", "wrong", "refused without help")
         rows = [(k, c["n"], f"{c['met'] / c['n']:.0%}", c["wrong"], c["refused unhelpfully"]) for k, c in kinds.items()]
         yield _table(header, rows)
@@ -158,6 +166,10 @@ def _figures() -> Iterator[str]:
         share = [f"{100 * counts[key] / counts['total']:.1f} %" for key in ("right", "wrong", "asked", "refused")]
         rows.append((name.replace("_", " "), str(counts["total"]), *share))
     yield _table(("part", "commands", "right", "wrong", "asked back", "refused"), rows)
+
+
+def _shares(counts: dict[str, int]) -> list[str]:
+    return [f"{counts[key] / counts['n']:.0%}" for key in ("met", "wrong", "refused unhelpfully")]
 
 
 def _words() -> Iterator[str]:
