@@ -1,0 +1,24 @@
+"""A room with cubes, a drawer, a fridge, devices and the hand of a person, for tests of what is said there."""
+
+from language import Object, Scene, WorldModel, table
+from language.verbs import ROOM
+
+NAMES = ("yellow", "blue", "red", "drawer", "fridge", "button", "lever", "hand", "mark")
+YELLOW, BLUE, RED, DRAWER, FRIDGE, BUTTON, LEVER, HAND, MARK = range(9)
+OBJECTS = [
+    Object("cube", "yellow", (0.34, 0.0, 0.025)),
+    Object("cube", "blue", (0.44, -0.18, 0.025)),
+    Object("cube", "red", (0.37, 0.18, 0.025)),
+    Object("drawer", "blue", (0.46, -0.46, 0.08)),
+    Object("fridge", "red", (0.27, 0.46, 0.1)),
+    Object("button", "gray", (0.58, 0.18, 0.058), 0.07),
+    Object("lever", "cyan", (0.62, -0.14, 0.066), 0.07),
+    Object("palm", "pink", (0.57, -0.45, 0.15)),
+    Object("cube", "gray", (0.45, 0.1, 0.025), role="target"),
+]
+
+
+def room(objects=OBJECTS, **facts) -> WorldModel:
+    """The room with these facts in place of those at the start."""
+    fields = {"bounds": (0.32, 0.47, -0.21, 0.21), "flat_only": True, "verbs": ROOM, "moved": {LEVER: 1.0}}
+    return table(Scene(objects), **{**fields, **facts})
