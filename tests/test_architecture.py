@@ -17,8 +17,9 @@ PACKAGES = {  # package -> the packages that it may import beside itself
     "envs": {"core", "language", "human"},
     "trainers": {"core"},
     "hydra_plugins": {"core", "trainers"},
-    "demo": {"core", "language", "human", "envs", "trainers"},
-    "deixis": {"core", "language", "human", "envs", "trainers", "demo"},
+    "deployment": {"core", "language", "envs", "trainers"},
+    "demo": {"core", "language", "human", "envs", "trainers", "deployment"},
+    "deixis": {"core", "language", "human", "envs", "trainers", "demo", "deployment"},
     "tools": {"core", "language", "human", "envs", "trainers", "demo", "deixis"},  # what tests and benchmarks share
 }
 LAYERS = {  # sub-package or module of envs -> those that it may import beside itself
