@@ -247,6 +247,13 @@ def reset_memory(resets: int) -> dict[str, Any]:
     return {"rate": after[1] / after[0], "unit": "ratio", "seconds": 0.0}
 
 
+def pictures(count: int) -> dict[str, Any]:
+    """Measure pictures a second of the workspace's camera, in the size of videos."""
+    env = make_env((), 1, render=True)
+    env.reset()
+    return rate(count, "pictures/s", lambda: [env.render() for _ in range(count)])
+
+
 PANDA_REACH = ("robot=panda", "task=reach", *PEER_PHYSICS)
 PLACE = ("task=nl_pick_and_place", "task.num_objects=2", "task.num_targets=2")
 PANDA_NL_REACH = ("robot=panda", "task.num_objects=2", *PEER_PHYSICS)
@@ -265,6 +272,7 @@ WORKLOADS: dict[str, Callable[[int], dict[str, Any]]] = {
     "sac_products": sac_products,
     "memory_per_world": memory_per_world,
     "reset_memory": reset_memory,
+    "pictures": pictures,
 }
 
 

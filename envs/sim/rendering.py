@@ -10,6 +10,7 @@ import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
+from core.platform_tuning import as_bytes
 from human import Camera
 
 Array = NDArray[np.float64]
@@ -83,7 +84,7 @@ class Renderer:
             flags=bullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
             physicsClientId=self._client,
         )[2::2]
-        colors = np.reshape(np.asarray(pixels, np.uint8), (height, width, 4))[..., :3].copy()
+        colors = np.reshape(np.asarray(as_bytes(pixels), np.uint8), (height, width, 4))[..., :3].copy()
         return colors, np.reshape(np.asarray(links, np.int32), (height, width))
 
 

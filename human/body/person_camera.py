@@ -17,6 +17,7 @@ import pybullet as bullet
 from numpy.typing import NDArray
 
 from core.errors import ConfigError
+from core.platform_tuning import as_bytes
 from human.arms import Array
 from human.body.pybullet_body import Body
 from human.body.urdf_model import Proportions
@@ -182,7 +183,7 @@ def render(client: int, camera: Camera, light: Light) -> tuple[Picture, NDArray[
         physicsClientId=client,
     )
     shape = (camera.height, camera.width)
-    picture = np.reshape(np.asarray(pixels, np.uint8), (*shape, 4))[..., :3]
+    picture = np.reshape(np.asarray(as_bytes(pixels), np.uint8), (*shape, 4))[..., :3]
     return np.ascontiguousarray(picture), np.reshape(np.asarray(depth), shape) > BACKGROUND_DEPTH
 
 

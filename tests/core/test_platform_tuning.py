@@ -24,6 +24,7 @@ from core.platform_tuning import (
     WORTH,
     _added,
     _give_back_zeros,
+    as_bytes,
     fast_products,
     paused_collector,
     prefers_onednn,
@@ -190,3 +191,12 @@ def test_the_switch_leaves_all_of_them_out(monkeypatch):
         assert gc.isenabled()
     with platform_tuning.lean_imports():
         assert sys.modules.get("ray", ...) is not None
+
+
+def test_pixels_of_a_build_without_numpy_are_read_as_bytes(monkeypatch):
+    pixels = (0, 7, 255, 128)
+    for switch in ("on", "off"):
+        monkeypatch.setenv("DEIXIS_TUNING", switch)
+        assert np.asarray(as_bytes(pixels), np.uint8).tolist() == list(pixels)
+    kept = np.arange(4, dtype=np.uint8)
+    assert as_bytes(kept) is kept
