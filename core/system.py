@@ -58,12 +58,13 @@ def _cpu_model() -> str:
     return models[0] if models else platform.processor() or "unknown"
 
 
-def import_optional(*names: str, extra: str = "record") -> list[ModuleType]:
+def import_optional(*names: str, extra: str = "record", what: str = "recordings in this format") -> list[ModuleType]:
     """Import modules that an extra of the package installs.
 
     Args:
         names: dotted names of the modules.
         extra: name of the extra, for the error message.
+        what: needs them, in the plural, for the error message.
 
     Raises:
         ConfigError: a module is missing; the message says how to install it.
@@ -72,9 +73,7 @@ def import_optional(*names: str, extra: str = "record") -> list[ModuleType]:
         return [import_module(name) for name in names]
     except ImportError as error:
         missing = (error.name or str(error)).partition(".")[0]
-        raise ConfigError(
-            f'recordings in this format need {missing}, which is not installed: pip install -e ".[{extra}]"'
-        ) from None
+        raise ConfigError(f'{what} need {missing}, which is not installed: pip install -e ".[{extra}]"') from None
 
 
 @contextmanager

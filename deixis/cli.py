@@ -37,6 +37,9 @@ PROGRAMS = {
     ),
     "play": Program("play:cli", "talk to a robot and point, in the browser: deixis play"),
     "record": Program("record:cli", "demonstrations for LeRobot or Minari: deixis record checkpoint=nl_reach_kuka"),
+    "export": Program(
+        "deixis.export:cli", "a policy for programs without Deixis: deixis export checkpoint=nl_reach_kuka format=onnx"
+    ),
     "report": Program("trainers.reports.report:cli", "tables and figures of finished runs: deixis report outputs"),
     "parse": Program("language.__main__:run", 'what a sentence asks for: deixis parse "reach the red cube"'),
     "describe": Program(

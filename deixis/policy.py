@@ -16,6 +16,7 @@ from core.errors import UseError
 from core.overrides import apply
 from envs.config import read_env
 from envs.workspace_env import WorkspaceEnv
+from trainers.models.policy import Policy
 from trainers.run import checkpoint
 from trainers.run.checkpoint import fitted_policy
 
@@ -50,6 +51,11 @@ class LoadedPolicy(TensorDictModuleBase):
         finally:
             env.close()
         self.in_keys, self.out_keys = self._actor.in_keys, ["action"]
+
+    @property
+    def networks(self) -> Policy:
+        """The encoder and the actor."""
+        return self._actor.policy
 
     def make_env(
         self,

@@ -38,8 +38,9 @@ WHICH_IS = ("that is", "which is")  # optional before a relation
 # Meaning -> its phrases; `say` uses the first.
 Forms = dict[Any, tuple[str, ...]]
 
-_WORD_OR_MARK = re.compile(r"[^\W\d_]+(?:['\u2019][^\W\d_]+)?|\w+|[^\w\s]")
-_SAME = str.maketrans({"\u2019": "'", ";": ","})
+WORD_OR_MARK = re.compile(r"[^\W\d_]+(?:['\u2019][^\W\d_]+)?|\w+|[^\w\s]")
+SAME = {"\u2019": "'", ";": ","}  # characters that are read as others
+_SAME = str.maketrans(SAME)
 _SLOTS = (OBJECT, GOAL, BASE)
 _SLOT = re.compile(f"({'|'.join(map(re.escape, _SLOTS))})")
 
@@ -145,7 +146,7 @@ def split(sentence: str) -> list[Word]:
     if len(sentence) > LONGEST_SENTENCE:
         message = f"the sentence has {len(sentence)} characters; at most {LONGEST_SENTENCE} are read"
         raise NotUnderstood(message, LONGEST_SENTENCE)
-    found = _WORD_OR_MARK.finditer(sentence)
+    found = WORD_OR_MARK.finditer(sentence)
     return [Word(word.group().lower().translate(_SAME), word.start()) for word in found]
 
 

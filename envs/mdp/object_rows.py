@@ -50,6 +50,18 @@ def row_bounds(task: Task, low: Array, high: Array) -> tuple[list, list]:
     return least, greatest
 
 
+def column_names(task: Task) -> list[str]:
+    """Return a name for each column of a task's rows."""
+    kinds = DEVICES if task.traits.operates else SHAPES
+    axes = ("x", "y", "z")
+    names = [*axes, *(f"quaternion {axis}" for axis in (*axes, "w")), "red", "green", "blue", "alpha"]
+    names += [*(kinds[i] if i < len(kinds) else "no shape" for i in range(len(SHAPES))), "size", "target"]
+    if task.traits.moves:
+        names += [f"{axis} from the gripper, at most {limit} m" for limit in (NEAR, CLOSE) for axis in axes]
+        names += [column.name for column in task.columns]
+    return names
+
+
 def attributes(scene: Scene) -> Array:
     """(K, OBJECT_WIDTH - 7) the part of each object's row that is constant during an episode."""
     shape, device = _SHAPE[scene.nouns], _DEVICE[scene.nouns]

@@ -158,6 +158,10 @@ class GroundingEncoder(nn.Module):
         """Return the queries (N, Q, E) of tokens (N, L)."""
         return self.query_encoder(instruction)
 
+    def encode_all_words(self, instruction: Tensor) -> Tensor:
+        """`encode_words` without the search for repetitions, which no exported file can express."""
+        return self.query_encoder.encode(instruction)
+
     def attend(self, queries: Tensor, objects: Tensor, mask: Tensor, *more: Tensor) -> tuple[Tensor, ...]:
         """`forward`, given the queries (N, Q, E) of `encode_words`."""
         gesture = None if self.ray_weights is None else more[0]
@@ -232,7 +236,7 @@ class GroundingEncoder(nn.Module):
     def _select(self, frames: TensorDictBase, chosen: Sequence[Tensor]) -> None:
         """chosen: (N,) for each of the logits."""
         rows = self.rows_of(frames)
-        each = torch.arange(len(rows), device=rows.device)
+        each = torch.arange(rows.shape[0], device=rows.device)
         context = [rows[each, slot] for slot in chosen[: len(self.slot_keys)]]
         if self.verbs:
             context.append(F.one_hot(chosen[-1], self.verbs).to(rows))

@@ -165,7 +165,7 @@ class StagedActor(SeveralActors):
     def forward(self, robot: Tensor, *inputs: Tensor) -> tuple[Tensor, Tensor]:
         *context, stage = inputs
         loc, scale = self.outputs(robot, *context)
-        chosen = stage.clamp(max=len(loc) - 1), torch.arange(len(robot), device=robot.device)
+        chosen = stage.clamp(max=len(loc) - 1), torch.arange(robot.shape[0], device=robot.device)
         return loc[chosen], scale[chosen]
 
 

@@ -218,6 +218,10 @@ class FlatEncoder(nn.Module):
         """Return the mean embedding (N, E) of tokens (N, L); zeros, which need no gradient, for tasks without words."""
         if not instruction.any():
             return self.word_embedding.weight.new_zeros(len(instruction), self.word_embedding.embedding_dim)
+        return self.encode_all_words(instruction)
+
+    def encode_all_words(self, instruction: Tensor) -> Tensor:
+        """`encode_words` without a look at the values, which no exported file can express."""
         return self.word_embedding(instruction)
 
     def attend(self, words: Tensor, objects: Tensor, mask: Tensor, *more: Tensor) -> tuple[Tensor, ...]:

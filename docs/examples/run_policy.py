@@ -1,0 +1,38 @@
+"""Runs an exported policy with NumPy and ONNX Runtime alone: python run_policy.py FOLDER ["reach the red cube"]."""
+
+import json
+import re
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+folder = Path(sys.argv[1])
+interface = json.loads((folder / "interface.json").read_text(encoding="utf-8"))
+options = onnxruntime.SessionOptions()
+options.intra_op_num_threads = 1
+policy = onnxruntime.InferenceSession(folder / interface["file"], options)
+
+
+def tokens(sentence):
+    """(L,) int64: the input `instruction` of a sentence."""
+    words, row = interface["words"], np.zeros(interface["words"]["length"], np.int64)
+    found = (word.lower() for word in re.findall(words["pattern"], sentence))
+    found = [word.translate(str.maketrans(words["same"])) for word in found if re.match(r"\w", word)]
+    ids = {word: number for number, word in enumerate(words["vocabulary"])}
+    row[: len(found)] = [ids.get(word, ids["<unk>"]) for word in found]
+    return row
+
+
+samples = dict(np.load(folder / "samples.npz"))
+expected = samples.pop("action")
+print("greatest difference from the samples:", np.abs(policy.run(None, samples)[0] - expected).max())
+
+now = {name: values[:1] for name, values in samples.items()}  # one scene
+if len(sys.argv) > 2:
+    now["instruction"] = tokens(sys.argv[2])[None]
+begin = time.perf_counter()
+(action,) = policy.run(None, now)
+print("action:", action[0].round(4).tolist(), f"in {1000 * (time.perf_counter() - begin):.2f} ms")
