@@ -127,9 +127,13 @@ def _redirected(target: int) -> Iterator[None]:
             os.close(copy)
 
 
-def signal_at_parent_death(number: int) -> None:
-    """Have the system send this signal to the process when its parent ends. Does nothing except on Linux."""
+def signal_at_parent_death(number: int | None = None) -> None:
+    """Have the system send this signal, by default SIGKILL, to the process when its parent ends.
+
+    Does nothing except on Linux.
+    """
     if sys.platform == "linux":
+        number = signal.SIGKILL if number is None else number
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, number)
 
 

@@ -235,7 +235,7 @@ def _wait(process: subprocess.Popen[bytes]) -> int:
 
 def _end_with_parent() -> None:
     """The run ends with the task's process: a lost job is started again elsewhere, and must not be run twice."""
-    signal_at_parent_death(signal.SIGKILL)
+    signal_at_parent_death()
     signal.pthread_sigmask(signal.SIG_SETMASK, ())  # Ray blocks some
 
 

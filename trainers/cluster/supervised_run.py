@@ -97,8 +97,10 @@ def supervise(program: Path, words: RunWords, restarts: int) -> int:
         restarts: how often it is started again.
 
     Raises:
+        ConfigError: this system has no groups of processes.
         RunError: Ray ended it more often.
     """
+    _check_system()
     with _Forwarding() as forwarding:
         for attempt in range(restarts + 1):
             code, orderly = _run([sys.executable, str(program), *words()], forwarding)
@@ -125,8 +127,10 @@ def run_apart(main: Callable[[], object], program: Path, words: Sequence[str], e
         ended: the message for the case that Ray, or a node of it, has ended that process.
 
     Raises:
+        ConfigError: this system has no groups of processes.
         RunError: Ray has ended it.
     """
+    _check_system()
     if is_supervised():
         with _apart():
             main()
@@ -152,6 +156,12 @@ def _apart() -> Iterator[None]:
     finally:
         with suppress(OSError):
             os.write(pipe, b"1")
+
+
+def _check_system() -> None:
+    """Raise ConfigError on Windows, where nothing ends all processes that Ray has started."""
+    if not hasattr(os, "killpg"):
+        raise ConfigError("a Ray cluster is used from Linux or macOS only; here, take collector=local")
 
 
 def _run(command: Sequence[str], forwarding: _Forwarding) -> tuple[int, bool]:

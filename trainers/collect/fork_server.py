@@ -28,6 +28,8 @@ def start(modules: Sequence[str] = ()) -> BaseContext:
     Returns:
         The context in which to start processes: that of the server, or one that starts a new interpreter for each.
     """
+    if "forkserver" not in multiprocessing.get_all_start_methods():  # Windows
+        return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([SETUP, *modules])
     try:

@@ -12,7 +12,7 @@ from core.platform_tuning import paused_collector
 from core.system import signal_at_parent_death
 
 signal.signal(signal.SIGINT, signal.SIG_IGN)
-signal_at_parent_death(signal.SIGKILL)
+signal_at_parent_death()
 
 with paused_collector():
     import trainers.collect.worker  # noqa: F401  # the slow part, with torch's compiler: collecting imports it

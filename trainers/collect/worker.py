@@ -309,7 +309,7 @@ def detach() -> None:
     """Use one thread, ignore SIGINT, which a terminal sends to all processes, and end with the main process."""
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal_at_parent_death(signal.SIGKILL)  # the parent is the fork server, which ends with the main process
+    signal_at_parent_death()  # the parent is the fork server, which ends with the main process
     main = multiprocessing.parent_process()
     if main is None or not main.is_alive():  # it ended before the call
         os._exit(1)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import fcntl
 import multiprocessing
 import os
 import re
+from importlib import import_module
 from pathlib import Path
 
 from core.errors import ConfigError
@@ -48,14 +48,25 @@ class FolderLock:
 
     def _lock(self) -> None:
         try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            _try_lock(self._descriptor)
+        except (BlockingIOError, PermissionError):  # as POSIX and as Windows says it
             raise ConfigError(f"a {self.name} is running in {self.folder} already") from None
         except OSError:
             pass  # a file system without locks
 
     def __exit__(self, *error: object) -> None:
         os.close(self._descriptor)
+
+
+def _try_lock(descriptor: int) -> None:
+    """Lock an open file until it is closed. Raises OSError where another process has locked it."""
+    try:
+        fcntl = import_module("fcntl")
+    except ImportError:
+        msvcrt = import_module("msvcrt")  # Windows
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+    else:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _refuse_links(folder: Path, place: Path) -> None:
