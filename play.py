@@ -6,6 +6,8 @@
     python play.py --gui                                # PyBullet's own window and the keyboard, no page
     python play.py --headless out.mp4 --say "reach the red cube"
 
+    python play.py task=nl_reach arm=sim arm.latency=0.06   # an arm in place of the simulated one: docs/deployment.md
+
 Keys: task, robot, control, workspace, objects, driver (policy, expert, hand) and checkpoint. Any other key=value
 overrides the environment's config, as in train.py. The page requires pip install -e ".[play]".
 """
@@ -87,12 +89,22 @@ def make_session(args: argparse.Namespace) -> Session:
     with lean_imports():
         from demo.session import Session
     from demo.session_config import DEFAULTS, check_choices, default_task, make_config
+    from deployment.arm import ArmError
+    from deployment.connecting import about, split_arm
 
-    values, overrides = split(args.overrides, SESSION_KEYS, "robot=panda")
+    arm, words = split_arm(args.overrides)
+    if arm is not None:
+        if args.gui:
+            raise ConfigError(f"--gui shows a simulated robot: leave it out, or arm={arm.name}")
+        print(about(arm), flush=True)
+    values, overrides = split(words, SESSION_KEYS, "robot=panda")
     check_choices(values)
     if not values.keys() & TASK_KEYS:
         values["task"] = default_task(values.get("robot", DEFAULTS["robot"]))
-    return Session(make_config(**values, overrides=overrides), args.seed, args.gui)
+    try:
+        return Session(make_config(**values, overrides=overrides), args.seed, args.gui, arm)
+    except ArmError as error:
+        raise ConfigError(str(error)) from None
 
 
 # ---- PyBullet's window

@@ -36,6 +36,9 @@ PROGRAMS = {
         "evaluate:cli", "success of a policy on fresh episodes: deixis evaluate checkpoint=nl_reach_kuka"
     ),
     "play": Program("play:cli", "talk to a robot and point, in the browser: deixis play"),
+    "deploy": Program(
+        "deploy:cli", 'a policy on an arm: deixis deploy checkpoint=nl_reach_kuka arm=sim instruction="reach ..."'
+    ),
     "record": Program("record:cli", "demonstrations for LeRobot or Minari: deixis record checkpoint=nl_reach_kuka"),
     "export": Program(
         "deixis.export:cli", "a policy for programs without Deixis: deixis export checkpoint=nl_reach_kuka format=onnx"

@@ -21,6 +21,7 @@ from demo.scene_view import SceneView
 from demo.session import Session
 from demo.session_config import DRIVERS, MOST_OBJECTS, SessionConfig, check_run, pretrained_policies
 from demo.splash_page import set_camera
+from deployment.safe_arm import SafeArm
 from language import LanguageError, Outcome
 
 Array = NDArray[np.float64]
@@ -33,6 +34,7 @@ DIRECTIONS = {  # of keys, as the person sees them, who stands opposite the robo
     "pageup": (0, 0, 1),
     "pagedown": (0, 0, -1),
 }
+ALARM = (200, 30, 30)  # RGB of the button that stops an arm
 LISTED = (222, 235, 250)  # RGB of the buttons that list feasible instructions
 MAX_SENTENCE = 500  # characters
 SPEEDS = (0.1, 1.0)  # range of the clock's speed; 1 is real time
@@ -62,6 +64,9 @@ class Page:
 
     def _build(self, session: Session) -> None:
         gui = self._gui
+        self._arm = gui.add_html("")
+        if session.arm is not None:
+            self._build_arm(session.arm)
         self._interpretation, self._message = gui.add_html(html.message("")), gui.add_html("")
         self._status = gui.add_html("")
         with gui.add_form(None) as form:
@@ -86,6 +91,13 @@ class Page:
         for key, direction in DIRECTIONS.items():
             command = gui.add_command(f"Move the finger, or the gripper: {key}", hotkey=key)  # type: ignore[arg-type]
             command.on_trigger(lambda _, to=direction: self.loop.ask(lambda session: self._nudge(session, to)))
+
+    def _build_arm(self, arm: SafeArm) -> None:
+        """Buttons of an arm that is driven: they do not wait for the loop."""
+        stop = self._gui.add_button("STOP THE ARM", color=ALARM)
+        stop.on_click(lambda _: arm.safety.stop("somebody pressed stop on the page"))
+        release = self._gui.add_button("Let it move again")
+        release.on_click(lambda _: arm.safety.release())
 
     def _build_clock(self) -> None:
         gui = self._gui
@@ -275,6 +287,7 @@ class Page:
             self._scene_view.show_pointing(view.ray, view.pointing, positions)
         names = session.object_names()
         self._list_sayable(session)
+        self._put("arm", self._arm, html.message(session.arm_note))
         self._put("status", self._status, html.status(view, session.note, self.loop.rate))
         self._put("shares", self._shares, html.object_shares(view, names))
         self._put("rewards", self._rewards, html.rewards_and_outcomes(view))

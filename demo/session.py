@@ -20,6 +20,9 @@ from demo.planning import Subtask, SubtaskPlanner
 from demo.returning import Return
 from demo.session_config import SessionConfig, Setup, build
 from demo.view_state import ViewState
+from deployment.connecting import ArmChoice
+from deployment.mirror import MirrorEnv
+from deployment.safe_arm import Person, SafeArm
 from human import Unreachable
 from language import (
     Dialogue,
@@ -52,10 +55,28 @@ class Session:
     if the policy or the expert drives. gripper_closed: by hand.
     """
 
-    def __init__(self, config: SessionConfig, seed: int = 0, gui: bool = False) -> None:
-        """gui: in PyBullet's window, which `change` would close. Raises ConfigError for what cannot be built."""
-        self._rng = np.random.default_rng(seed)
-        self._start(build(config, seed, gui))
+    def __init__(
+        self,
+        config: SessionConfig,
+        seed: int = 0,
+        gui: bool = False,
+        arm: ArmChoice | None = None,
+        person: Person | None = None,
+    ) -> None:
+        """
+        Args:
+            config: the choice.
+            seed: of the scenes.
+            gui: in PyBullet's window, which `change` would close.
+            arm: that is driven; None: a simulated one.
+            person: who can stop the arm.
+
+        Raises:
+            ConfigError: something cannot be built.
+            ArmError: the arm does not answer.
+        """
+        self._rng, self._choice = np.random.default_rng(seed), arm
+        self._start(build(config, seed, gui, arm, person))
 
     def _start(self, setup: Setup) -> None:
         self.config, self.env, self._policy, self.note = setup.config, setup.env, setup.policy, setup.note
@@ -76,6 +97,8 @@ class Session:
 
     def change(self, config: SessionConfig) -> None:
         """Replaces robot, task or policy. Raises ConfigError, and then nothing changes."""
+        if self._choice is not None:
+            raise ConfigError(f"arm={self._choice.name} is driven: start the page again for another robot or task")
         setup = build(config, int(self._rng.integers(2**31)))
         counts = self.view.outcome_counts if config.task == self.config.task else None
         self.env.close()
@@ -233,6 +256,19 @@ class Session:
     # ---- Subtasks
 
     @property
+    def arm(self) -> SafeArm | None:
+        """The arm that is driven; None: a simulated one."""
+        return self.env.arm if isinstance(self.env, MirrorEnv) else None
+
+    @property
+    def arm_note(self) -> str:
+        """What its rules say of the arm that is driven, or ""."""
+        if not isinstance(self.env, MirrorEnv):
+            return ""
+        decision = self.env.world.decision
+        return self.env.arm.safety.stopped or "; ".join(decision.reasons if decision else ())
+
+    @property
     def busy(self) -> bool:
         """Whether there is a subtask, or the gripper returns before one."""
         return self._subtask is not None
@@ -303,6 +339,8 @@ class Session:
     @torch.no_grad()
     def step(self) -> None:
         """Takes one control step."""
+        if self.busy and self.arm is not None and self.arm.safety.stopped:
+            self._end(f"Stopped: {self.arm.safety.stopped}.")
         with set_exploration_type(ExplorationType.DETERMINISTIC):
             self._state["action"] = self._action()
         after = self.env.step(self._state)["next"]

@@ -11,6 +11,8 @@ from typing import Any
 from core.errors import ConfigError, did_you_mean
 from core.overrides import apply, compose, groups
 from core.schema import Checked, any_path, checked_by, one_of, read, within
+from deployment.connecting import ArmChoice, connect
+from deployment.safe_arm import Person
 from envs.config import read_env
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.window import Window
@@ -149,16 +151,25 @@ class Setup:
     note: str = ""
 
 
-def build(config: SessionConfig, seed: int, gui: bool = False) -> Setup:
+def build(
+    config: SessionConfig,
+    seed: int,
+    gui: bool = False,
+    arm: ArmChoice | None = None,
+    person: Person | None = None,
+) -> Setup:
     """Builds environment and policy.
 
     Args:
         config: the person's choice.
         seed: of the environment.
         gui: whether PyBullet's window shows it.
+        arm: to be driven in place of a simulated one; None: none.
+        person: who can stop the arm.
 
     Raises:
         ConfigError: environment or policy cannot be built.
+        ArmError: the arm does not answer.
     """
     payload, config, note = _find_policy(config)
     options = [f"{group}={getattr(config, group)}" for group in ("task", "robot", "control")]
@@ -169,7 +180,10 @@ def build(config: SessionConfig, seed: int, gui: bool = False) -> Setup:
     composed = compose([*options, *changes]) if payload is None else apply(composed, changes)
     config = replace(config, workspace=composed["workspace"]["name"])
     env_config = read_env(composed).without_curriculum()
-    env = InteractiveEnv(env_config, seed, Window(env_config.workspace.camera, "--gui") if gui else None)
+    if arm is not None:
+        env: InteractiveEnv = connect(arm, env_config, person, seed)
+    else:
+        env = InteractiveEnv(env_config, seed, Window(env_config.workspace.camera, "--gui") if gui else None)
     try:
         policy = None if payload is None else fitted_policy(payload, composed, env).act
         return Setup(config, env, own_workspace, policy, note)

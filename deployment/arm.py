@@ -91,14 +91,19 @@ class Arm(ABC):
 
     @abstractmethod
     def hold(self) -> None:
-        """Stop where the arm is, with the gripper as it is. Raises ArmError."""
+        """Stop where the arm is, with the gripper as it is. Raises ArmError.
+
+        Called again in each control period while the arm is to hold: it stays where the first call found it.
+        """
 
     @abstractmethod
     def disconnect(self) -> None:
         """End the connection; the arm must not fall. Idempotent."""
 
 
-ARMS: dict[str, str] = {}  # the value of arm=... -> module and class of its adapter
+ARMS = {  # the value of arm=... -> module and class of its adapter
+    "sim": "deployment.twin:TwinArm",
+}
 
 
 def make_arm(name: str, settings: Mapping[str, Any], setup: EnvConfig) -> Arm:

@@ -117,6 +117,7 @@ class Safety:
         self.stopped = ""
         self._opening = 1.0
         self._last = self._pressed = self._started = -np.inf  # when a target was sent, a key pressed, the arm started
+        self._relocated = False
         self._past: deque[tuple[float, Array]] = deque()  # targets of the last LAG seconds with their times
 
     # ---- what a person does
@@ -129,6 +130,11 @@ class Safety:
     def release(self) -> None:
         """Let a stopped arm move again: a person says that all is well."""
         self.stopped = ""
+
+    def relocate(self) -> None:
+        """Forget where the arm was: a simulated one was put elsewhere. It goes on without a slow start."""
+        self.measured, self._relocated = None, np.isfinite(self._started)
+        self._forget()
 
     def press(self, now: float) -> None:
         """Note that the dead-man key was pressed."""
@@ -234,8 +240,9 @@ class Safety:
         start = np.clip(self.measured.angles, self.limits.low, self.limits.high)
         if reason := self.limits.refusal(start):
             return f"the arm cannot start from where it is: {reason}; move it there by hand"
-        if not self.config.dry_run or not np.isfinite(self._started):
+        if not (self._relocated or (self.config.dry_run and np.isfinite(self._started))):
             self._started, self._last = now, now - FIRST
+        self._relocated = False
         self.sent = start
         self._past.append((now, start))
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -64,6 +64,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
     """
 
     batch_locked = True
+    _world_type: ClassVar[type[SimulatedWorld]] = SimulatedWorld
     _given = False  # whether a present episode was begun by `start`
 
     def __init__(
@@ -83,7 +84,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self.task = self._draws = make_task(config, num_worlds, self._person)
         self.task.draw(np.random.default_rng(0))  # raises at once if no episode can be drawn
         self.kinematics = make_kinematics(config, self.task)
-        self._worlds = [make_world(config, self.task, render, window) for _ in range(num_worlds)]
+        self._worlds = [make_world(config, self.task, render, window, self._world_type) for _ in range(num_worlds)]
         self.control = make_control(config, self.task, self.kinematics)
         check_reach(config.robot, self.kinematics, config.workspace.object_area, float(self.control.box[0, 2]))
         self._initial_states = make_initial_states(config, self.task, self.kinematics)
@@ -415,9 +416,15 @@ def _copied(config: EnvConfig, num_worlds: int, render: bool, present: Mapping[s
     return env
 
 
-def make_world(config: EnvConfig, task: Task, render: bool = False, window: Window | None = None) -> SimulatedWorld:
+def make_world(
+    config: EnvConfig,
+    task: Task,
+    render: bool = False,
+    window: Window | None = None,
+    world_type: type[SimulatedWorld] = SimulatedWorld,
+) -> SimulatedWorld:
     """One world with all bodies that the task needs."""
-    return SimulatedWorld(
+    return world_type(
         robot=config.robot,
         workspace=config.workspace,
         physics=config.physics,

@@ -20,7 +20,7 @@ PACKAGES = {  # package -> the packages that it may import beside itself
     "deployment": {"core", "language", "envs", "trainers"},
     "demo": {"core", "language", "human", "envs", "trainers", "deployment"},
     "deixis": {"core", "language", "human", "envs", "trainers", "demo", "deployment"},
-    "tools": {"core", "language", "human", "envs", "trainers", "demo", "deixis"},  # what tests and benchmarks share
+    "tools": {"core", "language", "human", "envs", "trainers", "demo", "deixis", "deployment"},  # shared by tests
 }
 LAYERS = {  # sub-package or module of envs -> those that it may import beside itself
     "sim": set(),
@@ -42,7 +42,7 @@ PYBULLET = ("envs/sim/", "human/body/")
 GENERATED = {"build", "dist", "outputs", "multirun", "site"}  # folders that programs write
 MAX_FILE_LINES = 600
 MAX_FUNCTION_LINES = 50
-MAX_FILES = 240  # outside of UNCOUNTED
+MAX_FILES = 265  # outside of UNCOUNTED
 UNCOUNTED = ("tests", "language", "demo")
 SMALL_MODULE = 70  # lines, up to which a module that one other module imports had better be part of it
 MAX_SMALL_MODULES = 8

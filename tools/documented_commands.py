@@ -181,6 +181,10 @@ def shorten(line: str) -> str:
     if "evaluate.py" in line:
         line = re.sub(r"in_turn=\d+", "in_turn=1", re.sub(r"video=\d+", "video=1", line))
         return with_values(line, EVALUATION, "=")
+    if "deploy.py" in line and "instruction=" not in line:
+        return with_values(line, {"episodes": "2"}, "=")
+    if "hostile_arms" in line:
+        return with_values(line, {"steps": "200"}, "=")
     if "record.py" in line and "replay=" not in line:
         return with_values(line, {"episodes": "2"}, "=")
     return with_values(line, EXPERTS, " ") if "benchmarks.experts" in line else line

@@ -59,6 +59,7 @@ class GripController:
         self._opening_around_object = object_size / 2 if gripper == "fingers" else 0.0
         self._num_fingers, self._opening = len(robot.fingers), np.full(len(worlds), self._max_opening)
         self._finger_range = robot.finger_opening
+        self._by_fingers = bool(robot.fingers) and gripper != "magnet"
 
     @property
     def width(self) -> int:
@@ -80,6 +81,24 @@ class GripController:
         if self._max_opening:
             step = np.where(self.closed, -FINGER_STEP, FINGER_STEP)
             self._opening = np.clip(self._opening + step, 0.0, self._max_opening)
+        self._let_go()
+
+    @property
+    def opening(self) -> NDArray[np.float64]:
+        """(N,) in [0, 1]: how far each gripper is commanded to be open. A magnet that is on is at 0."""
+        if self._by_fingers:
+            return self._opening / self._finger_range
+        return np.where(self.closed, 0.0, 1.0)
+
+    def follow(self, opening: NDArray[np.float64]) -> None:
+        """Command the grippers by `opening` (N,) of another controller, in place of `command`."""
+        self.closed = opening < (1.0 if self._by_fingers else 0.5)
+        if self._by_fingers:
+            self._opening = opening * self._finger_range
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Release what magnets that are off hold, and what is to be released at an exact time."""
         if self._lag or not self._max_opening:
             for i in np.flatnonzero(~self.closed & (self.held != NOTHING)).tolist():
                 self._worlds[i].release(self._lag)

@@ -146,6 +146,11 @@ class ObjectPool:
         bullet.resetBaseVelocity(body, (0, 0, 0), (0, 0, 0), physicsClientId=self._client)
         self._wake(body)
 
+    def put(self, poses: Sequence[tuple[Sequence[float], Sequence[float]]]) -> None:
+        """Put each shown body at a position (3,), metres, and a quaternion (4,): where it is seen, without physics."""
+        for body, (position, quaternion) in zip(self.shown, poses, strict=True):
+            bullet.resetBasePositionAndOrientation(body, position, quaternion, self._client)
+
     def _make(self, noun: str, size: float, mobility: Mobility) -> int:
         shape_type, sides = _geometry(noun, size)
         shape = visual = -1

@@ -44,25 +44,32 @@ class Robot:
         self.fingers = [_index(names, name, "robot.fingers") for name in config.fingers]
         self.damped = any(i[6] for i in info)  # whether joints are slowed down by the fluid friction of the URDF
         self.hand = self.arm[-1]  # the link that has all of the gripper but the fingers
-        self._forces = [info[j][10] for j in self.arm + self.fingers]
-        self._bind(self._forces)
+        self._forces = self._bound = [info[j][10] for j in self.arm + self.fingers]
+        self._gains = [config.gain] * len(self._forces)
+        self._bind()
 
-    def _bind(self, forces: Sequence[float]) -> None:
+    def _bind(self) -> None:
         motors = self.arm + self.fingers
         self._motors = partial(
             bullet.setJointMotorControlArray,
             self.body,
             motors,
             bullet.POSITION_CONTROL,
-            forces=list(forces),
-            positionGains=[self.config.gain] * len(motors),
+            forces=list(self._bound),
+            positionGains=self._gains,
             physicsClientId=self._client,
         )
         self._states = partial(bullet.getJointStates, self.body, motors, physicsClientId=self._client)
 
     def limit_fingers(self, force: float) -> None:
         """Limit the force with which each finger closes, N."""
-        self._bind(self._forces[: len(self.arm)] + [force] * len(self.fingers))
+        self._bound = self._forces[: len(self.arm)] + [force] * len(self.fingers)
+        self._bind()
+
+    def scale_gains(self, factors: Sequence[float]) -> None:
+        """Let each motor close another share of its error in a physics step: its gain times a factor."""
+        self._gains = [self.config.gain * factor for factor in factors]
+        self._bind()
 
     def drive(self, targets: Sequence[float]) -> None:
         """Set the motors' position targets: arm joints in radians, then fingers in metres."""
@@ -72,10 +79,10 @@ class Robot:
         """(position, velocity, ...) of each arm joint, then each finger."""
         return self._states()
 
-    def place(self, joints: Sequence[float], opening: float) -> None:
-        """Put the arm at rest at these joint angles, without physics."""
-        for index, angle in zip(self.arm, joints, strict=True):
-            bullet.resetJointState(self.body, index, angle, 0.0, self._client)
+    def place(self, joints: Sequence[float], opening: float, speeds: Sequence[float] | None = None) -> None:
+        """Put the arm at these joint angles, without physics. speeds: of the joints, rad/s; None: it is at rest."""
+        for index, angle, speed in zip(self.arm, joints, speeds or [0.0] * len(self.arm), strict=True):
+            bullet.resetJointState(self.body, index, angle, speed, self._client)
         for index in self.fingers:
             bullet.resetJointState(self.body, index, opening, 0.0, self._client)
 

@@ -1,0 +1,150 @@
+"""The twin: messages, encoders and play in this process, and a policy on it in another one."""
+
+from __future__ import annotations
+
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+import deploy
+from core.errors import ConfigError
+from core.overrides import compose
+from deployment.arm import ArmError, make_arm
+from deployment.connecting import connect, split_arm
+from deployment.twin import Channel, TwinCommand, TwinConfig, TwinEnv
+from envs import read_env
+
+PERIOD = 0.05  # seconds
+
+
+@pytest.fixture(scope="module")
+def setup():
+    return read_env(compose(["task=nl_pick_and_place"])).without_curriculum()
+
+
+def test_messages_are_late_in_turn_and_lost():
+    config = TwinConfig(latency=0.06, jitter=0.02, dropped=0.25)
+    channel = Channel(config, np.random.default_rng(0))
+    for i in range(1000):
+        channel.send(i * 0.001, i)
+    assert channel.receive(0.06) == []
+    early = channel.receive(0.5)
+    assert max(early) <= 440
+    assert early != sorted(early)
+    assert len(early) + len(channel.receive(2.0)) == pytest.approx(750, abs=50)
+
+
+@pytest.fixture(scope="module")
+def made(setup):
+    config = TwinConfig(latency=0.06, encoder=1024, backlash=0.02)
+    with closing(TwinEnv(setup, config)) as twin:
+        yield twin
+
+
+def test_a_command_takes_effect_late_and_is_reported_later(made):
+    made.begin(1)
+    start = made._arrays.angles[0].copy()
+    began = made.time
+    target = start.copy()
+    target[6] += 0.3
+    moved = []
+    for i in range(1, 40):
+        reports, _ = made.run(began + 0.01 * i, [TwinCommand(began, target, 1.0)] if i == 1 else [])
+        moved += [(0.01 * i, report.state.angles[6] - start[6]) for report in reports]
+    assert max(way for time, way in moved if time < 0.12) < 0.01
+    assert moved[-1][1] == pytest.approx(0.3 - 0.01, abs=0.007)  # the play takes half of its width
+
+
+def test_measurements_have_the_steps_of_the_encoder(made):
+    made.begin(2)
+    reports, _ = made.run(made.time + 0.3, [])
+    turns = np.array([report.state.angles for report in reports]) / (2 * np.pi / 1024)
+    np.testing.assert_allclose(turns, turns.round(), atol=1e-9)
+
+
+def test_an_episode_follows_from_its_seed(made):
+    seen = []
+    for seed in (3, 4, 3):
+        began = made.begin(seed).scene.positions
+        reports, _ = made.run(made.time + 0.3, [])
+        seen.append((began, reports[-1].state.angles))
+    np.testing.assert_array_equal(seen[0][0], seen[2][0])
+    np.testing.assert_array_equal(seen[0][1], seen[2][1])
+    assert (seen[0][0] != seen[1][0]).any()
+
+
+@pytest.mark.slow
+def test_a_policy_on_a_late_twin_reaches_what_is_meant(tmp_path):
+    words = ["checkpoint=nl_reach_kuka", "arm=sim", "arm.latency=0.06", "arm.gains=0.2", "episodes=4"]
+    log = tmp_path / "commands.jsonl"
+    result = deploy.main([*words, f"out={tmp_path / 'result.json'}", f"log={log}"])
+    assert result["successes"] >= 3
+    assert (tmp_path / "result.json").is_file()
+    assert len(log.read_text().splitlines()) == result["steps"]
+    told = deploy.main([*words[:3], "instruction=reach the cube nearest to you", f"log={log}"])
+    assert told["steps"] > 5
+
+
+@pytest.mark.slow
+def test_what_the_policy_sees_is_what_is_perceived(setup, tmp_path):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(
+        "- {noun: cube, color: red, position: [0.4, 0.1, 0.0]}\n"
+        "- {noun: cube, color: blue, position: [0.5, -0.1, 0.0], role: target}\n"
+    )
+    choice, _ = split_arm(["arm=sim", f"scene={scene}"])
+    with closing(connect(choice, setup)) as env:
+        env.reset()
+        places = env.scene().positions[np.argsort(env.scene().targets)]
+        np.testing.assert_allclose(places, [[0.4, 0.1, 0.025], [0.5, -0.1, 0.025]], atol=1e-9)
+        carried = env.world.held
+        state = env.give_instruction("pick the red cube and place it to the same position as the blue cube", 0)
+        before = env.gripper[0]
+        for _ in range(10):
+            state["action"] = env.towards(before[None] + [0.0, 0.05, 0.0])
+            state = env.step(state)["next"]
+        np.testing.assert_allclose(env.gripper[0], before + [0.0, 0.05, 0.0], atol=0.01)
+        np.testing.assert_allclose(env.arm.measured.angles, env.arm.angles, atol=0.01)
+        assert carried is None
+        env.put_object(int(env.scene().targets.argmax()), (0.45, 0.2, 0.025))
+        assert env.scene().positions[env.scene().targets.argmax()].tolist() == [0.45, 0.2, 0.025]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["arm=simm"], "arm=simm is not an arm; did you mean 'sim'?"),
+        ([], "arm=<name> is missing: arm=sim is the simulated twin"),
+        (["arm.latency=0.1"], "arm.latency needs an arm: arm=sim"),
+        (["arm=sim", "safety.speed=2"], "safety.speed=2.0 is out of range: it must be in [0.01, 1]"),
+        (["arm=sim", "safety.sped=1"], "safety.sped is not a known key; did you mean 'speed'?"),
+        (["arm=sim", "arm.latency=-1"], "arm.latency=-1.0 is out of range: it must be in [0, 1]"),
+        (["arm=sim", "arm.late=1"], "arm.late is not a known key"),
+        (["arm=sim", "arm.latency="], "arm.latency= has no value"),
+        (["arm=sim", "arm=sim"], "arm is given twice"),
+        (["arm=sim", "predict=maybe"], "predict=maybe must be true or false"),
+        (["arm=sim", "episodes=0"], "episodes=0 is out of range"),
+        (["arm=sim", "instruction=reach it", "episodes=3"], "episodes and out need no instruction"),
+        (["arm=sim", "scene=/nosuch.yaml"], "scene=/nosuch.yaml: "),
+    ],
+)
+def test_bad_input_is_one_sentence(words, message):
+    with pytest.raises(ConfigError) as refusal:
+        deploy.main(["checkpoint=nl_reach_kuka", *words])
+    assert message in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_task_with_what_nothing_perceives_is_refused_before_an_arm_moves(monkeypatch):
+    config = read_env(compose(["task=nl_open", "workspace=room"]))
+    monkeypatch.setattr("deployment.twin.TwinArm.connect", lambda arm: pytest.fail("it was connected"))
+    choice, _ = split_arm(["arm=sim"])
+    with pytest.raises(ConfigError, match="furniture that moves"):
+        connect(choice, config)
+
+
+def test_an_arm_that_is_not_connected_says_so(setup):
+    arm = make_arm("sim", {}, setup)
+    with pytest.raises(ArmError, match="the twin is not connected"):
+        arm.begin(0)
