@@ -1,6 +1,6 @@
 """Writing and reading demonstrations as a LeRobot dataset, version 3: https://huggingface.co/docs/lerobot.
 
-Tables are Parquet files of limited size; images are one video for each episode; each feature has statistics.
+Tables are Parquet files of limited size; images are one video for each episode; each feature of numbers has statistics.
 """
 
 from __future__ import annotations
@@ -31,6 +31,13 @@ CHUNK_FILES, DATA_MB, VIDEO_MB = 1000, 100, 200  # files in a chunk, and the max
 CAMERA = "observation.images.camera"
 FEATURES = {"robot": "observation.state", "objects": "observation.environment_state"}
 PIXEL_FORMAT = "yuv420p"
+# What is said to the robot: in every frame what is in force, and what is said in that very frame. Deixis says one
+# sentence at the beginning of an episode, so there are no events.
+SPOKEN, EVENTS = "language_persistent", "language_events"
+LANGUAGE_FEATURES = {name: {"dtype": "language", "shape": [1], "names": None} for name in (SPOKEN, EVENTS)}
+# Who says the sentence, in which style, as the library's recipes look it up: the task in the person's words, and what
+# the robot is doing now, which is the whole task.
+ROLES = (("user", "task_aug"), ("assistant", "subtask"))
 
 
 class LeRobotWriter:
@@ -59,11 +66,13 @@ class LeRobotWriter:
     def add(self, episode: Demonstration) -> None:
         """Write one episode."""
         values = self._columns(episode)
+        columns = {key: as_column(value) for key, value in values.items()}
+        columns |= (language := language_columns(episode.sentence, len(episode)))
         if not self._features:
-            self._features = self._feature_table(values)
+            self._features = self._feature_table(values) | {key: LANGUAGE_FEATURES[key] for key in language}
         first, self._frames = self._frames, self._frames + len(episode)
         row: dict[str, Any] = {"episode_index": self._count, "tasks": [episode.sentence], "length": len(episode)}
-        row |= _file_columns("data", self._data.write({key: as_column(value) for key, value in values.items()}))
+        row |= _file_columns("data", self._data.write(columns))
         row |= {"dataset_from_index": first, "dataset_to_index": self._frames}
         stats = {key: of_values(value) for key, value in values.items()}
         if self._shape:
@@ -116,7 +125,7 @@ class LeRobotWriter:
         path.parent.mkdir(parents=True, exist_ok=True)
         fps = self._about["fps"]
         # Short groups of pictures, because training reads single frames in any order.
-        with open_video(path, fps, "-g", "2", "-pix_fmt", PIXEL_FORMAT) as video:
+        with open_video(path, fps, "-g", "2") as video:
             for picture in episode.images[:-1]:
                 video.append_data(picture[:height, :width])
         times = {"from_timestamp": 0.0, "to_timestamp": len(episode) / fps}
@@ -153,7 +162,8 @@ def read_lerobot(folder: Path) -> Iterator[Demonstration]:
     from pyarrow import parquet
 
     keys = {feature: key for key, feature in FEATURES.items()}
-    names = list(json.loads((folder / "meta" / "info.json").read_text())["features"])
+    features = json.loads((folder / "meta" / "info.json").read_text())["features"]
+    names = [name for name in features if name not in (CAMERA, *LANGUAGE_FEATURES)]
     sentences = parquet.read_table(folder / "meta" / "tasks.parquet")[1].to_pylist()
     columns = ["episode_index", "data/chunk_index", "data/file_index", "seed"]
     for file in sorted((folder / "meta" / "episodes").glob("*/*.parquet")):
@@ -161,7 +171,7 @@ def read_lerobot(folder: Path) -> Iterator[Demonstration]:
             place = row["data/chunk_index"], row["data/file_index"]
             own_rows = [("episode_index", "==", row["episode_index"])]
             steps = parquet.read_table(folder / "data" / f"{_path(place)}.parquet", filters=own_rows)
-            values_of = {name: np.array(steps[name].to_pylist()) for name in names if name != CAMERA}
+            values_of = {name: np.array(steps[name].to_pylist()) for name in names}
             groups: dict[str, dict[str, NDArray]] = {"observation": {}, "next": {}, "label": {}}
             for name, values in values_of.items():
                 group, _, key = name.partition(".")
@@ -248,6 +258,23 @@ class Shards:
         self._flush()
         if self._writer is not None:
             self._writer.close()
+
+
+def language_columns(sentence: str, steps: int) -> dict[str, Any]:
+    """Return the pyarrow columns of `LANGUAGE_FEATURES` of an episode; {} without words."""
+    import pyarrow
+
+    if not sentence:
+        return {}
+    text = pyarrow.string()
+    names = ("role", "content", "style", "camera")
+    said = [*[pyarrow.field(name, text) for name in names], pyarrow.field("tool_calls", pyarrow.list_(text))]
+    timed = [*said, pyarrow.field("timestamp", pyarrow.float32())]
+    rows = [{"role": role, "content": sentence, "style": style, "timestamp": 0.0} for role, style in ROLES]
+    return {
+        SPOKEN: pyarrow.array([rows] * steps, pyarrow.list_(pyarrow.struct(timed))),
+        EVENTS: pyarrow.array([[]] * steps, pyarrow.list_(pyarrow.struct(said))),
+    }
 
 
 def as_column(values: NDArray) -> Any:

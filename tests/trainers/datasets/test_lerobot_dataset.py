@@ -23,7 +23,7 @@ def test_a_lerobot_dataset_has_the_published_layout(recordings, recorded_episode
     assert set(rows) == set(info["features"])
     for name, feature in info["features"].items():
         width = feature["shape"][0]
-        assert all(np.size(value) == width for value in rows[name])
+        assert feature["dtype"] == "language" or all(np.size(value) == width for value in rows[name])
         assert feature["names"] is None or len(feature["names"]) == width
     assert rows["index"] == list(range(steps))
     assert rows["timestamp"][:3] == [0.0, np.float32(0.05), np.float32(0.1)]
@@ -38,6 +38,19 @@ def test_a_lerobot_dataset_has_the_published_layout(recordings, recorded_episode
     assert [said[task] for task in dict.fromkeys(rows["task_index"])] == list(
         dict.fromkeys(e.sentence for e in recorded_episodes)
     )
+
+
+def test_every_frame_has_the_sentence_of_its_episode(recordings, recorded_episodes):
+    rows = parquet.read_table(recordings["lerobot"] / "data/chunk-000/file-000.parquet").to_pylist()
+    for row in rows:
+        said, sentence = row["language_persistent"], recorded_episodes[row["episode_index"]].sentence
+        assert {(each["role"], each["style"]) for each in said} == {("user", "task_aug"), ("assistant", "subtask")}
+        assert {(each["content"], each["timestamp"]) for each in said} == {(sentence, 0.0)}
+        assert row["language_events"] == []
+
+
+def test_without_words_there_are_no_language_columns():
+    assert lerobot_dataset.language_columns("", 3) == {}
 
 
 def test_the_statistics_cover_all_steps(recordings, recorded_episodes):
@@ -57,3 +70,5 @@ def test_the_lerobot_library_reads_the_dataset(recordings, recorded_episodes):
     assert (loaded.num_episodes, loaded.num_frames) == (3, sum(map(len, recorded_episodes)))
     np.testing.assert_array_equal(loaded[2]["observation.state"].numpy(), recorded_episodes[0].observations["robot"][2])
     assert loaded[0]["task"] == recorded_episodes[0].sentence
+    assert loaded.meta.has_language_columns
+    assert loaded[0]["language_persistent"][0]["content"] == recorded_episodes[0].sentence
