@@ -46,9 +46,9 @@ def within(
     return _field(default, {"within": (low, high), "count": count})
 
 
-def one_of(*choices: str) -> Any:
+def one_of(*choices: str, default: Any = dataclasses.MISSING) -> Any:
     """Declare a field: one of these words, or a list of different ones."""
-    return dataclasses.field(metadata={"one_of": choices})
+    return _field(default, {"one_of": choices})
 
 
 def word(default: Any = dataclasses.MISSING) -> Any:
@@ -68,7 +68,7 @@ def text(pattern: str, wanted: str, default: Any = dataclasses.MISSING) -> Any:
 
     wanted: what would be right, for the error message.
     """
-    return dataclasses.field(default=default, metadata={"matches": (re.compile(pattern), wanted)})
+    return _field(default, {"matches": (re.compile(pattern), wanted)})
 
 
 def checked_by(check: str, default: Any = dataclasses.MISSING) -> Any:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import ConfigError, did_you_mean
+from core.safe_files import FileError, parse_yaml
 from core.schema import Checked, read
 from envs.config import EnvConfig
 
@@ -103,6 +104,8 @@ class Arm(ABC):
 
 ARMS = {  # the value of arm=... -> module and class of its adapter
     "sim": "deployment.twin:TwinArm",
+    "lerobot": "deployment.lerobot_arm:LeRobotArm",
+    "franky": "deployment.franky_arm:FrankyArm",
 }
 
 
@@ -121,4 +124,14 @@ def make_arm(name: str, settings: Mapping[str, Any], setup: EnvConfig) -> Arm:
         raise ConfigError(f"arm={name} is not an arm{did_you_mean(name, ARMS)}")
     module, _, adapter = ARMS[name].partition(":")
     arm: type[Arm] = getattr(import_module(module), adapter)
-    return arm(read(arm.settings, dict(settings), "arm"), setup)
+    return arm(read(arm.settings, {key: _plain(key, value) for key, value in settings.items()}, "arm"), setup)
+
+
+def _plain(key: str, value: Any) -> Any:
+    """Return a value of a command line, of which lists are still text. Raises ConfigError."""
+    if not (isinstance(value, str) and value.startswith("[")):
+        return value
+    try:
+        return parse_yaml(value.encode())
+    except FileError as error:
+        raise ConfigError(f"arm.{key}={value} {error}") from None

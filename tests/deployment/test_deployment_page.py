@@ -13,6 +13,8 @@ import pytest
 from core.errors import ConfigError
 from core.overrides import compose
 from deployment.arm import ARMS, NEVER, ArmError
+from deployment.franky_arm import FrankyConfig
+from deployment.lerobot_arm import LeRobotConfig
 from deployment.safe_arm import SafeArm
 from deployment.safety import Limits, Safety, SafetyConfig
 from deployment.twin import TwinConfig
@@ -84,9 +86,11 @@ def test_the_adapter_of_the_page_refuses_what_it_cannot_drive(written):
 
 def test_the_page_lists_every_arm_and_every_setting_with_its_default():
     assert set(re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE)) == set(ARMS)
-    for group, config in (("safety", SafetyConfig()), ("arm", TwinConfig())):
+    arms = (TwinConfig(), LeRobotConfig(), FrankyConfig())
+    for group, config in (("safety", SafetyConfig()), *(("arm", each) for each in arms)):
         told = dict(re.findall(rf"`{group}\.(\w+)=([\w.]+)`(?: |\)|,)", PAGE))
         for field in fields(config):
             default = getattr(config, field.name)
-            shown = str(default).lower() if isinstance(default, bool) else f"{default:g}"
+            shown = f"{default:g}" if isinstance(default, float) else str(default)
+            shown = {"True": "true", "False": "false", "None": "null"}.get(shown, shown)
             assert f"`{group}.{field.name}={shown}`" in PAGE, (field.name, told)
