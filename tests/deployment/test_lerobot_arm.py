@@ -12,8 +12,11 @@ import pytest
 from core.errors import ConfigError
 from core.overrides import compose
 from deployment.arm import NEVER, Arm, ArmError, make_arm
+from deployment.connecting import ArmChoice, connect
 from deployment.lerobot_arm import LeRobotConfig, MotorUnits
 from envs import read_env
+from envs.experts import expert
+from envs.sim.robot import read_kinematics
 
 JOINTS = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
 ANGLES = np.array([0.3, -0.2, 0.25, 1.2, -0.4])  # radians
@@ -190,3 +193,18 @@ def test_a_robot_of_another_kind_is_told(bus):
         make_arm("lerobot", {"type": "so101_folower"}, setup_of())
     with pytest.raises(ConfigError, match=r"arm.type=so101_follower has no lbr_iiwa_joint_1.pos"):
         make_arm("lerobot", {"port": bus.port}, read_env(compose([])))
+
+
+def test_what_drives_the_simulated_arm_reaches_an_object_through_the_follower(bus, tmp_path):
+    setup = setup_of("task=nl_reach", "task.num_objects=1").without_curriculum()
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("- {noun: cube, color: red, position: [0.4, 0.08, 0.025]}\n")
+    bus.turn_to(np.degrees(setup.robot.rest))
+    settings = {"port": bus.port, "calibration": str(tmp_path)}
+    choice = ArmChoice("lerobot", settings, rules={"watchdog": "1.0", "following": "0.5"}, scene=str(scene))
+    with closing(connect(choice, setup)) as env:
+        be_patient(env.arm.arm)
+        reached = env.rollout(60, expert(env))["next", "success"]
+    assert reached.any()
+    at = read_kinematics(setup.robot).forward(np.radians(bus.degrees())[None]).position[0]
+    assert np.linalg.norm(at - [0.4, 0.08, 0.025]) < 0.06

@@ -11,6 +11,7 @@ import os
 import threading
 import time
 import tty
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -53,13 +54,12 @@ class Servo:
 class ServoBus:
     """Six servos on a bus. `port` is its name, until `close`.
 
-    deaf: servos that no longer answer. lost: so many answers are dropped next.
+    deaf: servos that no longer answer.
     """
 
     def __init__(self) -> None:
         self.servos = {i + 1: Servo() for i in range(len(MOTORS))}
         self.deaf: set[int] = set()
-        self.lost = 0
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         self.port = os.ttyname(self._slave)
@@ -77,6 +77,15 @@ class ServoBus:
     def position(self, motor: str) -> float:
         """Where a shaft is, ticks."""
         return self.servos[MOTORS.index(motor) + 1].position
+
+    def degrees(self) -> list[float]:
+        """Where the shafts of the joints are, in degrees from their middle."""
+        return [(self.position(motor) - MIDDLE) * 360 / (TURN - 1) for motor in MOTORS[:-1]]
+
+    def turn_to(self, degrees: Sequence[float]) -> None:
+        """Turn the shafts of the joints by hand, to degrees from their middle."""
+        for servo, each in zip(self.servos.values(), degrees, strict=False):
+            servo.position = MIDDLE + each * (TURN - 1) / 360
 
     def close(self) -> None:
         """Pull the cable. Idempotent."""
@@ -111,8 +120,5 @@ class ServoBus:
             self._reply(each, self.servos[each].get(data[0], data[1]) if read else b"")
 
     def _reply(self, number: int, data: bytes) -> None:
-        if self.lost:
-            self.lost -= 1
-            return
         body = bytes([number, len(data) + 2, 0, *data])
         os.write(self._master, b"\xff\xff" + body + bytes([~sum(body) & 0xFF]))
