@@ -165,8 +165,9 @@ def _episodes(config: DeployConfig, choice: ArmChoice, overrides: list[str], ter
         f"success {result['success']:.3f} (95 %: {low:.3f}-{high:.3f}) of {result['episodes']} episodes, {each:.0f} "
         f"control steps each; stopped {sum(result['stops'].values())}; {time.monotonic() - started:.0f} s"
     )
-    for reason, count in Counter(result["reasons"]).most_common(8):
-        print(f"  {count} x {reason}")
+    for name in ("stops", "reasons"):
+        for reason, count in Counter(result[name]).most_common(8):
+            print(f"  {count} x {reason}")
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         write_json(out, result)
@@ -205,7 +206,7 @@ def run_twin(env: MirrorEnv, policy: Any, episodes: int, seed: int, stop: Any = 
                     reasons.update(_without_numbers(reason) for reason in env.world.decision.reasons)
             totals["episodes"] += 1
             if env.arm.safety.stopped:
-                stops[env.arm.safety.stopped] += 1
+                stops[_without_numbers(env.arm.safety.stopped)] += 1
                 env.arm.safety.release()
             elif arm.verdict is not None:
                 totals["successes"] += arm.verdict.success

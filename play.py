@@ -96,6 +96,10 @@ def make_session(args: argparse.Namespace) -> Session:
     if arm is not None:
         if args.gui:
             raise ConfigError(f"--gui shows a simulated robot: leave it out, or arm={arm.name}")
+        if "deadman" in arm.rules:
+            raise ConfigError(
+                f"safety.deadman={arm.rules['deadman']} needs keys, which a page cannot hold: use deploy.py"
+            )
         print(about(arm), flush=True)
     values, overrides = split(words, SESSION_KEYS, "robot=panda")
     check_choices(values)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
-from core.errors import ConfigError, UseError
+from core.errors import ConfigError
 from deployment.arm import Array
 from deployment.safe_arm import SafeArm
 from deployment.safety import Decision
@@ -72,7 +72,8 @@ class FixedScene(Perception):
         return self._episode
 
     def look(self) -> Percept:
-        return Percept(self._angles, self._poses, self._arm.measured.holds)
+        holds = False if self._arm.measured.holds is False else None  # what it held stays where it was opened
+        return Percept(self._angles, self._poses, holds)
 
     def placed(self, angles: Array, poses: list[Placed]) -> None:
         self._angles, self._poses = angles, poses
@@ -170,10 +171,12 @@ class MirrorWorld(SimulatedWorld):
 
     def _held_at(self, gripper: Pose, percept: Percept) -> int | None:
         """Return the number of the object that a gripper at this pose holds, as far as it is perceived."""
-        if not percept.poses or percept.holds is False:
+        state = self._arrays.state
+        movable = state.movable[0, state.shown[0]]  # not the see-through ones
+        if not movable.any() or percept.holds is False:
             return None
         places = np.array([position for position, _ in percept.poses])
-        distance = np.linalg.norm(places - gripper.position, axis=1)
+        distance = np.where(movable, np.linalg.norm(places - gripper.position, axis=1), np.inf)
         nearest = int(distance.argmin())
         known = percept.holds or (self._controller.closed[0] and distance[nearest] < self._reach)
         return nearest if known else None
@@ -249,11 +252,11 @@ class MirrorEnv(InteractiveEnv):
         return self.start([self._perception.begin(seed)], seed)
 
     def put_object(self, index: int, position: Sequence[float]) -> None:
-        """Move a mark, which is not there really, or a thing of the twin. Raises UseError for things of a real arm."""
+        """Move a mark, which is not there really, or a thing of the twin. Raises ConfigError for a real thing."""
         if self.scene().targets[index]:
             self.world.mark(index, position)
         elif not self._perception.put(index, position):
-            raise UseError("this arm's objects are real: move them by hand")
+            raise ConfigError("this arm's objects are real: move them by hand")
         self.world.show()
         self._arrays.read(self._arrays.index)
 

@@ -79,6 +79,7 @@ class SafeArm:
             opening: of the gripper, in [0, 1].
             period: seconds.
         """
+        self.look()  # the policy may have thought for long
         now = self.clock.now()
         decision = self.safety.decide(now, wanted, opening)
         self.log(now, self.safety.measured, wanted, decision)

@@ -199,8 +199,10 @@ class TwinEnv(WorkspaceEnv):
         self._reports.send(self.time, TwinReport(state, self._only.object_poses()))
 
     def _judge(self) -> None:
-        """Once in a control period: whether the episode has ended, as in training."""
+        """Once in a control period: whether the episode has ended, as in training. Its time begins with a command."""
         self._look()
+        if self._latest == -np.inf:
+            return
         self._arrays.steps += 1
         if self.verdict is None:
             ended = self._outcome()
@@ -280,6 +282,8 @@ class TwinArm(Arm):
         self._ask("put", number, list(position))
 
     def observe(self) -> ArmState | None:
+        if self.config.real_time:
+            self._pass_time(self.clock.now())
         if self._failure is not None:
             raise self._failure
         news, self._news = self._news, None

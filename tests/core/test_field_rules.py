@@ -17,7 +17,17 @@ from core.schema import Checked, read
 from envs.config import read_env
 from trainers.config import SweepConfig, read_training
 
-MODULES = ("evaluate", "record", "human.camera", "demo.session_config", "tools.gallery", "tools.reference_tables")
+MODULES = (
+    "evaluate",
+    "record",
+    "deploy",
+    "deployment.safety",
+    "deployment.twin",
+    "human.camera",
+    "demo.session_config",
+    "tools.gallery",
+    "tools.reference_tables",
+)
 RULES = {"within", "one_of", "matches", "path", "checked_by"}
 
 

@@ -14,6 +14,7 @@ import torch
 from omegaconf import OmegaConf
 
 import deixis
+import deploy
 import evaluate
 import record
 import train
@@ -34,6 +35,7 @@ OWN_PROGRAMS = (
     "demo.session_config",
     "evaluate",
     "record",
+    "deploy",
 )  # their configs are command lines of their own, and no file's
 
 
@@ -88,7 +90,11 @@ def test_every_declared_field_with_free_text_is_a_place_or_a_word():
     names_only = {"rest", "parts", "furniture", "fittings", "reward"}  # groups whose names are free, not their values
     unlisted = set()
     for cls in config_classes():
-        if not is_dataclass(cls) or cls.__module__ in OWN_PROGRAMS or cls.__module__.startswith(("tests", "tools")):
+        if (
+            not is_dataclass(cls)
+            or cls.__module__ in OWN_PROGRAMS
+            or cls.__module__.startswith(("tests", "tools", "deployment"))
+        ):
             continue
         hints = typing.get_type_hints(cls)
         unlisted |= {
@@ -192,6 +198,7 @@ def doors(folder):
     yield "load_policy", lambda: deixis.load_policy(folder)
     yield "evaluate", lambda: evaluate.main([f"checkpoint={folder}", "episodes=1"])
     yield "record", lambda: record.main([f"checkpoint={folder}", "episodes=1", f"out={folder / 'out'}"])
+    yield "deploy", lambda: deploy.main([f"checkpoint={folder}", "arm=sim"])
     yield "play", lambda: session_config.check_choices({"checkpoint": str(folder)})
 
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from core.overrides import compose
-from deployment.arm import ArmError, ArmState
 from deployment.command_log import CommandLog
 from deployment.prediction import Prediction
 from deployment.safe_arm import SafeArm
 from deployment.safety import Limits, Safety, SafetyConfig
 from envs import read_env
 from envs.sim.robot import read_kinematics
-from tools.hostile_arms import HostileArm, HostileConfig, Truth, run
+from tests.helpers.obedient_arm import ObedientArm
+from tools.hostile_arms import HostileConfig, Truth, run
 
 PERIOD = 0.05  # seconds
 
@@ -27,26 +27,12 @@ def setup():
     return read_env(compose([]))
 
 
-class Obedient(HostileArm):
-    """An arm that tells the truth, until it is made dark; fails: whether its cable is loose."""
-
-    dark = fails = False
-
-    def observe(self):
-        return None if self.dark else ArmState(self.clock.now(), self._angles, 1.0)
-
-    def command(self, angles, opening):
-        if self.fails:
-            raise ArmError("the cable is loose")
-        self._angles, self.targets = angles, self.targets + 1
-
-
 @pytest.fixture
 def driven(setup, tmp_path):
     config = SafetyConfig(slow_start=0.0)
     kinematics = read_kinematics(setup.robot)
     limits = Limits(setup, kinematics, config, magnet=True)
-    arm = Obedient(setup, None, np.random.default_rng(0), kinematics.rest)
+    arm = ObedientArm(setup, kinematics.rest)
     safe = SafeArm(arm, Safety(config, limits), CommandLog(tmp_path / "commands.jsonl"))
     with closing(safe):
         safe.connect()
@@ -94,7 +80,7 @@ def test_a_person_is_asked_between_commands(driven):
     asked = []
     driven._person = asked.append
     driven.step(driven.angles, 1.0, PERIOD)
-    assert len(asked) == 3
+    assert len(asked) == 4
 
 
 def _log(driven):

@@ -86,31 +86,6 @@ def test_a_policy_on_a_late_twin_reaches_what_is_meant(tmp_path):
     assert told["steps"] > 5
 
 
-@pytest.mark.slow
-def test_what_the_policy_sees_is_what_is_perceived(setup, tmp_path):
-    scene = tmp_path / "scene.yaml"
-    scene.write_text(
-        "- {noun: cube, color: red, position: [0.4, 0.1, 0.0]}\n"
-        "- {noun: cube, color: blue, position: [0.5, -0.1, 0.0], role: target}\n"
-    )
-    choice, _ = split_arm(["arm=sim", f"scene={scene}"])
-    with closing(connect(choice, setup)) as env:
-        env.reset()
-        places = env.scene().positions[np.argsort(env.scene().targets)]
-        np.testing.assert_allclose(places, [[0.4, 0.1, 0.025], [0.5, -0.1, 0.025]], atol=1e-9)
-        carried = env.world.held
-        state = env.give_instruction("pick the red cube and place it to the same position as the blue cube", 0)
-        before = env.gripper[0]
-        for _ in range(10):
-            state["action"] = env.towards(before[None] + [0.0, 0.05, 0.0])
-            state = env.step(state)["next"]
-        np.testing.assert_allclose(env.gripper[0], before + [0.0, 0.05, 0.0], atol=0.01)
-        np.testing.assert_allclose(env.arm.measured.angles, env.arm.angles, atol=0.01)
-        assert carried is None
-        env.put_object(int(env.scene().targets.argmax()), (0.45, 0.2, 0.025))
-        assert env.scene().positions[env.scene().targets.argmax()].tolist() == [0.45, 0.2, 0.025]
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -13,7 +13,7 @@ from core.overrides import groups
 from tools.forked import call
 from trainers.export import policy_file
 
-PROGRAMS = ("train", "evaluate", "play", "record")
+PROGRAMS = ("train", "evaluate", "play", "record", "deploy")
 POLICY = "checkpoint=nl_reach_kuka"
 FEW = ("episodes=1", "worlds=1")
 BAD_VALUES = ("x", "-1", "1e99", "nan", "[1,2]", "{a: 1}", "null", "", "???", "${nosuch}", "${oc.env:HOME}")
@@ -97,6 +97,15 @@ FIXED = (
     ("record", "replay=/nosuch"),
     ("record", "replay=/proc"),
     ("record", "replay=x", "episodes=3"),
+    ("deploy",),
+    ("deploy", POLICY, "arm=nosuch"),
+    ("deploy", POLICY, "arm=sim", "arm.nosuch=1"),
+    ("deploy", POLICY, "arm=sim", "safety.nosuch=1"),
+    ("deploy", POLICY, "arm=sim", "scene=/nosuch"),
+    ("deploy", POLICY, "arm=sim", "scene=/proc"),
+    ("deploy", POLICY, "arm=sim", "log=/proc/x"),
+    ("deploy", POLICY, "arm=sim", "out=/proc/x"),
+    ("deploy", "checkpoint=anything_kuka", "arm=sim"),
 )
 
 
@@ -114,6 +123,8 @@ def bad_command_lines() -> Iterator[tuple[str, ...]]:
         yield from ((program, POLICY, f"{group}=nosuch") for program in ("evaluate", "record"))
     for key in ("episodes", "seed", "worlds", "video", "in_turn"):
         yield from (("evaluate", POLICY, f"{key}={value}") for value in BAD_VALUES)
+    for key in ("episodes", "seed", "predict", "arm.latency", "arm.seed", "safety.watchdog", "safety.dry_run"):
+        yield from (("deploy", POLICY, "arm=sim", f"{key}={value}") for value in BAD_VALUES)
     for key in ("episodes", "seed", "expert", "tolerance"):
         yield from (
             ("record", POLICY, f"{key}={value}") for value in BAD_VALUES if (key, value) != ("tolerance", "1e99")
