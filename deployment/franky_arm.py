@@ -20,7 +20,7 @@ JOINTS = re.compile(r"(panda|fr3)\w*_joint[1-7]")
 # rad, of Franka's data sheet for the FR3, which is narrower than the Panda's in some joints
 LOWEST = np.array([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159])
 HIGHEST = np.array([2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159])
-CHANGED = 0.02  # of the gripper's opening: smaller changes are not sent, since each interrupts the last
+CHANGED = 0.02  # of the gripper's opening: smaller changes are not sent
 HALF = 0.5  # opening below which the gripper grasps, with its force, rather than moves
 
 
@@ -58,6 +58,7 @@ class FrankyArm(Arm):
         self._robot: Any = None
         self._gripper: Any = None
         self._opening = np.nan  # last commanded
+        self._motion: Any = None  # of the gripper: it takes no command before the last one has ended
         self._still = True
         self._measured = -1  # milliseconds of the arm's clock at the last measurement
         self._lost = ""  # why it answers no more: franky then returns what it knew last
@@ -94,18 +95,26 @@ class FrankyArm(Arm):
         self._move(self._franky.JointMotion(target, return_when_finished=False))
         self._still = False
         if not abs(opening - self._opening) < CHANGED:
-            self._opening = opening
             self._grip(opening)
 
     def _grip(self, opening: float) -> None:
-        """Send the gripper to an opening in [0, 1]; below HALF it grasps what is between its fingers."""
+        """Send the gripper to an opening in [0, 1], once it has ended its last motion.
+
+        Below HALF it grasps what is between its fingers.
+        """
         config, widest = self.config, self._gripper.max_width
         try:
+            if self._motion is not None:
+                if not self._motion.wait(0.0):
+                    return
+                self._motion.get()
             if opening < HALF:
-                self._gripper.grasp_async(0.0, config.finger_speed, config.force, widest, widest)
+                self._motion = self._gripper.grasp_async(0.0, config.finger_speed, config.force, widest, widest)
             else:
-                self._gripper.move_async(opening * widest, config.finger_speed)
+                self._motion = self._gripper.move_async(opening * widest, config.finger_speed)
+            self._opening = opening
         except self._franky.Exception as error:
+            self._motion = None
             raise ArmError(f"the gripper takes no commands: {_line(error)}") from None
 
     def hold(self) -> None:

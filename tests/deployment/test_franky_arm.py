@@ -106,6 +106,14 @@ def test_the_gripper_closes_and_opens(arm):
     assert arm.observe().opening > 0.95
 
 
+def test_a_gripper_that_is_sent_back_and_forth_ends_where_it_was_sent_last(arm):
+    for i in range(60):
+        arm.command(START, float(i % 4 == 3 or i >= 40))
+        time.sleep(0.05)
+    time.sleep(0.5)
+    assert arm.observe().opening > 0.95
+
+
 def test_a_lost_arm_is_told(arm, simulator):
     arm.observe()
     simulator[1].close()
