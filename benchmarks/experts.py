@@ -2,6 +2,7 @@
 
     python -m benchmarks.experts --episodes 200
     python -m benchmarks.experts --episodes 200 --tasks nl_push,swipe --robots kuka --oracle
+    python -m benchmarks.experts --episodes 200 --tasks nl_lift,nl_stack --robots so_arm --gripper hinge
 
 Episodes begin at their start, without a curriculum. With `--oracle` each expert is given the words and the gesture
 only, which it reads with the parser. The results are added to docs/experts.json.
@@ -28,9 +29,9 @@ SHOWN = ("episodes", "success_at_end", "ci95", "wrong_object", "disturbed", "mea
 ENOUGH = 0.95
 
 
-def measured(task: str, robot: str, control: str, episodes: int, seed: int, oracle: bool) -> dict[str, Any]:
-    """Return the result of one expert."""
-    config = read_env(compose([f"task={task}", f"robot={robot}", f"control={control}"]))
+def measured(options: list[str], episodes: int, seed: int, oracle: bool) -> dict[str, Any]:
+    """Return the result of one expert. options: of the config."""
+    config = read_env(compose(options))
     with closing(WorkspaceEnv(config.without_curriculum(), WORLDS, seed)) as env:
         actor = Oracle(env) if oracle and env.task.traits.speaks else expert(env)
         result = evaluate(env, actor, episodes, seed).as_dict()  # type: ignore[arg-type]
@@ -48,6 +49,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for option, default in (("tasks", tuple(EXPERTS)), ("robots", ROBOTS), ("controls", CONTROLS)):
         parser.add_argument(f"--{option}", default=",".join(default), help="separated by commas")
+    parser.add_argument("--gripper", help="of conf/gripper/; by default the task's, or each robot's own")
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--seed", type=int, default=100)
     parser.add_argument("--oracle", action="store_true", help="experts are given the words and the gesture only")
@@ -57,8 +59,11 @@ def main() -> None:
     for task in given.tasks.split(","):
         for robot in given.robots.split(","):
             for control in given.controls.split(","):
-                name = f"{task} {robot} {control}" + " oracle" * given.oracle
-                result = measured(task, robot, control, given.episodes, given.seed, given.oracle)
+                options = [f"task={task}", f"robot={robot}", f"control={control}"]
+                options += [f"gripper={given.gripper}"] if given.gripper else []
+                name = f"{task} {robot} {control}" + f" {given.gripper}" * bool(given.gripper)
+                name += " oracle" * given.oracle
+                result = measured(options, given.episodes, given.seed, given.oracle)
                 written(given.out, name, result)
                 print(f"{name:40} {result['success_at_end']:.3f}  {result['mean_length']:5.1f} steps", flush=True)
                 short += [name] * (result["success_at_end"] < ENOUGH)

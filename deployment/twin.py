@@ -194,7 +194,7 @@ class TwinEnv(WorkspaceEnv):
         angles = np.rint(joints[: len(robot.joints)] / step) * step
         opening = float(self._grip_controller.opening[0])
         if robot.fingers:
-            opening = float(joints[len(robot.joints) :].mean() / robot.finger_opening)
+            opening = float(robot.finger_opening_at(joints[len(robot.joints) :]).mean() / robot.finger_opening)
         state = ArmState(self.time, angles, opening, self._only.held is not None)
         self._reports.send(self.time, TwinReport(state, self._only.object_poses()))
 

@@ -59,7 +59,8 @@ def read_env(config: Any) -> EnvConfig:
     if task.name not in TASKS:
         raise ConfigError(f"task.name={task.name} is not a task" + did_you_mean(task.name, TASKS))
     gripper = read(GripperConfig, config["gripper"], "gripper")
-    gripper.of(robot)
+    if gripper.of(robot) == "hinge":
+        robot = robot.with_jaws()
     workspace = workspace.within_reach(robot.reach) if robot.reach else workspace
     traits = TASKS[task.name].traits
     if gripper.rod and traits.moves:
@@ -68,10 +69,10 @@ def read_env(config: Any) -> EnvConfig:
         raise ConfigError(f"task.devices={task.devices} must be 0 in task.name={task.name}: take task=anything")
     if task.hand and not task.devices:
         raise ConfigError(f"task.hand=true needs devices, and task.devices={task.devices}: take task=anything")
-    if task.curriculum.off_centre and gripper.of(robot) == "fingers":
+    if task.curriculum.off_centre and gripper.of(robot) != "magnet":
         raise ConfigError(
-            f"task.curriculum.off_centre={task.curriculum.off_centre} must be 0 with fingers: only a magnet holds "
-            "objects off its middle"
+            f"task.curriculum.off_centre={task.curriculum.off_centre} must be 0 with {gripper.of(robot)}: only a "
+            "magnet holds objects off its middle"
         )
     if traits.stacks:
         _check_board(task, workspace)

@@ -439,7 +439,7 @@ def make_world(
 
 
 def gripper_name(config: EnvConfig, task: Task) -> str | None:
-    """Return the gripper on the robot: "magnet" or "fingers"; None if the task moves no objects."""
+    """Return the gripper on the robot: "magnet", "fingers" or "hinge"; None if the task moves no objects."""
     return config.gripper.of(config.robot) if task.traits.moves else None
 
 
@@ -474,6 +474,7 @@ def make_control(config: EnvConfig, task: Task, kinematics: Kinematics) -> Contr
         box=gripper_box(config, task),
         guarded=not task.traits.moves or gripper_name(config, task) == "magnet",
         turns=task.traits.turns,
+        gentle=gripper_name(config, task) == "hinge",
     )
 
 

@@ -40,6 +40,7 @@ class Control(ABC):
         box: (2, 3) lowest and highest corner of the gripper box, metres.
         guarded: never send the gripper below the box, even with joint angles as actions.
         turns: the gripper can be turned about the vertical.
+        gentle: scripted experts move no faster with `joints` than with the others: jaws would lose what they hold.
     """
 
     def __init__(
@@ -51,9 +52,11 @@ class Control(ABC):
         box: Array,
         guarded: bool = False,
         turns: bool = False,
+        gentle: bool = False,
     ) -> None:
         self._max_move, self._kinematics, self._speed, self.box = config.max_move, kinematics, speed, box
         self._guarded, self._turns = guarded, turns
+        self._waypoint = config.max_move if gentle else WAYPOINT_DISTANCE
         self._rotation = kinematics.forward(kinematics.rest[None]).rotation[0]
 
     @property
@@ -229,7 +232,7 @@ class JointControl(Control):
         move = np.clip(position, *self.box) - start
         length = np.sqrt((move * move).sum(1, keepdims=True))
         # A near waypoint: a far one would be reached on an arc through joint space that can sweep over the table.
-        near = start + move * np.minimum(1.0, WAYPOINT_DISTANCE / np.maximum(length, 1e-9))
+        near = start + move * np.minimum(1.0, self._waypoint / np.maximum(length, 1e-9))
         rotation = self._rotation
         if self._turns:
             wish = self.yaw(pose.rotation) if yaw is None else yaw

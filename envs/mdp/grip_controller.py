@@ -11,12 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.sim.gripper import opening_around
 from envs.sim.robot_config import RobotConfig
 from envs.sim.world import SimulatedWorld
 from envs.tasks import NOTHING, State
 
 ACTION_UNIT = 0.5  # reduced gain, so that noise of the arm's scale does not toggle the gripper
-FINGER_STEP = 0.02  # metres a finger moves in a control step, 0.4 m/s: brief noise neither grasps nor drops
+FINGER_STEP = 0.02  # metres a fingertip moves in a control step, 0.4 m/s: brief noise neither grasps nor drops
 APART = 0.9  # share of their greatest opening from which fingers no longer touch what they have released
 MAX_DISTANCE = 0.1  # metres from the gripper centre to the centre of an object that it could hold
 
@@ -31,7 +32,7 @@ class GripController:
         can_grip: whether anything can be gripped.
 
     Args:
-        gripper: "magnet" or "fingers"; None: nothing is gripped, and the fingers stay apart or closed.
+        gripper: "magnet", "fingers" or "hinge"; None: nothing is gripped, and the fingers stay apart or closed.
         robot: whose fingers they are.
         object_size: metres.
         worlds, state: the worlds and the arrays of their state.
@@ -55,11 +56,14 @@ class GripController:
         self.grip_depth = object_size / 2 if gripper == "magnet" else 0.0
         self.closed, self.held = np.zeros(len(worlds), bool), state.held
         self.held[:] = NOTHING
-        self._max_opening = robot.finger_opening if gripper == "fingers" or (gripper is None and apart) else 0.0
-        self._opening_around_object = object_size / 2 if gripper == "fingers" else 0.0
+        moves = gripper in ("fingers", "hinge") or (gripper is None and apart)
+        self._max_opening = robot.finger_opening if moves else 0.0
+        self._opening_around_object = opening_around(robot, object_size) if gripper in ("fingers", "hinge") else 0.0
         self._num_fingers, self._opening = len(robot.fingers), np.full(len(worlds), self._max_opening)
-        self._finger_range = robot.finger_opening
         self._by_fingers = bool(robot.fingers) and gripper != "magnet"
+        self._robot, self._step = robot, FINGER_STEP
+        if robot.hinge and robot.on_hinge:
+            self._step /= robot.hinge.length
 
     @property
     def width(self) -> int:
@@ -68,18 +72,21 @@ class GripController:
 
     @property
     def targets(self) -> NDArray[np.float64]:
-        """(N, F) target positions of the fingers, metres."""
-        return np.repeat(self._opening[:, None], self._num_fingers, axis=1)
+        """(N, F) target positions of the fingers, metres; of a jaw on a hinge, radians."""
+        return np.repeat(self._robot.finger_position(self._opening)[:, None], self._num_fingers, axis=1)
 
     def initial_opening(self, held: bool) -> float:
-        """Return where each finger begins an episode, metres. held: whether the episode begins with an object held."""
+        """Return the opening of each finger at the beginning of an episode, metres or radians.
+
+        held: whether the episode begins with an object held.
+        """
         return self._opening_around_object if held else self._max_opening
 
     def command(self, command: NDArray[np.float64]) -> None:
         """Close where command (N,) is above 0, open elsewhere."""
         self.closed = command > 0
         if self._max_opening:
-            step = np.where(self.closed, -FINGER_STEP, FINGER_STEP)
+            step = np.where(self.closed, -self._step, self._step)
             self._opening = np.clip(self._opening + step, 0.0, self._max_opening)
         self._let_go()
 
@@ -87,14 +94,14 @@ class GripController:
     def opening(self) -> NDArray[np.float64]:
         """(N,) in [0, 1]: how far each gripper is commanded to be open. A magnet that is on is at 0."""
         if self._by_fingers:
-            return self._opening / self._finger_range
+            return self._opening / self._robot.finger_opening
         return np.where(self.closed, 0.0, 1.0)
 
     def follow(self, opening: NDArray[np.float64]) -> None:
         """Command the grippers by `opening` (N,) of another controller, in place of `command`."""
         self.closed = opening < (1.0 if self._by_fingers else 0.5)
         if self._by_fingers:
-            self._opening = opening * self._finger_range
+            self._opening = opening * self._robot.finger_opening
         self._let_go()
 
     def _let_go(self) -> None:
@@ -131,17 +138,21 @@ class GripController:
             self.held[i] = NOTHING if world.held is None else slots[world.held]
 
     def are_apart(self, joints: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) whether the fingers are as far apart as they get. joints: (N, J + F), metres of the fingers last."""
+        """(N,) whether the fingers are as far apart as they get. joints: (N, J + F), those of the fingers last."""
         if not self._max_opening:
             return np.ones(len(joints), bool)
-        return joints[:, -self._num_fingers :].mean(1) > APART * self._max_opening
+        return self._openings(joints) > APART * self._max_opening
+
+    def _openings(self, joints: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N,) how far the fingers are open, metres or radians."""
+        return self._robot.finger_opening_at(joints[:, -self._num_fingers :].mean(1))
 
     def observation(self, joints: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 1 or 3) in [0, 1]: how far the fingers are open; where it can grip, also how far they are commanded to be
-        closed, and whether anything is held. joints: (N, J + F), metres of the fingers last."""
+        closed, and whether anything is held. joints: (N, J + F), those of the fingers last."""
         opening = np.zeros((len(joints), 1))
         if self._num_fingers:
-            opening = joints[:, -self._num_fingers :].mean(1, keepdims=True) / self._finger_range
+            opening = (self._openings(joints) / self._robot.finger_opening)[:, None]
         if not self.can_grip:
             return opening
         closing = 1 - self._opening / self._max_opening if self._max_opening else self.closed

@@ -1,4 +1,4 @@
-"""Grippers in one PyBullet client: a magnet on the flange, or two fingers that hold by friction.
+"""Grippers in one PyBullet client: a magnet on the flange, or fingers or jaws that hold by friction.
 
 `Gripper.release` releases before a control step, `Gripper.update` grips after it, and `Gripper.held` is a query.
 """
@@ -15,11 +15,15 @@ import pybullet as bullet
 from numpy.typing import NDArray
 
 from core.errors import ConfigError
+from core.file_cache import file_digest
 from core.schema import Checked, one_of, within
-from envs.sim.robot import Robot
-from envs.sim.robot_config import RobotConfig
+from envs.sim.robot import Robot, read_kinematics
+from envs.sim.robot_config import RobotConfig, urdf_path
 
 FACE_RADIUS = 0.03  # metres from the gripper centre within which a contact is one with the magnet's face
+GEARED_INERTIA = 1e-4  # kg m^2 that motor and gears add to a jaw: of a few grams alone, it would jump into objects
+HALVINGS = 8  # of an interval of openings
+AGAINST = -0.5  # the greatest cosine between the forces of two jaws that hold an object between them
 CONTACT_DISTANCE = 1e-3  # metres: Bullet reports contacts of bodies that are only near each other, too; see also `gap`
 FACE_STIFFNESS, FACE_DAMPING = 500.0, 30.0  # N/m and N s/m of a magnet's face
 FINGER_FRICTION = 2.0  # lateral, of a fingertip; Bullet multiplies it with the object's
@@ -37,7 +41,7 @@ class GripperConfig(Checked):
     objects up to twice as far from its face. With 0 it presses on them.
     """
 
-    name: str = one_of("own", "magnet", "fingers", "rod")
+    name: str = one_of("own", "magnet", "fingers", "hinge", "rod")
     pull: float = within(0.1, 10_000)
     force: float = within(0.1, 1000)
     rod: list[float] = within(0.001, 0.5)
@@ -225,7 +229,72 @@ class Fingers(Gripper):
         )
 
 
-GRIPPERS: dict[str, type[Gripper]] = {"magnet": Magnet, "fingers": Fingers}
+class Hinge(Gripper):
+    """Two jaws, one of them part of the hand. They hold an object that both press from opposite sides."""
+
+    def __init__(self, config: GripperConfig, robot: Robot, client: int) -> None:
+        super().__init__(config, robot, client)
+        robot.limit_fingers(config.force)
+        self._jaws = (robot.fingers[0], robot.hand)
+        inertia = bullet.getDynamicsInfo(robot.body, robot.fingers[0], client)[2]
+        geared = [moment + GEARED_INERTIA for moment in inertia]
+        bullet.changeDynamics(robot.body, robot.fingers[0], localInertiaDiagonal=geared, physicsClientId=client)
+        for jaw in self._jaws:
+            friction = {"lateralFriction": FINGER_FRICTION, "spinningFriction": 0.01}
+            bullet.changeDynamics(robot.body, jaw, **friction, physicsClientId=client)
+
+    def release(self) -> None:
+        self.held = None
+
+    def update(self, things: Sequence[Holdable], centre: Point) -> None:
+        self.held = next((thing for thing in things if self._is_between(thing)), None)
+
+    def attach(self, thing: Holdable, centre: Point) -> None:
+        self.held = thing
+
+    def _is_between(self, thing: Holdable) -> bool:
+        turning, fixed = (self._normals(thing, jaw) for jaw in self._jaws)
+        return any(float(np.dot(a, b)) < AGAINST for a in turning for b in fixed)
+
+    def _normals(self, thing: Holdable, jaw: int) -> list[Point]:
+        """Return the direction of each contact between an object and a jaw, from the object to the jaw."""
+        contacts = bullet.getContactPoints(self._robot.body, thing.body, jaw, physicsClientId=self._client)
+        return [contact[7] for contact in contacts if contact[8] < CONTACT_DISTANCE]
+
+
+GRIPPERS: dict[str, type[Gripper]] = {"magnet": Magnet, "fingers": Fingers, "hinge": Hinge}
+
+
+def opening_around(config: RobotConfig, size: float) -> float:
+    """Return the opening at which fingers or jaws touch an object of this size in their middle, metres or radians."""
+    if not config.on_hinge:
+        return size / 2
+    key = (repr(config), size, file_digest(urdf_path(config)))
+    if key not in _openings:
+        _openings[key] = _measured_opening(config, size)
+    return _openings[key]
+
+
+_openings: dict[tuple[str, float, str], float] = {}  # by robot, size, and content of the URDF
+
+
+def _measured_opening(config: RobotConfig, size: float) -> float:
+    """Return the least opening of the jaws at which a cube between them does not touch the one that turns."""
+    client = bullet.connect(bullet.DIRECT)
+    try:
+        robot = Robot(config, client, visuals=False)
+        shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=[size / 2] * 3, physicsClientId=client)
+        centre = read_kinematics(config).forward(np.array([config.rest])).position[0]
+        cube = bullet.createMultiBody(0, shape, basePosition=centre, physicsClientId=client)
+        low, high = 0.0, config.finger_opening
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            robot.place(config.rest, middle)
+            touches = bullet.getClosestPoints(robot.body, cube, 0.0, robot.fingers[0], physicsClientId=client)
+            low, high = (middle, high) if touches else (low, middle)
+    finally:
+        bullet.disconnect(client)
+    return high
 
 
 def _distance(a: Point, b: Point) -> float:

@@ -14,9 +14,10 @@ import pybullet as bullet
 from core.errors import ConfigError, did_you_mean
 from core.file_cache import file_digest
 from core.system import captured_stdout
+from envs.sim.jaws import with_cut_jaws
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.robot_check import Loaded, check_file, check_joints, check_motion
-from envs.sim.robot_config import RobotConfig, example_robot_data_folder, urdf_path
+from envs.sim.robot_config import RobotConfig, example_robot_data_folder, motor_gains, urdf_path
 from envs.sim.urdf import simplified, with_hulls, with_magnet
 from envs.sim.urdf_file import URDFError, decoded_name
 
@@ -45,7 +46,7 @@ class Robot:
         self.damped = any(i[6] for i in info)  # whether joints are slowed down by the fluid friction of the URDF
         self.hand = self.arm[-1]  # the link that has all of the gripper but the fingers
         self._forces = self._bound = [info[j][10] for j in self.arm + self.fingers]
-        self._gains = [config.gain] * len(self._forces)
+        self._gains = motor_gains(config)
         self._bind()
 
     def _bind(self) -> None:
@@ -62,17 +63,19 @@ class Robot:
         self._states = partial(bullet.getJointStates, self.body, motors, physicsClientId=self._client)
 
     def limit_fingers(self, force: float) -> None:
-        """Limit the force with which each finger closes, N."""
+        """Limit the force with which each finger closes, N; of a jaw on a hinge, the force at its tip."""
+        if self.config.hinge and self.config.on_hinge:
+            force *= self.config.hinge.length
         self._bound = self._forces[: len(self.arm)] + [force] * len(self.fingers)
         self._bind()
 
     def scale_gains(self, factors: Sequence[float]) -> None:
         """Let each motor close another share of its error in a physics step: its gain times a factor."""
-        self._gains = [self.config.gain * factor for factor in factors]
+        self._gains = [gain * factor for gain, factor in zip(motor_gains(self.config), factors, strict=True)]
         self._bind()
 
     def drive(self, targets: Sequence[float]) -> None:
-        """Set the motors' position targets: arm joints in radians, then fingers in metres."""
+        """Set the motors' position targets: arm joints in radians, then those of `fingers`."""
         self._motors(targetPositions=targets)
 
     def states(self) -> Sequence[tuple]:
@@ -84,7 +87,7 @@ class Robot:
         for index, angle, speed in zip(self.arm, joints, speeds or [0.0] * len(self.arm), strict=True):
             bullet.resetJointState(self.body, index, angle, speed, self._client)
         for index in self.fingers:
-            bullet.resetJointState(self.body, index, opening, 0.0, self._client)
+            bullet.resetJointState(self.body, index, self.config.finger_position(opening), 0.0, self._client)
 
     def fixed_links(self) -> list[int]:
         """Return the base and the links before the first arm joint, which can touch furniture but never move."""
@@ -107,7 +110,10 @@ def load(config: RobotConfig, client: int, *, visuals: bool, flags: int = 0, mag
 def _copy(config: RobotConfig, visuals: bool, magnet: bool) -> Path:
     """Return the file that is loaded in place of the URDF. Raises URDFError and ConfigError."""
     small = (config.package, Path(config.urdf).name) in SMALL_HULLS
-    path = simplified(urdf_path(config), (*config.joints, *config.fingers), small)
+    path = urdf_path(config)
+    if config.hinge and config.on_hinge:
+        path = with_cut_jaws(path, config.joints, config.hinge.joint, config.tip, config.approach)
+    path = simplified(path, (*config.joints, *config.fingers), small)
     if not visuals:
         path = with_hulls(path, lambda file, alone: _load_file(file, config, alone, HULL_FLAGS), small)
     if magnet and config.magnet:

@@ -17,6 +17,7 @@ import pybullet as bullet
 from numpy.typing import NDArray
 
 from core.errors import ConfigError
+from envs.sim.robot_config import motor_gains
 from envs.sim.urdf_file import URDFError, bad_number, decoded_name, name_of, read_urdf
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ OPPOSITE = -0.9  # the greatest cosine between the directions of two fingers
 DOWN = 0.85  # the least cosine between where the gripper points at rest and down
 REACHING, STARTS = 100, 3  # iterations of the inverse kinematics, and how often it begins
 REACHED = 0.03  # metres by which the gripper may miss a place that it reaches
+BALL, BALL_MASS = 0.03, 0.01  # metres and kg: what jaws are tried with
+SHUT_TORQUE = 0.3  # N m with which they are shut
 SLACK = 1e-9  # by which a rest pose may be beyond a limit
 
 
@@ -82,9 +85,16 @@ def check_joints(
                 f"{place}: joint {_name(info[j])} must be revolute with limits low < high in radians, "
                 f"not [{low}, {high}]"
             )
+    ends = [config.finger_position(opening) for opening in (0.0, config.finger_opening)]
     for j in fingers:
         low, high = info[j][8:10]
-        if info[j][2] != bullet.JOINT_PRISMATIC or not low <= SLACK or not high >= config.finger_opening - SLACK:
+        if config.on_hinge:
+            if info[j][2] != bullet.JOINT_REVOLUTE or not low - SLACK <= min(ends) <= max(ends) <= high + SLACK:
+                raise ConfigError(
+                    f"{place}: robot.hinge.joint {_name(info[j])} must be revolute with limits that hold shut="
+                    f"{ends[0]:g} and open={ends[1]:g}, not [{low}, {high}]"
+                )
+        elif info[j][2] != bullet.JOINT_PRISMATIC or not low <= SLACK or not high >= config.finger_opening - SLACK:
             raise ConfigError(
                 f"{place}: finger {_name(info[j])} must be prismatic with limits that hold "
                 f"[0, {config.finger_opening}] (finger_opening), not [{low}, {high}]"
@@ -146,7 +156,9 @@ def check_motion(config: RobotConfig, chain: Kinematics, loaded: Loaded) -> None
     """Raise ConfigError where the body in the client does not move as the chain, or its motors cannot move it."""
     _check_approach(config, chain)
     _check_forward(config, chain, loaded)
-    if loaded.fingers:
+    if config.on_hinge:
+        _check_jaws(config, chain, loaded)
+    elif loaded.fingers:
         _check_fingers(config, loaded)
     _check_masses(config, loaded)
     _check_motors(config, chain, loaded)
@@ -213,7 +225,7 @@ def _check_forward(config: RobotConfig, chain: Kinematics, loaded: Loaded) -> No
     poses = np.stack((np.zeros_like(chain.rest), chain.rest, *random))
     expected = chain.forward(poses).position
     for joints, wanted in zip(poses, expected, strict=True):
-        _place(loaded, joints, config.finger_opening)
+        _place(loaded, joints, config.finger_position(config.finger_opening))
         state = bullet.getLinkState(
             loaded.body, loaded.tip, computeForwardKinematics=True, physicsClientId=loaded.client
         )
@@ -253,6 +265,42 @@ def _check_fingers(config: RobotConfig, loaded: Loaded) -> None:
         )
 
 
+def _check_jaws(config: RobotConfig, chain: Kinematics, loaded: Loaded) -> None:
+    """Raise ConfigError unless the jaws, as they shut, press a ball between them from both sides."""
+    jaw, client = loaded.fingers[0], loaded.client
+    name = f"robot.hinge.joint: {config.fingers[0]}"
+    if not bullet.getCollisionShapeData(loaded.body, jaw, client):
+        raise ConfigError(f"{name} moves no collision shape, and holds nothing")
+    middle = chain.forward(chain.rest[None]).position[0]
+    shape = bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=BALL / 2, physicsClientId=client)
+    ball = bullet.createMultiBody(BALL_MASS, shape, basePosition=middle.tolist(), physicsClientId=client)
+    _place(loaded, config.rest, config.finger_position(config.finger_opening))
+    bullet.performCollisionDetection(client)
+    if bullet.getClosestPoints(loaded.body, ball, 0.0, physicsClientId=client):
+        raise ConfigError(
+            f"robot.hinge.tip_offset={config.tip_offset}: a ball of {BALL} m there touches the jaws although they are "
+            f"open; take the middle between them, or another open={config.finger_position(config.finger_opening):g}"
+        )
+    bullet.setJointMotorControl2(
+        loaded.body,
+        jaw,
+        bullet.POSITION_CONTROL,
+        targetPosition=config.finger_position(0.0),
+        force=SHUT_TORQUE,
+        physicsClientId=client,
+    )
+    for _ in range(STEPS):
+        bullet.stepSimulation(client)
+    links = {contact[3] for contact in bullet.getContactPoints(loaded.body, ball, physicsClientId=client)}
+    bullet.removeBody(ball, client)
+    if jaw not in links or links == {jaw}:
+        raise ConfigError(
+            f"{name}: as it turns from open={config.finger_position(config.finger_opening):g} to shut="
+            f"{config.finger_position(0.0):g}, no ball of {BALL} m is held between the jaws at robot.hinge.tip_offset="
+            f"{config.tip_offset}"
+        )
+
+
 def _middle(loaded: Loaded, link: int) -> NDArray[np.float64]:
     """Return (3,) the middle of the link's collision shapes, or of its frame if it has none."""
     if bullet.getCollisionShapeData(loaded.body, link, loaded.client):
@@ -268,10 +316,11 @@ def _check_motors(config: RobotConfig, chain: Kinematics, loaded: Loaded) -> Non
     bullet.setPhysicsEngineParameter(fixedTimeStep=TIME_STEP, physicsClientId=client)
     inwards = np.sign((chain.low + chain.high) / 2 - chain.rest)
     room = np.minimum(NUDGE, (chain.high - chain.low) / 4)
-    targets = [*(chain.rest + inwards * room).tolist(), *[config.finger_opening] * len(loaded.fingers)]
+    apart = config.finger_position(config.finger_opening)
+    targets = [*(chain.rest + inwards * room).tolist(), *[apart] * len(loaded.fingers)]
     forces = [bullet.getJointInfo(body, j, client)[10] for j in motors]
-    gains = [config.gain] * len(motors)
-    _place(loaded, chain.rest, 0.0)
+    gains = motor_gains(config)
+    _place(loaded, chain.rest, config.finger_position(0.0))
     bullet.setJointMotorControlArray(
         body, motors, bullet.POSITION_CONTROL, targets, forces=forces, positionGains=gains, physicsClientId=client
     )

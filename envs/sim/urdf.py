@@ -31,7 +31,7 @@ Load = Callable[[Path, int], int]  # a URDF and a client -> body, its links not 
 Numbers = tuple[float, ...]
 
 
-def _read(urdf: Path) -> Element:
+def read_with_meshes(urdf: Path) -> Element:
     """Return the `robot` element of a URDF, its meshes with absolute paths. Raises URDFError."""
     robot, folders = read_urdf(urdf), list(dict.fromkeys((*urdf.absolute().parents, *urdf.resolve().parents)))
     for mesh in robot.iter("mesh"):
@@ -68,7 +68,7 @@ def simplified(urdf: Path, joints: tuple[str, ...], small: bool = False) -> Path
         joints: those that it uses.
         small: put small hulls in place of large collision meshes.
     """
-    robot = _read(urdf)
+    robot = read_with_meshes(urdf)
     unused = [
         joint for joint in robot.findall("joint") if joint.get("type") != "fixed" and name_of(joint) not in joints
     ]
@@ -86,8 +86,12 @@ def _file(mesh: Element) -> Path:
 
 
 def _is_large(mesh: Path) -> bool:
-    """Return whether it is a large binary STL file: 80 bytes, the number of triangles, and the triangles."""
-    if mesh.suffix.lower() != ".stl" or not mesh.is_file() or mesh.stat().st_size < LARGE:
+    return is_binary_stl(mesh) and mesh.stat().st_size >= LARGE
+
+
+def is_binary_stl(mesh: Path) -> bool:
+    """Return whether it is a binary STL file: 80 bytes, the number of triangles, and the triangles."""
+    if mesh.suffix.lower() != ".stl" or not mesh.is_file():
         return False
     with mesh.open("rb") as file:
         file.seek(80)
@@ -100,11 +104,24 @@ def _small_hull(mesh: Path) -> Path:
     name = f"{mesh.stem}.obj"
 
     def make(folder: Path) -> None:
-        points = np.unique(np.fromfile(mesh, STL, offset=84)["points"].reshape(-1, 3), axis=0)
-        outermost = np.unique((_directions() @ points.T).argmax(1))
-        (folder / name).write_text(obj(points[outermost].astype(float).tolist()))
+        (folder / name).write_text(obj(outermost(_stl(mesh)).astype(float).tolist()))
 
     return cached_folder("hull", [MODULE, name, mesh], make) / name
+
+
+def _stl(mesh: Path) -> NDArray[np.float32]:
+    return np.fromfile(mesh, STL, offset=84)["points"]
+
+
+def stl_points(mesh: Path) -> NDArray[np.float64]:
+    """Return the triangles (T, 3, 3) of a binary STL file."""
+    return _stl(mesh).astype(np.float64)
+
+
+def outermost(points: NDArray) -> NDArray:
+    """(P, 3) those of points (..., 3) that are the outermost in one of `DIRECTIONS`."""
+    points = np.unique(points.reshape(-1, 3), axis=0)
+    return points[np.unique((_directions() @ points.T).argmax(1))]
 
 
 def _directions() -> NDArray[np.float32]:
@@ -129,7 +146,7 @@ def with_hulls(urdf: Path, load: Load, small: bool = False) -> Path:
         load: loads a URDF in a client.
         small: write OBJ files, around which Bullet's bounding boxes are 1 mm larger.
     """
-    robot = _read(urdf)
+    robot = read_with_meshes(urdf)
     files = {_file(mesh) for mesh in robot.findall("link/collision/geometry/mesh")}
     if not any(_loads_slowly(file) for file in files):
         return urdf
@@ -232,7 +249,7 @@ def with_magnet(urdf: Path, link: str, *, end: Numbers, way: Numbers, radius: fl
         way: (3,) the unit vector along which that face points, in the frame of the link.
         radius, length: metres.
     """
-    root = _read(urdf)
+    root = read_with_meshes(urdf)
     parent = next((each.get("name", "") for each in root.findall("link") if name_of(each) == link), link)
     body = SubElement(root, "link", name="deixis_magnet")
     inertial = SubElement(body, "inertial")

@@ -63,6 +63,18 @@ def test_measurements_have_the_steps_of_the_encoder(made):
     np.testing.assert_allclose(turns, turns.round(), atol=1e-9)
 
 
+@pytest.mark.parametrize("robot", ["robot=panda", "robot=so_arm gripper=hinge"])
+def test_the_opening_of_fingers_and_jaws_is_measured_from_shut_to_open(robot):
+    setup = read_env(compose(["task=nl_pick_and_place", *robot.split()])).without_curriculum()
+    with closing(TwinEnv(setup, TwinConfig())) as twin:
+        twin.begin(1)
+        openings = []
+        for wanted in (1.0, 0.0):
+            reports, _ = twin.run(twin.time + 1.0, [TwinCommand(twin.time, twin._arrays.angles[0].copy(), wanted)])
+            openings.append(reports[-1].state.opening)
+    assert openings == pytest.approx([1.0, 0.0], abs=0.03)
+
+
 def test_an_episode_follows_from_its_seed(made):
     seen = []
     for seed in (3, 4, 3):

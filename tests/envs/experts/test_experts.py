@@ -35,12 +35,20 @@ def arm_touches_furniture(env):
 @pytest.mark.sampled
 @pytest.mark.parametrize("combination", COMBINATIONS, ids=name_of)
 def test_the_expert_solves_the_task_without_touching_the_table(combination):
-    env = make(
-        *combination,
-        "task.curriculum={near: 0, held: 0, placed: 0}",
-        worlds=WORLDS,
-        seed=21,
-    )
+    solves_without_touching_the_table(*combination)
+
+
+@pytest.mark.slow
+@pytest.mark.sampled
+@pytest.mark.parametrize(
+    ("control", "task"), [("absolute", "nl_lift"), ("step", "nl_pick_and_place"), ("joints", "nl_stack")]
+)
+def test_the_expert_solves_the_task_with_jaws_on_a_hinge(control, task):
+    solves_without_touching_the_table("so_arm", control, task, "gripper=hinge")
+
+
+def solves_without_touching_the_table(*options):
+    env = make(*options, "task.curriculum={near: 0, held: 0, placed: 0}", worlds=WORLDS, seed=21)
     actor, td = expert(env), env.reset()
     solved, lowest, steps = [], 1.0, 0
     while len(solved) < EPISODES:
