@@ -43,6 +43,7 @@ PROGRAMS = {
     "export": Program(
         "deixis.export:cli", "a policy for programs without Deixis: deixis export checkpoint=nl_reach_kuka format=onnx"
     ),
+    "robot": Program("deixis.robot:cli", "your own arm, from its URDF: deixis robot add arm.urdf"),
     "report": Program("trainers.reports.report:cli", "tables and figures of finished runs: deixis report outputs"),
     "parse": Program("language.__main__:run", 'what a sentence asks for: deixis parse "reach the red cube"'),
     "describe": Program(

@@ -39,18 +39,27 @@ class Pose:
 
 
 class Kinematics:
-    """J revolute joints in a row, with one fixed transform before each and one after the last.
+    """J joints in a row, with one fixed transform before each and one after the last.
 
     Args:
         fixed: (J + 1, 4, 4) transforms from one joint's frame to the next (the last: to the gripper centre), at zero.
-        axes: (J, 3) unit rotation axes in the joints' own frames.
-        low, high: (J,) lowest and highest angles, radians.
-        rest: (J,) angles at rest, radians.
+        axes: (J, 3) unit axes of rotation, or of sliding, in the joints' own frames.
+        low, high: (J,) lowest and highest angles, radians; of joints that slide, metres.
+        rest: (J,) angles at rest, radians, or metres.
         position_first: whether the gripper tilts where the arm cannot have both position and orientation.
+        slides: (J,) which joints slide (prismatic); None: all of them turn.
     """
 
     def __init__(
-        self, *, fixed: Array, axes: Array, low: Array, high: Array, rest: Array, position_first: bool = False
+        self,
+        *,
+        fixed: Array,
+        axes: Array,
+        low: Array,
+        high: Array,
+        rest: Array,
+        position_first: bool = False,
+        slides: NDArray[np.bool_] | None = None,
     ) -> None:
         self.low, self.high, self.rest = low, high, rest
         self._position_first = position_first
@@ -66,6 +75,11 @@ class Kinematics:
         self._sine, self._cosine = np.zeros_like(self._constant), np.zeros_like(self._constant)
         self._sine[:, :3, :3] = fixed[:-1, :3, :3] @ skew
         self._cosine[:, :3, :3] = fixed[:-1, :3, :3] @ (np.eye(3) - outer)
+        self._slides = slides if slides is not None and slides.any() else None
+        if self._slides is not None:
+            self._constant[self._slides] = fixed[:-1][self._slides]
+            self._sine[self._slides] = self._cosine[self._slides] = 0.0
+        self._ways = (fixed[:-1, :3, :3] @ axes[:, :, None])[:, None, :, 0]  # (J, 1, 3): where a joint slides to
         self._constant, self._sine, self._cosine = (
             part[:, None] for part in (self._constant, self._sine, self._cosine)
         )  # (J, 1, 4, 4), for any number of worlds
@@ -74,9 +88,16 @@ class Kinematics:
         """World transform of each joint's frame, (J, N, 4, 4), and of the gripper, (N, 4, 4)."""
         sine, cosine = (values.T[:, :, None, None] for values in (np.sin(joints), np.cos(joints)))
         local = self._constant + self._sine * sine + self._cosine * cosine
+        if self._slides is not None:
+            local[self._slides, :, :3, 3] += self._ways[self._slides] * joints.T[self._slides, :, None]
         for j in range(1, len(local)):
             local[j] = local[j - 1] @ local[j]
         return local, local[-1] @ self._tool
+
+    def frames(self, joints: Array) -> Array:
+        """(J + 1, N, 4, 4) the frames of the joints and of the gripper, for joints (N, J)."""
+        local, gripper = self._frames(joints)
+        return np.concatenate((local, gripper[None]))
 
     def forward(self, joints: Array) -> Pose:
         """joints (N, J) to the gripper's pose."""
@@ -91,6 +112,8 @@ class Kinematics:
         rows = np.empty((*joints.shape, 6))
         _cross(axes, gripper[:, None, :3, 3] - by_world[:, :, :3, 3], out=rows[:, :, :3])
         rows[:, :, 3:] = axes
+        if self._slides is not None:
+            rows[:, self._slides] = np.concatenate((axes, np.zeros_like(axes)), axis=2)[:, self._slides]
         return Pose(gripper[:, :3, 3], gripper[:, :3, :3]), rows.transpose(0, 2, 1)
 
     def step(

@@ -131,10 +131,10 @@ def _load_file(path: Path, config: RobotConfig, client: int, flags: int) -> int:
             return bullet.loadURDF(str(path), config.base, useFixedBase=True, flags=flags, physicsClientId=client)
         except bullet.error:
             pass
-    raise ConfigError(f"robot.urdf={config.urdf} does not load: {_reason(*printed)}")
+    raise ConfigError(f"robot.urdf={config.urdf} does not load: {bullet_reason(*printed)}")
 
 
-def _reason(printed: str = "") -> str:
+def bullet_reason(printed: str = "") -> str:
     """Return what Bullet printed, in one line: its errors, and the warning before the first of them."""
     messages = MESSAGE.findall(printed)
     first = next((i for i, (kind, _) in enumerate(messages) if kind == "Error"), len(messages))
@@ -168,7 +168,8 @@ def _read_kinematics(config: RobotConfig) -> Kinematics:
         frames = [_link_frame(body, j, client) for j in [*arm, tip]]
         frames[-1] = frames[-1] @ _transform(config.tip_offset, [0, 0, 0, 1])
         steps = [frames[0], *(np.linalg.inv(a) @ b for a, b in itertools.pairwise(frames))]
-        low, high, axes = (np.array([info[j][field] for j in arm]) for field in (8, 9, 13))
+        low, high = (np.array([info[j][field] for j in arm]) for field in (8, 9))
+        axes = np.array([_axis(body, j, info[j][13], client) for j in arm])
         chain = Kinematics(
             fixed=np.array(steps),
             axes=axes,
@@ -176,6 +177,7 @@ def _read_kinematics(config: RobotConfig) -> Kinematics:
             high=high,
             rest=np.array(config.rest),
             position_first=config.position_first,
+            slides=np.array([info[j][2] == bullet.JOINT_PRISMATIC for j in arm]),
         )
         check_motion(config, chain, Loaded(body, client, arm, fingers, tip))
     finally:
@@ -194,6 +196,14 @@ def _transform(position: Sequence[float], quaternion: Sequence[float]) -> Array:
     matrix[:3, :3] = np.reshape(bullet.getMatrixFromQuaternion(quaternion), (3, 3))
     matrix[:3, 3] = position
     return matrix
+
+
+def _axis(body: int, joint: int, axis: Sequence[float], client: int) -> Sequence[float]:
+    """(3,) the joint's axis in its own frame. Bullet gives it in that of the link's inertia, which may be turned."""
+    turned = bullet.getDynamicsInfo(body, joint, client)[4]
+    if tuple(turned) == (0.0, 0.0, 0.0, 1.0):
+        return axis
+    return (_transform((0.0, 0.0, 0.0), turned)[:3, :3] @ np.array(axis)).tolist()
 
 
 def _link_frame(body: int, link: int, client: int) -> Array:

@@ -27,14 +27,16 @@ if TYPE_CHECKING:
 POSES = 8  # random ones, at which the chain is compared with Bullet's
 SAME = 1e-3  # metres
 TIME_STEP, STEPS = 1 / 240, 120  # seconds, and physics steps for which the motors are tried
-NUDGE = 0.1  # radians by which each joint is to turn within these steps
-FOLLOWED = 0.03  # radians by which a joint may miss it
+NUDGE = {bullet.JOINT_REVOLUTE: 0.1, bullet.JOINT_PRISMATIC: 0.02}  # radians, or metres, that each joint is to move
+FOLLOWED = 0.3  # share of that by which it may miss it within these steps
 OPPOSITE = -0.9  # the greatest cosine between the directions of two fingers
 DOWN = 0.85  # the least cosine between where the gripper points at rest and down
 REACHING, STARTS = 100, 3  # iterations of the inverse kinematics, and how often it begins
 REACHED = 0.03  # metres by which the gripper may miss a place that it reaches
 BALL, BALL_MASS = 0.03, 0.01  # metres and kg: what jaws are tried with
 SHUT_TORQUE = 0.3  # N m with which they are shut
+MOST = {bullet.JOINT_REVOLUTE: 20.0, bullet.JOINT_PRISMATIC: 2.0}  # radians, or metres, of the arm's joints
+KINDS = {bullet.JOINT_REVOLUTE: "revolute", bullet.JOINT_PRISMATIC: "prismatic", bullet.JOINT_FIXED: "fixed"}
 SLACK = 1e-9  # by which a rest pose may be beyond a limit
 
 
@@ -80,10 +82,13 @@ def check_joints(
     place = f"robot.urdf={config.urdf}"
     for j in arm:
         low, high = info[j][8:10]
-        if info[j][2] != bullet.JOINT_REVOLUTE or not -20 < low < high < 20:
+        most = MOST.get(info[j][2], 0.0)
+        if not -most < low < high < most:
+            kind = KINDS.get(info[j][2], "of another kind")
             raise ConfigError(
-                f"{place}: joint {_name(info[j])} must be revolute with limits low < high in radians, "
-                f"not [{low}, {high}]"
+                f"{place}: joint {_name(info[j])} must be revolute with limits low < high in radians, or prismatic "
+                f"with limits low < high in metres, within 2 m, not {kind} with [{low}, {high}]; `deixis robot add` "
+                "writes a URDF that has what is missing"
             )
     ends = [config.finger_position(opening) for opening in (0.0, config.finger_opening)]
     for j in fingers:
@@ -315,7 +320,8 @@ def _check_motors(config: RobotConfig, chain: Kinematics, loaded: Loaded) -> Non
     bullet.setGravity(0, 0, -9.81, client)
     bullet.setPhysicsEngineParameter(fixedTimeStep=TIME_STEP, physicsClientId=client)
     inwards = np.sign((chain.low + chain.high) / 2 - chain.rest)
-    room = np.minimum(NUDGE, (chain.high - chain.low) / 4)
+    nudges = np.array([NUDGE[bullet.getJointInfo(body, j, client)[2]] for j in loaded.arm])
+    room = np.minimum(nudges, (chain.high - chain.low) / 4)
     apart = config.finger_position(config.finger_opening)
     targets = [*(chain.rest + inwards * room).tolist(), *[apart] * len(loaded.fingers)]
     forces = [bullet.getJointInfo(body, j, client)[10] for j in motors]
@@ -327,7 +333,7 @@ def _check_motors(config: RobotConfig, chain: Kinematics, loaded: Loaded) -> Non
     for _ in range(STEPS):
         bullet.stepSimulation(client)
     reached = [state[0] for state in bullet.getJointStates(body, motors, client)]
-    allowed = [FOLLOWED] * len(loaded.arm) + [config.finger_opening / 4] * len(loaded.fingers)
+    allowed = [*(FOLLOWED * nudges), *[config.finger_opening / 4] * len(loaded.fingers)]
     for j, force, target, angle, most in zip(motors, forces, targets, reached, allowed, strict=True):
         if not abs(angle - target) <= most:
             found = f"{abs(angle - target):.3f} off" if math.isfinite(angle) else "nowhere: the simulation diverges"

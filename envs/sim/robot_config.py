@@ -19,6 +19,7 @@ JAW_GAIN = 0.2  # greatest gain of a jaw's motor: with 0.3 it hits objects so fa
 LEAST_TURN = 0.05  # radians that the jaw on a hinge turns at least
 MOST_OPENING = 0.2  # metres of a sliding finger
 Number = TypeVar("Number", float, NDArray[np.float64])
+ROLLING = 5  # joints from which on the last one turns the gripper about the direction in which it points
 PACKAGES = ("pybullet_data", "example_robot_data", "file")
 NAME_IN_URDF = r"[^\x00-\x1f]{1,200}", "a name in the URDF"
 
@@ -59,8 +60,8 @@ class RobotConfig(Checked):
     package: str = checked_by("__post_init__")  # where `urdf` is searched: of PACKAGES, or a user's package
     urdf: str = any_path()
     base: list[float] = within(-1, 1, count=3)  # where the URDF's origin stands in the workspace frame
-    joints: list[str] = text(*NAME_IN_URDF)  # the arm's revolute joints, from the base on
-    max_speed: list[float] = within(0.01, 20)  # rad/s of each joint
+    joints: list[str] = text(*NAME_IN_URDF)  # the arm's revolute and prismatic joints, from the base on
+    max_speed: list[float] = within(0.01, 20)  # rad/s of each joint, or m/s
     rest: list[float] = checked_by(
         "check_joints"
     )  # joint angles at reset: the gripper points down and keeps this orientation
@@ -154,8 +155,11 @@ class RobotConfig(Checked):
         return self.hinge.way * (position - self.hinge.shut)
 
     def reaching(self) -> RobotConfig:
-        """Return the robot for reaching tasks: the last joint is turned by 90 degrees, so that no finger leads."""
-        if not self.fingers:
+        """Return the robot for reaching tasks: the last joint is turned by 90 degrees, so that no finger leads.
+
+        In arms of four joints or fewer it tilts the gripper, and stays.
+        """
+        if not self.fingers or len(self.joints) < ROLLING:
             return self
         return replace(self, rest=[*self.rest[:-1], self.rest[-1] - math.copysign(math.pi / 2, self.rest[-1])])
 

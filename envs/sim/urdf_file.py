@@ -24,6 +24,7 @@ MARKUP = re.compile(
 ATTRIBUTE = re.compile(r"""([^\s=/"']+)\s*=\s*(?:"([^"]*)"|'([^']*)')""", re.DOTALL)
 ENTITY = re.compile(r"&(?:#(\d{1,7})|#x([0-9a-fA-F]{1,6})|(lt|gt|amp|quot|apos));")
 NAMED = {"lt": "<", "gt": ">", "amp": "&", "quot": '"', "apos": "'"}
+MAX_DEPTH = 60  # of nested elements
 UTF16 = (b"\xff\xfe", b"\xfe\xff")
 CONTROL = dict.fromkeys([*range(9), 11, 12, *range(14, 32)], " ")  # cannot be written to a file again
 OTHER_FORMATS = {
@@ -43,6 +44,7 @@ NUMBERS = (  # attributes of a link or joint that Bullet reads as numbers: a wor
     ("joint/limit", ("lower", "upper", "effort")),
     ("joint/dynamics", ("damping", "friction")),
 )
+SEVERAL = ("xyz", "rpy", "size", "scale")  # attributes that hold several numbers
 
 
 class URDFError(ValueError):
@@ -102,7 +104,8 @@ def bad_number(robot: Element) -> str | None:
             for element in part.findall(inner):
                 for name in names:
                     value = element.get(name, "0")
-                    if not value.split() or not all(map(_is_number, value.split())):
+                    words = value.split()
+                    if not words or not all(map(_is_number, words)) or (len(words) > 1 and name not in SEVERAL):
                         return f'{outer} {name_of(part)} has {element.tag} {name}="{value}"'
     return None
 
@@ -127,6 +130,9 @@ def _parse(text: str) -> Element:
             open_elements[-1].append(element)
             if not markup["empty"]:
                 open_elements.append(element)
+            if len(open_elements) > MAX_DEPTH:
+                line = text.count("\n", 0, markup.start()) + 1
+                raise URDFError(f"is not a URDF: at line {line} its elements are nested more than {MAX_DEPTH} deep")
         elif markup["end"] and open_elements.pop().tag != markup["end"]:
             line = text.count("\n", 0, markup.start()) + 1
             raise URDFError(f"is not XML: line {line} has </{markup['end']}>, which closes nothing")
@@ -161,4 +167,6 @@ def _character(entity: re.Match[str]) -> str:
     if name:
         return NAMED[name]
     number = int(decimal) if decimal else int(hexadecimal, 16)
+    if number == 0:
+        raise URDFError("is not XML: it has &#0;, a character that ends Bullet's names, and its process")
     return chr(number).encode("utf-8", "replace").decode(BYTES) if 0 < number < 0x110000 else entity[0]
