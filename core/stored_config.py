@@ -63,6 +63,7 @@ WORDS = (  # keys whose free text names something of the project, its words or a
     "policy.name",
     "robot.fingers",
     "robot.grippers",
+    "robot.hinge.joint",
     "robot.joints",
     "robot.name",
     "robot.package",
