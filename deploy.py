@@ -80,11 +80,14 @@ def main(arguments: list[str]) -> dict[str, Any]:
     """
     require_docstrings()
     config, choice, overrides = parse(arguments)
+    import torch
+
     from core.system import StopSignal
     from deployment.arm import ArmError
     from deployment.connecting import about
     from deployment.terminal import HELP, Terminal
 
+    torch.set_num_threads(1)  # threads that wait for each other are late where another process is busy
     print(about(choice), flush=True)
     with StopSignal() as stop, Terminal(stop) as terminal:
         if terminal.is_there:
@@ -133,9 +136,9 @@ def _carry_out(session: Any) -> int:
             return step
         session.step()
         for reason in session.env.world.decision.reasons:
-            if reason not in told:
+            if (kind := _without_numbers(reason)) not in told:
                 print(reason, flush=True)
-            told.add(reason)
+                told.add(kind)
     raise RunError(f"the instruction was not done within {MOST_STEPS * session.period:.0f} s")
 
 

@@ -19,7 +19,7 @@ from deployment.safety import Limits, Safety, SafetyConfig
 from deployment.twin import TwinArm
 from envs.config import EnvConfig
 from envs.tasks import EpisodeSpec
-from envs.workspace_env import gripper_name, make_kinematics, make_task
+from envs.workspace_env import make_kinematics, make_task
 from language import LanguageError
 from language.scene_file import read_scene
 
@@ -93,7 +93,7 @@ def connect(choice: ArmChoice, setup: EnvConfig, person: Person | None = None, s
     log = CommandLog(None if choice.log is None else check_file("log", choice.log))
     rules = read(SafetyConfig, choice.rules, "safety")
     kinematics = make_kinematics(setup, task)
-    limits = Limits(setup, kinematics, rules, magnet=gripper_name(setup, task) == "magnet")
+    limits = Limits(setup, kinematics, rules, magnet=setup.gripper.of(setup.robot) == "magnet")
     safe = SafeArm(arm, Safety(rules, limits), log=log, predicts=choice.predicts, person=person)
     try:
         perception = _perception(choice, arm, safe, setup)

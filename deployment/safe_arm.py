@@ -39,11 +39,12 @@ class SafeArm:
         self.prediction: Prediction | None = None
         self.clock = arm.clock
         self.refused: dict[str, int] = {}  # how often each measurement was not believed, by reason
-        self.holding = True
+        self.holding, self._connected = True, False
 
     def connect(self) -> None:
         """Connect, and wait until the arm is seen. Raises ArmError."""
         self.arm.connect()
+        self._connected = True
         self.await_seen()
 
     def await_seen(self, seconds: float = 5.0) -> None:
@@ -151,10 +152,12 @@ class SafeArm:
     def close(self) -> None:
         """Hold, disconnect, and close the log. Idempotent."""
         try:
-            self.arm.hold()
+            if self._connected:
+                self.arm.hold()
         except ArmError:
             pass
         finally:
+            self._connected = False
             self.arm.disconnect()
             self.log.close()
             self.safety.limits.close()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import select
 import sys
+from collections.abc import Callable
 from typing import Any
 
-from core.system import StopSignal
 from deployment.safe_arm import SafeArm
 
 STOP = " "
@@ -17,10 +17,10 @@ HELP = "space or Ctrl-C: stop and end; any other key, held down: the dead-man ke
 class Terminal:
     """Reads single keys, without Enter, while it is entered; without a terminal there is only Ctrl-C.
 
-    Called with the arm, between its commands, it does what the keys say. stop: the signals that end the program.
+    Called with the arm, between its commands, it does what the keys say. stop: returns whether the program is to end.
     """
 
-    def __init__(self, stop: StopSignal) -> None:
+    def __init__(self, stop: Callable[[], bool]) -> None:
         self._stop, self._pressed = stop, False
         self._before: Any = None
         self.is_there = os.name == "posix" and sys.stdin is not None and sys.stdin.isatty()

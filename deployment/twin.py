@@ -26,7 +26,7 @@ from envs.workspace_env import WorkspaceEnv
 from trainers.collect.worker import ChildProcess, detach
 
 TURN = 2 * np.pi  # radians
-PATIENCE = 60.0  # seconds that the process may take to answer
+PATIENCE = 120.0  # seconds that the process may take to answer
 
 
 @dataclass(frozen=True, kw_only=True)

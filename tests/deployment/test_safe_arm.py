@@ -58,6 +58,14 @@ def test_an_arm_that_fails_is_stopped(driven):
     assert driven.arm.holds > 0
 
 
+def test_an_arm_that_was_never_connected_gets_no_command(setup):
+    rules = SafetyConfig()
+    limits = Limits(setup, read_kinematics(setup.robot), rules, magnet=True)
+    arm = ObedientArm(setup, read_kinematics(setup.robot).rest)
+    SafeArm(arm, Safety(rules, limits)).close()
+    assert arm.holds == arm.commands == 0
+
+
 def test_a_stop_between_two_commands_holds_at_once(driven):
     driven.step(driven.angles, 1.0, PERIOD)
     driven.stop("somebody pressed stop")
