@@ -22,7 +22,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -222,57 +222,79 @@ def added(urdf: Path, wished: Wishes, tell: Callable[[str], None]) -> AddedRobot
         wished: what the command line says.
         tell: gets what was mended, guessed or chosen, one sentence each.
     """
-    from deixis.robot_trial import Trial, files_of, write_files
+    from deixis.robot_trial import files_of, write_files
 
     name = wished.name or _name_of(urdf)
     target = wished.out / "robot" / f"{name}.yaml"
     _check_target(name, target, wished.force)
     _check_urdf(urdf)
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
-        guess = _guess(urdf, name, wished, folder)
-        for note in guess.notes:
-            tell(note)
-        trial = Trial(guess, urdf, folder, fixed=tuple(wished.fields))
-        values, results = trial.tune(wished.tasks, wished.episodes)
-        for note in trial.told:
-            tell(note)
+    guess, values, results = _tried(urdf, name, _asked(urdf, name, wished), tell)
     files = files_of(guess, urdf, target)
     write_files(files, values, target, urdf)
     return AddedRobot(values, guess.share, guess.touching, results, (target, *files))
 
 
-def _guess(urdf: Path, name: str, wished: Wishes, folder: Path) -> Any:
-    """Return the robot that is guessed. Raises ConfigError."""
+def _tried(urdf: Path, name: str, wished: Wishes, tell: Callable[[str], None]) -> tuple[Any, dict[str, Any], Any]:
+    """Return the robot that is guessed, its values once it was tried, and the experts' results.
+
+    Joints that slide are fixed where the expert fails with them: a slow torso holds the whole arm back.
+    """
+    from deixis.robot_trial import Trial, worst
+
+    found: list[tuple[float, Any, Any, Any, tuple[str, ...]]] = []
+    for still in (False, True):
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                guess = _guess(urdf, name, wished, Path(folder), still)
+                trial = Trial(guess, urdf, Path(folder), fixed=tuple(wished.fields))
+                values, results = trial.tune(wished.tasks, wished.episodes)
+        except ConfigError:
+            if found and found[0][0] > 0:
+                break
+            raise  # it says why the arm does not move
+        found.append((worst(results), guess, values, results, (*guess.notes, *trial.told)))
+        if worst(results) >= ENOUGH or not guess.slides or "joints" in wished.fields:
+            break
+    _, guess, values, results, notes = max(found, key=lambda each: each[0])
+    for note in notes:
+        tell(note)
+    return guess, values, results
+
+
+def _guess(urdf: Path, name: str, wished: Wishes, folder: Path, still: bool = False) -> Any:
+    """Return the robot that is guessed, its slides fixed if it is to be still. Raises ConfigError."""
     from envs.sim.robot_import.guess import Given, RobotGuess
     from envs.sim.urdf_file import URDFError
 
     try:
-        given = Given(name, wished.fields, wished.packages, wished.arm)
+        given = Given(name, wished.fields, wished.packages, wished.arm, still)
         found = RobotGuess(urdf, given, folder)
         if wished.arm >= len(found.arms):
             raise ConfigError(f"arm={wished.arm}: the URDF has {len(found.arms)} arms, counted from 0")
-        if wished.ask:
-            given = _asked(found, given)
-            found = RobotGuess(urdf, given, folder)
         return found.make(*workspaces())
     except URDFError as error:
         raise ConfigError(f"{urdf} {error}") from None
 
 
-def _asked(found: Any, given: Any) -> Any:
-    """Return what is given, with the user's choice where the URDF leaves one."""
-    from dataclasses import replace
+def _asked(urdf: Path, name: str, wished: Wishes) -> Wishes:
+    """Return what is wished, with the user's choices where the URDF leaves one. Raises ConfigError."""
+    from envs.sim.robot_import.guess import Given, RobotGuess
+    from envs.sim.urdf_file import URDFError
 
+    if not wished.ask:
+        return wished
+    try:
+        found = RobotGuess(urdf, Given(name, wished.fields, wished.packages), Path())
+    except URDFError as error:
+        raise ConfigError(f"{urdf} {error}") from None
     arms = [f"{arm.joints[0].name} to {arm.joints[-1].name}" for arm in found.arms]
     if len(arms) > 1:
-        given = replace(given, arm=choose("Which arm?", arms))
-    if "tip" not in given.fields:
-        tips = found.tips(given.arm)
-        if len(tips) > 1:
-            tip = tips[choose("Which link carries the gripper?", tips)]
-            given = replace(given, fields={**given.fields, "tip": tip})
-    return given
+        wished = replace(wished, arm=choose("Which arm?", arms))
+    tips = found.tips(min(wished.arm, len(arms) - 1))
+    if "tip" not in wished.fields and len(tips) > 1:
+        tip = tips[choose("Which link carries the gripper?", tips)]
+        wished = replace(wished, fields={**wished.fields, "tip": tip})
+    return wished
 
 
 def choose(question: str, choices: Sequence[str]) -> int:

@@ -53,7 +53,11 @@ class URDFError(ValueError):
 
 def read_urdf(path: Path) -> Element:
     """Return the `robot` element of a URDF, its names and paths as text. Raises URDFError and OSError."""
-    content = path.read_bytes()
+    return parse_urdf(path.read_bytes())
+
+
+def parse_urdf(content: bytes) -> Element:
+    """Return the `robot` element of a URDF's content. Raises URDFError."""
     if content.startswith(UTF16):
         raise URDFError("is UTF-16, which Bullet does not read: save it as UTF-8")
     top = _parse(content.removeprefix(b"\xef\xbb\xbf").decode(BYTES))

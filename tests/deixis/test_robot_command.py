@@ -1,8 +1,11 @@
 """`deixis robot`: a URDF becomes a robot that works, or one sentence says why not, and then nothing is written."""
 
 import os
+import random
 import re
 import sys
+from contextlib import suppress
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -10,6 +13,8 @@ import yaml
 from core.errors import ConfigError, RunError
 from core.plugins import VARIABLE
 from deixis import cli, robot
+from envs.sim.robot_import.tree import URDFTree
+from envs.sim.urdf_file import URDFError, parse_urdf
 from tests.helpers.own_urdfs import ARM, BASE, LEFT, RIGHT, changed, urdf_of, written
 
 SHAPES = '<link name="base"><visual><geometry><mesh filename="{}"/></geometry></visual></link>'
@@ -57,6 +62,10 @@ REFUSED = {
     ),
     "too few joints": (urdf_of(ARM[:2]), "its longest chain has 2 moving joints (turn, lift)"),
     "no arm": (urdf_of(changed(**{part.joint: {"kind": "fixed"} for part in ARM})), "0 moving joints (none)"),
+    "millimetres": (
+        urdf_of(changed(lift={"box": "60 60 360"})),
+        "link upper with a shape of 360 m: URDFs are in metres",
+    ),
     "an entity": (XXE + urdf_of(base=BASE.replace("base", "&secret;")), "joint turn with parent base"),
     "a NUL in a name": (urdf_of().replace("turn", "&#0;"), "it has &#0;"),
     "bytes": (bytes(range(256)) * 20, "is not XML"),
@@ -183,6 +192,38 @@ def test_in_a_terminal_the_user_chooses_by_number_or_name(monkeypatch, capsys):
     assert robot.choose("Which?", ["one", "two", "three"]) == 2
     assert robot.choose("Which?", ["one", "two", "three"]) == 0
     assert "9 is none of them: give a number from 1 to 3" in capsys.readouterr().out
+
+
+def test_a_damaged_file_is_read_or_refused():
+    rng, whole = random.Random(0), urdf_of((*ARM, LEFT, RIGHT))
+    values = ("", "0", "-1", "1e308", "nan", "0 0", "abc", "é", "&", "&#0;", "&#55296;", "../..", "base", "continuous")
+    read = 0
+    for _ in range(300):
+        text = whole
+        for _ in range(rng.randint(1, 3)):
+            pattern = rng.choice((r'(?<==")[^"]*', r"<[^>]*>"))
+            start, end = rng.choice([found.span() for found in re.finditer(pattern, text)])
+            text = text[:start] + (rng.choice(values) if "=" in pattern else "") + text[end:]
+        with suppress(URDFError):
+            read += len(URDFTree(parse_urdf(text.encode())).arms()) > 0
+    assert read > 30
+
+
+def test_the_answers_of_the_user_are_what_is_written(tmp_path, monkeypatch, capsys):
+    frame = '<link name="tool0"/><joint name="j" type="fixed"><parent link="flange"/><child link="tool0"/></joint>'
+    monkeypatch.setattr("builtins.input", lambda prompt: "flange")
+    wished = replace(robot.wishes([f"out={tmp_path}", "episodes=1"]), ask=True)
+    added = robot.added(written(tmp_path, urdf_of(more=frame)), wished, print)
+    assert "Which link carries the gripper?" in capsys.readouterr().out
+    assert added.values["tip"] == "flange"
+
+
+def test_a_file_that_is_too_large_is_not_read(tmp_path):
+    path = tmp_path / "large.urdf"
+    with path.open("wb") as file:
+        file.truncate(2**30)
+    with pytest.raises(ConfigError, match=r"large\.urdf cannot be read: it has 1,073,741,824 bytes"):
+        robot.main(["add", str(path), f"out={tmp_path}"])
 
 
 @pytest.mark.parametrize(

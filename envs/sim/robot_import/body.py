@@ -17,6 +17,7 @@ from envs.sim.urdf_file import URDFError, decoded_name
 Array = NDArray[np.float64]
 FLAGS = bullet.URDF_IGNORE_VISUAL_SHAPES
 CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))  # of a box of 1 m
+LARGEST = 20.0  # metres of a shape
 NEAR = 1e-3  # metres within which Bullet looks for points; with 0 it finds none between boxes
 DEEP = 0.004  # metres that hulls of neighbours may be in each other; meshes of arms are not convex
 
@@ -51,12 +52,27 @@ class ImportedBody:
         self._moving = {number for number, each in enumerate(info) if each[2] != bullet.JOINT_FIXED}
         with captured_stdout():  # Bullet prints a question mark for each capsule
             self._points = {name: self._shape_points(number) for name, number in self._links.items()}
+        try:
+            self._check_sizes()
+        except URDFError:
+            self.close()
+            raise
 
     def close(self) -> None:
         """Free the client. Idempotent."""
         if self._client >= 0:
             bullet.disconnect(self._client)
         self._client = -1
+
+    def _check_sizes(self) -> None:
+        """Raise URDFError for a shape that is no part of an arm at a table."""
+        for name, points in self._points.items():
+            size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+            if not size < LARGEST:
+                raise URDFError(
+                    f"has link {name} with a shape of {size:.3g} m: URDFs are in metres; a mesh in millimetres needs "
+                    'scale="0.001 0.001 0.001"'
+                )
 
     def points(self, links: Iterable[str]) -> Array:
         """(P, 3) corners of the collision shapes of links, all joints at 0, in the frame of the root link."""

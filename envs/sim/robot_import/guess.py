@@ -49,12 +49,14 @@ class Given:
         fields: values of the YAML, of the right types.
         packages: folders that hold the packages of package://.
         arm: which of several arms, counted from 0.
+        still: fix the joints of the arm that slide in the middle of their range.
     """
 
     name: str
     fields: Mapping[str, Any] = field(default_factory=dict)
     packages: tuple[Path, ...] = ()
     arm: int = 0
+    still: bool = False
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,7 @@ class Guess:
         meshes: files by name, to be put in the folder `<name>_meshes` beside it.
         share: of the places over the table that the gripper reaches.
         touching: pairs of links that are in each other at rest.
+        slides: joints of the arm that slide.
     """
 
     values: dict[str, Any]
@@ -76,6 +79,7 @@ class Guess:
     meshes: dict[str, bytes]
     share: float
     touching: tuple[str, ...]
+    slides: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -140,7 +144,12 @@ class RobotGuess:
             self._notes.append(f"it has {len(self.arms)} arms: the others are {named}.")
         meshes = Meshes(self._tree.robot, self._urdf, self._given.packages, f"{self._given.name}_meshes")
         self._write_meshes(meshes)
+        slides = [joint for joint in arm.joints if joint.kind == SLIDING]
+        if self._given.still:
+            arm = replace(arm, joints=tuple(joint for joint in arm.joints if joint not in slides))
         repairs = Repairs(self._tree, arm)
+        if self._given.still:
+            repairs.hold(slides)
         repairs.shapes()
         repairs.joints()
         body = self._load()
@@ -157,7 +166,13 @@ class RobotGuess:
         mended = urdf_bytes(self._tree.robot) if notes else None
         values = self._values(arm, hand, chain, placement, workspace, boxes)
         return Guess(
-            values, (*self._notes, *notes), mended, dict(meshes.converted), placement.share, placement.touching
+            values=values,
+            notes=(*self._notes, *notes),
+            urdf=mended,
+            meshes=dict(meshes.converted),
+            share=placement.share,
+            touching=placement.touching,
+            slides=() if self._given.still else tuple(joint.name for joint in slides),
         )
 
     def _write_meshes(self, meshes: Meshes) -> None:
@@ -221,7 +236,8 @@ class RobotGuess:
             self._notes.append(f"{names} open by {opening:g} m each, too little for objects of 5 cm: it has a magnet.")
         if arm.gripping and not pairs:
             names = ", ".join(joint.name for joint in arm.gripping[:4])
-            self._notes.append(f"its hand ({names}) has no two sliding fingers: it is fixed at 0, and has a magnet.")
+            jaw = " (a jaw that turns: docs/extending.md says how to add `hinge`)" if len(arm.gripping) == 1 else ""
+            self._notes.append(f"its hand ({names}) has no two sliding fingers: it is fixed at 0, with a magnet{jaw}.")
         return (), 0.0
 
     def _slide(self, joint: Joint, other: Joint, body: ImportedBody) -> Slide | None:

@@ -25,6 +25,8 @@ READ = (".stl", ".obj", ".dae")  # by Bullet
 CONVERTED = (".ply", ".off", ".glb", ".gltf", ".3mf")  # by trimesh
 NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 VERTEX = re.compile(rb"vertex\s+(%s)\s+(%s)\s+(%s)" % (NUMBER, NUMBER, NUMBER))
+COLLADA = (b"<asset", b"<library_geometries")  # without which Bullet ends the process
+UNIT = re.compile(rb"<unit(?![^>]*meter)")
 PACKAGE = re.compile(r"(?:package|model)://([^/]*)/?(.*)", re.DOTALL)
 XML_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 MOST_FILES = 3000  # of a package that are looked at
@@ -186,6 +188,10 @@ def _unreadable(path: Path) -> bytes | None:
     mark = {".obj": rb"^\s*v\s", ".dae": rb"<COLLADA"}[suffix]
     if re.search(mark, content, re.MULTILINE) is None:
         raise FileError(f"is no {suffix[1:].upper()} file, whatever its name says")
+    if suffix == ".dae" and (not all(part in content for part in COLLADA) or UNIT.search(content)):
+        raise FileError(
+            "is a COLLADA file without an asset, geometries or the length of its unit, with which Bullet ends"
+        )
     return None
 
 

@@ -87,6 +87,18 @@ class Repairs:
         joint.element.set("type", "revolute")
         _set(joint, "limit", lower=repr(low), upper=repr(high))
 
+    def hold(self, slides: Sequence[Joint]) -> None:
+        """Fix joints that slide in the middle of their range."""
+        for joint in slides:
+            middle = (joint.low + joint.high) / 2
+            joint.origin[:3, 3] += joint.origin[:3, :3] @ unit(joint) * middle
+            _set_origin(joint.element, joint.origin[:3, 3])
+            joint.element.set("type", "fixed")
+            self.notes.append(
+                f"{joint.name}, which slides at {joint.velocity:g} m/s, holds the arm back: it was fixed at "
+                f"{middle:g} m; joints=[...] lets it move."
+            )
+
     def turn_freely(self, rest: Mapping[str, float]) -> None:
         """Give joints without limits half a turn each way from where they are at rest, radians by name."""
         free = [joint for joint in self._arm.joints if is_free(joint)]

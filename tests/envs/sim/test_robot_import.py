@@ -35,10 +35,11 @@ end_header
 """
 
 
-def guess(folder, text, **fields):
+def guess(folder, text, still=False, **fields):
     """The robot that is guessed from this text, and its config."""
     (folder / "made").mkdir(exist_ok=True)
-    found = RobotGuess(written(folder, text), Given("small", fields), folder / "made").make(*workspaces())
+    given = Given("small", fields, still=still)
+    found = RobotGuess(written(folder, text), given, folder / "made").make(*workspaces())
     place = written(folder, found.urdf, "small_mended.urdf") if found.urdf else folder / "small.urdf"
     return found, read(RobotConfig, {**found.values, "package": "file", "urdf": str(place)}, "robot")
 
@@ -84,6 +85,18 @@ def test_a_slide_before_the_arm_is_one_of_its_joints(tmp_path):
         change = (chain.forward(near).position - pose.position)[0] / step
         np.testing.assert_allclose(jacobian[0, :3, j], change, atol=1e-5)
     np.testing.assert_array_equal(jacobian[0, 3:, 0], 0.0)
+
+
+def test_a_slide_that_is_held_still_stays_in_the_middle_of_its_range(tmp_path):
+    rail = replace(
+        LEFT, joint="rail", link="cart", parent="base", origin="0 0 0", limit='lower="0" upper=".1" effort="9"'
+    )
+    text = urdf_of((rail, replace(ARM[0], parent="cart"), *ARM[1:]))
+    found, config = guess(tmp_path, text, still=True)
+    assert told(found, "rail, which slides at 0 m/s, holds the arm back: it was fixed at 0.05 m")
+    assert config.joints == [part.joint for part in ARM]
+    place = read_kinematics(config).forward(np.zeros((1, 6))).position[0]
+    np.testing.assert_allclose(place[1] - config.base[1], 0.05, atol=1e-6)
 
 
 def test_an_inertia_that_is_turned_turns_no_axis(tmp_path):
@@ -256,6 +269,8 @@ def test_a_mesh_that_bullet_does_not_read_is_converted(name, text, tmp_path):
         ("a.stl", b"version https://git-lfs.github.com/spec/v1\n", "is a pointer of Git LFS"),
         ("a.stl", b"", "is no STL file: it has no triangles"),
         ("a.dae", b"junk", "is no DAE file"),
+        ("a.dae", b"<COLLADA><asset/></COLLADA>", "with which Bullet ends"),
+        ("a.dae", b"<COLLADA><asset><unit/></asset><library_geometries/></COLLADA>", "with which Bullet ends"),
         ("a.obj", b"junk", "is no OBJ file"),
         ("a.ply", b"junk", "cannot be read"),
         ("a.step", b"junk", "is of an unknown format"),
