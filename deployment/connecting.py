@@ -18,6 +18,7 @@ from deployment.safe_arm import Person, SafeArm
 from deployment.safety import Limits, Safety, SafetyConfig
 from deployment.twin import TwinArm
 from envs.config import EnvConfig
+from envs.mdp.gestures import make_person
 from envs.tasks import EpisodeSpec
 from envs.workspace_env import make_kinematics, make_task
 from language import LanguageError
@@ -88,7 +89,7 @@ def connect(choice: ArmChoice, setup: EnvConfig, person: Person | None = None, s
         ArmError: the arm does not answer.
     """
     arm = make_arm(choice.name, choice.settings, setup)
-    task = make_task(setup, 1, None)
+    task = make_task(setup, 1, make_person(setup.workspace.human, setup.gesture))
     check_perceived(setup, task)
     log = CommandLog(None if choice.log is None else check_file("log", choice.log))
     rules = read(SafetyConfig, choice.rules, "safety")

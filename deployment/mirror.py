@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ from envs.mdp.world_state import WorldState
 from envs.sim.kinematics import Pose
 from envs.sim.world import SimulatedWorld
 from envs.tasks import EpisodeSpec, Task
+from human import Unreachable
 
 GRIP_RADIUS = 0.03  # metres from the gripper to the nearest side of an object that a gripper without a sensor may hold
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -118,7 +120,8 @@ class MirrorWorld(SimulatedWorld):
         self._arrays, self._controller, self._kinematics = env.arrays, env.grip_controller, env.kinematics
         self._period = env.period
         # The speed at which a joint ends a control step of simulation, as a share of its mean speed in that step.
-        gain, count = env.config.robot.gain, env.config.physics.substeps
+        gain, self._substeps = env.config.robot.gain, env.config.physics.substeps
+        count = self._substeps
         self._late_speed = gain * (1 - gain) ** (count - 1) * count
         self._reach = env.config.task.object_size / 2 + GRIP_RADIUS
 
@@ -144,6 +147,7 @@ class MirrorWorld(SimulatedWorld):
         elif self._opened_at is None:
             self._opened_at = self._kinematics.forward(before[None])
         self.decision = self._arm.step(wanted, opening, self._period)
+        self.step_physics(self._substeps)
         after = self._arm.angles
         # The next command starts from this one, or from where the arm holds.
         sent = self.decision.angles
@@ -182,8 +186,12 @@ class MirrorWorld(SimulatedWorld):
         return nearest if known else None
 
     def step_physics(self, steps: int = 1) -> None:
+        """Let the person move on, who is drawn beside a real arm as well; nothing else is simulated."""
         if self._arm is None:
             super().step_physics(steps)
+        while steps and self._arm is not None and self.person is not None and self.person.moving:
+            self.person.advance()
+            steps -= 1
 
     def update_grasp(self, near: Sequence[int], centre: Sequence[float]) -> None:
         """The arm's own gripper has taken hold, or not: `held` says what is perceived."""
@@ -249,7 +257,17 @@ class MirrorEnv(InteractiveEnv):
         if not len(worlds):
             return self._first_observation()
         seed = int(self._generators[0].integers(2**31))
-        return self.start([self._perception.begin(seed)], seed)
+        return self.start([self._pointed(self._perception.begin(seed), seed)], seed)
+
+    def _pointed(self, episode: EpisodeSpec, seed: int) -> EpisodeSpec:
+        """Return the episode with somebody who points from its beginning, as in training. Raises ConfigError."""
+        if self._person is None or episode.gesture is not None:
+            return episode
+        place = episode.scene.positions[episode.referent]
+        try:
+            return replace(episode, gesture=self._person.show(place, np.random.default_rng(seed)))
+        except Unreachable as error:
+            raise ConfigError(f"the first object of the scene: {error}") from None
 
     def put_object(self, index: int, position: Sequence[float]) -> None:
         """Move a mark, which is not there really, or a thing of the twin. Raises ConfigError for a real thing."""

@@ -17,7 +17,7 @@ PACKAGES = {  # package -> the packages that it may import beside itself
     "envs": {"core", "language", "human"},
     "trainers": {"core"},
     "hydra_plugins": {"core", "trainers"},
-    "deployment": {"core", "language", "envs", "trainers"},
+    "deployment": {"core", "language", "human", "envs", "trainers"},
     "demo": {"core", "language", "human", "envs", "trainers", "deployment"},
     "deixis": {"core", "language", "human", "envs", "trainers", "demo", "deployment"},
     "tools": {"core", "language", "human", "envs", "trainers", "demo", "deixis", "deployment"},  # shared by tests

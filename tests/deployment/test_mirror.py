@@ -15,7 +15,7 @@ from deployment.mirror import FixedScene, MirrorEnv
 from deployment.safe_arm import SafeArm
 from deployment.safety import Limits, Safety, SafetyConfig
 from envs import read_env
-from envs.workspace_env import make_kinematics, make_task
+from envs.sim.robot import read_kinematics
 from tests.helpers.obedient_arm import ObedientArm
 
 SCENE = """
@@ -32,14 +32,19 @@ def setup():
     return read_env(compose(["task=nl_pick_and_place"])).without_curriculum()
 
 
-@pytest.fixture
-def env(setup, tmp_path):
-    (tmp_path / "scene.yaml").write_text(SCENE, encoding="utf-8")
-    kinematics, rules = make_kinematics(setup, make_task(setup, 1, None)), SafetyConfig(slow_start=0.0)
+def mirror(setup, folder, scene):
+    """An environment with an obedient arm beside these objects."""
+    (folder / "scene.yaml").write_text(scene, encoding="utf-8")
+    kinematics, rules = read_kinematics(setup.robot), SafetyConfig(slow_start=0.0)
     arm = ObedientArm(setup, kinematics.rest + 0.01)
     safe = SafeArm(arm, Safety(rules, Limits(setup, kinematics, rules, magnet=True)))
     safe.connect()
-    with closing(MirrorEnv(setup, safe, FixedScene(safe, episode_of(tmp_path / "scene.yaml", setup)))) as env:
+    return MirrorEnv(setup, safe, FixedScene(safe, episode_of(folder / "scene.yaml", setup)))
+
+
+@pytest.fixture
+def env(setup, tmp_path):
+    with closing(mirror(setup, tmp_path, SCENE)) as env:
         env.reset()
         yield env
 
@@ -111,3 +116,18 @@ def test_a_scene_that_does_not_fit_is_one_sentence(setup, tmp_path: Path, text, 
     with pytest.raises(ConfigError, match=message) as refusal:
         episode_of(tmp_path / "scene.yaml", setup)
     assert "\n" not in str(refusal.value)
+
+
+def test_a_person_who_points_moves_beside_a_real_arm(tmp_path):
+    words = ["task=nl_reach_gesture", "gesture=ray", "workspace=collabtable"]
+    setup = read_env(compose(words)).without_curriculum()
+    with closing(mirror(setup, tmp_path, SCENE.rpartition("- ")[0].replace("}", ", size: 0.03}"))) as env:
+        env.reset()
+        referent = [thing.color for thing in env.scene()].index("green")
+        origin, direction = env.point_at(env.scene().positions[referent])
+        state = env.give_instruction("reach that", referent)
+        for _ in range(8):
+            state["action"] = env.hold_action()
+            state = env.step(state)["next"]
+        assert not env.world.person.moving
+        np.testing.assert_allclose(state["gesture"][0, :6], [*origin, *direction], atol=0.02)
