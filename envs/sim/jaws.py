@@ -1,6 +1,7 @@
-"""Collision shapes of jaws: meshes cut in slabs, each with a convex hull, so that objects fit between the jaws.
+"""Collision shapes of a hand with a fixed jaw: meshes cut in slabs, each with a convex hull.
 
-Bullet takes the convex hull of a mesh. That of a hand with a fixed jaw fills the space between the jaw and the palm.
+Bullet takes the convex hull of a mesh. That of the hand fills the space between its jaw and the palm. The jaw that
+turns keeps one hull: Bullet solves contacts of an object with several slabs in an order that depends on the past.
 """
 
 from __future__ import annotations
@@ -24,20 +25,19 @@ SLAB = 0.012  # metres: the height of a slab, along the way in which the gripper
 Array = NDArray[np.float64]
 
 
-def with_cut_jaws(urdf: Path, joints: Sequence[str], jaw: str, tip: str, approach: Sequence[float]) -> Path:
-    """Return a copy of the URDF in which the collision meshes of the hand and of its jaw are cut in slabs.
+def with_cut_hand(urdf: Path, joints: Sequence[str], tip: str, approach: Sequence[float]) -> Path:
+    """Return a copy of the URDF in which the collision meshes of the hand are cut in slabs.
 
     Meshes that are not binary STL files keep their hulls. Raises URDFError.
 
     Args:
         urdf: of the robot.
         joints: of the arm; the last one carries the hand.
-        jaw: the joint of the jaw that turns.
         tip: the link whose frame `approach` is in.
         approach: (3,) unit vector: where the gripper points.
     """
     robot = read_with_meshes(urdf)
-    turns = _rotations_in_hand(robot, joints[-1], jaw)
+    turns = _rotations_in_hand(robot, joints[-1])
     if tip not in turns:
         return urdf
     way = turns[tip] @ np.asarray(approach, np.float64)
@@ -51,7 +51,7 @@ def with_cut_jaws(urdf: Path, joints: Sequence[str], jaw: str, tip: str, approac
         if is_binary_stl(Path(path_of(mesh.get("filename", ""))))
     ]
     files = sorted({Path(path_of(mesh.get("filename", ""))) for _, _, mesh, _ in cut})
-    sources: list[Source] = [MODULE, urdf.name, repr((jaw, tip, list(approach))), urdf_bytes(robot), *files]
+    sources: list[Source] = [MODULE, urdf.name, repr((tip, list(approach))), urdf_bytes(robot), *files]
 
     def make(folder: Path) -> None:
         for number, (link, part, mesh, along) in enumerate(cut):
@@ -101,8 +101,8 @@ def _crossings(triangles: Array, height: Array) -> Array:
     return triangles[crossed] + share * (others[crossed] - triangles[crossed])
 
 
-def _rotations_in_hand(robot: Element, last: str, jaw: str) -> dict[str, Array]:
-    """Return the rotation (3, 3) of each link that moves with the hand, and of the jaw, in the hand's frame."""
+def _rotations_in_hand(robot: Element, last: str) -> dict[str, Array]:
+    """Return the rotation (3, 3) of each link that is fixed to the hand, in the hand's frame."""
     rotations: dict[str, Array] = {}
     joints = robot.findall("joint")
     for joint in joints:
@@ -112,7 +112,7 @@ def _rotations_in_hand(robot: Element, last: str, jaw: str) -> dict[str, Array]:
         found = {
             _end(joint, "child"): rotations[_end(joint, "parent")] @ _origin(joint)[1]
             for joint in joints
-            if (joint.get("type") == "fixed" or name_of(joint) == jaw)
+            if joint.get("type") == "fixed"
             and _end(joint, "parent") in rotations
             and _end(joint, "child") not in rotations
         }

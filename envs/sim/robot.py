@@ -14,7 +14,7 @@ import pybullet as bullet
 from core.errors import ConfigError, did_you_mean
 from core.file_cache import file_digest
 from core.system import captured_stdout
-from envs.sim.jaws import with_cut_jaws
+from envs.sim.jaws import with_cut_hand
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.robot_check import Loaded, check_file, check_joints, check_motion
 from envs.sim.robot_config import RobotConfig, example_robot_data_folder, motor_gains, urdf_path
@@ -111,8 +111,8 @@ def _copy(config: RobotConfig, visuals: bool, magnet: bool) -> Path:
     """Return the file that is loaded in place of the URDF. Raises URDFError and ConfigError."""
     small = (config.package, Path(config.urdf).name) in SMALL_HULLS
     path = urdf_path(config)
-    if config.hinge and config.on_hinge:
-        path = with_cut_jaws(path, config.joints, config.hinge.joint, config.tip, config.approach)
+    if config.on_hinge:
+        path = with_cut_hand(path, config.joints, config.tip, config.approach)
     path = simplified(path, (*config.joints, *config.fingers), small)
     if not visuals:
         path = with_hulls(path, lambda file, alone: _load_file(file, config, alone, HULL_FLAGS), small)

@@ -25,6 +25,7 @@ def held(env, td):
 
 GRASPS = [(robot, "nl_pick_and_place", ()) for robot in ROBOTS] + [
     ("panda", "nl_pick_and_place", ("gripper=magnet",)),
+    ("so_arm", "nl_pick_and_place", ("gripper=hinge",)),
     ("kuka", "swipe", ()),
     ("jaco", "pick_and_rotate", ()),
     ("kuka", "nl_push", ()),
