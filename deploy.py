@@ -68,6 +68,8 @@ def parse(arguments: list[str]) -> tuple[DeployConfig, ArmChoice, list[str]]:
         raise ConfigError(f'arm={choice.name} needs instruction="...": only the twin, arm=sim, has episodes')
     if config.instruction is not None and (config.episodes != 1 or config.out):
         raise ConfigError("episodes and out need no instruction: each episode of the twin has its own")
+    if config.instruction is None and choice.scene is not None:
+        raise ConfigError(f'scene={choice.scene} needs instruction="...": episodes of the twin draw their own scenes')
     return config, choice, overrides
 
 
@@ -76,7 +78,7 @@ def main(arguments: list[str]) -> dict[str, Any]:
 
     Raises:
         ConfigError: for bad input.
-        RunError: the arm does not answer, or was stopped.
+        RunError: the arm does not answer, was stopped, or did not do what it was told.
     """
     require_docstrings()
     config, choice, overrides = parse(arguments)
@@ -92,6 +94,8 @@ def main(arguments: list[str]) -> dict[str, Any]:
     with StopSignal() as stop, Terminal(stop) as terminal:
         if terminal.is_there:
             print(HELP, flush=True)
+        elif float(choice.rules.get("deadman", 0)):
+            raise ConfigError(f"safety.deadman={choice.rules['deadman']} needs a terminal: its keys are read there")
         try:
             if config.instruction is not None:
                 return _instruct(config, choice, overrides, terminal)
@@ -122,6 +126,8 @@ def _instruct(config: DeployConfig, choice: ArmChoice, overrides: list[str], ter
         if not isinstance(outcome, Plan):
             raise ConfigError(f"instruction={config.instruction}: {outcome.message}")
         steps = _carry_out(session)
+        if not session.view.status.startswith("Done"):
+            raise RunError(f"{session.view.status} Commands: {choice.log}")
         print(f"{session.view.status} Commands: {choice.log}")
         return {"status": session.view.status, "steps": steps, "log": choice.log}
 

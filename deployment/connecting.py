@@ -11,7 +11,7 @@ import numpy as np
 from core.command_line import check_file
 from core.errors import ConfigError, did_you_mean
 from core.schema import read
-from deployment.arm import ARMS, NEVER, Arm, make_arm
+from deployment.arm import ARMS, NEVER, Arm, Array, make_arm
 from deployment.command_log import CommandLog
 from deployment.mirror import FixedScene, MirrorEnv, Perception, TwinPerception, check_perceived
 from deployment.safe_arm import Person, SafeArm
@@ -91,7 +91,7 @@ def connect(choice: ArmChoice, setup: EnvConfig, person: Person | None = None, s
     arm = make_arm(choice.name, choice.settings, setup)
     task = make_task(setup, 1, make_person(setup.workspace.human, setup.gesture))
     check_perceived(setup, task)
-    log = CommandLog(None if choice.log is None else check_file("log", choice.log))
+    log = CommandLog(None if choice.log is None else _new_file(choice.log))
     rules = read(SafetyConfig, choice.rules, "safety")
     kinematics = make_kinematics(setup, task)
     limits = Limits(setup, kinematics, rules, magnet=setup.gripper.of(setup.robot) == "magnet")
@@ -103,6 +103,14 @@ def connect(choice: ArmChoice, setup: EnvConfig, person: Person | None = None, s
     except BaseException:
         safe.close()
         raise
+
+
+def _new_file(log: str) -> Path:
+    """Return the file of the log. Raises ConfigError if it exists: what an arm has done is not overwritten."""
+    file = check_file("log", log)
+    if file.exists():
+        raise ConfigError(f"log={log} exists already and is not overwritten; choose another name")
+    return file
 
 
 def about(choice: ArmChoice) -> str:
@@ -117,10 +125,11 @@ def about(choice: ArmChoice) -> str:
 
 def _perception(choice: ArmChoice, arm: Arm, safe: SafeArm, setup: EnvConfig) -> Perception:
     """Return what tells where objects are. Raises ConfigError where nothing does."""
-    if choice.scene is not None:
-        return FixedScene(safe, episode_of(Path(choice.scene), setup))
+    scene = None if choice.scene is None else episode_of(Path(choice.scene), setup)
     if isinstance(arm, TwinArm):
-        return TwinPerception(arm, safe)
+        return TwinPerception(arm, safe, scene)
+    if scene is not None:
+        return FixedScene(safe, scene)
     raise ConfigError(f"arm={choice.name} sees no objects: give scene=<YAML file> that says where they are")
 
 
@@ -146,6 +155,24 @@ def episode_of(file: Path, setup: EnvConfig) -> EpisodeSpec:
             f"scene={file}: object {wrong[0] + 1} is {scene.sizes[wrong[0]]:g} m wide; the policy was trained with "
             f"objects of {task.object_size:g} m"
         )
+    _check_places(file, scene.positions, setup)
     heights = np.maximum(scene.positions[:, 2], task.object_size / 2)  # of their centres: none is in the table
     scene = scene.moved(np.column_stack((scene.positions[:, :2], heights)))
+    apart = np.linalg.norm(scene.positions[:, None] - scene.positions, axis=2) + task.object_size * np.eye(len(scene))
+    i, j = np.argwhere((apart < 0.9 * task.object_size) & ~scene.targets & ~scene.targets[:, None])[:1].T
+    if len(i):
+        raise ConfigError(f"scene={file}: object {i[0] + 1} is inside object {j[0] + 1}")
     return EpisodeSpec(scene=scene, referent=0, target=int(np.argmax(scene.targets)) if targets else None)
+
+
+def _check_places(file: Path, positions: Array, setup: EnvConfig) -> None:
+    """Raise ConfigError for an object (K, 3), metres, that the gripper cannot get to, or that is in the table."""
+    x0, x1, y0, y1, _, top = setup.workspace.gripper_box
+    for number, (x, y, z) in enumerate(positions, 1):
+        if not (x0 <= x <= x1 and y0 <= y <= y1 and z <= top):
+            raise ConfigError(
+                f"scene={file}: object {number} at {x:g}, {y:g}, {z:g} is outside of where the gripper gets to: "
+                f"x {x0:g} to {x1:g}, y {y0:g} to {y1:g}, z 0 to {top:g} m"
+            )
+        if z < 0:
+            raise ConfigError(f"scene={file}: object {number} has z={z:g} m, which is below the top of the table")

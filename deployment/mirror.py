@@ -82,13 +82,13 @@ class FixedScene(Perception):
 
 
 class TwinPerception(Perception):
-    """The objects that the twin reports, as late as its measurements."""
+    """The objects that the twin reports, as late as its measurements. scene: how each episode begins; None: drawn."""
 
-    def __init__(self, arm: TwinArm, safe: SafeArm) -> None:
-        self._arm, self._safe = arm, safe
+    def __init__(self, arm: TwinArm, safe: SafeArm, scene: EpisodeSpec | None = None) -> None:
+        self._arm, self._safe, self._scene = arm, safe, scene
 
     def begin(self, seed: int) -> EpisodeSpec:
-        episode = self._arm.begin(seed)
+        episode = self._arm.begin(seed, self._scene)
         self._safe.relocate()
         return episode
 

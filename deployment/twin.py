@@ -267,7 +267,10 @@ class TwinArm(Arm):
         self.verdict: EpisodeVerdict | None = None
 
     def connect(self) -> None:
-        self._process = ChildProcess(_serve, self.setup, self.config)
+        try:
+            self._process = ChildProcess(_serve, self.setup, self.config)
+        except (EOFError, OSError):  # such as for Ctrl-C, which ends the server of processes while it starts
+            raise ArmError("the twin's process was not started: it was interrupted") from None
         self._answer()
         self.begin(0)
 

@@ -9,8 +9,12 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
+if len(sys.argv) < 2:
+    sys.exit(__doc__)
 folder = Path(sys.argv[1])
 interface = json.loads((folder / "interface.json").read_text(encoding="utf-8"))
+if not interface["file"].endswith(".onnx"):
+    sys.exit(f"{folder} holds {interface['file']}; this program runs files of format=onnx")
 options = onnxruntime.SessionOptions()
 options.intra_op_num_threads = 1
 policy = onnxruntime.InferenceSession(folder / interface["file"], options)

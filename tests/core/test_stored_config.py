@@ -36,6 +36,8 @@ OWN_PROGRAMS = (
     "evaluate",
     "record",
     "deploy",
+    "deixis.export",
+    "deixis.robot",
 )  # their configs are command lines of their own, and no file's
 
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import closing
 
 import numpy as np
 import pytest
 
 import deploy
-from core.errors import ConfigError
+from core.errors import ConfigError, RunError
 from core.overrides import compose
 from deployment.arm import ArmError, make_arm
-from deployment.connecting import connect, split_arm
+from deployment.connecting import connect, episode_of, split_arm
+from deployment.safety import Decision
 from deployment.twin import Channel, TwinCommand, TwinConfig, TwinEnv
 from envs import read_env
+from envs.sim.robot import read_kinematics
 
 PERIOD = 0.05  # seconds
 
@@ -94,7 +97,7 @@ def test_a_policy_on_a_late_twin_reaches_what_is_meant(tmp_path):
     assert result["successes"] >= 3
     assert (tmp_path / "result.json").is_file()
     assert len(log.read_text().splitlines()) == result["steps"]
-    told = deploy.main([*words[:3], "instruction=reach the cube nearest to you", f"log={log}"])
+    told = deploy.main([*words[:3], "instruction=reach the cube nearest to you", f"log={tmp_path / 'told'}"])
     assert told["steps"] > 5
 
 
@@ -113,7 +116,10 @@ def test_a_policy_on_a_late_twin_reaches_what_is_meant(tmp_path):
         (["arm=sim", "predict=maybe"], "predict=maybe must be true or false"),
         (["arm=sim", "episodes=0"], "episodes=0 is out of range"),
         (["arm=sim", "instruction=reach it", "episodes=3"], "episodes and out need no instruction"),
-        (["arm=sim", "scene=/nosuch.yaml"], "scene=/nosuch.yaml: "),
+        (["arm=sim", "scene=/nosuch.yaml", "instruction=reach it"], "scene=/nosuch.yaml: "),
+        (["arm=sim", "scene=it.yaml", "episodes=3"], "episodes of the twin draw their own scenes"),
+        (["arm=sim", "safety.deadman=1"], "safety.deadman=1 needs a terminal"),
+        (["arm=sim", "instruction=reach it", f"log={__file__}"], "exists already and is not overwritten"),
     ],
 )
 def test_bad_input_is_one_sentence(words, message):
@@ -121,6 +127,46 @@ def test_bad_input_is_one_sentence(words, message):
         deploy.main(["checkpoint=nl_reach_kuka", *words])
     assert message in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("places", "message"),
+    [
+        ([[5.0, 0.0, 0.0]], "object 1 at 5, 0, 0 is outside of where the gripper gets to: x "),
+        ([[0.45, 0.1, 0.0], [0.45, -0.1, -0.4]], "object 2 has z=-0.4 m, which is below the top of the table"),
+        ([[0.45, 0.1, 0.0], [0.46, 0.1, 0.0]], "object 1 is inside object 2"),
+    ],
+)
+def test_a_scene_that_cannot_be_there_is_refused(setup, tmp_path, places, message):
+    colors = ("red", "green")
+    lines = [f"- {{noun: cube, color: {colors[i]}, position: {place}}}" for i, place in enumerate(places)]
+    (tmp_path / "scene.yaml").write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(ConfigError, match=message):
+        episode_of(tmp_path / "scene.yaml", setup)
+
+
+@pytest.mark.slow
+def test_a_twin_begins_with_the_scene_of_a_file(tmp_path):
+    place = [0.5, -0.2, 0.0]
+    (tmp_path / "scene.yaml").write_text(f"- {{noun: cube, color: red, position: {place}}}", encoding="utf-8")
+    words = ["checkpoint=nl_reach_kuka", "arm=sim", f"scene={tmp_path / 'scene.yaml'}", f"log={tmp_path / 'log'}"]
+    assert deploy.main([*words, "instruction=reach the red cube"])["status"].startswith("Done")
+    last = [json.loads(line) for line in (tmp_path / "log").read_text().splitlines()][-1]
+    kinematics = read_kinematics(read_env(compose([])).robot)
+    tip = kinematics.forward(np.array([last["measured"]])).position[0]
+    assert np.linalg.norm(tip[:2] - place[:2]) < 0.05
+
+
+@pytest.mark.slow
+def test_an_instruction_that_is_not_done_is_an_error(tmp_path, monkeypatch):
+    def run_out(session):
+        session.env.world.decision = Decision(None, 1.0)
+        session._end("Not done: out of time.")
+
+    monkeypatch.setattr("demo.session.Session.step", run_out)
+    words = ["checkpoint=nl_reach_kuka", "arm=sim", f"log={tmp_path / 'log'}"]
+    with pytest.raises(RunError, match=r"Not done: out of time\. Commands: "):
+        deploy.main([*words, "instruction=reach the cube nearest to you"])
 
 
 def test_a_task_with_what_nothing_perceives_is_refused_before_an_arm_moves(monkeypatch):

@@ -101,7 +101,8 @@ def atomic_directory(path: Path) -> Iterator[Path]:
         yield temporary
         os.rename(temporary, path)
     except OSError as error:
-        raise WriteError(f"{path} cannot be written: {error.strerror or error} ({error.filename})") from None
+        where = f" ({error.filename})" if error.filename else ""
+        raise WriteError(f"{path} cannot be written: {error.strerror or error}{where}") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
