@@ -111,6 +111,7 @@ def _instruct(config: DeployConfig, choice: ArmChoice, overrides: list[str], ter
     """Carry out one sentence. Raises ConfigError for words that are not understood."""
     from demo.session import Session
     from demo.session_config import make_config
+    from deployment.connecting import in_force
     from language import Plan
     from trainers.run import checkpoint
 
@@ -121,6 +122,7 @@ def _instruct(config: DeployConfig, choice: ArmChoice, overrides: list[str], ter
         choice = replace(choice, log=f"outputs/deploy_{time.strftime('%Y-%m-%d_%H-%M-%S')}.jsonl")
     session_config = make_config(**chosen, checkpoint=str(path), overrides=overrides)
     with closing(Session(session_config, config.seed, arm=choice, person=terminal)) as session:
+        print(in_force(choice, session.env.config), flush=True)
         print(f"objects: {', '.join(session.object_names())}", flush=True)
         outcome = session.say(str(config.instruction))
         if not isinstance(outcome, Plan):
@@ -153,7 +155,7 @@ def _carry_out(session: Any) -> int:
 
 def _episodes(config: DeployConfig, choice: ArmChoice, overrides: list[str], terminal: Terminal) -> dict[str, Any]:
     """Evaluate the policy over episodes of the twin, print the result and save it."""
-    from deployment.connecting import connect
+    from deployment.connecting import connect, in_force
     from envs.config import read_env
     from trainers.evaluation.evaluation import wilson
     from trainers.run import checkpoint
@@ -163,7 +165,9 @@ def _episodes(config: DeployConfig, choice: ArmChoice, overrides: list[str], ter
     saved = checkpoint.load(checkpoint.find(Path(config.checkpoint)), given=overrides)
     composed = apply(saved["config"], overrides)
     started = time.monotonic()
-    with closing(connect(choice, read_env(composed).without_curriculum(), terminal, config.seed)) as env:
+    setup = read_env(composed).without_curriculum()
+    print(in_force(choice, setup), flush=True)
+    with closing(connect(choice, setup, terminal, config.seed)) as env:
         policy = checkpoint.fitted_policy(saved, composed, env).act
         result = run_twin(env, policy, config.episodes, config.seed, lambda: terminal.ended)
     low, high = wilson(result["successes"], result["episodes"])

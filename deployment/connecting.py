@@ -123,6 +123,17 @@ def about(choice: ArmChoice) -> str:
     return f"arm={choice.name}: {told}{warning}"
 
 
+def in_force(choice: ArmChoice, setup: EnvConfig) -> str:
+    """Return the limits of an arm in one line: a person sees what overrides and checkpoints have made of them."""
+    robot, rules = setup.robot, read(SafetyConfig, choice.rules, "safety")
+    x0, x1, y0, y1, z0, z1 = setup.workspace.gripper_box
+    speeds = [rules.speed * speed for speed in robot.max_speed]
+    return (
+        f"limits: joints at most {min(speeds):.2f} to {max(speeds):.2f} rad/s; gripper within x {x0:g} to {x1:g}, "
+        f"y {y0:g} to {y1:g}, z {z0:g} to {z1:g} m; base at {', '.join(f'{each:g}' for each in robot.base)} m"
+    )
+
+
 def _perception(choice: ArmChoice, arm: Arm, safe: SafeArm, setup: EnvConfig) -> Perception:
     """Return what tells where objects are. Raises ConfigError where nothing does."""
     scene = None if choice.scene is None else episode_of(Path(choice.scene), setup)

@@ -37,7 +37,6 @@ OWN_PROGRAMS = (
     "record",
     "deploy",
     "deixis.export",
-    "deixis.robot",
 )  # their configs are command lines of their own, and no file's
 
 

@@ -90,7 +90,7 @@ def test_an_episode_follows_from_its_seed(made):
 
 
 @pytest.mark.slow
-def test_a_policy_on_a_late_twin_reaches_what_is_meant(tmp_path):
+def test_a_policy_on_a_late_twin_reaches_what_is_meant(tmp_path, capsys):
     words = ["checkpoint=nl_reach_kuka", "arm=sim", "arm.latency=0.06", "arm.gains=0.2", "episodes=4"]
     log = tmp_path / "commands.jsonl"
     result = deploy.main([*words, f"out={tmp_path / 'result.json'}", f"log={log}"])
@@ -99,6 +99,7 @@ def test_a_policy_on_a_late_twin_reaches_what_is_meant(tmp_path):
     assert len(log.read_text().splitlines()) == result["steps"]
     told = deploy.main([*words[:3], "instruction=reach the cube nearest to you", f"log={tmp_path / 'told'}"])
     assert told["steps"] > 5
+    assert "limits: joints at most 1.71 to 3.14 rad/s; gripper within x " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
