@@ -10,6 +10,15 @@ from demo.view_state import OUTCOMES, ViewState
 from language import Answer, Outcome, Plan, Question, Signal, Step
 
 GREEN, RED, ORANGE = "#2b8a3e", "#c92a2a", "#e67700"
+# The button that stops an arm follows this mark. It is in a corner of the window, wherever the panel is scrolled to.
+# The head of the panel takes no clicks then, which fold it up or show settings in its place: the button would go too.
+PINNED = """<i id="arm-stop"></i><style>
+div:has(> #arm-stop) + div { position: fixed; left: 8px; bottom: 8px; margin: 0 !important; z-index: 1000; }
+div:has(> #arm-stop) + div button { height: 56px !important; width: 190px !important; font-size: 17px !important; }
+.mantine-ScrollArea-content:has(#arm-stop) { padding-bottom: 72px; }
+.mantine-Paper-root:has(#arm-stop) div[style*="cursor: grab"],
+.mantine-Paper-root:has(#arm-stop) div[style*="cursor: pointer"][style*="3.5em"] { pointer-events: none; }
+</style>"""
 STYLE = "padding:2px 12px;font-size:14px;line-height:1.45;overflow-wrap:anywhere"
 
 

@@ -55,6 +55,7 @@ class Page:
         self._listed_for: Array = np.zeros(0)  # positions of the objects, and the held object
         self._finger: Any = None
         self._shown_workspace = ""  # by the camera
+        self._release: Any = None  # the button that lets a stopped arm move again
         self._scene_view = SceneView(server, self._on_click, self._on_drag)
         self._gui.reset()
         self._build(session)
@@ -93,11 +94,12 @@ class Page:
             command.on_trigger(lambda _, to=direction: self.loop.ask(lambda session: self._nudge(session, to)))
 
     def _build_arm(self, arm: SafeArm) -> None:
-        """Buttons of an arm that is driven: they do not wait for the loop."""
+        """Buttons of an arm that is driven. The loop heeds the first at its next look at the arm."""
+        self._gui.add_html(html.PINNED)
         stop = self._gui.add_button("STOP THE ARM", color=ALARM)
-        stop.on_click(lambda _: arm.safety.stop("somebody pressed stop on the page"))
-        release = self._gui.add_button("Let it move again")
-        release.on_click(lambda _: arm.safety.release())
+        stop.on_click(lambda _: arm.safety.request_stop("somebody pressed stop on the page"))
+        self._release = self._gui.add_button("Let it move again", visible=False)
+        self._release.on_click(lambda _: self.loop.ask(lambda _: arm.safety.release()))
 
     def _build_clock(self) -> None:
         gui = self._gui
@@ -288,6 +290,9 @@ class Page:
         names = session.object_names()
         self._list_sayable(session)
         self._put("arm", self._arm, html.message(session.arm_note))
+        stopped = bool(session.arm and session.arm.safety.stopped)
+        if self._release is not None and self._release.visible != stopped:
+            self._release.visible = stopped
         self._put("status", self._status, html.status(view, session.note, self.loop.rate))
         self._put("shares", self._shares, html.object_shares(view, names))
         self._put("rewards", self._rewards, html.rewards_and_outcomes(view))

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from core.errors import ConfigError
 from demo.session import Session
+from deployment.safe_arm import SLICE
 from human import NothingPointedAt, Unreachable
 from language import LanguageError
 
@@ -74,11 +75,21 @@ class RealTimeLoop:
             self._call(self._on_step)
             period = self.session.period / self.speed
             due = max(due + period, time.monotonic() - period)  # catches up on one step at most
-            self._stopped.wait(max(0.0, due - time.monotonic()))
+            self._wait(due)
             if steps == RATE_STEPS or self.paused:
                 now = time.monotonic()
                 self.rate = steps * self.session.period / (now - marked) if steps == RATE_STEPS else self.rate
                 marked, steps = now, 0
+
+    def _wait(self, due: float) -> None:
+        """Wait until a time, at most until `stop`. An arm is watched meanwhile, in pauses and slow time too."""
+        while not self._stopped.is_set():
+            rest = due - time.monotonic()
+            if self.session.arm is not None and (rest > 0 or self.paused):
+                self._call(lambda session: session.watch(self.paused))
+            if rest <= 0:
+                return
+            self._stopped.wait(min(rest, SLICE) if self.session.arm is not None else rest)
 
     def _serve_requests(self) -> None:
         with self._lock:

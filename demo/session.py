@@ -22,7 +22,7 @@ from demo.session_config import SessionConfig, Setup, build
 from demo.view_state import ViewState
 from deployment.connecting import ArmChoice
 from deployment.mirror import MirrorEnv
-from deployment.safe_arm import Person, SafeArm
+from deployment.safe_arm import PAUSED, Person, SafeArm
 from human import Unreachable
 from language import (
     Dialogue,
@@ -265,8 +265,10 @@ class Session:
         """What its rules say of the arm that is driven, or ""."""
         if not isinstance(self.env, MirrorEnv):
             return ""
-        decision = self.env.world.decision
-        return self.env.arm.safety.stopped or "; ".join(decision.reasons if decision else ())
+        arm, decision = self.env.arm, self.env.world.decision
+        if arm.paused and not arm.safety.stopped:
+            return PAUSED
+        return arm.safety.stopped or "; ".join(decision.reasons if decision else ())
 
     @property
     def busy(self) -> bool:
@@ -339,8 +341,7 @@ class Session:
     @torch.no_grad()
     def step(self) -> None:
         """Takes one control step."""
-        if self.busy and self.arm is not None and self.arm.safety.stopped:
-            self._end(f"Stopped: {self.arm.safety.stopped}.")
+        self._end_if_stopped()
         with set_exploration_type(ExplorationType.DETERMINISTIC):
             self._state["action"] = self._action()
         after = self.env.step(self._state)["next"]
@@ -351,6 +352,21 @@ class Session:
             self._return.step()
             if self._return.is_over:
                 self._begin(self._subtask)
+
+    def watch(self, paused: bool) -> None:
+        """Looks at the arm that is driven, if there is one, between control steps. It holds where paused."""
+        if self.arm is None:
+            return
+        if paused:
+            self.arm.pause()
+        else:
+            self.arm.watch()
+        self._end_if_stopped()
+
+    def _end_if_stopped(self) -> None:
+        """Ends what is being done if the arm that is driven was stopped."""
+        if self.busy and self.arm is not None and self.arm.safety.stopped:
+            self._end(f"Stopped: {self.arm.safety.stopped}.")
 
     def _action(self) -> torch.Tensor:
         if self.hand_target is not None:

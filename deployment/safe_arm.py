@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
+from core.errors import ConfigError
 from deployment.arm import Arm, ArmError, ArmState, Array
 from deployment.command_log import CommandLog
 from deployment.prediction import Prediction
@@ -13,6 +15,7 @@ from deployment.safety import Decision, Safety
 
 Person = Callable[["SafeArm"], None]  # asked at each look at the arm: presses keys, stops it, releases it
 SLICE = 0.02  # seconds at most between two looks at the arm
+PAUSED = "paused: the arm holds"
 
 
 class SafeArm:
@@ -40,15 +43,23 @@ class SafeArm:
         self.clock = arm.clock
         self.refused: dict[str, int] = {}  # how often each measurement was not believed, by reason
         self.holding, self._connected = True, False
+        self.paused = False  # whether nobody drives the arm for now
+        self._failure = ""  # of the last call of the adapter
+        self._told = ""  # why the arm holds, as the log says
 
     def connect(self) -> None:
-        """Connect, and wait until the arm is seen. Raises ArmError."""
-        self.arm.connect()
+        """Connect, and wait until the arm is seen. Raises ArmError, or ConfigError as the adapter does."""
+        try:
+            self.arm.connect()
+        except (ArmError, ConfigError):
+            raise
+        except Exception as error:
+            raise ArmError(_sentence(error)) from error
         self._connected = True
         self.await_seen()
 
     def await_seen(self, seconds: float = 5.0) -> None:
-        """Wait until a measurement is believed. Raises ArmError after this time."""
+        """Wait until a measurement is believed. Raises ArmError after this time, or if the adapter fails."""
         end = self.clock.now() + seconds
         while self.safety.measured is None:
             if self.clock.now() > end:
@@ -56,6 +67,8 @@ class SafeArm:
                 raise ArmError(f"the arm was not seen within {seconds:g} s: {why}")
             self.clock.sleep(SLICE)
             self.look()
+            if self._failure:
+                raise ArmError(self._failure)
         if self._predicts:
             self._predict()
 
@@ -81,6 +94,7 @@ class SafeArm:
             period: seconds.
         """
         self.look()  # the policy may have thought for long
+        self.paused = False
         now = self.clock.now()
         decision = self.safety.decide(now, wanted, opening)
         self.log(now, self.safety.measured, wanted, decision)
@@ -88,19 +102,27 @@ class SafeArm:
         count = math.ceil(period / SLICE - 1e-9)
         for i in range(1, count + 1):
             self.clock.sleep(now + period * i / count - self.clock.now())
-            self.look()
-            self._watch()
+            self.watch()
         return decision
 
+    def watch(self) -> None:
+        """Look at the arm, and hold at once where something is wrong."""
+        self.look()
+        self._hold_where_wrong()
+
+    def pause(self) -> None:
+        """Hold until the next step, and look at the arm. To be called every `SLICE` meanwhile."""
+        self.paused = True
+        self.look()
+        if not self.holding:
+            self._hold(self.safety.alarm(self.clock.now()) or PAUSED)
+
     def look(self) -> None:
-        """Ask the person, and take the measurement that has come."""
+        """Ask the person and other threads, and take the measurement that has come."""
         if self._person is not None:
             self._person(self)
-        try:
-            state = self.arm.observe()
-        except ArmError as error:
-            self.safety.stop(str(error))
-            return
+        self.safety.heed()
+        state = self._call(self.arm.observe)
         if state is None:
             return
         if reason := self.safety.observe(self.clock.now(), state):
@@ -120,44 +142,71 @@ class SafeArm:
         ahead = 0.0 if self.prediction is None else self.prediction.ahead(self.measured.time, self.clock.now())
         return self.measured.angles + ahead
 
-    def _watch(self) -> None:
+    def _hold_where_wrong(self) -> None:
         """Hold at once where something is wrong: the next command may be long in coming."""
-        now = self.clock.now()
-        reason = "" if self.holding else self.safety.alarm(now)
+        reason = "" if self.holding else self.safety.alarm(self.clock.now())
         if reason:
-            decision = self.safety.decide(now, None, None)
-            self.log(now, self.safety.measured, None, decision)
-            self._send(decision)
+            self._hold(reason)
+
+    def _hold(self, reason: str) -> None:
+        """Hold between two commands. A hold that failed is tried again at each look, and logged once."""
+        decision = self.safety.hold(reason)
+        if reason != self._told:
+            self.log(self.clock.now(), self.safety.measured, None, decision)
+        self._told = reason
+        self._send(decision)
 
     def _send(self, decision: Decision) -> None:
-        """Send a decision. An arm that fails is stopped."""
-        self.holding = decision.angles is None
+        """Send a decision; in a dry run, nothing. An arm that fails is stopped."""
+        dry = self.safety.config.dry_run
+        if decision.angles is None:
+            if not dry:
+                self._call(self.arm.hold)
+            self.holding = dry or not self._failure
+            if self.prediction is not None and self.safety.measured is not None:
+                self._predict()
+            return
+        self.holding, self._told = False, ""
+        if dry:
+            return
+        self._call(self.arm.command, decision.angles, decision.opening)
+        if self.prediction is not None and not self._failure:
+            self.prediction.sent(self.clock.now(), decision.angles)
+
+    def _call(self, call: Callable[..., Any], *arguments: Any) -> Any:
+        """Call the adapter. Whatever it raises stops the arm: it gives None then, and `_failure` is a sentence."""
+        self._failure = ""
         try:
-            if decision.angles is None:
-                self.arm.hold()
-                if self.prediction is not None and self.safety.measured is not None:
-                    self._predict()
-            elif not self.safety.config.dry_run:
-                self.arm.command(decision.angles, decision.opening)
-                if self.prediction is not None:
-                    self.prediction.sent(self.clock.now(), decision.angles)
+            return call(*arguments)
         except ArmError as error:
-            self.safety.stop(str(error))
+            self._failure = str(error)
+        except Exception as error:
+            self._failure = _sentence(error)
+        self.safety.stop(self._failure)
+        return None
 
     def stop(self, reason: str) -> None:
-        """Stop the arm at once, until `safety.release`."""
+        """Stop the arm at once, until `safety.release`. Other threads call `safety.request_stop`."""
         self.safety.stop(reason)
-        self._watch()
+        self._hold_where_wrong()
 
     def close(self) -> None:
-        """Hold, disconnect, and close the log. Idempotent."""
+        """Hold, disconnect, and close the log. Idempotent.
+
+        An adapter that fails now is not told of: the reason for the end, which may be the same, would be hidden.
+        """
         try:
-            if self._connected:
-                self.arm.hold()
-        except ArmError:
-            pass
+            if self._connected and not self.safety.config.dry_run:
+                with suppress(Exception):
+                    self.arm.hold()
+            with suppress(Exception):
+                self.arm.disconnect()
         finally:
             self._connected = False
-            self.arm.disconnect()
             self.log.close()
             self.safety.limits.close()
+
+
+def _sentence(error: Exception) -> str:
+    """Return one sentence about an error that the adapter did not foresee."""
+    return f"the arm failed: {type(error).__name__}: {' '.join(str(error).split())}"

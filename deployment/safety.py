@@ -105,6 +105,8 @@ class Safety:
     measured: the newest measurement that is believed, or None. sent: (J,) the target last sent; None while the arm
     holds. stopped: why a person must release the arm before it moves again, or "".
 
+    Not thread-safe but for `request_stop`: all other calls must come from the thread that drives the arm.
+
     Args:
         config: the rules.
         limits: of the arm.
@@ -119,6 +121,8 @@ class Safety:
         self._last = self._pressed = self._started = -np.inf  # when a target was sent, a key pressed, the arm started
         self._relocated = False
         self._past: deque[tuple[float, Array]] = deque()  # targets of the last LAG seconds with their times
+        self._requested = ""  # by another thread
+        self._doubted = ""  # why the newest measurement was not believed
 
     # ---- what a person does
 
@@ -127,8 +131,18 @@ class Safety:
         self.stopped = self.stopped or reason
         self._forget()
 
+    def request_stop(self, reason: str) -> None:
+        """Stop the arm from any thread: it takes effect at the next call of `heed`, `alarm` or `decide`."""
+        self._requested = reason
+
+    def heed(self) -> None:
+        """Stop if another thread has requested it."""
+        if self._requested:  # a second request between these lines may be lost: the arm is stopped then
+            self.stop(self._requested)
+            self._requested = ""
+
     def release(self) -> None:
-        """Let a stopped arm move again: a person says that all is well."""
+        """Let a stopped arm move again: a person says that all is well. A stop that was requested since stays."""
         self.stopped = ""
 
     def relocate(self) -> None:
@@ -149,12 +163,14 @@ class Safety:
         """
         try:
             angles = np.array(state.angles, np.float64)
-            time, opening = float(state.time), float(state.opening)
+            time, opening, holds = float(state.time), float(state.opening), state.holds
         except (AttributeError, TypeError, ValueError, OverflowError):
-            return "the arm sent something that is no measurement"
+            self._doubted = "the arm sent something that is no measurement"
+            return self._doubted
         reason = self._doubt(now, time, angles, opening)
+        self._doubted = reason or ""
         if reason is None:
-            self.measured = ArmState(time, angles, min(max(opening, 0.0), 1.0), state.holds)
+            self.measured = ArmState(time, angles, min(max(opening, 0.0), 1.0), holds)
         return reason
 
     def _doubt(self, now: float, time: float, angles: Array, opening: float) -> str | None:
@@ -181,13 +197,15 @@ class Safety:
 
     def alarm(self, now: float) -> str:
         """Return why the arm must hold at this time whatever is wanted, "" if it may move. Stops where it must."""
+        self.heed()
         if not self.stopped and self.measured is not None and self.sent is not None:
             self._check_following(now)
         if self.stopped:
             return self.stopped
         age = np.inf if self.measured is None else now - self.measured.time
         if age > self.config.watchdog:
-            return f"the arm was not seen for {age * 1000:.0f} ms" if np.isfinite(age) else "the arm was not seen yet"
+            since = f"for {age * 1000:.0f} ms" if np.isfinite(age) else "yet"
+            return f"the arm was not seen {since}{self._doubted and ': '}{self._doubted}"
         if self.config.deadman and now - self._pressed > self.config.deadman:
             return "the dead-man key is not pressed"
         return ""
@@ -213,8 +231,7 @@ class Safety:
             opening: that it wants of the gripper, in [0, 1]; anything else is refused.
         """
         if reason := self.alarm(now) or self._start(now):
-            self._forget()
-            return Decision(None, self._opening, (reason,))
+            return self.hold(reason)
         reasons: list[str] = []
         self._opening = self._gripper(opening, reasons)
         assert self.sent is not None
@@ -226,6 +243,11 @@ class Safety:
             return Decision(target, self._opening, tuple(reasons))
         self._forget()  # nothing is sent: the next target starts from where the arm is
         return Decision(target, self._opening, (*reasons, "dry run: nothing was sent"))
+
+    def hold(self, reason: str) -> Decision:
+        """Return the decision to hold, for this reason. The arm starts slowly afterwards."""
+        self._forget()
+        return Decision(None, self._opening, (reason,))
 
     def _forget(self) -> None:
         """The arm holds: the next target starts from where it is then."""

@@ -6,8 +6,15 @@ pytest.importorskip("viser", reason="viser is not installed")
 
 import play
 from core.errors import ConfigError
-from tools.browser import PlayServer
+from tools.browser import CHROMIUM, PageTab, PlayServer, headless_browser
 from tools.page_client import PageClient
+
+SCROLL = "() => document.querySelectorAll('.mantine-ScrollArea-viewport').forEach(e => e.scrollTop = 9999)"
+HIGH_AND_ON_TOP = """e => {
+  const box = e.getBoundingClientRect();
+  const top = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+  return [box.height >= 44 && box.width >= 44, e.contains(top)];
+}"""
 
 
 @pytest.mark.slow
@@ -28,6 +35,30 @@ def test_words_move_the_arm_and_the_red_button_stops_it_until_it_is_let_go():
     finally:
         errors = server.close()
     assert server.process.returncode == 0
+    assert "Traceback" not in errors
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_the_stop_button_is_large_and_always_in_view():
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    server = PlayServer("--seed", "3", "driver=expert", "task=nl_reach", "arm=sim")
+    with headless_browser() as browser:
+        tab = PageTab(browser, server.address, blank=True).tab
+        stop, head = tab.get_by_role("button", name="STOP THE ARM"), tab.get_by_text("Deixis").first
+        release = tab.get_by_role("button", name="Let it move again")
+        for width in (900, 390):
+            tab.set_viewport_size({"width": width, "height": 800})
+            tab.evaluate(SCROLL)
+            box = head.bounding_box()
+            tab.mouse.click(box["x"] + 5, box["y"] + 5)
+            tab.wait_for_timeout(1000)
+            assert stop.evaluate(HIGH_AND_ON_TOP) == [True, True]
+        assert release.count() == 0
+        stop.click()
+        release.click()
+        release.wait_for(state="detached")
+    errors = server.close()
     assert "Traceback" not in errors
 
 

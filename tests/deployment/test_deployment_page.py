@@ -79,9 +79,14 @@ def test_the_adapter_of_the_page_refuses_what_it_cannot_drive(written):
         raise OSError("no such port")
 
     written["open_bus"] = missing
-    arm = written["BusArm"](written["BusConfig"](), read_env(compose(["robot=ur5"])))
-    with pytest.raises(ArmError, match=r"arm\.port=/dev/ttyUSB0 cannot be opened: no such port"):
-        arm.connect()
+    setup, rules = read_env(compose(["robot=ur5"])), SafetyConfig()
+    arm = written["BusArm"](written["BusConfig"](), setup)
+    limits = Limits(setup, read_kinematics(setup.robot), rules, magnet=True)
+    with (
+        pytest.raises(ArmError, match=r"arm\.port=/dev/ttyUSB0 cannot be opened: no such port"),
+        closing(SafeArm(arm, Safety(rules, limits))) as safe,
+    ):
+        safe.connect()
 
 
 def test_the_page_lists_every_arm_and_every_setting_with_its_default():

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from core.overrides import compose
+from deployment.arm import ArmError
 from deployment.command_log import CommandLog
 from deployment.prediction import Prediction
 from deployment.safe_arm import SafeArm
@@ -39,6 +40,24 @@ def driven(setup, tmp_path):
         yield safe
 
 
+@pytest.fixture
+def make_safe(setup):
+    """A function that makes an arm which is not connected, with these rules."""
+    kinematics = read_kinematics(setup.robot)
+    with ExitStack() as made:
+
+        def make(**rules):
+            config = SafetyConfig(**rules)
+            safe = SafeArm(
+                ObedientArm(setup, kinematics.rest),
+                Safety(config, Limits(setup, kinematics, config, magnet=True)),
+            )
+            made.callback(safe.close)
+            return safe
+
+        yield make
+
+
 def test_an_arm_that_is_no_longer_seen_holds_within_250_ms(driven):
     driven.step(driven.angles, 1.0, PERIOD)
     arm, start = driven.arm, driven.clock.now()
@@ -58,12 +77,124 @@ def test_an_arm_that_fails_is_stopped(driven):
     assert driven.arm.holds > 0
 
 
+@pytest.mark.parametrize("method", ["observe", "command", "hold"])
+def test_an_error_that_an_adapter_did_not_foresee_stops_the_arm_with_one_sentence(driven, method):
+    driven.step(driven.angles, 1.0, PERIOD)
+
+    def fail(*arguments):
+        raise KeyError("no such\nmotor")
+
+    setattr(driven.arm, method, fail)
+    if method == "hold":
+        driven.pause()
+    driven.step(driven.angles, 1.0, PERIOD)
+    assert driven.safety.stopped == r"the arm failed: KeyError: 'no such\nmotor'"
+    assert method == "hold" or driven.arm.holds > 0
+
+
+def test_a_hold_that_failed_is_tried_again_at_the_next_look(driven):
+    driven.step(driven.angles, 1.0, PERIOD)
+    hold, failed = driven.arm.hold, []
+
+    def hold_at_the_third_call():
+        failed.append(True)
+        if len(failed) < 3:
+            raise ArmError("the cable is loose")
+        hold()
+
+    driven.arm.hold = hold_at_the_third_call
+    driven.stop("somebody pressed stop")
+    driven.watch()
+    assert driven.arm.holds == 0
+    driven.watch()
+    assert driven.arm.holds == 1
+    driven.watch()
+    assert driven.arm.holds == 1
+    assert len([line for line in _log(driven) if line["sent"] is None]) == 1
+
+
+def test_an_arm_that_fails_while_it_is_connected_is_one_error_with_its_own_text(make_safe):
+    def loose():
+        raise ArmError("the cable is loose")
+
+    def unforeseen():
+        raise AttributeError("'NoneType' object has no attribute 'read'")
+
+    for method in ("connect", "observe"):
+        for fails, text in ((loose, "the cable is loose"), (unforeseen, "the arm failed: AttributeError: 'NoneType'")):
+            safe = make_safe()
+            setattr(safe.arm, method, fails)
+            with pytest.raises(ArmError, match=text):
+                safe.connect()
+
+
+def test_the_end_of_an_arm_that_fails_hides_no_other_error(make_safe):
+    safe = make_safe()
+    safe.connect()
+
+    def fail():
+        raise AttributeError("no bus")
+
+    safe.arm.hold = safe.arm.disconnect = fail
+    safe.close()
+
+
+def test_a_dry_run_sends_nothing(make_safe):
+    safe = make_safe(dry_run=True)
+    safe.connect()
+    safe.step(safe.angles, 1.0, PERIOD)
+    safe.stop("somebody pressed stop")
+    safe.step(safe.angles, 1.0, PERIOD)
+    safe.pause()
+    safe.close()
+    assert safe.arm.holds == safe.arm.commands == 0
+
+
+def test_a_stop_from_another_thread_holds_at_the_next_look(driven):
+    driven.step(driven.angles, 1.0, PERIOD)
+    driven.safety.request_stop("somebody pressed stop")
+    driven.watch()
+    assert driven.arm.holds == 1
+    assert _log(driven)[-1]["reasons"] == ["somebody pressed stop"]
+
+
+def test_a_paused_arm_holds_and_is_watched(driven):
+    driven.step(driven.angles, 1.0, PERIOD)
+    driven.pause()
+    assert driven.arm.holds == 1
+    assert _log(driven)[-1]["reasons"] == ["paused: the arm holds"]
+    driven.pause()
+    assert driven.arm.holds == 1
+    driven.safety.request_stop("somebody pressed stop")
+    driven.pause()
+    assert driven.safety.stopped == "somebody pressed stop"
+    commands = driven.arm.commands
+    driven.step(driven.angles, 1.0, PERIOD)
+    assert driven.arm.commands == commands
+    driven.safety.release()
+    assert driven.step(driven.angles, 1.0, PERIOD).angles is not None
+    assert not driven.paused
+
+
 def test_an_arm_that_was_never_connected_gets_no_command(setup):
     rules = SafetyConfig()
     limits = Limits(setup, read_kinematics(setup.robot), rules, magnet=True)
     arm = ObedientArm(setup, read_kinematics(setup.robot).rest)
     SafeArm(arm, Safety(rules, limits)).close()
     assert arm.holds == arm.commands == 0
+
+
+def test_an_arm_that_could_not_be_connected_is_not_told_to_hold(make_safe):
+    safe = make_safe()
+
+    def missing():
+        raise ArmError("no such port")
+
+    safe.arm.connect = missing
+    with pytest.raises(ArmError, match="no such port"):
+        safe.connect()
+    safe.close()
+    assert safe.arm.holds == 0
 
 
 def test_a_stop_between_two_commands_holds_at_once(driven):

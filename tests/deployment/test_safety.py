@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import closing
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -30,6 +32,8 @@ class Driven:
     def see(self, angles=None, time=None):
         """Measure. Returns why that is not believed."""
         angles = self.angles if angles is None else angles
+        if isinstance(angles, SimpleNamespace):
+            return self.safety.observe(self.now, angles)
         return self.safety.observe(self.now, ArmState(self.now if time is None else time, angles, 1.0))
 
     def step(self, wanted, opening=1.0, seen=True):
@@ -141,12 +145,24 @@ def test_an_arm_that_is_not_seen_holds_until_it_is_seen_again(driven):
         (np.zeros(6), "measured 6 angles; it has 7 joints"),
         (np.full(7, 9.0), "beyond its limit"),
         ("nothing", "no measurement"),
+        (SimpleNamespace(time=0.1, angles=np.zeros(7), opening=1.0), "no measurement"),
     ],
 )
 def test_an_impossible_measurement_is_not_believed(driven, measured, reason):
     driven.now += PERIOD
     assert reason in driven.see(measured)
     np.testing.assert_array_equal(driven.safety.measured.angles, driven.angles)
+
+
+def test_an_arm_whose_measurements_are_not_believed_holds_and_says_why(driven):
+    driven.step(driven.angles)
+    for _ in range(5):
+        driven.now += PERIOD
+        driven.see(np.full(7, np.nan))
+    [reason] = driven.step(driven.angles).reasons
+    assert reason == "the arm was not seen for 250 ms: the arm measured something that is not a finite number"
+    driven.now += 1.0
+    assert driven.step(driven.angles).reasons == ("the arm was not seen for 1000 ms",)
 
 
 def test_a_jump_and_a_time_that_goes_back_are_not_believed(driven):
@@ -177,6 +193,28 @@ def test_a_stop_lasts_until_it_is_released(driven):
         assert driven.step(driven.angles).reasons == ("somebody pressed stop",)
     driven.safety.release()
     assert driven.step(driven.angles).angles is not None
+
+
+def test_a_stop_that_another_thread_requests_takes_effect_at_the_next_decision(driven):
+    done = threading.Event()
+
+    def press():
+        while not done.is_set():
+            driven.safety.request_stop("somebody pressed stop")
+
+    presser = threading.Thread(target=press)
+    presser.start()
+    held = 0
+    for _ in range(500):
+        held += driven.step(driven.angles).angles is None
+        driven.safety.release()
+    done.set()
+    presser.join()
+    assert held > 0
+    driven.safety.request_stop("the last one")
+    driven.safety.release()  # of what came before
+    assert driven.step(driven.angles).reasons == ("the last one",)
+    assert driven.step(driven.angles).angles is None
 
 
 @rules(deadman=1.0)

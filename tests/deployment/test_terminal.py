@@ -63,6 +63,21 @@ def test_an_arm_moves_while_a_key_is_held_down_and_stops_at_space(keyboard, make
         assert terminal.ended
 
 
+def test_keys_from_before_are_not_a_hand_at_the_dead_man_key(keyboard, make_arm):
+    with Terminal(lambda: False) as terminal:
+        keyboard(b"x" * 3000)
+        arm = make_arm(terminal)
+        assert arm.step(arm.angles, 1.0, PERIOD).reasons == ("the dead-man key is not pressed",)
+        arm.clock.sleep(1.0)  # a policy that thinks for long
+        keyboard(b"x")
+        assert arm.step(arm.angles, 1.0, PERIOD).reasons == ("the dead-man key is not pressed",)
+        keyboard(b"x")
+        assert arm.step(arm.angles, 1.0, PERIOD).angles is not None
+        arm.clock.sleep(1.0)
+        keyboard(b" ")
+        assert arm.step(arm.angles, 1.0, PERIOD).reasons == ("a person stopped it",)
+
+
 def test_ctrl_c_stops_the_arm_where_there_is_no_terminal(make_arm, monkeypatch):
     monkeypatch.setattr(sys, "stdin", None)
     pressed = []
