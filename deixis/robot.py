@@ -267,7 +267,7 @@ def _guess(urdf: Path, name: str, wished: Wishes, folder: Path, still: bool = Fa
     from envs.sim.urdf_file import URDFError
 
     try:
-        given = Given(name, wished.fields, wished.packages, wished.arm, still)
+        given = Given(name=name, fields=wished.fields, packages=wished.packages, arm=wished.arm, still=still)
         found = RobotGuess(urdf, given, folder)
         if wished.arm >= len(found.arms):
             raise ConfigError(f"arm={wished.arm}: the URDF has {len(found.arms)} arms, counted from 0")
@@ -284,7 +284,7 @@ def _asked(urdf: Path, name: str, wished: Wishes) -> Wishes:
     if not wished.ask:
         return wished
     try:
-        found = RobotGuess(urdf, Given(name, wished.fields, wished.packages), Path())
+        found = RobotGuess(urdf, Given(name=name, fields=wished.fields, packages=wished.packages), Path())
     except URDFError as error:
         raise ConfigError(f"{urdf} {error}") from None
     arms = [f"{arm.joints[0].name} to {arm.joints[-1].name}" for arm in found.arms]

@@ -217,7 +217,7 @@ def surveyed(values: Mapping[str, Any], packages: tuple[Path, ...], workspaces: 
     fields = {key: value for key, value in values.items() if key not in ("name", "package", "urdf")}
     with TemporaryDirectory() as folder:
         try:
-            given = Given(str(values["name"]), fields, packages)
+            given = Given(name=str(values["name"]), fields=fields, packages=packages)
             return RobotGuess(urdf, given, Path(folder)).make(*workspaces)
         except URDFError as error:
             raise ConfigError(f"{urdf} {error}") from None

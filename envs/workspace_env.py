@@ -84,7 +84,9 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self.task = self._draws = make_task(config, num_worlds, self._person)
         self.task.draw(np.random.default_rng(0))  # raises at once if no episode can be drawn
         self.kinematics = make_kinematics(config, self.task)
-        self._worlds = [make_world(config, self.task, render, window, self._world_type) for _ in range(num_worlds)]
+        self._worlds = [
+            make_world(config, self.task, render, window, world_type=self._world_type) for _ in range(num_worlds)
+        ]
         self.control = make_control(config, self.task, self.kinematics)
         check_reach(config.robot, self.kinematics, config.workspace.object_area, float(self.control.box[0, 2]))
         self._initial_states = make_initial_states(config, self.task, self.kinematics)
@@ -421,6 +423,7 @@ def make_world(
     task: Task,
     render: bool = False,
     window: Window | None = None,
+    *,
     world_type: type[SimulatedWorld] = SimulatedWorld,
 ) -> SimulatedWorld:
     """One world with all bodies that the task needs."""

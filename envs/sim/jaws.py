@@ -55,13 +55,13 @@ def with_cut_hand(urdf: Path, joints: Sequence[str], tip: str, approach: Sequenc
 
     def make(folder: Path) -> None:
         for number, (link, part, mesh, along) in enumerate(cut):
-            _cut(link, part, mesh, along, f"{folder}/{number}")
+            _cut(link, part, mesh, along, name=f"{folder}/{number}")
         (folder / urdf.name).write_bytes(urdf_bytes(robot))
 
     return cached_folder("jaws", sources, make) / urdf.name
 
 
-def _cut(link: Element, part: Element, mesh: Element, way: Array, name: str) -> None:
+def _cut(link: Element, part: Element, mesh: Element, way: Array, *, name: str) -> None:
     """Put the slabs of a mesh in place of a link's collision shape. name: with which their files begin."""
     scale = np.array([float(word) for word in mesh.get("scale", "1 1 1").split()])
     position, rotation = _origin(part)

@@ -166,7 +166,7 @@ JOINT = "lbr_iiwa_joint_4"
         ),
         (
             changed(JOINT, r'lower="[^"]*"', 'lower="3.5"'),
-            f"joint {JOINT} must be revolute with limits low < high in radians, not",
+            f"joint {JOINT} must be revolute with limits low < high in radians, or prismatic",
         ),
         (
             changed(JOINT, r'upper="[^"]*"', 'upper="nan"'),

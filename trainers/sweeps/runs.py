@@ -245,7 +245,7 @@ def overrides_of(config: Mapping[str, Any]) -> list[str]:
             words.append(f"{group}={option}")
     defaults = dict(flatten(_composed(words)))
     values = flatten(config)
-    return words + [_word(key, value) for key, value in values if defaults.get(key, ...) != value]
+    return words + [_word(key, value) for key, value in values if defaults.get(key) != value]
 
 
 def _composed(words: list[str]) -> dict[str, Any]:

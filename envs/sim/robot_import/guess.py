@@ -40,7 +40,7 @@ FEW, MANY_MORE = 0.6, 0.1  # share of places below which the gripper may tilt, a
 OTHERS = 3  # arms that are named
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Given:
     """What the user says about a robot. Keys of `fields` are those of the robot's YAML; the rest is guessed.
 
@@ -59,7 +59,7 @@ class Given:
     still: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Guess:
     """A robot that was guessed.
 
@@ -82,7 +82,7 @@ class Guess:
     slides: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Hand:
     """The gripper: the link that carries it, its centre and direction in that link's frame, and its fingers.
 
@@ -164,7 +164,7 @@ class RobotGuess:
         repairs.turn(placement.yaw)
         notes = [*meshes.notes, *repairs.notes]
         mended = urdf_bytes(self._tree.robot) if notes else None
-        values = self._values(arm, hand, chain, placement, workspace, boxes)
+        values = self._values(arm, hand, chain, placement, workspace=workspace, boxes=boxes)
         return Guess(
             values=values,
             notes=(*self._notes, *notes),
@@ -215,7 +215,8 @@ class RobotGuess:
         repairs.damping(fingers, body.points)
         offset = frame[:3, :3].T @ (centre - frame[:3, 3])
         offset = np.array(given.get("tip_offset", offset), float)
-        return Hand(tip, offset, local, fingers, opening, tuple(given.get("magnet", magnet)))
+        cylinder = tuple(given.get("magnet", magnet))
+        return Hand(tip=tip, offset=offset, approach=local, fingers=fingers, opening=opening, magnet=cylinder)
 
     def _fingers(self, arm: URDFArm, body: ImportedBody) -> tuple[tuple[Slide, ...], float]:
         """Return two sliding fingers, and how far each opens, metres; () and 0 where the hand has none."""
@@ -251,9 +252,11 @@ class RobotGuess:
         if low * high < 0 and min(abs(low), abs(high)) > BESIDE:  # it crosses the middle: its side is that at 0
             if abs(side) < BESIDE:
                 return None
-            return Slide(joint, math.copysign(1.0, side), 0.0, max(abs(joint.low), abs(joint.high)), True)
+            side_of, widest = math.copysign(1.0, side), max(abs(joint.low), abs(joint.high))
+            return Slide(joint=joint, way=side_of, shut=0.0, range=widest, crossed=True)
         opens = 1.0 if low + high > 0 else -1.0
-        return Slide(joint, opens, joint.low if opens > 0 else joint.high, joint.high - joint.low, False)
+        shut = joint.low if opens > 0 else joint.high
+        return Slide(joint=joint, way=opens, shut=shut, range=joint.high - joint.low, crossed=False)
 
     def _approach(self, arm: URDFArm, body: ImportedBody, fingers: Sequence[Joint]) -> Array:
         """(3,) where the gripper points, in the frame of the root, all joints at 0."""
@@ -322,7 +325,7 @@ class RobotGuess:
     # ---- where it stands
 
     def _place(self, arm: URDFArm, hand: Hand, workspace: WorkspaceConfig) -> tuple[JointChain, Placement]:
-        chain = chain_of(self._tree, arm, hand.tip, hand.offset, hand.approach)
+        chain = chain_of(self._tree, arm, hand.tip, tip_offset=hand.offset, approach=hand.approach)
         names = [joint.name for joint in arm.joints]
         moved = self._tree.below(arm.joints[0].child)
         given = self._given.fields
@@ -350,11 +353,11 @@ class RobotGuess:
         given = self._given.fields
         if "position_first" in given:
             chain = replace(chain, tilts=bool(given["position_first"]))
-        best = place_arm(chain, workspace, looks, given.get("base"), given.get("rest"))
+        best = place_arm(chain, workspace, looks, base=given.get("base"), rest=given.get("rest"))
         if chain.tilts or "position_first" in given or (best is not None and best.share >= FEW):
             return chain, best
         tilting = replace(chain, tilts=True)
-        other = place_arm(tilting, workspace, looks, given.get("base"), given.get("rest"))
+        other = place_arm(tilting, workspace, looks, base=given.get("base"), rest=given.get("rest"))
         if other is None or (best is not None and other.share < best.share + MANY_MORE):
             return chain, best
         self._notes.append(
@@ -368,6 +371,7 @@ class RobotGuess:
         hand: Hand,
         chain: JointChain,
         placement: Placement,
+        *,
         workspace: WorkspaceConfig,
         boxes: Sequence[Sequence[float]],
     ) -> dict[str, Any]:

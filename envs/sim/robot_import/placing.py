@@ -44,7 +44,7 @@ LOW, HIGH = 0.11, 0.25  # metres: heights of a reached box
 EDGE = -0.35  # x of the table's edge, metres: links behind it may be lower than the table
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class JointChain:
     """What an arm's kinematics are made of; see `Kinematics`.
 
@@ -110,7 +110,7 @@ class Looks(Protocol):
         """Whether a link is below `height` and beyond x = edge at joints (J,), metres in the frame of the root."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Placement:
     """How an arm stands and rests.
 
@@ -131,7 +131,7 @@ class Placement:
     score: float
 
 
-def chain_of(tree: URDFTree, arm: URDFArm, tip: str, tip_offset: Array, approach: Array) -> JointChain:
+def chain_of(tree: URDFTree, arm: URDFArm, tip: str, *, tip_offset: Array, approach: Array) -> JointChain:
     """Return the chain from the root to the gripper centre: tip_offset, metres, in the frame of the tip."""
     frames = tree.frames()
     last, steps = np.eye(4), []
@@ -167,6 +167,7 @@ def place_arm(
     chain: JointChain,
     workspace: WorkspaceConfig,
     looks: Looks,
+    *,
     base: Sequence[float] | None = None,
     rest: Sequence[float] | None = None,
 ) -> Placement | None:
@@ -180,8 +181,8 @@ def place_arm(
     """
     best: Placement | None = None
     if base is not None and rest is not None:
-        found = next(iter(_placements(chain, workspace, [tuple(base)], 0.0, rest)))
-        return _freed(chain, workspace, found, None, looks)
+        found = next(iter(_placements(chain, workspace, [tuple(base)], yaw=0.0, rest=rest)))
+        return _freed(chain, workspace, found, looks, best=None)
     first = FLOOR if chain.shoulder[2] > TALL else HEIGHTS[:1]
     for heights, yaws, enough in (
         (first, YAWS[:1], 0.0),
@@ -192,8 +193,8 @@ def place_arm(
             continue
         bases = _bases(chain, workspace, heights) if base is None else [tuple(base)]
         for yaw in yaws:
-            for found in _placements(chain, workspace, bases, yaw, rest):
-                best = _freed(chain, workspace, found, best, looks) or best
+            for found in _placements(chain, workspace, bases, yaw=yaw, rest=rest):
+                best = _freed(chain, workspace, found, looks, best=best) or best
     return best
 
 
@@ -209,7 +210,7 @@ def _bases(chain: JointChain, workspace: WorkspaceConfig, heights: Sequence[floa
 
 
 def _freed(
-    chain: JointChain, workspace: WorkspaceConfig, found: list[Placement], best: Placement | None, looks: Looks
+    chain: JointChain, workspace: WorkspaceConfig, found: list[Placement], looks: Looks, *, best: Placement | None
 ) -> Placement | None:
     """Return the best of the placements with what touches the robot and the table; None if none beats `best`."""
     chosen: Placement | None = None
@@ -232,19 +233,21 @@ def _placements(
     chain: JointChain,
     workspace: WorkspaceConfig,
     bases: Sequence[tuple[float, ...]],
+    *,
     yaw: float,
     rest: Sequence[float] | None,
 ) -> Iterator[list[Placement]]:
     """Yield, for each base, the placements that are worth a look."""
     wanted = places(workspace)
-    for base, rests in _rests(chain, workspace, bases, yaw, rest):
+    for base, rests in _rests(chain, workspace, bases, yaw=yaw, rest=rest):
         found = []
         for joints, quality in rests:
             arm = chain.kinematics(joints, base, yaw)
             share, margin = _share(chain, arm, wanted)
             beside = 0.1 * abs(base[0]) + 0.3 * abs(base[2]) + 0.2 * bool(yaw)
             score = 10 * share + quality + margin - beside
-            found.append(Placement((base[0], base[1], base[2]), yaw, joints, share, (), score))
+            place = base[0], base[1], base[2]
+            found.append(Placement(base=place, yaw=yaw, rest=joints, share=share, touching=(), score=score))
         yield found
 
 
@@ -252,6 +255,7 @@ def _rests(
     chain: JointChain,
     workspace: WorkspaceConfig,
     bases: Sequence[tuple[float, ...]],
+    *,
     yaw: float,
     rest: Sequence[float] | None,
 ) -> Iterator[tuple[tuple[float, ...], list[tuple[Array, float]]]]:

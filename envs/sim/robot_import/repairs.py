@@ -32,7 +32,7 @@ ROOT = "deixis_root"  # the link that turns the robot towards the table
 Points = Callable[[Sequence[str]], Array]  # links -> (P, 3) corners of their shapes in the root's frame
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Slide:
     """How a finger opens.
 

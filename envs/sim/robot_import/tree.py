@@ -34,7 +34,7 @@ TIPS = (  # names of links that are made to carry a gripper, the best first
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Joint:
     """A joint of the URDF.
 

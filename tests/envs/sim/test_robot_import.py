@@ -38,7 +38,7 @@ end_header
 def guess(folder, text, still=False, **fields):
     """The robot that is guessed from this text, and its config."""
     (folder / "made").mkdir(exist_ok=True)
-    given = Given("small", fields, still=still)
+    given = Given(name="small", fields=fields, still=still)
     found = RobotGuess(written(folder, text), given, folder / "made").make(*workspaces())
     place = written(folder, found.urdf, "small_mended.urdf") if found.urdf else folder / "small.urdf"
     return found, read(RobotConfig, {**found.values, "package": "file", "urdf": str(place)}, "robot")
