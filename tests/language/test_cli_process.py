@@ -35,7 +35,12 @@ def run(*arguments, **options):
 def start(*arguments):
     """The command as it runs, with a pipe for each stream."""
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
-    return subprocess.Popen([*COMMAND, *arguments], text=True, cwd=ROOT, **pipes)
+    return subprocess.Popen([*COMMAND, *arguments], text=True, cwd=ROOT, preexec_fn=heed_interrupts, **pipes)
+
+
+def heed_interrupts():
+    """Heed Ctrl-C, which a shell has its background jobs ignore, and so all that they start."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.mark.slow
