@@ -24,7 +24,7 @@ import numpy as np
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
-from torchrl.data import Bounded
+from torchrl.data import Bounded, TensorSpec
 
 from core.command_line import check_folder, split
 from core.errors import ConfigError
@@ -131,7 +131,7 @@ def describe_interface(config: ExportConfig, env: WorkspaceEnv, exported: Export
         "checkpoint": config.checkpoint,
         "file": FILES[config.format],
         "task": env.config.task.name,
-        "inputs": [_input(key, name, env) for key, name in zip(exported.keys, names(exported.keys), strict=True)],
+        "inputs": _inputs(env, exported),
         "output": {"name": "action", "shape": ["rows", len(env.action_unit)], "dtype": "float32", "low": -1, "high": 1},
         "words": _words(env),
         "robot": _robot(env),
@@ -139,16 +139,25 @@ def describe_interface(config: ExportConfig, env: WorkspaceEnv, exported: Export
     }
 
 
-def _input(key: Any, name: str, env: WorkspaceEnv) -> dict[str, Any]:
-    columns = {"robot": _robot_columns(env), "objects": column_names(env.task)}
-    spec = env.observation_spec[key]
+def _inputs(env: WorkspaceEnv, exported: ExportedPolicy) -> list[dict[str, Any]]:
+    """Return what each input is, in the policy's order."""
+    meanings, columns = descriptions(), {"robot": _robot_columns(env), "objects": column_names(env.task)}
+    inputs = []
+    for key, name in zip(exported.keys, names(exported.keys), strict=True):
+        described = _described(name, env.observation_spec[key])
+        if name in columns:
+            described["columns"] = columns[name]
+        inputs.append(described | {"description": meanings[name.replace(".", "/")]})
+    return inputs
+
+
+def _described(name: str, spec: TensorSpec) -> dict[str, Any]:
+    """Return the name, shape, type and bounds of an input."""
     described = {"name": name, "shape": ["rows", *spec.shape[1:]], "dtype": str(spec.dtype).removeprefix("torch.")}
     if isinstance(spec, Bounded) and spec.dtype.is_floating_point:
         bounds = zip(("low", "high"), (spec.space.low, spec.space.high), strict=True)
         described |= {side: bound[0].reshape(-1, bound.shape[-1])[0].tolist() for side, bound in bounds}  # of a row
-    if name in columns:
-        described["columns"] = columns[name]
-    return described | {"description": descriptions()[name.replace(".", "/")]}
+    return described
 
 
 def _robot_columns(env: WorkspaceEnv) -> list[str]:

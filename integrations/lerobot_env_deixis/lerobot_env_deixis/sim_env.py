@@ -16,6 +16,7 @@ from tensordict import TensorDict, TensorDictBase
 from core.overrides import apply, check, compose
 from core.spaces import action_space, public_keys
 from envs.config import EnvConfig, read_env
+from envs.gym_interface import group_words
 from envs.registration import check_list
 from envs.workspace_env import WorkspaceEnv
 
@@ -51,8 +52,8 @@ class DeixisSimEnv(gym.Env):
         objects: bool = False,
     ) -> None:
         check_list(overrides)
-        groups = [f"task={task}", f"robot={robot}", f"control={control}"]
-        config = _of_checkpoint(checkpoint, overrides) if checkpoint else _of_groups([*groups, *overrides])
+        words = group_words(task, robot, control, overrides)
+        config = _of_checkpoint(checkpoint, overrides) if checkpoint else _of_groups(words)
         self._env, self._camera = WorkspaceEnv(config, num_worlds=1, render=True), camera
         keys = public_keys(self._env.observation_spec)
         self._keys = keys if objects else ["robot"]
