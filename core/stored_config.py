@@ -77,6 +77,7 @@ WORDS = (  # keys whose free text names something of the project, its words or a
     "task.verbs",
     "task.viewpoint",
     "workspace.fittings",
+    "workspace.cameras",
     "workspace.name",
 )
 WORD = re.compile(r"[\w .,'+{}-]{0,200}")  # no slash, colon or backslash: no path and no address

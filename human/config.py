@@ -4,28 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from core.cameras import Camera
 from core.errors import ConfigError
 from core.schema import Checked, any_path, one_of, within
 
 STYLES = ("finger", "wrist", "eye")  # the line of the body that is aimed at the target
 SOURCES = ("none", "ray", "camera")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Camera(Checked):
-    """A fixed camera.
-
-    target: the point that it looks at, metres. distance: from the target, metres. yaw, pitch: degrees.
-    fov: vertical field of view, degrees. width, height: pixels.
-    """
-
-    target: list[float] = within(-20, 20, count=3)
-    distance: float = within(0.1, 20)
-    yaw: float = within(-360, 360)
-    pitch: float = within(-90, 90)
-    fov: float = within(1, 120)
-    width: int = within(16, 4096)
-    height: int = within(16, 4096)
 
 
 @dataclass(frozen=True, kw_only=True)

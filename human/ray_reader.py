@@ -17,11 +17,12 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from core.cameras import Camera, CameraFrame
 from core.errors import ConfigError
 from core.safe_files import FileError, check_size
 from human.arms import Array
-from human.body.person_camera import CameraFrame, FurnitureBox, PersonCamera, Picture, camera_of
-from human.config import Camera, GestureConfig, HumanConfig
+from human.body.person_camera import FurnitureBox, PersonCamera, Picture, camera_of
+from human.config import GestureConfig, HumanConfig
 
 SHIPPED_WEIGHTS = Path(__file__).parent / "weights" / "pointing.npz"
 SCALE = 0.1  # metres per unit of the network's position output

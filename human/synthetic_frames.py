@@ -9,12 +9,13 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from core.cameras import Camera, CameraFrame, Light
 from core.errors import ConfigError
 from human.arms import Array, Unreachable
 from human.body import Body
-from human.body.person_camera import CameraFrame, Color, FurnitureBox, Light, PersonCamera, Picture
+from human.body.person_camera import Color, FurnitureBox, PersonCamera, Picture
 from human.body.urdf_model import Proportions
-from human.config import Camera, HumanConfig
+from human.config import HumanConfig
 
 BODIES = 32
 MARGIN = 0.12  # metres around the object area that targets may lie in

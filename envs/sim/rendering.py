@@ -10,8 +10,8 @@ import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
+from core.cameras import FAR_PLANE, NEAR_PLANE, Camera, CameraFrame, Light
 from core.platform_tuning import as_bytes
-from human import Camera
 
 Array = NDArray[np.float64]
 SHAPE_TYPES = {
@@ -22,8 +22,8 @@ SHAPE_TYPES = {
     bullet.GEOM_MESH: "mesh",
 }
 BASE = -1  # Bullet's number for the base link
-NEAR_PLANE, FAR_PLANE = 0.05, 10  # metres
 LIGHT_DIRECTION = (0.5, -0.6, 1.5)
+DAYLIGHT = Light()
 Window = tuple[int, int, int, int]  # rows and columns of an image: first and one past the last of each
 
 
@@ -57,17 +57,43 @@ class Renderer:
         if not covered.any():
             return image
         # What lies behind is drawn in this window alone, since a whole second image costs as much as the first.
-        rows, columns = np.flatnonzero(covered.any(1)), np.flatnonzero(covered.any(0))
-        window = (int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1)
-        for (body, link), color in self._see_through.items():
-            paint(body, [*color[:3], 0], self._client, link)
+        window = _window(covered)
+        self._hide(list(self._see_through))
         background, _ = self._image(camera, window)
-        for (body, link), color in self._see_through.items():
-            paint(body, color, self._client, link)
+        self._restore(list(self._see_through))
         opacity = max(color[3] for color in self._see_through.values())
         part = image[window[0] : window[1], window[2] : window[3]]
         part[:] = np.rint(opacity * part + (1 - opacity) * background)
         return image
+
+    def photograph(
+        self, camera: Camera, frame: CameraFrame, light: Light = DAYLIGHT, without: Sequence[tuple[int, int]] = ()
+    ) -> Photo:
+        """Return what a camera in this frame sees. without: (body, link) of links that are left out."""
+        present = [link for link in without if link in self._see_through]
+        ghosts = [link for link in self._see_through if link not in present]
+        self._hide(present)
+        photo = photograph(self._client, camera, frame, light)
+        covered = np.isin(photo.links, [_in_mask(*link) for link in ghosts])
+        if covered.any():
+            window = _window(covered)
+            self._hide(ghosts)
+            behind = photograph(self._client, camera, frame, light, window).colors
+            self._restore(ghosts)
+            opacity = max(self._see_through[link][3] for link in ghosts)
+            part = photo.colors[window[0] : window[1], window[2] : window[3]]
+            mask = covered[window[0] : window[1], window[2] : window[3]]
+            part[mask] = np.rint(opacity * part[mask] + (1 - opacity) * behind[mask])
+        self._restore(present)
+        return photo
+
+    def _hide(self, links: Sequence[tuple[int, int]]) -> None:
+        for body, link in links:
+            paint(body, [*self._see_through[body, link][:3], 0], self._client, link)
+
+    def _restore(self, links: Sequence[tuple[int, int]]) -> None:
+        for body, link in links:
+            paint(body, self._see_through[body, link], self._client, link)
 
     def _image(self, camera: Camera, window: Window) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
         """Return colors (h, w, 3), and links (h, w) as `_in_mask` numbers them, in a window of the camera's image."""
@@ -88,6 +114,46 @@ class Renderer:
         return colors, np.reshape(np.asarray(links, np.int32), (height, width))
 
 
+@dataclass(frozen=True)
+class Photo:
+    """What a camera sees: colors (H, W, 3) uint8; depths (H, W), metres ahead of the camera; links (H, W), the numbers
+    of bodies and links as PyBullet gives them, -1 where there is nothing."""
+
+    colors: NDArray[np.uint8]
+    depths: NDArray[np.float32]
+    links: NDArray[np.int32]
+
+
+def photograph(
+    client: int, camera: Camera, frame: CameraFrame, light: Light = DAYLIGHT, window: Window | None = None
+) -> Photo:
+    """Return the picture of a camera in this frame, or a window of it.
+
+    See-through objects are drawn opaque; `Renderer.photograph` blends them.
+    """
+    top, bottom, left, right = window or (0, camera.height, 0, camera.width)
+    pixels, depth, links = bullet.getCameraImage(
+        right - left,
+        bottom - top,
+        frame.view_matrix,
+        _projection(camera, (top, bottom, left, right)),
+        lightDirection=light.direction,
+        lightColor=light.color,
+        lightAmbientCoeff=light.ambient,
+        lightDiffuseCoeff=light.diffuse,
+        lightSpecularCoeff=light.specular,
+        shadow=int(light.shadow),
+        renderer=bullet.ER_TINY_RENDERER,
+        flags=bullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
+        physicsClientId=client,
+    )[2:]
+    shape = (bottom - top, right - left)
+    colors = np.reshape(np.asarray(as_bytes(pixels), np.uint8), (*shape, 4))[..., :3].copy()
+    buffer = np.reshape(np.asarray(depth, np.float32), shape)
+    depths = FAR_PLANE * NEAR_PLANE / (FAR_PLANE - (FAR_PLANE - NEAR_PLANE) * buffer)
+    return Photo(colors, depths.astype(np.float32), np.reshape(np.asarray(links, np.int32), shape))
+
+
 def paint(body: int, color: Sequence[float], client: int, link: int = -1) -> None:
     """Set the RGBA color of a link's visual shapes."""
     bullet.changeVisualShape(body, link, rgbaColor=color, physicsClientId=client)
@@ -101,6 +167,12 @@ def _projection(camera: Camera, window: Window) -> list[float]:
     sides = ((left - x) * pixel, (right - x) * pixel, (y - bottom) * pixel, (y - top) * pixel)
     matrix: list[float] = bullet.computeProjectionMatrix(*sides, NEAR_PLANE, FAR_PLANE)
     return matrix
+
+
+def _window(covered: NDArray[np.bool_]) -> Window:
+    """Return the smallest window of an image in which all covered pixels (H, W) are."""
+    rows, columns = np.flatnonzero(covered.any(1)), np.flatnonzero(covered.any(0))
+    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 
 def _in_mask(body: int, link: int) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -168,6 +168,7 @@ class WorkspaceConfig(Checked):
     device_area: list[float] = within(
         -5, 5, count=(0, 4), default=()
     )  # where devices stand beside fittings; []: nowhere
+    cameras: dict[str, Camera] = field(default_factory=dict)  # that a robot can see with, by name: perception=camera
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -11,13 +11,14 @@ import pybullet as bullet
 import pybullet_data
 from numpy.typing import NDArray
 
+from core.cameras import CameraFrame, Light
 from core.platform_tuning import without_zero_pages
 from core.schema import Checked, within
 from envs.sim.device_bodies import DeviceBodies, DeviceSpec
 from envs.sim.furniture import Furniture, Palm
 from envs.sim.gripper import BASE, GRIPPERS, Gripper, GripperConfig
 from envs.sim.object_pool import ObjectPool, PoolSpec, ShownObjects
-from envs.sim.rendering import Renderer, paint
+from envs.sim.rendering import DAYLIGHT, Array, Photo, Renderer, paint
 from envs.sim.robot import Robot
 from envs.sim.robot_config import RobotConfig
 from envs.sim.window import Window
@@ -309,6 +310,15 @@ class SimulatedWorld:
     def render(self, camera: Camera | None = None) -> NDArray[np.uint8]:
         """(height, width, 3) the image of the camera, by default the workspace's. Needs visuals."""
         return self._renderer.render(camera or self._workspace.camera)
+
+    def photograph(self, camera: Camera, gripper: tuple[Array, Array], light: Light = DAYLIGHT) -> Photo:
+        """Return what a camera sees, without the cone along a pointing finger. Needs visuals.
+
+        gripper: position (3,), metres, and rotation (3, 3) of the gripper's centre, where cameras may be mounted.
+        """
+        body = self.person
+        cones = [(body.body, body.cone)] if isinstance(body, Body) and body.cone is not None else []
+        return self._renderer.photograph(camera, CameraFrame.of(camera, gripper), light, cones)
 
     def close(self) -> None:
         """Free the client. Idempotent."""

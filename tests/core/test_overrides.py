@@ -101,6 +101,7 @@ def test_every_key_of_the_config_is_declared(default):
 
 
 NEWER = {
+    "cameras",
     "instructions",
     "verbs",
     "devices",

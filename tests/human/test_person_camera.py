@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pybullet as bullet
 
-from human.body.person_camera import CameraFrame, Light, PersonCamera
+from core.cameras import CameraFrame, Light
+from human.body.person_camera import PersonCamera
 from human.body.urdf_model import urdf
 from human.synthetic_frames import perturb_camera, sample_light
 

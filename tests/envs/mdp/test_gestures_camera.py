@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import torch
 
+from core.cameras import Light
 from core.errors import ConfigError
 from human import pointed_object
-from human.body.person_camera import FurnitureBox, Light, PersonCamera, render
+from human.body.person_camera import FurnitureBox, PersonCamera, render
 from tests.helpers.env_cases import differences, hold, make, partial_reset
 
 CAMERA = ("kuka", "step", "reach_gesture", "gesture=camera")
