@@ -1,0 +1,67 @@
+"""What is seen in the pictures of one moment: objects, devices, fittings and an open hand, each with its uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera, CameraFrame
+from language import COLORS, NOUNS
+
+Array = NDArray[np.float64]
+NOUN_NAMES, COLOR_NAMES = tuple(NOUNS), tuple(COLORS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detections:
+    """M things that are seen, in the workspace frame.
+
+    positions: (M, 3) metres: the centre of an object or of an open hand; of a device or fitting, that of its handle.
+    covariances: (M, 3, 3) square metres. nouns: (M, len(NOUNS)) and colors: (M, len(COLORS)) probabilities.
+    sizes: (M,) metres. yaws: (M,) radians: which way a device faces; of a cube within a quarter turn; of others 0.
+    shares: (M,) in [0, 1]: how far a device is moved or a fitting is open; of others 0. targets: (M,) probabilities of
+    being see-through. presence: (M,) probabilities that something is there.
+    """
+
+    positions: Array
+    covariances: Array
+    nouns: Array
+    colors: Array
+    sizes: Array
+    yaws: Array
+    shares: Array
+    targets: Array
+    presence: Array
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def __getitem__(self, chosen: NDArray) -> Detections:
+        """Return the chosen ones. chosen: indices, or (M,) bool."""
+        return Detections(**{each.name: getattr(self, each.name)[chosen] for each in fields(self)})
+
+    @classmethod
+    def none(cls) -> Detections:
+        """Return no detections at all."""
+        shapes = {"positions": (3,), "covariances": (3, 3), "nouns": (len(NOUNS),), "colors": (len(COLORS),)}
+        return cls(**{each.name: np.zeros((0, *shapes.get(each.name, ()))) for each in fields(cls)})
+
+
+@dataclass(frozen=True)
+class View:
+    """A picture (H, W, 3) uint8, the camera that took it, and the frame in which that camera was."""
+
+    picture: NDArray[np.uint8]
+    camera: Camera
+    frame: CameraFrame
+
+
+class Detector(Protocol):
+    """Finds what is seen in views of one moment, by the names of their cameras."""
+
+    def __call__(self, views: Mapping[str, View]) -> Detections:
+        """Raises UnusablePicture for a picture in which nothing can be seen: black, saturated or of another size."""
