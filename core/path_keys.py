@@ -18,6 +18,7 @@ PATH_KEYS = (
     "robot.urdf",
     "workspace.human.urdf",
     "gesture.weights",
+    "perception.weights",
     "hydra.launcher.submitit_folder",
 )
 NOT_PATHS = ("", "null", "???")  # values that are no path: none is given

@@ -42,6 +42,7 @@ PLACES: dict[str, Place] = {
     "robot.urdf": Place(()),  # a relative path in the package that robot.package names is no place
     "workspace.human.urdf": Place((None,)),
     "gesture.weights": Place((None,)),
+    "perception.weights": Place((None,)),
 }
 UNUSED = ("resume", "init", "sweep.resume")  # a run that is resumed or a policy that is loaded needs none of them
 WORDS = (  # keys whose free text names something of the project, its words or a robot's parts
@@ -57,6 +58,8 @@ WORDS = (  # keys whose free text names something of the project, its words or a
     "gesture.source",
     "gesture.style",
     "gripper.name",
+    "perception.cameras",
+    "perception.name",
     "physics.name",
     "policy.activation",
     "policy.encoder",

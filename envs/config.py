@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from core.composition import compose, groups
 from core.errors import ConfigError, did_you_mean
 from core.schema import read
 from envs.mdp.controls import ControlConfig
+from envs.perception.config import STATE, PerceptionConfig
 from envs.sim.gripper import GripperConfig
 from envs.sim.robot_config import RobotConfig, urdf_path
 from envs.sim.workspace import WorkspaceConfig
@@ -27,6 +29,7 @@ class EnvConfig:
     physics: PhysicsConfig
     gesture: GestureConfig
     gripper: GripperConfig
+    perception: PerceptionConfig = STATE
 
     def without_curriculum(self) -> EnvConfig:
         """Return the config for evaluation: one instruction an episode, no curriculum and no domain randomisation."""
@@ -55,6 +58,7 @@ def read_env(config: Any) -> EnvConfig:
     robot = read(RobotConfig, config["robot"], "robot")
     urdf_path(robot)
     workspace = read(WorkspaceConfig, config["workspace"], "workspace")
+    perception = read(PerceptionConfig, config["perception"], "perception") if "perception" in config else STATE
     task = read(TaskConfig, config["task"], "task")
     if task.name not in TASKS:
         raise ConfigError(f"task.name={task.name} is not a task" + did_you_mean(task.name, TASKS))
@@ -76,15 +80,29 @@ def read_env(config: Any) -> EnvConfig:
         )
     if traits.stacks:
         _check_board(task, workspace)
+    gesture = read(GestureConfig, config["gesture"], "gesture")
+    if perception.sees:
+        workspace = _with_cameras(workspace)
+        perception.check(workspace)
+        gesture = replace(gesture, source="camera") if gesture.source == "ray" else gesture
     return EnvConfig(
         robot=robot,
         control=read(ControlConfig, config["control"], "control"),
         workspace=workspace,
         task=task,
         physics=read(PhysicsConfig, config["physics"], "physics"),
-        gesture=read(GestureConfig, config["gesture"], "gesture"),
+        gesture=gesture,
         gripper=gripper,
+        perception=perception,
     )
+
+
+def _with_cameras(workspace: WorkspaceConfig) -> WorkspaceConfig:
+    """Return the workspace; one of a config that is older than its cameras, with those of its option today."""
+    if workspace.cameras or workspace.name not in groups()["workspace"]:
+        return workspace
+    today = read(WorkspaceConfig, compose([f"workspace={workspace.name}"])["workspace"], "workspace")
+    return replace(workspace, cameras=today.cameras)
 
 
 def _check_board(task: TaskConfig, workspace: WorkspaceConfig) -> None:

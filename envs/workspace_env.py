@@ -22,12 +22,14 @@ from envs.mdp.gestures import Gestures, make_person, make_ray_reader
 from envs.mdp.goals import Goal
 from envs.mdp.grip_controller import ACTION_UNIT, GripController
 from envs.mdp.object_rows import scene_of_rows
-from envs.mdp.observation_terms import Observer, Source, SpecSettings
+from envs.mdp.observation_terms import Observer, Sight, Source, SpecSettings
 from envs.mdp.observations import OBSERVATIONS, OUTCOMES, SceneSampler, observation_spec
+from envs.mdp.perceived_worlds import PerceivedWorlds, Reader
 from envs.mdp.randomization import InitialStates, Perturbations
 from envs.mdp.relabelling import Relabeller
 from envs.mdp.rewards import compute_outcome, reward_weights
 from envs.mdp.world_state import WorldState
+from envs.perception.camera_reader import CameraReader
 from envs.sim.device_bodies import DeviceSpec
 from envs.sim.devices import DEVICES
 from envs.sim.kinematics import Array, Kinematics
@@ -84,8 +86,9 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self.task = self._draws = make_task(config, num_worlds, self._person)
         self.task.draw(np.random.default_rng(0))  # raises at once if no episode can be drawn
         self.kinematics = make_kinematics(config, self.task)
+        drawn = render or config.perception.sees
         self._worlds = [
-            make_world(config, self.task, render, window, world_type=self._world_type) for _ in range(num_worlds)
+            make_world(config, self.task, drawn, window, world_type=self._world_type) for _ in range(num_worlds)
         ]
         self.control = make_control(config, self.task, self.kinematics)
         check_reach(config.robot, self.kinematics, config.workspace.object_area, float(self.control.box[0, 2]))
@@ -116,6 +119,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         drawn = self.task if config.drawn() == config else make_task(config.drawn(), 1, self._person)
         self._observer, self._sample = Observer(OBSERVATIONS, setup), SceneSampler(replace(setup, task=drawn))
         self._noise = Perturbations(config.task, self.batch_size[0], self.control.unit)
+        self._perceived = self._make_perceived(config) if config.perception.sees else None
         self._source = Source(
             task=self.task,
             state=self._state,
@@ -124,11 +128,30 @@ class WorkspaceEnv(EpisodeReplayEnv):
             gestures=self._gestures,
             control=self.control,
             perturbations=self._noise,
+            perceived=self._perceived,
         )
         task, joints = make_task(config, RELABELLED, self._person), len(config.robot.joints)
         self._relabeller = Relabeller(
             task, RELABELLED, tokenizer=self.tokenizer, observer=self._observer, joints=joints
         )
+
+    def _make_perceived(self, config: EnvConfig) -> PerceivedWorlds:
+        return PerceivedWorlds(
+            config=config.perception,
+            workspace=config.workspace,
+            task=make_task(config, self.batch_size[0], self._person),
+            arrays=self._arrays,
+            kinematics=self.kinematics,
+            grip=self._grip_controller,
+            reader=self._make_reader(config),
+        )
+
+    def _make_reader(self, config: EnvConfig) -> Reader:
+        """Return what tells what is seen in the worlds."""
+        from envs.perception.detector import load_detector  # slow to import
+
+        detector = load_detector(config.perception.weights)
+        return CameraReader(self._worlds, config.workspace, config.perception, detector)
 
     def _make_specs(self) -> None:
         n, flag = self.batch_size[0], Binary(1, shape=(*self.batch_size, 1), dtype=torch.bool)
@@ -162,7 +185,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
             raise UseError("step was called " + ("after close" if self.is_closed else "before reset"))
         action = read_action(tensordict, (self.batch_size[0], len(self.action_unit)))
         self._remember(tensordict["action"])
-        action = self._noise.action(action, self._arrays.steps, self._source.hold)
+        action = self._stopped_if_blind(self._noise.action(action, self._arrays.steps, self._source.hold))
         self._switch_gestures()
         arrays, arm = self._arrays, action[:, : len(self.control.unit)]
         arrays.commanded = self.control.targets(arm, arrays.commanded, arrays.angles)
@@ -172,9 +195,20 @@ class WorkspaceEnv(EpisodeReplayEnv):
         if self._grip_controller.can_grip:
             self._grip_controller.update_grasps()
         self._gestures.follow()
+        if self._perceived is not None:
+            self._perceived.follow()
         arrays.steps += 1
         outcome = self._outcome()  # before the observation, which shows what the task remembers
         return TensorDict(outcome | self._observer.observe(self._source), self.batch_size)
+
+    def _stopped_if_blind(self, action: Array) -> Array:
+        """Return the action (N, A), by which arms that could see nothing hold still, and grippers stay as they are."""
+        if self._perceived is None or not (blind := self._perceived.standing).any():
+            return action
+        still = self._source.hold().astype(action.dtype)
+        if self._grip_controller.can_grip:
+            still[:, -1] = np.where(self._grip_controller.closed, 1.0, -1.0)
+        return np.where(blind[:, None], still, action)
 
     def _switch_gestures(self) -> None:
         """Move the fingers whose switch is due to another object, which becomes the referent."""
@@ -186,6 +220,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
         """Set the goal of world i within an episode."""
         self._arrays.set_goal(i, goal)
         self.task.reset(np.array([i]), self._state)
+        if self._perceived is not None:
+            self._perceived.restart(np.array([i]))
 
     def _outcome(self) -> dict[str, Tensor]:
         """Return the rewards of a control step, and the ends of episodes."""
@@ -231,6 +267,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
         """Read the state of worlds whose episodes have just been set up."""
         self._arrays.read(worlds)
         self.task.reset(worlds, self._state)
+        if self._perceived is not None:
+            self._perceived.begin(worlds)
         self._gestures.read(worlds.tolist())
 
     def _first_observation(self) -> TensorDictBase:
@@ -319,6 +357,21 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return self._state
 
     @property
+    def sight(self) -> Sight:
+        """The task and the state as policies may know them: with perception=camera, as cameras see them. Read-only."""
+        return self._source.sight
+
+    @property
+    def rows(self) -> NDArray[np.float64]:
+        """(N, K, D) the rows of the objects of `sight`, without the task's own columns. Read-only."""
+        return self._source.rows
+
+    @property
+    def blind(self) -> list[str | None]:
+        """For each world, why nothing can be seen in it now, so that its arm holds still; None: it is seen."""
+        return [None] * len(self._worlds) if self._perceived is None else list(self._perceived.blind)
+
+    @property
     def yaw(self) -> NDArray[np.float64]:
         """(N,) radians that the grippers are turned about the vertical, from their orientation at rest."""
         return self.control.yaw(self._arrays.pose.rotation)
@@ -394,6 +447,7 @@ def next_goals(
 def make_task(config: EnvConfig, num_worlds: int, person: Person | None) -> Task:
     """Make the task of N worlds. person: the person who points, or None."""
     task = TASKS[config.task.name](config.task, config.workspace.object_area, num_worlds, person)
+    task.perceived = config.perception.sees
     task.furnish(config.workspace.fittings)
     task.prepare(config.workspace)
     return task

@@ -31,6 +31,7 @@ _NONE = len(SHAPES)
 _SHAPE = np.array([SHAPES.index(noun) if noun in SHAPES else _NONE for noun in NOUNS])
 _DEVICE = np.array([DEVICES.index(noun) if noun in DEVICES else _NONE for noun in NOUNS])
 _ONE_HOTS = np.eye(_NONE + 1, _NONE)
+_COLORS = color_table()
 
 
 def row_bounds(task: Task, low: Array, high: Array) -> tuple[list, list]:
@@ -64,11 +65,24 @@ def column_names(task: Task) -> list[str]:
 
 def attributes(scene: Scene) -> Array:
     """(K, OBJECT_WIDTH - 7) the part of each object's row that is constant during an episode."""
-    shape, device = _SHAPE[scene.nouns], _DEVICE[scene.nouns]
-    kinds = _ONE_HOTS[shape if (device == _NONE).any() else device]
-    colors = color_table()[scene.colors]
-    colors[scene.targets, 3] = SEE_THROUGH
-    return np.concatenate((colors, kinds, scene.sizes[:, None], scene.targets[:, None]), axis=1)
+    alone = not (_DEVICE[scene.nouns] == _NONE).any()
+    return attribute_rows(scene.nouns, scene.colors, sizes=scene.sizes, targets=scene.targets, devices=alone)
+
+
+def attribute_rows(
+    nouns: NDArray[np.int64],
+    colors: NDArray[np.int64],
+    *,
+    sizes: Array,
+    targets: NDArray[np.bool_],
+    devices: bool = False,
+) -> Array:
+    """(K, OBJECT_WIDTH - 7) as `attributes`, from numbers of nouns and colours (K,), sizes (K,), metres, and targets
+    (K,). devices: whether all objects are devices."""
+    kinds = _ONE_HOTS[_DEVICE[nouns] if devices else _SHAPE[nouns]]
+    painted = _COLORS[colors]
+    painted[targets, 3] = SEE_THROUGH
+    return np.concatenate((painted, kinds, sizes[:, None], targets[:, None]), axis=1)
 
 
 def static_rows(scene: Scene, yaw: Array | None) -> Array:

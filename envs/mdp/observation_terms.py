@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -15,6 +15,7 @@ from torchrl.data import Bounded, Composite, TensorSpec
 from envs.mdp.controls import Control
 from envs.mdp.gestures import Gestures
 from envs.mdp.grip_controller import GripController
+from envs.mdp.perceived_worlds import PerceivedWorlds
 from envs.mdp.randomization import Perturbations
 from envs.mdp.world_state import WorldState
 from envs.sim.kinematics import Kinematics
@@ -38,6 +39,16 @@ class SpecSettings:
     action_width: int
 
 
+class Sight(Protocol):
+    """N episodes as policies may know them: a task whose memory follows from it, and the state."""
+
+    @property
+    def task(self) -> Task: ...
+
+    @property
+    def state(self) -> State: ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class GoalSource:
     """The inputs of observations that depend on the goal: N episodes as the task sees them."""
@@ -45,16 +56,34 @@ class GoalSource:
     task: Task
     state: State
 
+    @property
+    def sight(self) -> Sight:
+        """What policies may know of the world."""
+        return self
+
 
 @dataclass(frozen=True, kw_only=True)
 class Source(GoalSource):
-    """The inputs of all other observations, beside those of `GoalSource`."""
+    """The inputs of all other observations, beside those of `GoalSource`.
+
+    perceived: what cameras see; None: policies observe the state itself.
+    """
 
     worlds: WorldState
+    perceived: PerceivedWorlds | None = None
     grip_controller: GripController
     gestures: Gestures
     control: Control
     perturbations: Perturbations
+
+    @property
+    def sight(self) -> Sight:
+        return self if self.perceived is None else self.perceived
+
+    @property
+    def rows(self) -> NDArray[np.float64]:
+        """(N, K, D) the rows of objects, but for those that are not shown."""
+        return self.worlds.rows if self.perceived is None else self.perceived.rows
 
     def hold(self) -> NDArray[np.float32]:
         """(N, A) the action that keeps the arm where it is; 0 for the gripper, whose command is absolute."""

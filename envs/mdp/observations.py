@@ -104,8 +104,8 @@ def _robot(source: Source) -> Array:
 
 
 def _objects(source: Source) -> Array:
-    task, state = source.task, source.state
-    rows = source.perturbations.seen(source.worlds.rows, source.worlds.steps)
+    task, state = source.sight.task, source.sight.state
+    rows = source.perturbations.seen(source.rows, source.worlds.steps)
     if task.traits.moves:
         offset = offsets(rows[..., :3], source.worlds.pose.position[:, None])
         rows = np.concatenate((rows, offset, task.seen(state)), axis=2)
@@ -167,7 +167,7 @@ OBSERVATIONS = (
         "objects_mask",
         "(K,) bool: which slots show an object",
         spec=_flag_each_slot,
-        compute=lambda source: source.state.shown,
+        compute=lambda source: source.sight.state.shown,
         gymnasium=True,
         reader="scene",
     ),
@@ -176,7 +176,7 @@ OBSERVATIONS = (
         f"(K,), where objects are moved: how near each object is that can be knocked over, 1 at the gripper and 0 from "
         f"{NEAR} m on; 0 for all others",
         spec=lambda setup: Bounded(0, 1, shape=(setup.task.config.slots,), dtype=torch.float32),
-        compute=lambda source: _nearness(source.state),
+        compute=lambda source: _nearness(source.sight.state),
         present=lambda task: task.traits.moves,
         reader="actor",
     ),
@@ -205,7 +205,7 @@ OBSERVATIONS = (
         "() int64, where objects are moved: 0 before, 1 while something is held (or near, where nothing is gripped), "
         "2 beside a target with it",
         spec=lambda setup: Categorical(setup.task.stages, shape=(), dtype=torch.int64),
-        compute=lambda source: source.task.stage(source.state),
+        compute=lambda source: source.sight.task.stage(source.sight.state),
         present=lambda task: task.stages > 1,
         goal=True,
         reader="actor",
@@ -277,10 +277,11 @@ OBSERVATIONS = (
     ),
     ObservationTerm(
         "privileged/places",
-        "(K, 3), where positions are observed with noise (`task.randomize.observation_noise`): the true ones (m)",
+        "(K, 3), where positions are observed with noise (`task.randomize.observation_noise`) or by cameras "
+        "(`perception=camera`): the true ones (m)",
         spec=lambda setup: bounded([_workspace(setup)[0]], [_workspace(setup)[1]], setup.task.config.slots),
         compute=lambda source: np.where(source.state.shown[..., None], source.state.objects, 0.0),
-        present=lambda task: task.config.randomize.observation_noise > 0,
+        present=lambda task: task.perceived or task.config.randomize.observation_noise > 0,
     ),
     ObservationTerm(
         "privileged/pointing",

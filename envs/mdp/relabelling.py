@@ -75,6 +75,8 @@ class Relabeller:
         """Return the episode with the goal that it achieved; None if that is no other one, or no sentence names it."""
         rows = np.concatenate((frames["objects"][:1].numpy(), frames["next", "objects"].numpy()))
         states = self._states(frames, rows)
+        if self._task.perceived and (states.shown[0] != self._truly_shown(frames)).any():
+            return None  # no sentence for a scene in which something is overlooked, or invented
         shown = np.flatnonzero(states.shown[0])
         nouns = nouns_of_rows(rows[0, shown], fixtures=self._task.fixtures)
         scene = scene_of_rows(rows[0, shown], self._task.config.viewpoint, nouns)
@@ -100,7 +102,8 @@ class Relabeller:
     def _states(self, frames: TensorDictBase, rows: NDArray[np.float32]) -> State:
         """Return the T + 1 states of an episode, as the task saw them."""
         shown = self._history(frames, "objects_mask")
-        places = np.where(shown[..., None], rows[..., :3], PARKED)
+        observed = self._history(frames, "privileged", "places") if self._task.perceived else rows[..., :3]
+        places = np.where(shown[..., None], observed, PARKED)
         gripper = self._history(frames, "robot")[:, self._gripper].astype(np.float64)
         referent = self._history(frames, "privileged", "referent")
         if not self._task.traits.moves:
@@ -122,6 +125,11 @@ class Relabeller:
             kind=np.zeros_like(referent),
             yaw=np.zeros(shown.shape),  # no relabelled task reads the yaw of placed objects
         )
+
+    @staticmethod
+    def _truly_shown(frames: TensorDictBase) -> NDArray[np.bool_]:
+        """(K,) in which slots something really is as the episode begins."""
+        return (frames["privileged", "places"][0] != 0).any(-1).numpy()  # type: ignore[no-any-return]
 
     @staticmethod
     def _history(frames: TensorDictBase, *key: str) -> Any:

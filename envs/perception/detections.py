@@ -1,4 +1,4 @@
-"""What is seen in the pictures of one moment: objects, devices, fittings and an open hand, each with its uncertainty."""
+"""What is seen in the pictures of one moment: things and where they are, each with its uncertainty."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ from language import COLORS, NOUNS
 
 Array = NDArray[np.float64]
 NOUN_NAMES, COLOR_NAMES = tuple(NOUNS), tuple(COLORS)
+
+
+class UnusablePicture(ValueError):
+    """A picture in which nothing can be seen. The text is one sentence that names the camera and what is wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,3 +69,24 @@ class Detector(Protocol):
 
     def __call__(self, views: Mapping[str, View]) -> Detections:
         """Raises UnusablePicture for a picture in which nothing can be seen: black, saturated or of another size."""
+
+
+BLACK, WHITE, FLAT = 12, 247, 2.0  # brightness of pixels that show nothing, of 255, and its standard deviation
+MOST_LOST = 0.95  # share of such pixels from which on a picture is unusable
+
+
+def check_picture(name: str, view: View) -> None:
+    """Raise UnusablePicture where nothing can be seen in the picture of the camera with this name."""
+    picture, camera = view.picture, view.camera
+    if picture.shape != (camera.height, camera.width, 3):
+        size = " x ".join(map(str, picture.shape[1::-1]))
+        raise UnusablePicture(
+            f"the picture of camera {name} is {size} pixels, and the camera's are {camera.width} x {camera.height}"
+        )
+    small = picture[::2, ::2]
+    if (small.max(2) <= BLACK).mean() > MOST_LOST:
+        raise UnusablePicture(f"the picture of camera {name} is black: is it covered, or the light off?")
+    if (small.min(2) >= WHITE).mean() > MOST_LOST:
+        raise UnusablePicture(f"the picture of camera {name} is saturated: take less light, or a shorter exposure")
+    if small.std() < FLAT:
+        raise UnusablePicture(f"the picture of camera {name} shows a single colour: is the camera connected?")

@@ -78,7 +78,7 @@ class Renderer:
         if covered.any():
             window = _window(covered)
             self._hide(ghosts)
-            behind = photograph(self._client, camera, frame, light, window).colors
+            behind = photograph(self._client, camera, frame, light, window=window).colors
             self._restore(ghosts)
             opacity = max(self._see_through[link][3] for link in ghosts)
             part = photo.colors[window[0] : window[1], window[2] : window[3]]
@@ -125,7 +125,7 @@ class Photo:
 
 
 def photograph(
-    client: int, camera: Camera, frame: CameraFrame, light: Light = DAYLIGHT, window: Window | None = None
+    client: int, camera: Camera, frame: CameraFrame, light: Light = DAYLIGHT, *, window: Window | None = None
 ) -> Photo:
     """Return the picture of a camera in this frame, or a window of it.
 

@@ -122,6 +122,9 @@ class Anything(RoomScenes):
         assert isinstance(member, DevicesAmongObjects)  # any of these members gives the travel of all devices
         return member.travel(state)
 
+    def possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
+        return np.ones(len(placed.scene), bool)
+
     # ---- drawing
 
     @property
@@ -226,7 +229,7 @@ class Anything(RoomScenes):
             yaw=placed.yaw,
             fixed=placed.fixed,
             target=given.target,
-            goals=np.ones(len(scene), bool),
+            goals=self.possible_goals(placed),
             resting=np.any(room.upon, axis=1),
             shares=np.clip(shares, 0.0, 1.0),
         )

@@ -220,7 +220,7 @@ class Rearrange(PickAndPlace):
             nameable = np.ones(len(placed.scene), bool)
             if self.traits.speaks:
                 nameable = self._sentences.nameable(placed.scene)
-            if (self._movable(placed) & nameable).any() and (self._possible_goals(placed) & nameable).any():
+            if (self._movable(placed) & nameable).any() and (self.possible_goals(placed) & nameable).any():
                 return placed, nameable
         raise ConfigError(f"task.kinds={list(self.config.kinds)} names no object on top of a stack, and no target")
 

@@ -176,14 +176,14 @@ class PutIn(PickAndPlace):
 
     # ---- drawing
 
-    def _possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
+    def possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
         return self.fittings.are_open(placed)
 
     def _movable(self, placed: Placed) -> NDArray[np.bool_]:
         return super()._movable(placed) & ~self.fittings.among(placed)
 
     def _is_feasible(self, placed: Placed) -> bool:
-        return bool(self._possible_goals(placed).any() and self._movable(placed).any())
+        return bool(self.possible_goals(placed).any() and self._movable(placed).any())
 
 
 @register_task("nl_take_out", verb="take_out")
@@ -244,11 +244,11 @@ class TakeOut(PickAndPlace):
 
     # ---- drawing
 
-    def _possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
+    def possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
         return self.fittings.are_open(placed)
 
     def _is_feasible(self, placed: Placed) -> bool:
-        return bool(self._possible_goals(placed).any() and self._movable(placed).any())
+        return bool(self.possible_goals(placed).any() and self._movable(placed).any())
 
     def _scene(self, rng: Generator) -> Scene:
         """Draw a scene whose first objects lie in the fittings."""

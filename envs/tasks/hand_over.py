@@ -99,7 +99,7 @@ class HandOver(PickAndPlace):
         places = placed.scene.positions[:, :2]
         return bool((length(places[~hand] - places[hand]) >= AROUND).all())
 
-    def _possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
+    def possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
         return placed.scene.nouns == HAND_NUMBER
 
     def _goal_place(self, scene: Scene, target: int) -> Array:

@@ -202,7 +202,7 @@ class Sort(PickAndPlace):
         kind, sentence = self.kind_names.index(instruction.kind), self._sentences.write(whole, rng)
         episode = self._episode(placed, referent=referent, kind=kind, sentence=sentence)
         heard = self._sentences.heard(step) or step
-        return replace(episode, heard=heard, target=target, goals=self._possible_goals(placed))
+        return replace(episode, heard=heard, target=target, goals=self.possible_goals(placed))
 
     def next_instruction(
         self,

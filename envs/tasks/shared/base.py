@@ -84,6 +84,7 @@ class Task(ABC):
         verbs: among which the words choose; (): all sentences have the same verb.
         stages: number of stages that `stage` returns.
         release_lag: physics steps from the command to open until the gripper releases.
+        perceived: whether policies know of its objects what cameras see.
 
     Args:
         config: of the task.
@@ -103,6 +104,7 @@ class Task(ABC):
     verbs: tuple[str, ...] = ()
     stages = 1
     release_lag = 0
+    perceived = False
 
     def __init__(
         self, config: TaskConfig, object_area: Sequence[float], num_worlds: int, person: Person | None = None
@@ -221,6 +223,10 @@ class Task(ABC):
         if self.fittings is not None:
             return self.fittings.described(episode.scene.nouns, episode.scene.positions)
         return np.zeros((len(episode.scene), 0))
+
+    def possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
+        """(K,) which objects could be the goal."""
+        return placed.scene.targets
 
     def moved(self, state: State) -> NDArray[np.float64]:
         """(N, K) how far devices are from their start, in shares of their way, where a task `continues`; else 0."""

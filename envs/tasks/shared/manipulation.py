@@ -203,7 +203,7 @@ class Manipulation(Task):
 
     def _draw(self, rng: Generator) -> EpisodeSpec:
         placed, nameable = self._draw_scene(rng)
-        target = self._one_of(self._possible_goals(placed) & nameable, rng) if self.traits.places else None
+        target = self._one_of(self.possible_goals(placed) & nameable, rng) if self.traits.places else None
         movable = self._movable(placed) & nameable
         if target is not None:
             movable[target] = False
@@ -214,7 +214,7 @@ class Manipulation(Task):
     def _each_in_turn(self, rng: Generator) -> list[EpisodeSpec]:
         placed, nameable = self._draw_scene(rng)
         movable = np.flatnonzero(self._movable(placed) & nameable).tolist()
-        goals = self._possible_goals(placed) & nameable
+        goals = self.possible_goals(placed) & nameable
         targets = np.flatnonzero(goals).tolist() if self.traits.places else [None]
         pairs = [(referent, target) for referent in movable for target in targets if referent != target]
         return [self._pointed(self.episode(placed, referent, target, rng), rng) for referent, target in pairs]
@@ -228,7 +228,7 @@ class Manipulation(Task):
         if self.traits.speaks:
             sentence, instruction = self._sentence(placed.scene, referent, target, rng)
             kind = self.kind_names.index(instruction.kind)
-        goals, shares = self._possible_goals(placed), None
+        goals, shares = self.possible_goals(placed), None
         if self.fittings is not None:
             shares = np.clip(self.fittings.shares(placed.scene.nouns, placed.scene.positions), 0.0, 1.0)
         episode = self._episode(placed, referent=referent, kind=kind, sentence=sentence)
@@ -263,7 +263,7 @@ class Manipulation(Task):
         """(K,) which objects could be the referent."""
         return ~placed.scene.targets & ~placed.fixed
 
-    def _possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
+    def possible_goals(self, placed: Placed) -> NDArray[np.bool_]:
         """(K,) which objects could be the goal."""
         return placed.scene.targets != self.traits.real_goals
 

@@ -1,0 +1,556 @@
+"""The things of one world over control steps: what is seen in single pictures becomes things that stay what they are.
+
+Each detection is matched with the thing that explains it best, by place, noun, colour and role (an assignment of least
+cost). Places are filtered (Kalman 1960); what pictures say of noun, colour and role adds up, older pictures counting
+less. What the arm or another thing hides stays where it was seen last, what is held moves with the gripper, and a thing
+is dropped only once its place was seen empty for several pictures.
+
+Known beforehand, as on a real table: where the table is, the sizes of things, the furniture and its joints, the joints
+of devices, and which nouns a task has. How many things there are, and where, only pictures tell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from envs.perception.config import PerceptionConfig
+from envs.perception.detections import Array, Detections
+from envs.perception.poses import (
+    CUBE,
+    DEVICE_NUMBERS,
+    LOOSE,
+    WHEEL,
+    WHEEL_WAY,
+    handles,
+    heading,
+    product,
+    quaternion_of,
+    quaternions_of,
+    stands,
+    upright,
+    wrapped,
+)
+from envs.sim.workspace import Fitting
+from envs.tasks import NOTHING
+from language import COLORS, HAND, NOUNS
+
+HAND_NUMBER = list(NOUNS).index(HAND)
+IS_DEVICE = np.isin(np.arange(len(NOUNS)), DEVICE_NUMBERS)
+QUARTER = np.pi / 2  # radians: a cube looks the same after such a turn
+LEAST = 1e-3  # probability that counts as impossible
+KEPT = 0.9  # share of earlier evidence that the next picture leaves
+NOISE = 0.001  # metres, standard deviation that every measured place has at least: of the cameras' calibration
+JUMP, JUMPED = 6.0, 0.1  # cost of a thing that has been moved, and metres of the way whose square costs 1 more
+WORST = 10.0  # cost from which a detection is not of a thing
+NEAR = 0.12  # metres from the gripper's centre within which things may be moved
+RESTLESS = 8  # control steps after a motion in which a thing is expected to move on
+ALIKE = 0.6  # widths between two detections of one thing, at most
+LEVEL = 0.008  # metres from its height on the table within which a thing at rest stands on it
+ARM = 0.09  # metres from the axis of an arm's links within which it hides things
+HOLDS = 0.08  # metres from where a gripper holds to the middle of what it has taken hold of, at most
+ON_JOINT = 0.06  # metres beside the way of a fitting's handle within which a detection is of that handle
+FOLLOWS = 0.8  # share of a measured turn that is taken at once while the gripper may be turning something
+SAMPLES = 6  # points along each link
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownThings:
+    """What is known of the things before any is seen.
+
+    nouns: (len(NOUNS),) bool, which there may be. targets: whether some may be see-through. size: of loose things,
+    metres. width: of devices, metres. fittings: by the number of their noun. most: how many things are observed.
+    bounds: (2, 3) corners of where things may be, metres. grip_depth: metres from the gripper's centre down to the
+    middle of what it holds.
+    """
+
+    nouns: NDArray[np.bool_]
+    targets: bool
+    size: float
+    width: float
+    fittings: dict[int, Fitting]
+    most: int
+    bounds: Array
+    grip_depth: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """The arm and the cameras while pictures are taken.
+
+    arm: (J + 1, 3) the joints and the gripper's centre, metres. rotation: (3, 3) of the gripper. holds: whether it
+    holds something. cameras: (C, 3) where they are, metres.
+    """
+
+    arm: Array
+    rotation: Array
+    holds: bool
+    cameras: Array
+
+    @property
+    def gripper(self) -> Array:
+        """(3,) the gripper's centre, metres."""
+        return self.arm[-1]
+
+
+@dataclass(kw_only=True)
+class Things:
+    """T things that are followed, by row.
+
+    ids: never the same twice in an episode. nouns, colors: (T, ...) and targets: (T,) logarithms of the evidence.
+    anchors: (T, 3) and covariances: (T, 3, 3) of what is filtered: the middle of a thing; of a device, where it stands.
+    yaws: (T,) radians. shares: (T,) of a joint's range. turns: (T, 4) quaternions. hits, missed, strayed, restless:
+    (T,) pictures in which it was seen, in which its place was seen empty, in which it was last seen elsewhere, and
+    control steps in which it may yet move. starts: (T,) radians, how a wheel was turned as it was first seen.
+    """
+
+    ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    nouns: Array = field(default_factory=lambda: np.zeros((0, len(NOUNS))))
+    colors: Array = field(default_factory=lambda: np.zeros((0, len(COLORS))))
+    targets: Array = field(default_factory=lambda: np.zeros(0))
+    anchors: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    covariances: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    yaws: Array = field(default_factory=lambda: np.zeros(0))
+    shares: Array = field(default_factory=lambda: np.zeros(0))
+    starts: Array = field(default_factory=lambda: np.zeros(0))
+    turns: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    hits: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    missed: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    strayed: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    restless: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def keep(self, which: NDArray[np.bool_]) -> None:
+        """Drop all rows but these (T,)."""
+        if not which.all():
+            for name, values in vars(self).items():
+                setattr(self, name, values[which])
+
+    def join(self, other: Things) -> None:
+        """Add the rows of others."""
+        for name, values in vars(self).items():
+            setattr(self, name, np.concatenate((values, getattr(other, name))))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """S things as they are observed, (S, ...) each; held: the row of what the gripper holds, or NOTHING.
+
+    nouns, colors: indices. positions: metres; of devices and fittings, those of their handles. yaws: radians at which
+    devices were placed. sizes: metres.
+    """
+
+    ids: NDArray[np.int64]
+    nouns: NDArray[np.int64]
+    colors: NDArray[np.int64]
+    targets: NDArray[np.bool_]
+    positions: Array
+    quaternions: Array
+    yaws: Array
+    sizes: Array
+    held: int
+
+
+class SceneTracker:
+    """Follows the things of one world.
+
+    Args:
+        config: of the perception.
+        known: of the things.
+    """
+
+    def __init__(self, config: PerceptionConfig, known: KnownThings) -> None:
+        self._config, self._known = config, known
+        self._impossible = np.where(known.nouns, 0.0, np.log(LEAST))
+        self._general = known.nouns.copy()
+        self._general[list(known.fittings)] = False  # fittings are followed along their joints
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget all things: an episode begins."""
+        self._things, self._next, self._pictures = Things(), 0, 0
+        self._held, self._gripper = NOTHING, (np.zeros(3), np.eye(3))
+        self._fittings = {number: _FollowedFitting(each) for number, each in self._known.fittings.items()}
+
+    # ---- a control step
+
+    def update(self, detections: Detections, moment: Moment) -> None:
+        """Take what is seen after a control step, or as an episode begins."""
+        if not self._pictures:
+            self._gripper = moment.gripper.copy(), moment.rotation.copy()
+        self._move(moment)
+        seen = self._without_fittings(self._possible(detections), moment)
+        anchors = self._anchors_of(seen)
+        rows, columns, jumps = self._matched(seen, anchors)
+        self._correct(rows, columns, seen=seen, anchors=anchors, jumps=jumps, moment=moment)
+        new = np.setdiff1d(np.arange(len(seen)), columns)
+        self._miss(rows, moment)
+        self._join(seen[new], anchors[new])
+        self._note_held(moment)
+        self._level()
+        self._gripper = moment.gripper.copy(), moment.rotation.copy()
+        self._pictures += 1
+
+    def _possible(self, detections: Detections) -> Detections:
+        """Return the detections of what there can be, where it can be; nouns and roles that cannot be are ruled out."""
+        low, high = self._known.bounds
+        inside = ((detections.positions >= low) & (detections.positions <= high)).all(1)
+        chosen = inside & (detections.presence >= self._config.presence / 2)
+        seen = detections[chosen & (self._known.nouns | LOOSE | IS_DEVICE)[detections.nouns.argmax(1)]]
+        nouns = np.where(self._known.nouns, np.maximum(seen.nouns, LEAST), 0.0)
+        nouns /= nouns.sum(1, keepdims=True)
+        targets = np.clip(seen.targets, LEAST, 1 - LEAST) if self._known.targets else np.full(len(seen), LEAST)
+        return replace(seen, nouns=nouns, targets=np.where(LOOSE[nouns.argmax(1)], targets, LEAST))
+
+    def _without_fittings(self, seen: Detections, moment: Moment) -> Detections:
+        """Take what is seen of fittings, and return the other detections."""
+        number = seen.nouns.argmax(1)
+        for noun, fitting in self._fittings.items():
+            fitting.update(seen[number == noun], moment, self._config)
+        return seen[~np.isin(number, list(self._fittings))]
+
+    def _motion(self, moment: Moment) -> tuple[Array, Array]:
+        """Return where the gripper was, (3,) metres, and by which rotation (3, 3) it has turned since."""
+        before, rotation = self._gripper
+        return before, moment.rotation @ rotation.T
+
+    def _move(self, moment: Moment) -> None:
+        """Let time pass: what is held moves with the gripper, and what moves may be farther away."""
+        things, config = self._things, self._config
+        held, (before, turn) = np.flatnonzero(things.ids == self._held), self._motion(moment)
+        if len(held):
+            things.anchors[held] = moment.gripper + (things.anchors[held] - before) @ turn.T
+            things.turns[held] = product(quaternion_of(turn), things.turns[held])
+            things.yaws[held] = heading(things.turns[held])
+        for noun, fitting in self._fittings.items():
+            if self._held == _fitting_id(noun):
+                fitting.carry(moment.gripper + turn @ (fitting.handle - before))
+        noise = np.where(things.restless > 0, config.motion, config.drift)
+        near = _length(things.anchors - moment.gripper) < NEAR
+        noise = np.where(near, np.maximum(noise, config.motion / 10), noise)
+        noise[self._devices] = config.drift
+        things.covariances = things.covariances + (noise * noise)[:, None, None] * np.eye(3)
+        things.restless = np.maximum(things.restless - 1, 0)
+
+    @property
+    def _devices(self) -> NDArray[np.bool_]:
+        """(T,) which things are devices."""
+        return np.isin(self._things.nouns.argmax(1), DEVICE_NUMBERS)
+
+    def _anchors_of(self, seen: Detections) -> Array:
+        """(D, 3) what is filtered of each detection: its place, or where the device stands whose handle is seen."""
+        return stands(seen.nouns.argmax(1), seen.positions, yaws=seen.yaws, shares=seen.shares, width=self._known.width)
+
+    # ---- which detection is of which thing
+
+    def _matched(self, seen: Detections, anchors: Array) -> tuple[NDArray, NDArray, NDArray[np.bool_]]:
+        """Return rows of things, the detections of them, and whether the thing would have been moved there."""
+        things = self._things
+        if not len(things) or not len(seen):
+            return np.zeros(0, int), np.zeros(0, int), np.zeros(0, bool)
+        offset = anchors[None] - things.anchors[:, None]
+        spread = things.covariances[:, None] + seen.covariances[None] + NOISE**2 * np.eye(3)
+        near = 0.5 * (offset * np.linalg.solve(spread, offset[..., None])[..., 0]).sum(-1)
+        moved = JUMP + (offset * offset).sum(-1) / JUMPED**2
+        moved = np.where(self._devices[:, None], np.inf, moved)
+        alike = -np.log(np.maximum(_probabilities(things.nouns) @ seen.nouns.T, LEAST))
+        alike -= np.log(np.maximum(_probabilities(things.colors) @ np.maximum(seen.colors, LEAST).T, LEAST))
+        target = 1 / (1 + np.exp(-things.targets))[:, None]
+        alike -= np.log(np.maximum(target * seen.targets + (1 - target) * (1 - seen.targets), LEAST))
+        cost = np.minimum(near, moved) + alike
+        rows, columns = assignment(np.minimum(cost, WORST))
+        real = cost[rows, columns] < WORST
+        rows, columns = rows[real], columns[real]
+        return rows, columns, (near > moved)[rows, columns]
+
+    def _correct(
+        self,
+        rows: NDArray,
+        columns: NDArray,
+        *,
+        seen: Detections,
+        anchors: Array,
+        jumps: NDArray[np.bool_],
+        moment: Moment,
+    ) -> None:
+        """Take what is seen of things that were there before."""
+        things = self._things
+        near = _length(things.anchors[rows] - moment.gripper) < NEAR
+        taken = ~jumps | near | (things.restless[rows] > 0) | (things.strayed[rows] > 0)
+        things.strayed[rows] = np.where(jumps & ~taken, 1, 0)
+        things.restless[rows[jumps & taken]] = RESTLESS
+        jump, go = rows[jumps & taken], columns[jumps & taken]
+        things.anchors[jump], things.covariances[jump] = anchors[go], seen.covariances[go]
+        step, of = rows[~jumps], columns[~jumps]
+        measured = seen.covariances[of] + NOISE**2 * np.eye(3)
+        prior = things.covariances[step]
+        gain = prior @ np.linalg.inv(prior + measured)
+        things.anchors[step] += (gain @ (anchors[of] - things.anchors[step])[..., None])[..., 0]
+        things.covariances[step] = prior - gain @ prior
+        things.hits[rows] += 1
+        things.missed[rows] = 0
+        things.nouns[rows] = KEPT * things.nouns[rows] + np.log(np.maximum(seen.nouns[columns], LEAST))
+        things.colors[rows] = KEPT * things.colors[rows] + np.log(np.maximum(seen.colors[columns], LEAST))
+        odds = np.log(seen.targets[columns] / (1 - seen.targets[columns]))
+        things.targets[rows] = KEPT * things.targets[rows] + odds
+        self._turn(rows, columns, seen=seen, near=near)
+
+    def _turn(self, rows: NDArray, columns: NDArray, *, seen: Detections, near: NDArray[np.bool_]) -> None:
+        """Take how things are turned, and how far devices are moved. near: (M,) which the gripper may be moving."""
+        things = self._things
+        nouns = things.nouns[rows].argmax(1)
+        slow = 1.0 / np.clip(things.hits[rows], 1, 20)
+        turns = (near & np.isin(nouns, (CUBE, WHEEL))) | (things.restless[rows] > 0)
+        gain = np.where(things.ids[rows] == self._held, 0.0, np.where(turns, np.maximum(slow, FOLLOWS), slow))
+        apart = seen.yaws[columns] - things.yaws[rows]
+        apart = np.where(nouns == CUBE, wrapped(apart, QUARTER), wrapped(apart, 2 * np.pi))
+        turnable = (nouns == CUBE) | np.isin(nouns, DEVICE_NUMBERS)
+        things.yaws[rows] += np.where(turnable, gain * apart, 0.0)
+        gain = np.where(near, np.maximum(slow, FOLLOWS), slow)
+        things.shares[rows] += gain * (seen.shares[columns] - things.shares[rows])
+        free = things.ids[rows] != self._held
+        things.turns[rows[free]] = upright(things.yaws[rows[free]])
+
+    # ---- what is not seen, and what is new
+
+    def _miss(self, rows: NDArray, moment: Moment) -> None:
+        """Drop things whose places were seen empty for long. rows: of the things that were seen."""
+        things = self._things
+        missing = np.ones(len(things), bool)
+        missing[rows] = False
+        missing &= things.ids != self._held
+        if not missing.any():
+            return
+        empty = np.zeros(len(things), bool)
+        empty[missing] = ~self._hidden(np.flatnonzero(missing), moment)
+        things.missed += empty
+        unsure = things.hits < self._config.confirmations
+        things.keep((things.missed < self._config.patience) & ~(unsure & (things.missed > 0)))
+
+    def _hidden(self, which: NDArray, moment: Moment) -> NDArray[np.bool_]:
+        """(W,) whether the arm or another thing is between a camera and each of these things, or in its place."""
+        things = self._things
+        places, size = things.anchors[which], self._known.size
+        share = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)[:, None, None]
+        links = (moment.arm[:-1] + share * (moment.arm[1:] - moment.arm[:-1])).reshape(-1, 3)
+        screens = np.concatenate((links, moment.arm[-1:], things.anchors))
+        widths = np.concatenate((np.full(len(links) + 1, ARM), np.full(len(things), size)))
+        way = moment.cameras[:, None] - places[None]  # (C, W, 3)
+        offset = screens[None, None] - places[None, :, None]  # (1, W, S, 3)
+        along = (offset * way[:, :, None]).sum(-1) / (way * way).sum(-1)[..., None]
+        beside = _length(offset - np.clip(along, 0.0, 1.0)[..., None] * way[:, :, None])
+        hides = beside < widths
+        hides[:, np.arange(len(which)), len(links) + 1 + which] = False
+        return np.asarray(hides.any((0, 2)))
+
+    def _join(self, new: Detections, anchors: Array) -> None:
+        """Begin to follow what is seen of no thing so far."""
+        things, known = self._things, self._known
+        believed = (new.presence >= self._config.presence) & self._general[new.nouns.argmax(1)]
+        apart = _length(anchors[:, None] - things.anchors[None])
+        same = (new.targets[:, None] > 0.5) == (things.targets[None] > 0)
+        believed &= ~((apart < ALIKE * known.size) & same).any(1)
+        if (new.nouns.argmax(1) == HAND_NUMBER).any() and (things.nouns.argmax(1) == HAND_NUMBER).any():
+            believed &= new.nouns.argmax(1) != HAND_NUMBER  # there is one
+        new, anchors = new[believed], anchors[believed]
+        count = len(new)
+        if not count:
+            return
+        nouns = np.log(np.maximum(new.nouns, LEAST))
+        yaws = np.where(nouns.argmax(1) == CUBE, wrapped(new.yaws, QUARTER), new.yaws)
+        yaws = np.where(LOOSE[nouns.argmax(1)] & (nouns.argmax(1) != CUBE), 0.0, yaws)
+        shown = self._config.confirmations if not self._pictures else 1  # the first picture is believed
+        things.join(
+            Things(
+                ids=self._next + np.arange(count),
+                nouns=nouns,
+                colors=np.log(np.maximum(new.colors, LEAST)),
+                targets=np.log(new.targets / (1 - new.targets)),
+                anchors=anchors,
+                covariances=new.covariances + NOISE**2 * np.eye(3),
+                yaws=yaws,
+                shares=new.shares.copy(),
+                starts=yaws - WHEEL_WAY * (2 * new.shares - 1),
+                turns=upright(yaws),
+                hits=np.full(count, shown),
+                missed=np.zeros(count, np.int64),
+                strayed=np.zeros(count, np.int64),
+                restless=np.zeros(count, np.int64),
+            )
+        )
+        self._next += count
+
+    # ---- what is held, and what rests
+
+    def _note_held(self, moment: Moment) -> None:
+        """Tell what the gripper has taken hold of: the nearest thing that can be held."""
+        things = self._things
+        if not moment.holds:
+            things.restless[things.ids == self._held] = RESTLESS
+            self._held = NOTHING
+        elif self._held == NOTHING:
+            where = moment.gripper - [0.0, 0.0, self._known.grip_depth]
+            loose = LOOSE[things.nouns.argmax(1)] & (things.targets <= 0)
+            apart = np.where(loose, _length(things.anchors - where), np.inf).tolist()
+            apart += [float(_length(fitting.handle - where)) for fitting in self._fittings.values()]
+            ids = [*things.ids.tolist(), *map(_fitting_id, self._fittings)]
+            if ids and min(apart) < HOLDS:
+                self._held = ids[int(np.argmin(apart))]
+
+    def _level(self) -> None:
+        """Put what stands on the table at its height there."""
+        things, height = self._things, self._known.size / 2
+        rests = LOOSE[things.nouns.argmax(1)] & (things.restless == 0) & (things.ids != self._held)
+        rests &= np.abs(things.anchors[:, 2] - height) < LEVEL
+        things.anchors[rests, 2] = height
+
+    # ---- what is observed
+
+    def seen(self) -> Seen:
+        """Return the things as they are observed now: the furniture, and of all others those that are sure."""
+        things, known = self._things, self._known
+        sure = np.flatnonzero(things.hits >= self._config.confirmations)
+        room = known.most - len(self._fittings)
+        if len(sure) > room:
+            sure = np.sort(sure[np.argsort(-things.hits[sure], kind="stable")][:room])
+        nouns = things.nouns[sure].argmax(1)
+        yaws, shares = things.yaws[sure], things.shares[sure]
+        places = handles(nouns, things.anchors[sure], yaws=yaws, shares=shares, width=known.width)
+        fittings = list(self._fittings.values())
+        ids = np.array([*things.ids[sure].tolist(), *map(_fitting_id, self._fittings)], np.int64)
+        held = np.flatnonzero(ids == self._held)
+        count = len(fittings)
+        return Seen(
+            ids=ids,
+            nouns=np.array([*nouns.tolist(), *self._fittings], np.int64),
+            colors=np.array([*things.colors[sure].argmax(1).tolist(), *(each.color for each in fittings)], np.int64),
+            targets=np.append(things.targets[sure] > 0, np.zeros(count, bool)),
+            positions=np.concatenate((places, np.reshape([each.handle for each in fittings], (-1, 3)))),
+            quaternions=np.concatenate(
+                (
+                    quaternions_of(nouns, things.turns[sure], yaws=yaws, shares=shares),
+                    np.reshape([each.quaternion for each in fittings], (-1, 4)),
+                )
+            ),
+            yaws=np.append(np.where(nouns == WHEEL, things.starts[sure], yaws), np.zeros(count)),
+            sizes=np.append(np.where(np.isin(nouns, DEVICE_NUMBERS), known.width, known.size), [known.size] * count),
+            held=int(held[0]) if len(held) and self._held != NOTHING else NOTHING,
+        )
+
+
+class _FollowedFitting:
+    """A fitting whose share is followed along its joint. It is there in any case: the furniture is known.
+
+    share: in [0, 1], how far it is open. color: the likeliest.
+    """
+
+    def __init__(self, fitting: Fitting) -> None:
+        self._fitting, self.share, self._variance, self._strayed = fitting, 0.0, np.inf, False
+        self._colors = np.zeros(len(COLORS))
+
+    @property
+    def handle(self) -> Array:
+        """(3,) the place of its handle, metres."""
+        return self._fitting.handle_at(self._fitting.value(self.share))
+
+    @property
+    def quaternion(self) -> Array:
+        """(4,) of its handle."""
+        half = float(self._fitting.value(self.share)) / 2 if self._fitting.joint == "turn" else 0.0
+        return np.append(np.sin(half) * np.array(self._fitting.axis), np.cos(half))
+
+    @property
+    def color(self) -> int:
+        return int(self._colors.argmax())
+
+    def carry(self, handle: Array) -> None:
+        """Move it to where the gripper has taken its handle, (3,) metres."""
+        self.share = float(np.clip(self._fitting.share(handle), 0.0, 1.0))
+
+    def update(self, seen: Detections, moment: Moment, config: PerceptionConfig) -> None:
+        """Take what is seen of it after a control step, if anything."""
+        metres = self._metres()
+        near = float(_length(self.handle - moment.gripper)) < NEAR
+        self._variance += ((config.motion if near or self._strayed else config.drift) / metres) ** 2
+        if not len(seen):
+            return
+        shares = np.clip(self._fitting.share(seen.positions), 0.0, 1.0)
+        beside = _length(self._fitting.handle_at(self._fitting.value(shares)) - seen.positions)
+        best = int(np.where(beside < ON_JOINT, seen.presence, 0.0).argmax())
+        if beside[best] >= ON_JOINT:
+            return
+        error = (np.trace(seen.covariances[best]) / 3 + NOISE**2) / metres**2
+        apart = shares[best] - self.share
+        strays = apart * apart > 2 * JUMP * (self._variance + error)
+        if strays and not (near or self._strayed):
+            self._strayed = True
+            return
+        gain = 1.0 if strays or np.isinf(self._variance) else self._variance / (self._variance + error)
+        self.share = float(np.clip(self.share + gain * apart, 0.0, 1.0))
+        self._variance = error if gain == 1.0 else (1 - gain) * self._variance
+        self._strayed = False
+        self._colors = KEPT * self._colors + np.log(np.maximum(seen.colors[best], LEAST))
+
+    def _metres(self) -> float:
+        """Metres of way for the whole range of the joint, at the present share."""
+        low, high = max(0.0, self.share - 0.01), min(1.0, self.share + 0.01)
+        ends = self._fitting.handle_at(self._fitting.value([low, high]))
+        return float(_length(ends[1] - ends[0])) / (high - low)
+
+
+def _fitting_id(noun: int) -> int:
+    """Return the id of the fitting with this noun's number."""
+    return NOTHING - 1 - noun
+
+
+def _length(vectors: Array) -> Array:
+    return np.sqrt((vectors * vectors).sum(-1))
+
+
+def _probabilities(logs: Array) -> Array:
+    """(T, C) probabilities from logarithms of evidence (T, C)."""
+    odds = np.exp(logs - logs.max(1, keepdims=True))
+    return odds / odds.sum(1, keepdims=True)
+
+
+# ---- the assignment of least cost
+
+
+def assignment(costs: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return rows and columns (min(R, C),) of costs (R, C) whose sum is least, each row and column once at most.
+
+    Shortest augmenting paths. Source: Jonker and Volgenant, "A shortest augmenting path algorithm for dense and sparse
+    linear assignment problems", 1987.
+    """
+    if costs.shape[0] > costs.shape[1]:
+        columns, rows = assignment(costs.T)
+        order = np.argsort(rows)
+        return rows[order], columns[order]
+    count, width = costs.shape
+    of_row, of_column = np.zeros(count), np.zeros(width)
+    owner = np.full(width, -1)  # the row of each column
+    for row in range(count):
+        least, last, done = np.full(width, np.inf), np.full(width, -1), np.zeros(width, bool)
+        at, column, so_far = row, -1, 0.0
+        while at >= 0:
+            way = so_far + costs[at] - of_row[at] - of_column
+            better = ~done & (way < least)
+            least[better], last[better] = way[better], column
+            column = int(np.where(done, np.inf, least).argmin())
+            done[column], so_far, at = True, least[column], owner[column]
+        of_row[row] += so_far
+        for j in np.flatnonzero(done):
+            if j != column:
+                of_row[owner[j]] += so_far - least[j]
+                of_column[j] -= so_far - least[j]
+        while column >= 0:  # the free column's way back to the row
+            before = int(last[column])
+            owner[column] = row if before < 0 else owner[before]
+            column = before
+    columns = np.flatnonzero(owner >= 0)
+    order = np.argsort(owner[columns])
+    return owner[columns][order], columns[order]

@@ -1,0 +1,222 @@
+"""Single pictures become things that stay what they are."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from envs.perception.config import STATE
+from envs.perception.detections import Detections
+from envs.perception.tracking import KnownThings, Moment, SceneTracker, assignment
+from envs.sim.devices import DEVICES
+from envs.tasks import NOTHING
+from language import COLORS, FITTINGS, HAND, NOUNS, SHAPES
+from language import DEVICES as DEVICE_NOUNS
+from tests.helpers.env_cases import config_of
+from tests.helpers.perceived_cases import unsure
+
+SIZE, WIDTH = 0.05, 0.07
+AWAY = np.array([[0.0, 0.0, 0.3], [0.1, 0.4, 0.5], [0.2, 0.5, 0.5]])  # an arm that hides nothing
+CAMERAS = np.array([[1.2, 0.6, 0.9], [1.2, -0.6, 0.9]])
+FRIDGE = config_of("workspace=room").workspace.fittings["fridge"]
+
+
+def known(**changes):
+    nouns = np.isin(list(NOUNS), [*SHAPES, *DEVICE_NOUNS, HAND])
+    bounds = np.array([[0.0, -0.6, -0.1], [0.9, 0.6, 0.8]])
+    base = KnownThings(
+        nouns=nouns, targets=True, size=SIZE, width=WIDTH, fittings={}, most=8, bounds=bounds, grip_depth=0.025
+    )
+    return replace(base, **changes)
+
+
+def tracker(**changes):
+    return SceneTracker(STATE, known(**changes))
+
+
+def moment(arm=AWAY, holds=False, rotation=None):
+    return Moment(arm=np.array(arm), rotation=np.eye(3) if rotation is None else rotation, holds=holds, cameras=CAMERAS)
+
+
+def seen(*things, std=0.002):
+    """Detections of things (place, noun, colour, and further values)."""
+    nouns = [list(NOUNS).index(noun) for _, noun, *_ in things]
+    colors = [list(COLORS).index(color) for _, _, color, *_ in things]
+    more = [each[3] if len(each) > 3 else {} for each in things]
+    count = len(things)
+    return Detections(
+        positions=np.reshape([place for place, *_ in things], (-1, 3)).astype(float),
+        covariances=np.tile(std**2 * np.eye(3), (count, 1, 1)),
+        nouns=unsure(np.array(nouns, int), len(NOUNS), 0.9),
+        colors=unsure(np.array(colors, int), len(COLORS), 0.9),
+        sizes=np.full(count, SIZE),
+        yaws=np.array([each.get("yaw", 0.0) for each in more]),
+        shares=np.array([each.get("share", 0.0) for each in more]),
+        targets=np.array([each.get("target", 0.02) for each in more]),
+        presence=np.array([each.get("presence", 0.99) for each in more]),
+    )
+
+
+CUBE = (0.4, 0.1, 0.025), "cube", "red"
+BALL = (0.5, -0.1, 0.025), "sphere", "blue"
+
+
+def names(found):
+    return [(list(NOUNS)[n], list(COLORS)[c]) for n, c in zip(found.nouns, found.colors, strict=True)]
+
+
+def test_what_the_first_picture_shows_is_observed_at_once():
+    follows = tracker()
+    follows.update(seen(CUBE, BALL), moment())
+    found = follows.seen()
+    assert names(found) == [("cube", "red"), ("sphere", "blue")]
+    np.testing.assert_allclose(found.positions, [CUBE[0], BALL[0]], atol=1e-9)
+    assert found.held == NOTHING
+
+
+def test_a_thing_at_rest_is_placed_better_than_by_a_single_picture():
+    follows, rng, errors = tracker(), np.random.default_rng(0), []
+    for _ in range(40):
+        place = np.array(CUBE[0]) + 0.004 * rng.standard_normal(3)
+        follows.update(seen((place, "cube", "red"), std=0.004), moment())
+        errors.append(np.linalg.norm(follows.seen().positions[0] - CUBE[0]))
+    assert len(follows.seen().ids) == 1
+    assert max(errors[20:]) < 0.004
+
+
+def test_a_noun_that_is_misread_once_stays():
+    follows = tracker()
+    for noun in ("cube", "cube", "cylinder", "cube"):
+        follows.update(seen((CUBE[0], noun, "red")), moment())
+        assert names(follows.seen()) == [("cube", "red")]
+
+
+def test_what_the_arm_hides_stays_and_what_is_gone_is_dropped():
+    follows = tracker()
+    follows.update(seen(CUBE, BALL), moment())
+    over_the_cube = [[0.0, 0.0, 0.3], [0.3, 0.1, 0.4], [0.4, 0.1, 0.08]]
+    for _ in range(3 * STATE.patience):
+        follows.update(seen(BALL), moment(over_the_cube))
+    assert names(follows.seen()) == [("cube", "red"), ("sphere", "blue")]
+    for _ in range(STATE.patience):
+        assert len(follows.seen().ids) == 2
+        follows.update(seen(BALL), moment())
+    assert names(follows.seen()) == [("sphere", "blue")]
+
+
+def test_what_appears_late_is_observed_once_it_was_seen_again():
+    follows = tracker()
+    follows.update(seen(CUBE), moment())
+    follows.update(seen(CUBE, BALL), moment())
+    assert len(follows.seen().ids) == 1
+    follows.update(seen(CUBE, BALL), moment())
+    assert len(follows.seen().ids) == 2
+
+
+def test_what_one_picture_invents_is_not_observed():
+    follows = tracker()
+    for extra in ([], [BALL], [], [], [BALL], []):
+        follows.update(seen(CUBE, *extra), moment())
+        assert names(follows.seen()) == [("cube", "red")]
+
+
+def test_what_is_held_moves_with_the_gripper_unseen():
+    follows = tracker()
+    at_the_cube = np.array([[0.0, 0.0, 0.3], [0.3, 0.1, 0.4], [0.4, 0.1, 0.05]])
+    follows.update(seen(CUBE, BALL), moment(at_the_cube))
+    follows.update(seen(CUBE, BALL), moment(at_the_cube, holds=True))
+    assert follows.seen().held == 0
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    follows.update(seen(BALL), moment(at_the_cube + [0.1, 0.0, 0.2], holds=True, rotation=turn))
+    found = follows.seen()
+    np.testing.assert_allclose(found.positions[0], [0.5, 0.1, 0.225], atol=1e-6)
+    np.testing.assert_allclose(np.abs(found.quaternions[0]), [0, 0, np.sqrt(0.5), np.sqrt(0.5)], atol=1e-6)
+    follows.update(seen(BALL), moment(at_the_cube + [0.1, 0.0, 0.2], rotation=turn))
+    assert follows.seen().held == NOTHING
+
+
+def test_a_thing_that_is_moved_by_hand_is_followed_but_not_to_a_single_stray_picture():
+    follows = tracker()
+    moved = (0.3, -0.05, 0.025), "cube", "red"
+    for each in (CUBE, CUBE, moved, CUBE):
+        follows.update(seen(each), moment())
+        np.testing.assert_allclose(follows.seen().positions, [CUBE[0]], atol=1e-3)
+    for _ in range(2):
+        follows.update(seen(moved), moment())
+    np.testing.assert_allclose(follows.seen().positions, [moved[0]], atol=1e-3)
+
+
+def test_an_object_on_its_target_leaves_the_target_where_it_is():
+    follows = tracker()
+    target = CUBE[0], "cube", "green", {"target": 0.98}
+    follows.update(seen(target, BALL), moment())
+    ball_nearer = (0.45, 0.0, 0.025), "sphere", "blue"
+    ball_there = CUBE[0], "sphere", "blue"
+    for each in [ball_nearer] * 2 + [ball_there] * 2 * STATE.patience:
+        follows.update(seen(*([each] if each is ball_there else [target, each])), moment())
+    assert names(follows.seen()) == [("cube", "green"), ("sphere", "blue")]
+    assert follows.seen().targets.tolist() == [True, False]
+
+
+def test_nouns_and_targets_that_a_task_lacks_are_not_observed():
+    follows = tracker(nouns=np.isin(list(NOUNS), ["cube"]), targets=False)
+    ghost = CUBE[0], "cube", "red", {"target": 0.9}
+    follows.update(seen(ghost, BALL, ((0.3, -0.3, 0.1), "palm", "pink")), moment())
+    assert names(follows.seen()) == [("cube", "red"), ("cube", "blue")]
+    assert not follows.seen().targets.any()
+
+
+@pytest.mark.parametrize(("noun", "share"), [("button", 0.4), ("lever", 0.0), ("lever", 1.0)])
+def test_the_handle_of_a_device_follows_from_where_it_stands(noun, share):
+    device, yaw = DEVICES[noun], 0.7
+    grip = device.grip(WIDTH, float(device.value(share)))
+    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    place = np.array([0.45, 0.05, 0.0]) + turn @ grip
+    follows = tracker()
+    for _ in range(2):
+        follows.update(seen((place, noun, "red", {"yaw": yaw, "share": share})), moment())
+    found = follows.seen()
+    np.testing.assert_allclose(found.positions, [place], atol=5e-4)
+    assert abs(found.yaws[0] - yaw) < 1e-6
+    assert found.sizes[0] == WIDTH
+
+
+def test_a_fitting_is_observed_on_its_joint_even_before_it_is_seen():
+    number = list(NOUNS).index("fridge")
+    nouns = np.isin(list(NOUNS), [*SHAPES, *FITTINGS])
+    follows = tracker(nouns=nouns, fittings={number: FRIDGE})
+    follows.update(seen(), moment())
+    np.testing.assert_allclose(follows.seen().positions, [FRIDGE.handle_at(0.0)], atol=1e-9)
+    open_ = FRIDGE.handle_at(FRIDGE.value(0.6))
+    for _ in range(3):
+        follows.update(seen((open_ + [0.0, 0.01, 0.0], "fridge", "cyan")), moment())
+    found = follows.seen()
+    np.testing.assert_allclose(found.positions, [open_], atol=2e-3)
+    assert names(found) == [("fridge", "cyan")]
+
+
+def test_more_things_than_can_be_observed_are_left_out():
+    follows = tracker(most=3)
+    row = [((0.35 + 0.08 * k, 0.0, 0.025), "cube", "red") for k in range(5)]
+    follows.update(seen(*row), moment())
+    assert len(follows.seen().ids) == 3
+
+
+def test_detections_out_of_the_workspace_or_without_presence_are_ignored():
+    follows = tracker()
+    weak = BALL[0], "sphere", "blue", {"presence": 0.3}
+    follows.update(seen(((2.0, 0.0, 0.0), "cube", "red"), weak), moment())
+    assert len(follows.seen().ids) == 0
+
+
+def test_the_assignment_is_the_cheapest():
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        costs = np.minimum(20 * rng.random((rng.integers(1, 5), rng.integers(1, 6))), 16.0)
+        rows, columns = assignment(costs)
+        few, many = sorted(costs.shape)
+        table = costs if costs.shape[0] == few else costs.T
+        least = min(sum(table[k, j] for k, j in enumerate(order)) for order in permutations(range(many), few))
+        assert len(rows) == few == len(set(columns.tolist())) == len(set(rows.tolist()))
+        assert costs[rows, columns].sum() == pytest.approx(least)
