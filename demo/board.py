@@ -31,8 +31,8 @@ def world_of(env: InteractiveEnv) -> WorldModel:
     scene, numbers = env.scene(), movable(env)
     cells = grid_of(env).cells(scene.positions[numbers])
     cells[:, 2] = np.minimum(cells[:, 2], BOARD_HEIGHT - 1)
-    slots = np.flatnonzero(env.state.shown[0])[numbers]
-    held = next(iter(np.flatnonzero(slots == env.state.held[0]).tolist()), None)
+    slots = np.flatnonzero(env.sight.state.shown[0])[numbers]
+    held = next(iter(np.flatnonzero(slots == env.sight.state.held[0]).tolist()), None)
     kinds = env.shapes()
     blocks = [(kinds[i], scene[i].color, *map(int, cell)) for i, cell in zip(numbers, cells, strict=True)]
     return board(blocks, held, viewpoint=scene.viewpoint)

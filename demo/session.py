@@ -262,7 +262,9 @@ class Session:
 
     @property
     def arm_note(self) -> str:
-        """What its rules say of the arm that is driven, or ""."""
+        """Why the arm holds still: nothing is seen, or what its rules say of the arm that is driven; or ""."""
+        if blind := self.env.blind[0]:
+            return f"The arm holds still: {blind}."
         if not isinstance(self.env, MirrorEnv):
             return ""
         arm, decision = self.env.arm, self.env.world.decision

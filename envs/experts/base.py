@@ -1,22 +1,23 @@
 """The base class of scripted experts, and the table that they enter by decorator.
 
-Experts know the referent, the target and the simulation's state. Most have no memory: their action follows from the
-present state.
+Experts know the referent, the target and the simulation's state; with perception=camera, where things are as cameras
+see them. Most have no memory: their action follows from the present state.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from tensordict import TensorDictBase
 from torch import Tensor
 
 from core.errors import ConfigError
-from envs.tasks import Task
+from envs.tasks import State, Task
 from envs.workspace_env import WorkspaceEnv
 
 Array = NDArray[np.float64]
@@ -38,7 +39,15 @@ class Expert(ABC):
 
     def __call__(self, tensordict: TensorDictBase) -> TensorDictBase:
         state = self._env.state
-        return tensordict.set("action", self.act(state.referent, state.target))
+        return tensordict.set("action", self.act_on_shown(state.referent, state.target))
+
+    def act_on_shown(self, referent: Slots, target: Slots) -> Tensor:
+        """Return the action (N, A) as `act` does; arms hold still where referent or target are not seen."""
+        action, shown = self.act(referent, target), self._env.state.shown
+        seen = shown[self._rows, referent] & shown[self._rows, target]
+        if seen.all():
+            return action
+        return torch.where(torch.from_numpy(seen)[:, None], action, self._env.towards(self._env.gripper))
 
     @abstractmethod
     def act(self, referent: Slots, target: Slots) -> Tensor:
@@ -58,6 +67,26 @@ class AimingExpert(Expert):
     @abstractmethod
     def aim(self, referent: Slots, target: Slots) -> tuple[Array, NDArray[np.bool_]]:
         """Return where the grippers go (N, 3), metres, and whether they close (N,). Arguments: of `act`."""
+
+
+class SeenEnv:
+    """An environment whose task and state are those that cameras see."""
+
+    def __init__(self, env: WorkspaceEnv) -> None:
+        self._env = env
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._env, name)
+
+    @property
+    def task(self) -> Task:
+        """As policies may know it."""
+        return self._env.sight.task
+
+    @property
+    def state(self) -> State:
+        """As policies may know it."""
+        return self._env.sight.state
 
 
 def choose_rows(which: NDArray[np.bool_], these: Array, those: Array) -> Array:
@@ -95,11 +124,15 @@ def register_expert(*tasks: str) -> Callable[[ExpertClass], ExpertClass]:
     return register
 
 
-def expert(env: WorkspaceEnv) -> Expert:
-    """Return a new expert for the environment's task. Raises ConfigError where none is registered."""
+def expert(env: WorkspaceEnv, privileged: bool = False) -> Expert:
+    """Return a new expert for the environment's task. Raises ConfigError where none is registered.
+
+    privileged: whether it knows the simulation's state with perception=camera as well.
+    """
     name = env.config.task.name
     if name not in EXPERTS:
         raise ConfigError(
             f"task={name} has no scripted expert: register one with @register_expert({name!r}) in envs/experts/"
         )
-    return EXPERTS[name](env)
+    sees = env.config.perception.sees and not privileged
+    return EXPERTS[name](cast(WorkspaceEnv, SeenEnv(env)) if sees else env)

@@ -19,13 +19,15 @@ LABEL = ("privileged", "expert_action")
 class LabelledEnv(WorkspaceEnv):
     """Also observes privileged/expert_action (N, A): the expert's action in each state, whoever acts.
 
+    The expert knows the simulation's state, also with perception=camera.
+
     Raises:
         ConfigError: the environment cannot be built, or the task has no expert.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self._expert = expert(self)
+        self._expert = expert(self, privileged=True)
 
     def _make_specs(self) -> None:
         super()._make_specs()

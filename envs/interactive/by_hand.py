@@ -72,14 +72,15 @@ class ByHandEnv(WorkspaceEnv):
     def set_referent(self, index: int) -> TensorDictBase:
         """Make object `index` of the scene the referent, and start the episode. Returns the observation."""
         self._arrays.read(self._arrays.index)
-        slot = int(np.flatnonzero(self._state.shown[0])[index])
+        slot = int(np.flatnonzero(self.sight.state.shown[0])[index])
         self._set_goal(0, replace(self._arrays.goals[0], referent=slot))
         return self._first_observation()
 
     def scene(self) -> Scene:
         """Return the objects as the language sees them."""
-        shown = self._state.shown[0]
-        return scene_of_rows(self._arrays.rows[0, shown], self.config.task.viewpoint, self._state.nouns[0, shown])
+        state = self.sight.state
+        shown = state.shown[0]
+        return scene_of_rows(self.rows[0, shown], self.config.task.viewpoint, state.nouns[0, shown])
 
 
 class ScenePointer:

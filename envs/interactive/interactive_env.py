@@ -26,6 +26,8 @@ POINTING_STEPS = 60  # physics steps of a pointing motion: a quarter of a second
 class InteractiveEnv(WorkspaceEnv):
     """One world whose episodes start with `give_instruction` and have one. Objects are numbered as in `scene()`.
 
+    With perception=camera the objects are those that cameras see.
+
     client: PyBullet's client number. visual_shapes: what is drawn, and its poses. has_person: whether the workspace
     has a person who can point.
     """
@@ -42,20 +44,25 @@ class InteractiveEnv(WorkspaceEnv):
     def scene(self) -> Scene:
         """Return the objects as the language sees them."""
         slots = self._slots
-        return scene_of_rows(self._arrays.rows[0, slots], self.config.task.viewpoint, self._state.nouns[0, slots])
+        return scene_of_rows(self.rows[0, slots], self.config.task.viewpoint, self.sight.state.nouns[0, slots])
 
     def moved(self) -> Array:
         """(K,) how far devices are from their start, in shares of their way; 0 for other objects."""
-        return self.task.moved(self._state)[0, self._slots]
+        return self.sight.task.moved(self.sight.state)[0, self._slots]
 
     def bodies(self) -> list[int | None]:
-        """PyBullet's body number of each object; None for devices and fittings, which are no single bodies."""
-        loose = np.array([noun in SHAPES for noun in NOUNS])[self._state.nouns[0, self._slots]]
-        shown = iter(self._single_world.pool.shown)
-        return [next(shown) if each else None for each in loose]
+        """PyBullet's body number of each object; None for devices and fittings, which are no single bodies, and for
+        what is not there."""
+        true = np.flatnonzero(self._state.shown[0])
+        loose = true[np.array([noun in SHAPES for noun in NOUNS])[self._state.nouns[0, true]]]
+        bodies = dict(zip(loose.tolist(), self._single_world.pool.shown, strict=True))
+        return [bodies.get(slot) for slot in self._slots.tolist()]
 
     def shapes(self) -> list[str]:
-        """Return the shape of each loose object: a noun of the scene, or "pyramid"."""
+        """Return the shape of each loose object: a noun of the scene, or "pyramid", which cameras do not tell."""
+        if self.config.perception.sees:
+            nouns = [list(NOUNS)[noun] for noun in self.sight.state.nouns[0, self._slots]]
+            return [noun for noun in nouns if noun in SHAPES]
         return list(self._single_world.pool.nouns)
 
     @property
@@ -65,12 +72,12 @@ class InteractiveEnv(WorkspaceEnv):
 
     @property
     def _slots(self) -> NDArray[np.int64]:
-        return np.flatnonzero(self._state.shown[0])
+        return np.flatnonzero(self.sight.state.shown[0])
 
     @property
     def held(self) -> int | None:
         """The number of the object that the gripper holds; None for nothing."""
-        return next(iter(np.flatnonzero(self._slots == self._state.held[0]).tolist()), None)
+        return next(iter(np.flatnonzero(self._slots == self.sight.state.held[0]).tolist()), None)
 
     @property
     def rest_position(self) -> Array:
@@ -127,9 +134,11 @@ class InteractiveEnv(WorkspaceEnv):
         if self._state.held[0] == self._slots[index]:
             self._single_world.release()
         pool, body = self._single_world.pool, self.bodies()[index]
-        assert body is not None, "fittings and devices stay where they are"
+        assert body is not None, "only what is there and loose can be moved"
         pool.move(pool.shown.index(body), position)
         self._arrays.read(self._arrays.index)
+        if self._perceived is not None:
+            self._perceived.look_again()
 
 
 # ---- names of objects, for messages

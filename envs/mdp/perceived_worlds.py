@@ -109,6 +109,12 @@ class PerceivedWorlds:
         if new:
             self.task.reset(np.array(new), self.state)
 
+    def look_again(self) -> None:
+        """Look at all worlds, in which somebody has moved something between two control steps."""
+        for tracker in self._trackers:
+            tracker.expect_motion()
+        self._look(self._arrays.index)
+
     def restart(self, worlds: NDArray[np.int64]) -> None:
         """Begin the task's memory anew: another instruction is given."""
         self.task.reset(worlds, self.state)

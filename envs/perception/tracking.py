@@ -48,6 +48,7 @@ WORST = 10.0  # cost from which a detection is not of a thing
 NEAR = 0.12  # metres from the gripper's centre within which things may be moved
 RESTLESS = 8  # control steps after a motion in which a thing is expected to move on
 ALIKE = 0.6  # widths between two detections of one thing, at most
+ANYWHERE = 0.3  # metres by which things may have been moved by hand, standard deviation
 LEVEL = 0.008  # metres from its height on the table within which a thing at rest stands on it
 ARM = 0.09  # metres from the axis of an arm's links within which it hides things
 HOLDS = 0.08  # metres from where a gripper holds to the middle of what it has taken hold of, at most
@@ -175,6 +176,12 @@ class SceneTracker:
         self._things, self._next, self._pictures = Things(), 0, 0
         self._held, self._gripper = NOTHING, (np.zeros(3), np.eye(3))
         self._fittings = {number: _FollowedFitting(each) for number, each in self._known.fittings.items()}
+
+    def expect_motion(self) -> None:
+        """Expect everything loose elsewhere in the next picture: somebody has moved something."""
+        loose = LOOSE[self._things.nouns.argmax(1)]
+        self._things.covariances[loose] += ANYWHERE**2 * np.eye(3)
+        self._things.restless[loose] = RESTLESS
 
     # ---- a control step
 

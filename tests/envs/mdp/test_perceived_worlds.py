@@ -11,13 +11,15 @@ from core.cameras import CameraFrame
 from core.errors import ConfigError
 from core.overrides import compose
 from envs import read_env
-from envs.experts import expert
+from envs.experts import Oracle, expert
+from envs.experts.labelled_env import LabelledEnv
+from envs.interactive.interactive_env import InteractiveEnv
 from envs.mdp.object_rows import FACING
 from envs.perception import UnusablePicture, View
 from envs.perception.camera_reader import CameraReader
 from envs.perception.detections import Detections, check_picture
-from tests.helpers.env_cases import act, config_of, differences, hold, leaves, make, partial_reset
-from tests.helpers.perceived_cases import TrulySeeingEnv, seeing
+from tests.helpers.env_cases import act, config_of, differences, hold, leaves, make, partial_reset, succeed_in_all
+from tests.helpers.perceived_cases import TrueReader, TrulySeeingEnv, seeing
 
 PLACE = "task=nl_pick_and_place"
 
@@ -29,7 +31,7 @@ def observed_by_the_simulator(env):
 
 def driven(env, steps, each=lambda t, td: None):
     """What is observed, step by step, while the expert acts."""
-    guide, td, kept = expert(env), env.reset(), []
+    guide, td, kept = expert(env, privileged=True), env.reset(), []
     for t in range(steps):
         td = act(env, td, guide(td.clone())["action"])
         each(t, td)
@@ -246,3 +248,78 @@ def test_configs_that_are_older_than_cameras_take_those_of_their_workspace_today
     assert set(read_env(old).workspace.cameras) == {"front", "side", "top", "wrist"}
     del old["perception"]
     assert read_env(old).perception.name == "state"
+
+
+# ---- who else acts on what is seen
+
+
+@pytest.mark.parametrize("task", ["nl_reach", "nl_pick_and_place"])
+def test_experts_and_the_oracle_act_on_what_is_seen(task):
+    for actor in (expert, Oracle):
+        env = seeing(f"task={task}", seed=2, noise=0.002)
+        succeed_in_all(env, env.reset(), actor(env))
+        env.reader.missing = set(range(10))
+        td, guide = env.reset(), actor(env)
+        before = env.gripper
+        for _ in range(8):
+            td = act(env, td, guide(td.clone())["action"])
+        assert np.abs(env.gripper - before)[:, :2].max() < 0.01  # it may sink into the box of the control
+        env.close()
+
+
+def test_the_labels_of_imitation_come_from_the_simulator():
+    class LabelledSeeingEnv(TrulySeeingEnv, LabelledEnv):
+        pass
+
+    env = LabelledSeeingEnv(config_of("perception=camera"), 1, 2)
+    env.reader.missing = set(range(10))
+    td = env.reset()
+    before = np.linalg.norm(env.gripper - env.state.objects[0, env.state.referent[0]])
+    for _ in range(8):
+        td = act(env, td, td["privileged", "expert_action"])
+    assert np.linalg.norm(env.gripper - env.state.objects[0, env.state.referent[0]]) < before - 0.05
+    env.close()
+
+
+def test_the_scene_that_a_person_talks_about_is_the_perceived_one():
+    class SeeingInteractiveEnv(InteractiveEnv):
+        def _make_reader(self, config):
+            self.reader = TrueReader(self)
+            return self.reader
+
+    env = SeeingInteractiveEnv(config_of("perception=camera", "task=nl_reach"), seed=3)
+    env.reset()
+    every, bodies = env.scene(), env.bodies()
+    assert None not in bodies
+    env.reader.missing = {int(np.flatnonzero(env.state.shown[0])[1])}
+    env.reader.invented = [((0.35, 0.29, 0.025), "cube", "pink")]
+    env.set_seed(3)
+    env.reset()
+    scene, bodies = env.scene(), env.bodies()
+    named = {(thing.noun, thing.color) for thing in every} - {(every[1].noun, every[1].color)} | {("cube", "pink")}
+    assert {(thing.noun, thing.color) for thing in scene} == named
+    assert bodies.count(None) <= 1
+    real = next(i for i, thing in enumerate(scene) if (thing.noun, thing.color) != ("cube", "pink"))
+    env.put_object(real, (0.45, -0.28, 0.025))
+    np.testing.assert_allclose(env.scene().positions[real], [0.45, -0.28, 0.025], atol=2e-3)
+    env.close()
+
+
+def test_episodes_that_cameras_saw_are_relabelled_by_where_things_were():
+    env = seeing("task=nl_reach", worlds=4, seed=1, noise=0.002)
+    guide, td = expert(env, privileged=True), env.reset()
+    wrong = env.state.referent.copy()
+    for i, slots in enumerate(env.state.shown):
+        wrong[i] = next(slot for slot in np.flatnonzero(slots) if slot != env.state.referent[i])
+    frames = []
+    for _ in range(25):
+        step = env.step(td.set("action", guide.act(wrong, wrong)))
+        frames.append(step.clone())
+        td = step["next"].exclude("reward").clone()
+    episodes = torch.stack(frames, 1)
+    relabelled = env.hindsight([episodes[i] for i in range(4)], 0)
+    assert len(relabelled) >= 2
+    for each in relabelled:
+        assert each["next", "success"][-1]
+        assert set(each["privileged", "referent"].tolist()) <= set(wrong.tolist())
+    env.close()
