@@ -16,7 +16,8 @@ ENDS = ("reward", "done", "terminated", "truncated")
 def space_of(spec: TensorSpec) -> spaces.Space:
     """Return the space of one world's values. spec: of N worlds; Bounded, Binary or Categorical."""
     if isinstance(spec, Bounded):
-        return spaces.Box(spec.space.low[0].numpy(), spec.space.high[0].numpy(), dtype=np.float32)
+        low, high = spec.space.low[0].numpy(), spec.space.high[0].numpy()
+        return spaces.Box(low, high, dtype=low.dtype.type)
     if isinstance(spec, Binary):
         return spaces.MultiBinary(spec.shape[-1])
     count = int(spec.space.n)

@@ -9,6 +9,7 @@ from core.composition import compose, groups
 from core.errors import ConfigError, did_you_mean
 from core.schema import read
 from envs.mdp.controls import ControlConfig
+from envs.mdp.pictures_config import PicturesConfig
 from envs.perception.config import STATE, PerceptionConfig
 from envs.sim.gripper import GripperConfig
 from envs.sim.robot_config import RobotConfig, urdf_path
@@ -20,7 +21,7 @@ from human import GestureConfig
 
 @dataclass(frozen=True, kw_only=True)
 class EnvConfig:
-    """The checked config groups that an environment is built from."""
+    """The checked config groups that an environment is built from. pictures: what policies see; None: no pictures."""
 
     robot: RobotConfig
     control: ControlConfig
@@ -30,6 +31,7 @@ class EnvConfig:
     gesture: GestureConfig
     gripper: GripperConfig
     perception: PerceptionConfig = STATE
+    pictures: PicturesConfig | None = None
 
     def without_curriculum(self) -> EnvConfig:
         """Return the config for evaluation: one instruction an episode, no curriculum and no domain randomisation."""
@@ -40,6 +42,11 @@ class EnvConfig:
         """Return the config of scenes that words are learned from without simulation: they may have more objects."""
         most = max(self.task.num_objects, self.task.drawn_objects)
         return replace(self, task=replace(self.task, num_objects=most))
+
+    def drawn_anywhere(self) -> EnvConfig:
+        """Return the config of such scenes in pictures: the gripper may be anywhere in its box."""
+        drawn = self.without_curriculum().drawn()
+        return replace(drawn, task=replace(drawn.task, curriculum=replace(NO_CURRICULUM, near=1.0)))
 
     def with_instructions(self, count: int) -> EnvConfig:
         """Return the config whose episodes have `count` instructions, one after another."""
@@ -94,6 +101,7 @@ def read_env(config: Any) -> EnvConfig:
         gesture=gesture,
         gripper=gripper,
         perception=perception,
+        pictures=_read_pictures(config, workspace, perception),
     )
 
 
@@ -103,6 +111,18 @@ def _with_cameras(workspace: WorkspaceConfig) -> WorkspaceConfig:
         return workspace
     today = read(WorkspaceConfig, compose([f"workspace={workspace.name}"])["workspace"], "workspace")
     return replace(workspace, cameras=today.cameras)
+
+
+def _read_pictures(config: Any, workspace: WorkspaceConfig, perception: PerceptionConfig) -> PicturesConfig | None:
+    """Return which pictures the policy of a composed config asks for; None if it asks for none."""
+    policy = config.get("policy", {})
+    if not hasattr(policy, "get") or policy.get("pictures") is None:
+        return None
+    if perception.sees:
+        raise ConfigError("perception=camera is for policies that are told what is seen: take perception=state")
+    pictures = read(PicturesConfig, policy["pictures"], "policy.pictures")
+    pictures.check(workspace)
+    return pictures
 
 
 def _check_board(task: TaskConfig, workspace: WorkspaceConfig) -> None:

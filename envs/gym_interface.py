@@ -13,7 +13,7 @@ from tensordict import TensorDict, TensorDictBase
 
 from core.errors import UseError
 from core.spaces import action_space, space_of
-from envs.mdp.observations import OBSERVATIONS
+from envs.mdp.observations import OBSERVATIONS, PICTURE_OBSERVATIONS
 from envs.workspace_env import WorkspaceEnv
 
 RENDER_MODES = ("rgb_array", "human")
@@ -41,7 +41,8 @@ class GymInterface:
 
     def __init__(self, env: WorkspaceEnv) -> None:
         spec = env.observation_spec
-        self._keys = [term.key for term in OBSERVATIONS if term.gymnasium and term.key in spec.keys()]
+        terms = (*OBSERVATIONS, *PICTURE_OBSERVATIONS)
+        self._keys = [term.key for term in terms if term.gymnasium and term.key in spec.keys()]
         boxes: dict[str, Any] = {key: space_of(spec[key]) for key in self._keys if spec[key].dtype == torch.float32}
         others: dict[str, Any] = {key: space_of(spec[key]) for key in self._keys if key not in boxes}
         self.observation_space = ObservationSpace(boxes, **others)

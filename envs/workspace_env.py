@@ -17,14 +17,17 @@ from torchrl.data import Binary, Bounded, Composite, Unbounded
 from core.errors import ConfigError, UseError
 from envs.config import EnvConfig
 from envs.episode_replay import EpisodeReplayEnv
+from envs.mdp.actions import read_action
 from envs.mdp.controls import CONTROLS, Control
+from envs.mdp.drawn_scenes import DrawnScenes
 from envs.mdp.gestures import Gestures, make_person, make_ray_reader
 from envs.mdp.goals import Goal
 from envs.mdp.grip_controller import ACTION_UNIT, GripController
 from envs.mdp.object_rows import scene_of_rows
-from envs.mdp.observation_terms import Observer, Sight, Source, SpecSettings
-from envs.mdp.observations import OBSERVATIONS, OUTCOMES, SceneSampler, observation_spec
+from envs.mdp.observation_terms import ObservationTerm, Observer, Sight, Source, SpecSettings
+from envs.mdp.observations import OBSERVATIONS, OUTCOMES, PICTURE_OBSERVATIONS, SceneSampler, observation_spec
 from envs.mdp.perceived_worlds import PerceivedWorlds, Reader
+from envs.mdp.pictures import Photographer
 from envs.mdp.randomization import InitialStates, Perturbations
 from envs.mdp.relabelling import Relabeller
 from envs.mdp.rewards import compute_outcome, reward_weights
@@ -68,6 +71,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
     batch_locked = True
     _world_type: ClassVar[type[SimulatedWorld]] = SimulatedWorld
     _given = False  # whether a present episode was begun by `start`
+    _photographer: Photographer | None = None
+    _drawn_scenes: DrawnScenes | None = None  # photographs drawn scenes
 
     def __init__(
         self, config: EnvConfig, num_worlds: int = 1, seed: int = 0, render: bool = False, window: Window | None = None
@@ -86,7 +91,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self.task = self._draws = make_task(config, num_worlds, self._person)
         self.task.draw(np.random.default_rng(0))  # raises at once if no episode can be drawn
         self.kinematics = make_kinematics(config, self.task)
-        drawn = render or config.perception.sees
+        drawn = render or config.perception.sees or config.pictures is not None
         self._worlds = [
             make_world(config, self.task, drawn, window, world_type=self._world_type) for _ in range(num_worlds)
         ]
@@ -115,9 +120,15 @@ class WorkspaceEnv(EpisodeReplayEnv):
             task=self.task,
             tokenizer=self.tokenizer,
             action_width=len(self.action_unit),
+            pictures=config.pictures,
         )
         drawn = self.task if config.drawn() == config else make_task(config.drawn(), 1, self._person)
-        self._observer, self._sample = Observer(OBSERVATIONS, setup), SceneSampler(replace(setup, task=drawn))
+        terms: tuple[ObservationTerm, ...] = OBSERVATIONS
+        pictures = config.pictures
+        if pictures is not None:
+            terms = (*OBSERVATIONS, *PICTURE_OBSERVATIONS)
+            self._photographer = Photographer(pictures, config.workspace, self._worlds, self._arrays)
+        self._observer, self._sample = Observer(terms, setup), SceneSampler(replace(setup, task=drawn))
         self._noise = Perturbations(config.task, self.batch_size[0], self.control.unit)
         self._perceived = self._make_perceived(config) if config.perception.sees else None
         self._source = Source(
@@ -129,6 +140,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
             control=self.control,
             perturbations=self._noise,
             perceived=self._perceived,
+            photographer=self._photographer,
         )
         task, joints = make_task(config, RELABELLED, self._person), len(config.robot.joints)
         self._relabeller = Relabeller(
@@ -197,6 +209,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
         self._gestures.follow()
         if self._perceived is not None:
             self._perceived.follow()
+        if self._photographer is not None:
+            self._photographer.forget()
         arrays.steps += 1
         outcome = self._outcome()  # before the observation, which shows what the task remembers
         return TensorDict(outcome | self._observer.observe(self._source), self.batch_size)
@@ -270,6 +284,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
         if self._perceived is not None:
             self._perceived.begin(worlds)
         self._gestures.read(worlds.tolist())
+        if self._photographer is not None:
+            self._photographer.forget(worlds)
 
     def _first_observation(self) -> TensorDictBase:
         """Return the observation before any action."""
@@ -307,8 +323,15 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return _copied, (self.config, self.batch_size[0], render, self.present())
 
     def draw_scenes(self, count: int, seed: int) -> TensorDictBase:
-        """(count,) observed scenes that are never simulated, of up to task.drawn_objects; see `SceneSampler`."""
-        return self._sample(count, seed)
+        """(count,) observed scenes that are never simulated, of up to task.drawn_objects.
+
+        See `SceneSampler`; with pictures, `DrawnScenes`.
+        """
+        if self.config.pictures is None:
+            return self._sample(count, seed)
+        if self._drawn_scenes is None:
+            self._drawn_scenes = DrawnScenes(WorkspaceEnv(self.config.drawn_anywhere(), 1))
+        return self._drawn_scenes(count, seed)
 
     def hindsight(self, episodes: Sequence[TensorDictBase], seed: int) -> list[TensorDictBase]:
         """Relabel episodes with the goal they achieved (HER).
@@ -318,6 +341,11 @@ class WorkspaceEnv(EpisodeReplayEnv):
         have ended. Entries that a policy wrote to the frames are kept.
         """
         return self._relabeller(episodes, seed)
+
+    @property
+    def slots(self) -> list[NDArray[np.int64]]:
+        """For each world, the slots of its episode's objects, in the order of their scene."""
+        return list(self._arrays.slots)
 
     @property
     def elapsed(self) -> NDArray[np.int64]:
@@ -416,6 +444,8 @@ class WorkspaceEnv(EpisodeReplayEnv):
 
     def close(self, *, raise_if_closed: bool = True) -> None:
         self._gestures.close()
+        if self._drawn_scenes is not None:
+            self._drawn_scenes.close()
         for world in self._worlds:
             world.close()
         self.is_closed = True
@@ -555,44 +585,3 @@ def make_grip_controller(
         release_lag=task.release_lag,
         apart=not task.traits.moves,
     )
-
-
-# ---- the action, checked
-
-
-class NotFiniteError(ValueError):
-    """A step was given an action that is not finite.
-
-    frame: (N,), the input of the step. A training run that this error ends saves it.
-    """
-
-    def __init__(self, frame: TensorDictBase) -> None:
-        super().__init__(f"{_not_finite(frame)} is not a finite number")
-        self.frame = frame.detach().clone()
-
-
-def read_action(frame: TensorDictBase, shape: tuple[int, int]) -> NDArray[np.float64]:
-    """Return the action (N, A) of a frame (N,), clipped to [-1, 1].
-
-    Raises:
-        UseError: there is no action, or one of another shape or type.
-        NotFiniteError: it is not finite.
-    """
-    given = frame.get("action", None)
-    wanted = f"a floating-point tensor of shape {shape}: a row for each world"
-    if given is None:
-        raise UseError(f"step got no action: its TensorDict needs the key action, {wanted}")
-    if tuple(given.shape) != shape or not given.is_floating_point():
-        raise UseError(f"step got an action of shape {tuple(given.shape)} and {given.dtype}; it must be {wanted}")
-    action = given.detach().numpy().astype(np.float64)
-    if not np.isfinite(action).all():
-        raise NotFiniteError(frame)
-    return np.clip(action, -1.0, 1.0, out=action)
-
-
-def _not_finite(frame: TensorDictBase) -> str:
-    """Return the name of the value that is not finite: an observation if there is one, otherwise the action."""
-    for key, value in frame.items():
-        if key != "action" and isinstance(value, Tensor) and value.is_floating_point() and not value.isfinite().all():
-            return f"the observation {key}"
-    return "an action"

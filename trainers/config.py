@@ -9,9 +9,9 @@ from typing import Any, ClassVar, TypeVar
 
 from core.errors import ConfigError, did_you_mean
 from core.plugins import load_plugins
-from core.schema import Checked, any_path, one_of, read, shown, text, within
+from core.schema import Checked, any_path, checked_by, one_of, read, shown, text, within
 from core.system import cores
-from trainers.algorithms.settings import AlgorithmConfig, OffPolicyConfig, read_algorithm
+from trainers.algorithms.settings import AlgorithmConfig, BCConfig, OffPolicyConfig, read_algorithm
 
 MOST_FRAMES = 10**12  # of a run
 
@@ -163,9 +163,31 @@ class MLPConfig(NetworkConfig):
     embedding: int = within(1, 1024)
 
 
+@dataclass(frozen=True, kw_only=True)
+class PixelsConfig(NetworkConfig):
+    """Words choose among the cells of pictures by attention; the actor is given the place that is seen there."""
+
+    name: str = one_of("pixels")
+    pictures: dict[str, Any] = checked_by("the environment, which takes them")
+    imitation: dict[str, Any] = checked_by("algo, whose values in conf/algo/bc.yaml refer to them")
+    embedding: int = within(4, 1024)  # width of a token
+    channels: list[int] = within(1, 1024, count=(2, 16))  # of the convolutions; the first two halve the pictures
+    width: int = within(4, 1024)  # of what words and cells are compared by
+    cells: int = within(1, 4096)  # that take part in the attention: those that most likely show a thing
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.networks > 1:
+            raise ConfigError(f"networks={self.networks} must be 1: the stage of a task is not seen in pictures")
+        known = list(BCConfig.__dataclass_fields__)
+        for key in self.imitation:
+            if key not in known:
+                raise ConfigError(f"imitation.{key} is no key of algo=bc" + did_you_mean(key, known))
+
+
 COLLECTORS: dict[str, type[CollectorConfig]] = {"local": LocalCollectorConfig, "ray": RayCollectorConfig}
-POLICIES: dict[str, type[NetworkConfig]] = {"grounded": GroundedConfig, "mlp": MLPConfig}
-PolicyConfig = GroundedConfig | MLPConfig
+POLICIES: dict[str, type[NetworkConfig]] = {"grounded": GroundedConfig, "mlp": MLPConfig, "pixels": PixelsConfig}
+PolicyConfig = GroundedConfig | MLPConfig | PixelsConfig
 N = TypeVar("N", bound=type[NetworkConfig])
 
 
@@ -255,6 +277,10 @@ def _check_together(training: TrainingConfig) -> None:
         raise ConfigError(
             f"policy.state_dependent_std=true needs an algorithm that learns the noise; algo.name={training.algo.name} "
             "adds noise of policy.initial_std to a deterministic move"
+        )
+    if isinstance(training.policy, PixelsConfig) and training.algo.for_pictures is None:
+        raise ConfigError(
+            f"policy.name={training.policy.name} learns by imitation alone: take algo=bc, not algo={training.algo.name}"
         )
     training.algo.check_batch(frames_per_batch(training))
     frames = training.run.total_frames

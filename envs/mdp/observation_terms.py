@@ -16,6 +16,8 @@ from envs.mdp.controls import Control
 from envs.mdp.gestures import Gestures
 from envs.mdp.grip_controller import GripController
 from envs.mdp.perceived_worlds import PerceivedWorlds
+from envs.mdp.pictures import Photographer
+from envs.mdp.pictures_config import PicturesConfig
 from envs.mdp.randomization import Perturbations
 from envs.mdp.world_state import WorldState
 from envs.sim.kinematics import Kinematics
@@ -29,7 +31,10 @@ READERS = ("scene", "actor", "critic", None)
 
 @dataclass(frozen=True, kw_only=True)
 class SpecSettings:
-    """The settings on which specs depend. action_width: how many numbers an action has."""
+    """The settings on which specs depend.
+
+    action_width: how many numbers an action has. pictures: which pictures policies see; None: none.
+    """
 
     workspace: WorkspaceConfig
     robot: RobotConfig
@@ -37,6 +42,7 @@ class SpecSettings:
     task: Task
     tokenizer: Tokenizer
     action_width: int
+    pictures: PicturesConfig | None = None
 
 
 class Sight(Protocol):
@@ -66,7 +72,7 @@ class GoalSource:
 class Source(GoalSource):
     """The inputs of all other observations, beside those of `GoalSource`.
 
-    perceived: what cameras see; None: policies observe the state itself.
+    perceived: what cameras see; None: policies observe the state itself. photographer: None without pictures.
     """
 
     worlds: WorldState
@@ -75,6 +81,7 @@ class Source(GoalSource):
     gestures: Gestures
     control: Control
     perturbations: Perturbations
+    photographer: Photographer | None = None
 
     @property
     def sight(self) -> Sight:

@@ -14,6 +14,7 @@ from envs.mdp.gestures import RAY_WIDTH, ray_of
 from envs.mdp.goals import Goal, sentence_bytes, tokens
 from envs.mdp.object_rows import CLOSE, COLUMNS, FACING, NEAR, OBJECT_WIDTH, OFFSET, offsets, row_bounds, static_rows
 from envs.mdp.observation_terms import GoalSource, ObservationTerm, Observer, Source, SpecSettings, bounded
+from envs.mdp.pictures import MARGIN, Photographer
 from envs.sim.devices import facing
 from envs.sim.kinematics import Array
 from envs.tasks import State, Task
@@ -40,7 +41,8 @@ def observation_spec(observer: Observer, num_worlds: int, task: Task) -> Composi
 
 def descriptions() -> dict[str, str]:
     """The content of each key, for the documentation."""
-    return {term.key: term.description for term in OBSERVATIONS} | OUTCOMES | {"reward_terms": REWARD_TERMS}
+    terms = (*OBSERVATIONS, *PICTURE_OBSERVATIONS)
+    return {term.key: term.description for term in terms} | OUTCOMES | {"reward_terms": REWARD_TERMS}
 
 
 # ---- specs of one world
@@ -291,6 +293,62 @@ OBSERVATIONS = (
         spec=lambda setup: bounded([np.zeros(3)], [[np.pi, np.pi, 2 * MAX_TIP_DISTANCE]]),
         compute=_pointing,
         present=lambda task: task.points,
+    ),
+)
+
+
+# ---- pictures, where `policy.pictures` asks for them
+
+
+def _pixels_spec(setup: SpecSettings) -> Bounded:
+    assert setup.pictures is not None
+    cameras, size = len(setup.pictures.cameras), setup.pictures.size
+    return Bounded(0, 255, shape=(cameras, size, size, 3), dtype=torch.uint8)
+
+
+def _tip_spec(setup: SpecSettings) -> Bounded:
+    low, high = _workspace(setup)
+    return bounded([low], [high])
+
+
+def _seen_spec(setup: SpecSettings) -> Bounded:
+    assert setup.pictures is not None
+    slots, cameras = setup.task.config.slots, len(setup.pictures.cameras)
+    return Bounded(-MARGIN, 1 + MARGIN, shape=(slots, cameras, 2), dtype=torch.float32)
+
+
+def _photographer(source: Source) -> Photographer:
+    assert source.photographer is not None
+    return source.photographer
+
+
+def _seen(source: Source) -> Array:
+    state = source.state
+    return _photographer(source).seen_at(np.where(state.shown[..., None], state.objects, 0.0))
+
+
+PICTURE_OBSERVATIONS = (
+    ObservationTerm(
+        "pixels",
+        "(C, H, W, 3) uint8, with `policy=pixels`: the pictures of the cameras of `policy.pictures`",
+        spec=_pixels_spec,
+        compute=lambda source: _photographer(source).pixels(),
+        gymnasium=True,
+        reader="scene",
+    ),
+    ObservationTerm(
+        "tip",
+        "(3,), with `policy=pixels`: the gripper centre (m), as in `robot`",
+        spec=_tip_spec,
+        compute=lambda source: source.state.gripper,
+        reader="scene",
+    ),
+    ObservationTerm(
+        "privileged/seen_at",
+        "(K, C, 2), with `policy=pixels`: where the centre of each slot's object is in each picture, shares of its "
+        "width and height from the upper left corner; whether or not something hides it",
+        spec=_seen_spec,
+        compute=_seen,
     ),
 )
 

@@ -126,7 +126,7 @@ def test_dataclasses_of_the_config_have_no_defaults():
     """A dataclass that declares a value has no default beside it, but for configs that are older than the key."""
     config = compose()
     for holder in (read_env(config), read_training(config)):
-        for part in vars(holder).values():
+        for part in filter(None, vars(holder).values()):  # pictures are None unless a policy asks for them
             defaults = {field.name for field in fields(part) if field.default is not field.default_factory}
             assert defaults <= NEWER, type(part)
 

@@ -13,7 +13,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 
 from envs.episode_replay import EpisodeReplayEnv
-from envs.workspace_env import read_action
+from envs.mdp.actions import read_action
 
 SLOTS, ROW, LENGTH = 3, 13, 6
 COLOURS = torch.tensor([[1.0, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]])

@@ -39,7 +39,7 @@ def config(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ..
     small = ["algo.horizon=16", "algo.minibatch=64"] if on_policy else ["algo.batch=32"]
     small += ["algo.learning_starts=64"] * ("learning_starts" in base["algo"])
     merged = OmegaConf.merge(OmegaConf.create(base), OmegaConf.from_dotlist([*small, *overrides]))
-    return OmegaConf.to_container(merged)  # type: ignore[return-value]
+    return OmegaConf.to_container(merged, resolve=True)  # type: ignore[return-value]
 
 
 def training(algo: str = "ppo", policy: str = "grounded", overrides: tuple[str, ...] = ()) -> TrainingConfig:

@@ -54,7 +54,9 @@ def build_algorithm(
     bounds = MoveBounds(squash=training.algo.squashes, clip=training.algo.clips)
     policy = build_policy(training.policy, observation_spec, action_unit, bounds, vocabulary, readers).to(device)
     critics = CriticBuilder(training.policy, policy, observation_spec, device, readers)
-    cls: type[Algorithm] = import_class(training.algo.algorithm)
+    path = training.algo.for_pictures if policy.sees else training.algo.algorithm
+    assert path is not None  # `read_training` refuses it
+    cls: type[Algorithm] = import_class(path)
     return policy, cls.build(training.algo, policy, critics, relabel)
 
 

@@ -29,7 +29,7 @@ WIDTH = 0.1  # of a move: the loss is quadratic in smaller errors and linear in 
 class BC(Algorithm):
     """Collects with a mixture of policy and expert; learns from all frames collected so far."""
 
-    metrics = ("loss/imitation", "expert_share", "updates", "lr", *GROUNDING_METRICS)
+    metrics: tuple[str, ...] = ("loss/imitation", "expert_share", "updates", "lr", *GROUNDING_METRICS)
 
     def __init__(self, config: BCConfig, policy: Policy) -> None:
         super().__init__(config, policy)

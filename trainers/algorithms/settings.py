@@ -27,6 +27,7 @@ class AlgorithmConfig(Checked):
     """The settings of every algorithm; `register` names those of one algorithm."""
 
     algorithm: ClassVar[str]  # <module>.<class>, set by `register`
+    for_pictures: ClassVar[str | None] = None  # the same, of policies that see pictures; None: it trains none
     on_policy: ClassVar[bool]  # whether an update learns from the latest batch alone
 
     name: str = word()
@@ -226,6 +227,7 @@ class BCConfig(AlgorithmConfig):
     """Behaviour cloning on states that the policy meets: DAgger, Ross et al. 2011 (arXiv:1011.0686)."""
 
     on_policy = False
+    for_pictures = "picture_bc.PictureBC"
 
     name: str = one_of("bc")
     batch: int = within(2, MOST_FRAMES)

@@ -19,7 +19,7 @@ from torchrl.envs.utils import ExplorationType, exploration_type
 from torchrl.modules import IndependentNormal, ProbabilisticActor, TanhNormal
 
 from core.errors import ConfigError
-from trainers.config import GroundedConfig, PolicyConfig
+from trainers.config import GroundedConfig, PixelsConfig, PolicyConfig
 from trainers.environment import DEFAULT_READERS, Readers, keys_read
 from trainers.models.grounding import GESTURE, LABELS, NEAR, OBSTACLE, SCENE_KEYS, TARGET, VERB, GroundingEncoder
 from trainers.models.networks import (
@@ -30,6 +30,7 @@ from trainers.models.networks import (
     VerbActor,
     normal_log_prob,
 )
+from trainers.models.pixels import PIXELS, PictureEncoder
 from trainers.models.sentence_encoder import SentenceWords
 
 STAGE = "stage"
@@ -70,7 +71,7 @@ class Policy(nn.Module):
 
     def __init__(
         self,
-        encoder: GroundingEncoder | FlatEncoder,
+        encoder: GroundingEncoder | FlatEncoder | PictureEncoder,
         actor: GaussianActor | SeveralActors,
         action_unit: Sequence[float],
         *,
@@ -89,6 +90,11 @@ class Policy(nn.Module):
     def attends(self) -> bool:
         """Whether the encoder chooses among object slots, so that the choice can be supervised."""
         return bool(self.encoder.logit_keys)
+
+    @property
+    def sees(self) -> bool:
+        """Whether the encoder reads pictures."""
+        return PIXELS in self.encoder.scene_keys
 
     @property
     def label_keys(self) -> tuple[tuple[str, str], ...]:
@@ -297,7 +303,7 @@ def further_input(spec: Composite, key: NestedKey, reader: str, flat: bool = Tru
 def _build_actor(
     config: PolicyConfig,
     spec: Composite,
-    encoder: GroundingEncoder | FlatEncoder,
+    encoder: GroundingEncoder | FlatEncoder | PictureEncoder,
     actions: int,
     further: Sequence[NestedKey],
 ) -> GaussianActor | SeveralActors:
@@ -326,8 +332,12 @@ def _build_actor(
 
 def _build_encoder(
     config: PolicyConfig, spec: Composite, vocabulary: Sequence[str], readers: Readers
-) -> GroundingEncoder | FlatEncoder:
+) -> GroundingEncoder | FlatEncoder | PictureEncoder:
     objects, instruction = Normalise(spec["objects"]), spec["instruction"]
+    choices = 1 + (TARGET in spec.keys(include_nested=True))
+    if isinstance(config, PixelsConfig):
+        words, length = instruction.space.n, instruction.shape[-1]
+        return PictureEncoder(config, spec, words=words, length=length, choices=choices)
     read = keys_read(readers, "scene", spec)
     flat = not isinstance(config, GroundedConfig)
     further = {key: further_input(spec, key, "scene", flat) for key in read if key not in DEFAULT_READERS}
@@ -349,7 +359,7 @@ def _build_encoder(
         embedding=config.embedding,
         width=config.width,
         reads_gesture=gesture > 0,
-        choices=1 + (TARGET in spec.keys(include_nested=True)),
+        choices=choices,
         observes_obstacles=NEAR in keys_read(readers, "actor", spec),
         verbs=spec[VERB].space.n if VERB in spec.keys(include_nested=True) else 0,
         further=further,
