@@ -20,10 +20,11 @@ from core.errors import ConfigError
 from deployment.arm import Array
 from deployment.safe_arm import SafeArm
 from deployment.safety import Decision
-from deployment.twin import TwinArm
+from deployment.twin import TwinArm, TwinCameras
 from envs.config import EnvConfig
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.mdp.grip_controller import GripController
+from envs.mdp.perceived_worlds import Reader
 from envs.mdp.world_state import WorldState
 from envs.sim.kinematics import Pose
 from envs.sim.world import SimulatedWorld
@@ -62,6 +63,10 @@ class Perception(ABC):
         """Put a loose object at position (3,), metres. Returns whether it can do so: most cannot move things."""
         return False
 
+    def reader(self, config: EnvConfig) -> Reader:
+        """Return what tells what cameras see. Raises ConfigError where there are none."""
+        raise ConfigError("perception.name=camera needs cameras, which only arm=sim has yet: give perception=state")
+
 
 class FixedScene(Perception):
     """Objects that are where a person says, and then where the arm has carried them. Nobody looks."""
@@ -82,7 +87,10 @@ class FixedScene(Perception):
 
 
 class TwinPerception(Perception):
-    """The objects that the twin reports, as late as its measurements. scene: how each episode begins; None: drawn."""
+    """The objects that the twin reports, as late as its measurements. scene: how each episode begins; None: drawn.
+
+    With perception=camera, policies observe what is seen in the twin's pictures instead; the reported places are drawn.
+    """
 
     def __init__(self, arm: TwinArm, safe: SafeArm, scene: EpisodeSpec | None = None) -> None:
         self._arm, self._safe, self._scene = arm, safe, scene
@@ -95,6 +103,11 @@ class TwinPerception(Perception):
     def put(self, number: int, position: Sequence[float]) -> bool:
         self._arm.put(number, position)
         return True
+
+    def reader(self, config: EnvConfig) -> Reader:
+        from envs.perception.detector import load_detector  # slow to import
+
+        return TwinCameras(self._arm, config, load_detector(config.perception.weights))
 
     def look(self) -> Percept:
         report = self._arm.report
@@ -244,13 +257,16 @@ class MirrorEnv(InteractiveEnv):
     _world_type = MirrorWorld
 
     def __init__(self, config: EnvConfig, arm: SafeArm, perception: Perception, seed: int = 0) -> None:
+        self.arm, self._perception = arm, perception
         super().__init__(config, seed)
         self.period = config.physics.time_step * config.physics.substeps
-        self.arm, self._perception = arm, perception
         world = self._worlds[0]
         assert isinstance(world, MirrorWorld)
         self.world = world
         world.bind(self, arm, perception)
+
+    def _make_reader(self, config: EnvConfig) -> Reader:
+        return self._perception.reader(config)
 
     def _begin_episodes(self, worlds: NDArray[np.int64]) -> TensorDictBase:
         """Begin with the scene that is perceived, instead of a drawn one."""

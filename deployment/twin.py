@@ -20,6 +20,9 @@ import numpy as np
 from core.schema import Checked, within
 from deployment.arm import Arm, ArmError, ArmState, Array, Clock
 from envs.config import EnvConfig
+from envs.perception import Detections, Detector, UnusablePicture
+from envs.perception.camera_reader import Gripper, NamedCameras, Picture
+from envs.perception.config import STATE
 from envs.tasks import EpisodeSpec
 from envs.tasks.shared.types import Randomized
 from envs.workspace_env import WorkspaceEnv
@@ -27,6 +30,7 @@ from trainers.collect.worker import ChildProcess, detach
 
 TURN = 2 * np.pi  # radians
 PATIENCE = 120.0  # seconds that the process may take to answer
+STALE = 1.0  # seconds after which a picture tells nothing of the present
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,10 +66,12 @@ class TwinCommand(NamedTuple):
 
 
 class TwinReport(NamedTuple):
-    """A message from the arm. state: measured. poses: position and quaternion of each object at the same time."""
+    """A message from the arm. state: measured. poses: position and quaternion of each object at the same time.
+    pictures: of the cameras at that time, by name; None: none were taken then."""
 
     state: ArmState
     poses: list[tuple[tuple[float, ...], tuple[float, ...]]]
+    pictures: dict[str, Picture] | None = None
 
 
 class EpisodeVerdict(NamedTuple):
@@ -109,7 +115,10 @@ class TwinEnv(WorkspaceEnv):
     """One world that obeys messages. time: of its physics, seconds."""
 
     def __init__(self, setup: EnvConfig, config: TwinConfig) -> None:
-        super().__init__(setup, 1, config.seed)
+        sees = setup.perception.sees
+        super().__init__(replace(setup, perception=STATE), 1, config.seed, render=sees)
+        self._cameras = NamedCameras(setup.workspace, setup.perception) if sees else None
+        self._pictured = 0  # physics steps at the last pictures
         self._twin, self._rng = config, np.random.default_rng(config.seed)
         self._commands, self._reports = Channel(config, self._rng), Channel(config, self._rng)
         self._only, physics = self._worlds[0], setup.physics
@@ -196,7 +205,15 @@ class TwinEnv(WorkspaceEnv):
         if robot.fingers:
             opening = float(robot.finger_opening_at(joints[len(robot.joints) :]).mean() / robot.finger_opening)
         state = ArmState(self.time, angles, opening, self._only.held is not None)
-        self._reports.send(self.time, TwinReport(state, self._only.object_poses()))
+        self._reports.send(self.time, TwinReport(state, self._only.object_poses(), self._pictures()))
+
+    def _pictures(self) -> dict[str, Picture] | None:
+        """Take a picture with each camera, once in a control period; None between."""
+        if self._cameras is None or 0 < self._count < self._pictured + self._substeps:
+            return None
+        self._pictured = self._count
+        pose = self._arrays.pose
+        return self._cameras.pictures(self._only, (pose.position[0], pose.rotation[0]))
 
     def _judge(self) -> None:
         """Once in a control period: whether the episode has ended, as in training. Its time begins with a command."""
@@ -250,7 +267,8 @@ class TwinClock(Clock):
 class TwinArm(Arm):
     """The arm of a twin.
 
-    report: the newest that has arrived, with the places of objects. verdict: how the episode ended, None before.
+    report: the newest that has arrived, with the places of objects. pictured: the newest with pictures. verdict: how
+    the episode ended, None before.
     """
 
     settings: ClassVar[type[Checked]] = TwinConfig
@@ -264,6 +282,7 @@ class TwinArm(Arm):
         self._news: TwinReport | None = None
         self._failure: ArmError | None = None
         self.report: TwinReport | None = None
+        self.pictured: TwinReport | None = None
         self.verdict: EpisodeVerdict | None = None
 
     def connect(self) -> None:
@@ -277,7 +296,7 @@ class TwinArm(Arm):
     def begin(self, seed: int, episode: EpisodeSpec | None = None) -> EpisodeSpec:
         """Begin an episode in the twin, and return it. Whatever is on its way is lost."""
         self._commands.clear()
-        self._news = self.report = self.verdict = None
+        self._news = self.report = self.pictured = self.verdict = None
         return self._ask("begin", seed, episode)
 
     def put(self, number: int, position: Sequence[float]) -> None:
@@ -313,6 +332,8 @@ class TwinArm(Arm):
         for report in reports:
             if self.report is None or report.state.time > self.report.state.time:
                 self.report = self._news = report
+            if report.pictures and (self.pictured is None or report.state.time > self.pictured.state.time):
+                self.pictured = report
 
     def _ask(self, name: str, *arguments: Any) -> Any:
         if self._process is None:
@@ -328,3 +349,35 @@ class TwinArm(Arm):
             raise ArmError(f"the twin did not answer for {PATIENCE:g} s")
         except (EOFError, OSError):
             raise ArmError(f"the twin's process {self._process.ending()}") from None
+
+
+class TwinCameras:
+    """Tells what is seen in the pictures that the twin sends: a `Reader` for one world.
+
+    Args:
+        arm: the twin.
+        setup: with the cameras.
+        detector: finds things in pictures.
+    """
+
+    def __init__(self, arm: TwinArm, setup: EnvConfig, detector: Detector) -> None:
+        self._arm, self._detector = arm, detector
+        self._cameras = NamedCameras(setup.workspace, setup.perception)
+
+    def angles(self, world: int) -> Array | None:
+        """(J,) radians of the arm when the newest pictures were taken; None: there are none."""
+        return None if self._arm.pictured is None else self._arm.pictured.state.angles
+
+    def read(self, world: int, gripper: Gripper) -> Detections:
+        """Return what is seen in the newest pictures. Raises UnusablePicture where they are old, or show nothing."""
+        report = self._arm.pictured
+        if report is None or report.pictures is None:
+            raise UnusablePicture("no picture has come from the cameras yet")
+        age = self._arm.clock.now() - report.state.time
+        if age > STALE:
+            raise UnusablePicture(f"no picture has come from the cameras for {age:.1f} s")
+        return self._detector(self._cameras.views(report.pictures, gripper))
+
+    def places(self, gripper: Gripper) -> Array:
+        """(C, 3) where the cameras are, metres."""
+        return self._cameras.places(gripper)

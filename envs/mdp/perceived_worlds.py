@@ -31,7 +31,13 @@ OTHER_ROLE = 0.1  # metres that a target seems farther away than it is from what
 
 
 class Reader(Protocol):
-    """Tells what is seen in worlds: a `CameraReader`."""
+    """Tells what is seen in worlds: a `CameraReader`.
+
+    angles: (J,) radians of a world's arm when the pictures that are read now were taken; None: now. read: raises
+    UnusablePicture. places: (C, 3) of cameras, metres.
+    """
+
+    def angles(self, world: int) -> Array | None: ...
 
     def read(self, world: int, gripper: Gripper) -> Detections: ...
 
@@ -131,15 +137,20 @@ class PerceivedWorlds:
         frames = self._kinematics.frames(arrays.angles)[..., :3, :]  # (J + 1, N, 3, 4)
         new = []
         for i in worlds.tolist():
-            moment, gripper = self._moment(i, frames[:, i])
+            before = self._reader.angles(i)
+            then = frames[:, i] if before is None else self._kinematics.frames(before[None])[:, 0, :3]
+            moment, gripper = self._moment(i, then)
             try:
-                seen = self._reader.read(i, gripper)
+                detections = self._reader.read(i, gripper)
                 self.blind[i] = None
             except UnusablePicture as error:
                 self.blind[i] = str(error)
                 continue
-            self._trackers[i].update(seen, moment)
-            if self._show(i, self._trackers[i].seen()):
+            self._trackers[i].update(detections, moment)
+            seen = self._trackers[i].seen()
+            if before is not None and seen.held != NOTHING:
+                seen.positions[seen.held] = _carried(seen.positions[seen.held], then[-1], frames[-1, i])
+            if self._show(i, seen):
                 new.append(i)
         return new
 
@@ -210,6 +221,11 @@ class PerceivedWorlds:
             self.task.config.viewpoint,
         )
         return Placed(scene, seen.yaws, seen.nouns == HAND_NUMBER)
+
+
+def _carried(place: Array, there: Array, here: Array) -> Array:
+    """(3,) where a held thing is now that was at this place, metres. there, here: (3, 4) of the gripper."""
+    return here[:, 3] + here[:, :3] @ (there[:, :3].T @ (place - there[:, 3]))  # type: ignore[no-any-return]
 
 
 def known_things(task: Task, workspace: WorkspaceConfig, grip_depth: float) -> KnownThings:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.cameras import CameraFrame
 from envs.perception.config import PerceptionConfig
@@ -12,6 +13,7 @@ from envs.perception.detections import Array, Detections, Detector, View, check_
 from envs.sim.workspace import WorkspaceConfig
 from envs.sim.world import SimulatedWorld
 
+Picture = NDArray[np.uint8]  # (H, W, 3)
 Gripper = tuple[Array, Array]  # position (3,), metres, and rotation (3, 3) of its centre
 
 
@@ -35,18 +37,44 @@ class CameraReader:
         config: PerceptionConfig,
         detector: Detector,
     ) -> None:
-        config.check(workspace)
-        self._worlds, self._detector = worlds, detector
-        self._cameras = {name: workspace.cameras[name] for name in config.cameras}
+        self._worlds, self._cameras = worlds, NamedCameras(workspace, config)
+        self._detector = detector
+
+    def angles(self, world: int) -> Array | None:
+        """Return None: pictures are taken as they are read."""
+        return None
 
     def read(self, world: int, gripper: Gripper) -> Detections:
         """Return what is seen in a world now. Raises UnusablePicture."""
+        return self._detector(self._cameras.views(self._cameras.pictures(self._worlds[world], gripper), gripper))
+
+    def places(self, gripper: Gripper) -> Array:
+        """(C, 3) where the cameras are, metres."""
+        return self._cameras.places(gripper)
+
+
+class NamedCameras:
+    """The cameras of a workspace that take pictures, by name.
+
+    Raises:
+        ConfigError: as `CameraReader`.
+    """
+
+    def __init__(self, workspace: WorkspaceConfig, config: PerceptionConfig) -> None:
+        config.check(workspace)
+        self._cameras = {name: workspace.cameras[name] for name in config.cameras}
+
+    def pictures(self, world: SimulatedWorld, gripper: Gripper) -> dict[str, Picture]:
+        """Return a picture (H, W, 3) of each camera. The world has visual shapes."""
+        return {name: world.photograph(camera, gripper).colors for name, camera in self._cameras.items()}
+
+    def views(self, pictures: Mapping[str, Picture], gripper: Gripper) -> dict[str, View]:
+        """Return the pictures with their cameras. gripper: as they were taken. Raises UnusablePicture."""
         views = {}
         for name, camera in self._cameras.items():
-            photo = self._worlds[world].photograph(camera, gripper)
-            views[name] = View(photo.colors, camera, CameraFrame.of(camera, gripper))
+            views[name] = View(pictures[name], camera, CameraFrame.of(camera, gripper))
             check_picture(name, views[name])
-        return self._detector(views)
+        return views
 
     def places(self, gripper: Gripper) -> Array:
         """(C, 3) where the cameras are, metres."""

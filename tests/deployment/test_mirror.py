@@ -131,3 +131,9 @@ def test_a_person_who_points_moves_beside_a_real_arm(tmp_path):
             state = env.step(state)["next"]
         assert not env.world.person.moving
         np.testing.assert_allclose(state["gesture"][0, :6], [*origin, *direction], atol=0.02)
+
+
+def test_an_arm_without_cameras_is_refused(tmp_path):
+    seeing = read_env(compose(["task=nl_pick_and_place", "perception=camera"])).without_curriculum()
+    with pytest.raises(ConfigError, match=r"perception\.name=camera needs cameras, which only arm=sim has yet"):
+        mirror(seeing, tmp_path, SCENE)

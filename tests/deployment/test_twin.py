@@ -14,8 +14,9 @@ from core.overrides import compose
 from deployment.arm import ArmError, make_arm
 from deployment.connecting import connect, episode_of, split_arm
 from deployment.safety import Decision
-from deployment.twin import Channel, TwinCommand, TwinConfig, TwinEnv
+from deployment.twin import STALE, Channel, TwinCameras, TwinCommand, TwinConfig, TwinEnv
 from envs import read_env
+from envs.perception import Detections, UnusablePicture
 from envs.sim.robot import read_kinematics
 
 PERIOD = 0.05  # seconds
@@ -182,3 +183,48 @@ def test_an_arm_that_is_not_connected_says_so(setup):
     arm = make_arm("sim", {}, setup)
     with pytest.raises(ArmError, match="the twin is not connected"):
         arm.begin(0)
+
+
+# ---- cameras
+
+
+@pytest.fixture(scope="module")
+def seeing_setup():
+    return read_env(compose(["task=nl_reach", "perception=camera"])).without_curriculum()
+
+
+def test_a_twin_with_cameras_sends_a_picture_of_each_in_a_control_period(seeing_setup):
+    with closing(TwinEnv(seeing_setup, TwinConfig())) as twin:
+        twin.begin(1)
+        reports = [report for i in range(1, 9) for report in twin.run(twin.time + PERIOD / 2, [])[0]]
+        pictured = [report for report in reports if report.pictures]
+        assert 4 <= len(pictured) <= 6
+        assert len(reports) > 2 * len(pictured)
+        assert {name: each.shape for name, each in pictured[-1].pictures.items()} == {
+            "front": (128, 128, 3),
+            "side": (128, 128, 3),
+        }
+
+
+def test_what_a_twin_sees_is_read_from_where_its_arm_was(seeing_setup):
+    given = []
+
+    def note(views):
+        given.append(views)
+        return Detections.none()
+
+    arm = make_arm("sim", {}, seeing_setup)
+    cameras = TwinCameras(arm, seeing_setup, note)
+    gripper = np.zeros(3), np.eye(3)
+    assert cameras.angles(0) is None
+    with pytest.raises(UnusablePicture, match="no picture has come from the cameras yet"):
+        cameras.read(0, gripper)
+    with closing(TwinEnv(seeing_setup, TwinConfig())) as twin:
+        twin.begin(1)
+        arm.pictured = twin.run(PERIOD, [])[0][0]
+    assert (cameras.angles(0) == arm.pictured.state.angles).all()
+    assert len(cameras.read(0, gripper)) == 0
+    assert list(given[0]) == ["front", "side"]
+    arm.clock._now += STALE + 0.5
+    with pytest.raises(UnusablePicture, match=r"no picture has come from the cameras for 1\.\d s"):
+        cameras.read(0, gripper)

@@ -46,6 +46,9 @@ class TrueReader:
         self._rngs = [np.random.default_rng((7, i)) for i in range(env.batch_size[0])]
         self.reads = 0
 
+    def angles(self, world):
+        return None
+
     def places(self, gripper):
         workspace, perception = self._env.config.workspace, self._env.config.perception
         cameras = [workspace.cameras[name] for name in perception.cameras]
