@@ -35,6 +35,7 @@ LAYERS = {  # sub-package or module of envs -> those that it may import beside i
     "gym_env": {"gym_interface", "registration"},
     "gym_vector_env": {"gym_interface", "registration"},
     "checker": {"workspace_env"},
+    "perception_training": {"sim", "tasks", "perception", "mdp", "config", "workspace_env"},
     "experts": {"sim", "tasks", "mdp", "workspace_env"},
     "interactive": {"sim", "mdp", "config", "workspace_env"},
     "perturbed_conditions": {"tasks", "mdp", "config"},

@@ -1,0 +1,227 @@
+"""Finding things in the pictures of one moment: the network on each picture, and what several cameras see together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from torch import Tensor
+from torch.nn import functional
+
+from core.cameras import Camera, CameraFrame
+from envs.perception.detections import NOUN_NAMES, Detections, View
+from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, Cells, SightNetwork, camera_numbers
+from language import DEVICES
+
+Array = NDArray[np.float64]
+MOST = 24  # things in one picture
+FAINT = 0.15  # presence in one picture from which a thing is looked for in the others
+PRESENT = 0.35  # presence from which one picture alone is believed
+SAME = 0.02  # metres within which one camera sees one thing, of the same noun and colour
+GATE = 25.0  # square of the Mahalanobis distance up to which two cameras may see the same thing
+FLOOR = 0.0015  # metres: the least standard deviation of a place
+APART = 0.3  # metres beyond which two cameras never see the same thing
+SLACK = 0.08  # metres along the line of sight by which a half hidden thing may be misplaced
+CUBE = NOUN_NAMES.index("cube")
+FACING = np.array([noun in DEVICES for noun in NOUN_NAMES])
+
+
+class SightDetector:
+    """Finds things by a network. Implements `envs.perception.Detector`."""
+
+    def __init__(self, network: SightNetwork) -> None:
+        self._network = network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def __call__(self, views: Mapping[str, View]) -> Detections:
+        return fuse(self.each(list(views.values())), [view.frame.place for view in views.values()])
+
+    @torch.no_grad()
+    def each(self, views: Sequence[View]) -> list[Detections]:
+        """Return what is seen in each picture."""
+        found = []
+        for view in views:  # one at a time: in a batch, the last bits of a result depend on the batch's size
+            picture = torch.from_numpy(view.picture[None]).permute(0, 3, 1, 2).float().div_(255)
+            numbers = torch.from_numpy(camera_numbers(view.camera, view.frame)[None])
+            out = self._network(picture.contiguous(memory_format=torch.channels_last), numbers)
+            found.append(decode(out, view.camera, view.frame))
+        return found
+
+
+def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
+    """Return what the network's numbers (1, WIDTH, h, w) of one picture tell."""
+    cells = Cells.of(out)
+    heat = cells["heat"][0, 0].sigmoid()
+    peak = functional.max_pool2d(heat[None, None], 3, 1, 1)[0, 0]
+    likely = torch.where(heat == peak, heat, torch.zeros_like(heat))
+    presence, places = likely.flatten().topk(min(MOST, likely.numel()))
+    places = places[presence > FAINT]
+    if not len(places):
+        return Detections.none()
+    rows = out[0].flatten(1)[:, places].T.double()
+    numbers = Cells.of(rows[..., None, None])
+    v, u = places // heat.shape[1], places % heat.shape[1]
+    middles = torch.stack((u, v), 1) + 0.5
+    pixels = ((middles + numbers["offset"][:, :, 0, 0]) * CELL).numpy()
+    heights = numbers["height"][:, 0, 0, 0].numpy() * HEIGHT_UNIT
+    spread = numbers["spread"][:, :, 0, 0].clamp(-5.0, 2.0).exp().numpy() * np.sqrt(2.0)
+    nouns = numbers["noun"][:, :, 0, 0].softmax(1).numpy()
+    positions, covariances = _placed(
+        camera, frame, pixels=pixels, heights=heights, blur=spread[:, 0] * CELL, rise=spread[:, 1] * HEIGHT_UNIT
+    )
+    sight_yaw = np.arctan2(positions[:, 1] - frame.place[1], positions[:, 0] - frame.place[0])
+    turn = numbers["turn"][:, :, 0, 0].numpy()
+    noun = nouns.argmax(1)
+    full, quarter = np.arctan2(turn[:, 1], turn[:, 0]), np.arctan2(turn[:, 3], turn[:, 2]) / 4
+    yaws = np.where(FACING[noun], _wrapped(full + sight_yaw, 2 * np.pi), 0.0)
+    yaws = np.where(noun == CUBE, _wrapped(quarter + sight_yaw, np.pi / 2), yaws)
+    return Detections(
+        positions=positions,
+        covariances=covariances,
+        nouns=nouns,
+        colors=numbers["color"][:, :, 0, 0].softmax(1).numpy(),
+        sizes=numbers["size"][:, 0, 0, 0].numpy() * SIZE_UNIT,
+        yaws=yaws,
+        shares=numbers["share"][:, 0, 0, 0].clamp(0, 1).numpy(),
+        targets=numbers["target"][:, 0, 0, 0].sigmoid().numpy(),
+        presence=presence[: len(places)].double().numpy(),
+    )
+
+
+def _placed(
+    camera: Camera, frame: CameraFrame, *, pixels: Array, heights: Array, blur: Array, rise: Array
+) -> tuple[Array, Array]:
+    """Return places (M, 3) and covariances (M, 3, 3) of things at pixels (M, 2) and heights (M,), metres.
+
+    blur: (M,) pixels and rise: (M,) metres, the standard deviations of both.
+    """
+    across = (pixels - camera.middle) / camera.focal
+    rays = np.concatenate((across, np.ones((len(across), 1))), 1) @ frame.axes
+    fall = np.minimum(rays[:, 2], -0.05)
+    depths = (heights - frame.place[2]) / fall
+    positions = frame.place + depths[:, None] * rays
+    # A pixel's error moves the point across the line of sight, and on along it until it has the same height again.
+    along = rays / fall[:, None]
+    right, down = (axis - axis[2] * along for axis in frame.axes[:2])
+    side = (blur * depths / camera.focal)[:, None, None] ** 2
+    squares = side * (_outer(right) + _outer(down)) + (rise[:, None, None] ** 2) * _outer(along)
+    return positions, squares + FLOOR**2 * np.eye(3)
+
+
+def _outer(vectors: Array) -> Array:
+    return vectors[:, :, None] * vectors[:, None, :]
+
+
+def _wrapped(angles: Array, period: float) -> Array:
+    return (angles + period / 2) % period - period / 2
+
+
+# ---- several cameras
+
+
+def fuse(each: Sequence[Detections], places: Sequence[Array]) -> Detections:
+    """Return what several cameras see together: the places that agree best with all of them.
+
+    Args:
+        each: what each camera sees.
+        places: (3,) where each camera is, metres.
+    """
+    merged, slack = Detections.none(), np.zeros((0, 3, 3))
+    for one, place in zip(each, places, strict=True):
+        one = _distinct(one)
+        sight = one.positions - place
+        sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-9)
+        merged, slack = _joined(merged, slack, one, SLACK**2 * _outer(sight))
+    return _distinct(merged[merged.presence > PRESENT])
+
+
+def _joined(one: Detections, slack: Array, other: Detections, other_slack: Array) -> tuple[Detections, Array]:
+    """Merge the things of one set with those of another that may be the same; return them and their slack.
+
+    A thing that is half hidden may look higher than it is, so the same thing is looked for all along the line of sight:
+    slack, other_slack: (M, 3, 3) square metres, what this adds to the covariances.
+    """
+    if not len(one) or not len(other):
+        return (one, slack) if len(one) else (other, other_slack)
+    gap = other.positions[None] - one.positions[:, None]
+    sure = one.covariances[:, None] + other.covariances[None]
+    unsure = sure + slack[:, None] + other_slack[None]
+    near, distance = (np.einsum("abi,abij,abj->ab", gap, np.linalg.inv(squares), gap) for squares in (sure, unsure))
+    alike = (one.nouns @ other.nouns.T + 0.05) * (one.colors @ other.colors.T)
+    cost = distance + np.minimum(near, GATE) - 2 * np.log(np.maximum(alike, 1e-6))
+    allowed = (distance < GATE) & (np.linalg.norm(gap, axis=-1) < APART) & (alike > 1e-3)
+    rows, columns = linear_sum_assignment(np.where(allowed, cost, 1e3))
+    pairs = allowed[rows, columns]
+    rows, columns = rows[pairs], columns[pairs]
+    crossed = (near[rows, columns] > GATE)[:, None, None]  # their lines of sight cross where neither saw the thing
+    first, second = one[rows], other[columns]
+    first = replace(first, covariances=first.covariances + crossed * slack[rows])
+    second = replace(second, covariances=second.covariances + crossed * other_slack[columns])
+    parts = _mixed(first, second), one[_others(len(one), rows)], other[_others(len(other), columns)]
+    none = np.zeros((len(rows), 3, 3))
+    slacks = none, slack[_others(len(one), rows)], other_slack[_others(len(other), columns)]
+    return _stacked(*parts), np.concatenate(slacks)
+
+
+def _others(count: int, chosen: NDArray) -> NDArray[np.bool_]:
+    rest = np.ones(count, bool)
+    rest[chosen] = False
+    return rest
+
+
+def _mixed(one: Detections, other: Detections) -> Detections:
+    """Return M things that are each seen twice. What is known better counts more."""
+    weights = np.linalg.inv(one.covariances), np.linalg.inv(other.covariances)
+    covariances = np.linalg.inv(weights[0] + weights[1])
+    positions = np.einsum(
+        "mij,mj->mi",
+        covariances,
+        np.einsum("mij,mj->mi", weights[0], one.positions) + np.einsum("mij,mj->mi", weights[1], other.positions),
+    )
+    nouns, colors = one.nouns * other.nouns + 1e-9, one.colors * other.colors + 1e-9
+    better = one.presence >= other.presence
+    odds = one.targets * other.targets, (1 - one.targets) * (1 - other.targets)
+    return Detections(
+        positions=positions,
+        covariances=covariances,
+        nouns=nouns / nouns.sum(1, keepdims=True),
+        colors=colors / colors.sum(1, keepdims=True),
+        sizes=(one.sizes + other.sizes) / 2,
+        yaws=np.where(better, one.yaws, other.yaws),
+        shares=(one.shares + other.shares) / 2,
+        targets=odds[0] / np.maximum(odds[0] + odds[1], 1e-9),
+        presence=1 - (1 - one.presence) * (1 - other.presence),
+    )
+
+
+def _stacked(*parts: Detections) -> Detections:
+    names = Detections.__dataclass_fields__
+    return Detections(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+def _distinct(found: Detections) -> Detections:
+    """Drop what is another finding of the same thing, less present."""
+    order = np.argsort(-found.presence, kind="stable")
+    kept: list[int] = []
+    noun, color = found.nouns.argmax(1), found.colors.argmax(1)
+    for k in order.tolist():
+        near = [
+            i
+            for i in kept
+            if np.linalg.norm(found.positions[i] - found.positions[k])
+            < SAME * (1 + (noun[i] == noun[k]) * (color[i] == color[k]))
+        ]
+        if not near:
+            kept.append(k)
+    return found[np.array(sorted(kept), int)]
+
+
+def load_detector(weights: str | Path | None = None) -> SightDetector:
+    """Return the detector with these weights; None: those that come with the project. Raises ConfigError."""
+    from envs.perception.weights_file import load
+
+    return SightDetector(load(weights))
