@@ -44,6 +44,10 @@ PROGRAMS = {
         "deixis.export:cli", "a policy for programs without Deixis: deixis export checkpoint=nl_reach_kuka format=onnx"
     ),
     "robot": Program("deixis.robot:cli", "your own arm, from its URDF: deixis robot add arm.urdf"),
+    "calibrate": Program(
+        "deixis.calibrate:cli", "where a camera is, from a printed board or the gripper: deixis calibrate board"
+    ),
+    "look": Program("deixis.look:cli", "what a camera sees: deixis look picture.png --camera front.yaml"),
     "report": Program("trainers.reports.report:cli", "tables and figures of finished runs: deixis report outputs"),
     "parse": Program("language.__main__:run", 'what a sentence asks for: deixis parse "reach the red cube"'),
     "describe": Program(

@@ -55,7 +55,7 @@ class PerceptionConfig(Checked):
                     + did_you_mean(name, workspace.cameras)
                 )
             camera = workspace.cameras[name]
-            if camera.mount == "workspace" and not _sees_area(camera, workspace.object_area):
+            if camera.mount == "workspace" and not sees_area(camera, workspace.object_area):
                 raise ConfigError(
                     f"workspace.cameras.{name} sees nothing of the table where objects are put, "
                     f"workspace.object_area={list(workspace.object_area)}: turn it, or take another camera"
@@ -67,7 +67,7 @@ STATE = PerceptionConfig(
 )
 
 
-def _sees_area(camera: Camera, area: Sequence[float]) -> bool:
+def sees_area(camera: Camera, area: Sequence[float]) -> bool:
     """Return whether any place of an area x0, x1, y0, y1 of the table, metres, is in the picture of a camera."""
     x0, x1, y0, y1 = area
     grid = np.stack(np.meshgrid(np.linspace(x0, x1, 9), np.linspace(y0, y1, 9), [0.0]), axis=-1).reshape(-1, 3)

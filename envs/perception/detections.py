@@ -83,10 +83,18 @@ def check_picture(name: str, view: View) -> None:
         raise UnusablePicture(
             f"the picture of camera {name} is {size} pixels, and the camera's are {camera.width} x {camera.height}"
         )
+    reason = why_unusable(picture)
+    if reason:
+        raise UnusablePicture(f"the picture of camera {name} {reason}")
+
+
+def why_unusable(picture: NDArray[np.uint8]) -> str | None:
+    """Return why nothing can be seen in a picture (H, W, 3), as the end of a sentence; None where something can be."""
     small = picture[::2, ::2]
     if (small.max(2) <= BLACK).mean() > MOST_LOST:
-        raise UnusablePicture(f"the picture of camera {name} is black: is it covered, or the light off?")
+        return "is black: is it covered, or the light off?"
     if (small.min(2) >= WHITE).mean() > MOST_LOST:
-        raise UnusablePicture(f"the picture of camera {name} is saturated: take less light, or a shorter exposure")
+        return "is saturated: take less light, or a shorter exposure"
     if small.std() < FLAT:
-        raise UnusablePicture(f"the picture of camera {name} shows a single colour: is the camera connected?")
+        return "shows a single colour: is the camera connected?"
+    return None

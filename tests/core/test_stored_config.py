@@ -37,6 +37,7 @@ OWN_PROGRAMS = (
     "record",
     "deploy",
     "deixis.export",
+    "deixis.calibrate",
 )  # their configs are command lines of their own, and no file's
 
 
