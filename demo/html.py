@@ -66,6 +66,12 @@ def hint(text: str) -> str:
     return _box(f"<small>{escape(text)}</small>")
 
 
+def seen(lines: Sequence[str], cameras: Sequence[str]) -> str:
+    """What cameras see together, a line for each thing."""
+    listed = "".join(f"<div>{escape(line)}</div>" for line in lines) or "Nothing."
+    return _box(f"<small>{escape(' and '.join(cameras))} see:{listed}</small>")
+
+
 def object_shares(view: ViewState, names: Sequence[str]) -> str:
     """A bar for each object: the policy's attention, and the probability that the finger points at it."""
     rows = []

@@ -20,6 +20,7 @@ from demo.room import MOST_SAID
 from demo.scene_view import SceneView
 from demo.session import Session
 from demo.session_config import DRIVERS, MOST_OBJECTS, SessionConfig, check_run, pretrained_policies
+from demo.sight_panel import SightPanel, load_network
 from demo.splash_page import set_camera
 from deployment.safe_arm import SafeArm
 from language import LanguageError, Outcome
@@ -89,6 +90,7 @@ class Page:
         self._build_choice(session.config, session.env.config.task.num_objects)
         self._build_by_hand(session.env.config.workspace.gripper_box)
         self._recording = RecordingPanel(self._server, self.loop, Path.cwd(), self._show_message)
+        self._sight = SightPanel(self._server, load_network)
         for key, direction in DIRECTIONS.items():
             command = gui.add_command(f"Move the finger, or the gripper: {key}", hotkey=key)  # type: ignore[arg-type]
             command.on_trigger(lambda _, to=direction: self.loop.ask(lambda session: self._nudge(session, to)))
@@ -263,6 +265,7 @@ class Page:
         """Shows a new environment and its config."""
         config = session.config
         self._scene_view.show_env(session.env)
+        self._sight.show_env(session.env)
         if config.workspace != self._shown_workspace:
             self._shown_workspace = str(config.workspace)
             set_camera(self._server, self._shown_workspace)
@@ -297,6 +300,7 @@ class Page:
         self._put("shares", self._shares, html.object_shares(view, names))
         self._put("rewards", self._rewards, html.rewards_and_outcomes(view))
         self._recording.add(session)
+        self._sight.update(session)
 
     def _list_sayable(self, session: Session) -> None:
         """Lists feasible instructions while none is being carried out. The list is renewed if something has moved."""

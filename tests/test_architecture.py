@@ -37,7 +37,7 @@ LAYERS = {  # sub-package or module of envs -> those that it may import beside i
     "checker": {"workspace_env"},
     "perception_training": {"sim", "tasks", "perception", "mdp", "config", "workspace_env"},
     "experts": {"sim", "tasks", "mdp", "workspace_env"},
-    "interactive": {"sim", "mdp", "config", "workspace_env"},
+    "interactive": {"sim", "mdp", "config", "workspace_env", "perception"},
     "perturbed_conditions": {"tasks", "mdp", "config"},
 }
 PYBULLET = ("envs/sim/", "human/body/")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import torch
@@ -10,9 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from core.cameras import CameraFrame
 from envs.config import EnvConfig
 from envs.mdp.goals import Goal
 from envs.mdp.object_rows import scene_of_rows
+from envs.perception import View
 from envs.sim.rendering import VisualShapes
 from envs.sim.window import Window
 from envs.workspace_env import WorkspaceEnv
@@ -83,6 +85,16 @@ class InteractiveEnv(WorkspaceEnv):
     def rest_position(self) -> Array:
         """(3,) metres: where the gripper is when an episode starts, without the noise."""
         return self.kinematics.forward(self.kinematics.rest[None]).position[0]
+
+    def views(self, names: Iterable[str]) -> dict[str, View]:
+        """Return the pictures that cameras of the workspace take now, by their names."""
+        pose = self.kinematics.forward(self._arrays.angles)
+        gripper, found = (pose.position[0], pose.rotation[0]), {}
+        for name in names:
+            camera = self.config.workspace.cameras[name]
+            photo = self._single_world.photograph(camera, gripper)
+            found[name] = View(photo.colors, camera, CameraFrame.of(camera, gripper))
+        return found
 
     # ---- Instructions
 
