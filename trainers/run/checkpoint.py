@@ -152,7 +152,9 @@ def widths(observation_spec: Any, action_spec: Any) -> dict[str, list[int]]:
 
 
 def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str, list[int]]) -> None:
-    """Check that a checkpoint fits an environment. A policy with attention over slots takes any number of objects.
+    """Check that a checkpoint fits an environment.
+
+    A policy with attention, over slots or in pictures, takes any number of objects.
 
     Args:
         payload: of `load`.
@@ -162,7 +164,7 @@ def check_fits(payload: dict[str, Any], vocabulary: list[str], shapes: dict[str,
     Raises:
         CheckpointError: the checkpoint was trained with other words or shapes.
     """
-    any_slots = payload["config"].get("policy", {}).get("name") == "grounded"
+    any_slots = payload["config"].get("policy", {}).get("name") in ("grounded", "pixels")
     _check_vocabulary(list(payload["vocabulary"]), list(vocabulary))
     for name, theirs in payload["widths"].items():
         shape = shapes.get(name, [])

@@ -10,6 +10,7 @@ from core.errors import ConfigError
 from tests.helpers.training_configs import training
 from trainers.algorithms.algorithm import build_algorithm
 from trainers.models.pixels import UNIT, chosen_place
+from trainers.run.checkpoint import CheckpointError, check_fits
 
 SIZE, SLOTS, LENGTH, ROW = 16, 3, 4, 6
 COLORS = torch.tensor([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])
@@ -120,15 +121,12 @@ def test_pictures_of_squares_teach_places_words_and_moves():
 
 
 def test_the_place_of_two_things_is_that_of_the_likelier_one():
-    near = SAME_THING / UNIT
+    near = 0.03 / UNIT  # between the places that two cells tell of one thing
     places = torch.tensor([[[0.0, 0, 0], [near, 0, 0], [2.0, 0, 0]]])
     place = chosen_place(torch.tensor([[1.0, 1.0, 1.5]]), places)
     torch.testing.assert_close(place, places[:, 2])
     place = chosen_place(torch.tensor([[1.6, 1.6, 1.5]]), places)
     torch.testing.assert_close(place, torch.tensor([[near / 2, 0, 0]]))
-
-
-SAME_THING = 0.03  # metres between the places that two cells tell of one thing
 
 
 @pytest.mark.parametrize(
@@ -149,6 +147,14 @@ def test_pictures_of_a_size_that_no_cells_divide_are_refused():
     observed["pixels"] = Bounded(0, 255, (1, 1, 18, 18, 3), dtype=torch.uint8)
     with pytest.raises(ConfigError, match=r"policy\.pictures\.size=18 must be a multiple of 4"):
         build_algorithm(training("bc", "pixels", SMALL), observed, (1.0, 1.0, 1.0))
+
+
+def test_it_takes_any_number_of_objects_but_pictures_of_its_own_size():
+    payload = {"config": {"policy": {"name": "pixels"}}, "vocabulary": ["<pad>"]}
+    payload["widths"] = {"objects": [3, 16], "objects_mask": [3], "pixels": [2, 64, 64, 3]}
+    check_fits(payload, ["<pad>"], {"objects": [6, 16], "objects_mask": [6], "pixels": [2, 64, 64, 3]})
+    with pytest.raises(CheckpointError, match=r"pixels is \[2, 64, 64, 3\] there and \[2, 32, 32, 3\] here"):
+        check_fits(payload, ["<pad>"], payload["widths"] | {"pixels": [2, 32, 32, 3]})
 
 
 def test_an_environment_without_pictures_is_refused():
