@@ -156,7 +156,7 @@ def for_network(view: View) -> View:
     box = ((camera.width - wide) / 2, (camera.height - high) / 2, (camera.width + wide) / 2, (camera.height + high) / 2)
     image = Image.fromarray(view.picture).resize((width, height), Image.Resampling.BOX, box)
     fov = float(np.degrees(2 * np.arctan(high / 2 / camera.focal)))
-    return View(np.asarray(image, np.uint8), replace(camera, width=width, height=height, fov=fov), view.frame)
+    return View(np.array(image, np.uint8), replace(camera, width=width, height=height, fov=fov), view.frame)
 
 
 def _save(out: Path, pictures: Sequence[NDArray[np.uint8]]) -> None:

@@ -196,7 +196,7 @@ def read_picture(path: Path) -> Picture:
                     f"{path} has {image.width} x {image.height} pixels: a side must have {SMALLEST} to {LARGEST}"
                 )
             turned = ImageOps.exif_transpose(image)
-            return np.asarray((turned or image).convert("RGB"), np.uint8)
+            return np.array((turned or image).convert("RGB"), np.uint8)  # writable, as PyTorch wants it
     except (UnidentifiedImageError, Image.DecompressionBombError):
         raise ConfigError(f"{path} is no picture that can be read: give one of {', '.join(FORMATS)}") from None
     except (OSError, ValueError, SyntaxError, EOFError) as error:

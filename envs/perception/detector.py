@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from core.cameras import Camera, CameraFrame
 from envs.perception.detections import NOUN_NAMES, Detections, View
-from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, Cells, SightNetwork, camera_numbers
+from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork, camera_numbers
 from language import DEVICES
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ class SightDetector:
 
 def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
     """Return what the network's numbers (1, WIDTH, h, w) of one picture tell."""
-    cells = Cells.of(out)
+    cells = SightCells.of(out)
     heat = cells["heat"][0, 0].sigmoid()
     peak = functional.max_pool2d(heat[None, None], 3, 1, 1)[0, 0]
     likely = torch.where(heat == peak, heat, torch.zeros_like(heat))
@@ -63,7 +63,7 @@ def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
     if not len(places):
         return Detections.none()
     rows = out[0].flatten(1)[:, places].T.double()
-    numbers = Cells.of(rows[..., None, None])
+    numbers = SightCells.of(rows[..., None, None])
     v, u = places // heat.shape[1], places % heat.shape[1]
     middles = torch.stack((u, v), 1) + 0.5
     pixels = ((middles + numbers["offset"][:, :, 0, 0]) * CELL).numpy()

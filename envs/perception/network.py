@@ -117,13 +117,13 @@ class _Block(nn.Module):
 
 
 @dataclass(frozen=True)
-class Cells:
+class SightCells:
     """The network's numbers by their names, each (M, count, h, w)."""
 
     values: dict[str, Tensor]
 
     @classmethod
-    def of(cls, out: Tensor) -> Cells:
+    def of(cls, out: Tensor) -> SightCells:
         return cls(dict(zip(HEADS, out.split(list(HEADS.values()), dim=1), strict=True)))
 
     def __getitem__(self, name: str) -> Tensor:
