@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from envs.perception.config import PerceptionConfig
 from envs.perception.detections import Array, Detections
+from envs.perception.fitting_track import JUMP, KEPT, LEAST, NEAR, NOISE, FollowedFitting, length
 from envs.perception.poses import (
     CUBE,
     DEVICE_NUMBERS,
@@ -40,20 +41,18 @@ from language import COLORS, HAND, NOUNS
 HAND_NUMBER = list(NOUNS).index(HAND)
 IS_DEVICE = np.isin(np.arange(len(NOUNS)), DEVICE_NUMBERS)
 QUARTER = np.pi / 2  # radians: a cube looks the same after such a turn
-LEAST = 1e-3  # probability that counts as impossible
-KEPT = 0.9  # share of earlier evidence that the next picture leaves
-NOISE = 0.001  # metres, standard deviation that every measured place has at least: of the cameras' calibration
-JUMP, JUMPED = 6.0, 0.1  # cost of a thing that has been moved, and metres of the way whose square costs 1 more
+JUMPED = 0.1  # metres of the way of a thing that has been moved whose square costs 1 more
 WORST = 10.0  # cost from which a detection is not of a thing
-NEAR = 0.12  # metres from the gripper's centre within which things may be moved
 RESTLESS = 8  # control steps after a motion in which a thing is expected to move on
 ALIKE = 0.6  # widths between two detections of one thing, at most
 ANYWHERE = 0.3  # metres by which things may have been moved by hand, standard deviation
 LEVEL = 0.008  # metres from its height on the table within which a thing at rest stands on it
 ARM = 0.09  # metres from the axis of an arm's links within which it hides things
 HOLDS = 0.08  # metres from where a gripper holds to the middle of what it has taken hold of, at most
-ON_JOINT = 0.06  # metres beside the way of a fitting's handle within which a detection is of that handle
 FOLLOWS = 0.8  # share of a measured turn that is taken at once while the gripper may be turning something
+BESIDE, OVER = 0.05, 0.12  # metres beside and over a peg within which a gripper may be pushing it
+STILL, TURNED = 0.03, 0.15  # radians that a wheel turns in a control step at rest, and from which on it has been turned
+BLOCKED, STUCK = 8, 20  # control steps at rest beside a gripper, of a wheel that was turned, and of one that was not
 SAMPLES = 6  # points along each link
 
 
@@ -104,7 +103,8 @@ class Things:
     anchors: (T, 3) and covariances: (T, 3, 3) of what is filtered: the middle of a thing; of a device, where it stands.
     yaws: (T,) radians. shares: (T,) of a joint's range. turns: (T, 4) quaternions. hits, missed, strayed, restless:
     (T,) pictures in which it was seen, in which its place was seen empty, in which it was last seen elsewhere, and
-    control steps in which it may yet move. starts: (T,) radians, how a wheel was turned as it was first seen.
+    control steps in which it may yet move. starts: (T,) radians, how wheels were placed, as far as is known. pushed:
+    (T,) control steps in which a wheel has been at rest beside the gripper. before: (T,) radians, `yaws` a step ago.
     """
 
     ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -121,6 +121,8 @@ class Things:
     missed: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     strayed: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     restless: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    pushed: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    before: Array = field(default_factory=lambda: np.zeros(0))
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -175,7 +177,7 @@ class SceneTracker:
         """Forget all things: an episode begins."""
         self._things, self._next, self._pictures = Things(), 0, 0
         self._held, self._gripper = NOTHING, (np.zeros(3), np.eye(3))
-        self._fittings = {number: _FollowedFitting(each) for number, each in self._known.fittings.items()}
+        self._fittings = {number: FollowedFitting(each) for number, each in self._known.fittings.items()}
 
     def expect_motion(self) -> None:
         """Expect everything loose elsewhere in the next picture: somebody has moved something."""
@@ -198,6 +200,7 @@ class SceneTracker:
         self._miss(rows, moment)
         self._join(seen[new], anchors[new])
         self._note_held(moment)
+        self._note_ends(moment)
         self._level()
         self._gripper = moment.gripper.copy(), moment.rotation.copy()
         self._pictures += 1
@@ -217,7 +220,7 @@ class SceneTracker:
         """Take what is seen of fittings, and return the other detections."""
         number = seen.nouns.argmax(1)
         for noun, fitting in self._fittings.items():
-            fitting.update(seen[number == noun], moment, self._config)
+            fitting.update(seen[number == noun], moment.gripper, self._config)
         return seen[~np.isin(number, list(self._fittings))]
 
     def _motion(self, moment: Moment) -> tuple[Array, Array]:
@@ -237,7 +240,7 @@ class SceneTracker:
             if self._held == _fitting_id(noun):
                 fitting.carry(moment.gripper + turn @ (fitting.handle - before))
         noise = np.where(things.restless > 0, config.motion, config.drift)
-        near = _length(things.anchors - moment.gripper) < NEAR
+        near = length(things.anchors - moment.gripper) < NEAR
         noise = np.where(near, np.maximum(noise, config.motion / 10), noise)
         noise[self._devices] = config.drift
         things.covariances = things.covariances + (noise * noise)[:, None, None] * np.eye(3)
@@ -286,7 +289,7 @@ class SceneTracker:
     ) -> None:
         """Take what is seen of things that were there before."""
         things = self._things
-        near = _length(things.anchors[rows] - moment.gripper) < NEAR
+        near = length(things.anchors[rows] - moment.gripper) < NEAR
         taken = ~jumps | near | (things.restless[rows] > 0) | (things.strayed[rows] > 0)
         things.strayed[rows] = np.where(jumps & ~taken, 1, 0)
         things.restless[rows[jumps & taken]] = RESTLESS
@@ -349,7 +352,7 @@ class SceneTracker:
         way = moment.cameras[:, None] - places[None]  # (C, W, 3)
         offset = screens[None, None] - places[None, :, None]  # (1, W, S, 3)
         along = (offset * way[:, :, None]).sum(-1) / (way * way).sum(-1)[..., None]
-        beside = _length(offset - np.clip(along, 0.0, 1.0)[..., None] * way[:, :, None])
+        beside = length(offset - np.clip(along, 0.0, 1.0)[..., None] * way[:, :, None])
         hides = beside < widths
         hides[:, np.arange(len(which)), len(links) + 1 + which] = False
         return np.asarray(hides.any((0, 2)))
@@ -358,7 +361,7 @@ class SceneTracker:
         """Begin to follow what is seen of no thing so far."""
         things, known = self._things, self._known
         believed = (new.presence >= self._config.presence) & self._general[new.nouns.argmax(1)]
-        apart = _length(anchors[:, None] - things.anchors[None])
+        apart = length(anchors[:, None] - things.anchors[None])
         same = (new.targets[:, None] > 0.5) == (things.targets[None] > 0)
         believed &= ~((apart < ALIKE * known.size) & same).any(1)
         if (new.nouns.argmax(1) == HAND_NUMBER).any() and (things.nouns.argmax(1) == HAND_NUMBER).any():
@@ -387,6 +390,8 @@ class SceneTracker:
                 missed=np.zeros(count, np.int64),
                 strayed=np.zeros(count, np.int64),
                 restless=np.zeros(count, np.int64),
+                pushed=np.zeros(count, np.int64),
+                before=yaws.copy(),
             )
         )
         self._next += count
@@ -402,11 +407,29 @@ class SceneTracker:
         elif self._held == NOTHING:
             where = moment.gripper - [0.0, 0.0, self._known.grip_depth]
             loose = LOOSE[things.nouns.argmax(1)] & (things.targets <= 0)
-            apart = np.where(loose, _length(things.anchors - where), np.inf).tolist()
-            apart += [float(_length(fitting.handle - where)) for fitting in self._fittings.values()]
+            apart = np.where(loose, length(things.anchors - where), np.inf).tolist()
+            apart += [float(length(fitting.handle - where)) for fitting in self._fittings.values()]
             ids = [*things.ids.tolist(), *map(_fitting_id, self._fittings)]
             if ids and min(apart) < HOLDS:
                 self._held = ids[int(np.argmin(apart))]
+
+    def _note_ends(self, moment: Moment) -> None:
+        """Learn how wheels were placed, which does not show: one that resists the gripper is at an end of its range."""
+        things = self._things
+        wheels = things.nouns.argmax(1) == WHEEL
+        if not wheels.any():
+            return
+        way = np.clip(wrapped(things.yaws - things.starts, 2 * np.pi), -WHEEL_WAY, WHEEL_WAY)
+        nouns = np.full(len(things), WHEEL)
+        pegs = handles(nouns, things.anchors, yaws=things.yaws, shares=things.shares, width=self._known.width)
+        offset = pegs - moment.gripper
+        still = np.abs(wrapped(things.yaws - things.before, 2 * np.pi)) < STILL
+        beside = wheels & (length(offset * [1.0, 1.0, 0.0]) < BESIDE) & (np.abs(offset[:, 2]) < OVER)
+        things.pushed, things.before = np.where(beside & still, things.pushed + 1, 0), things.yaws.copy()
+        onward = np.sign(np.cos(things.yaws) * offset[:, 1] - np.sin(things.yaws) * offset[:, 0])
+        onward = np.where(np.abs(way) > TURNED, np.sign(way), onward)
+        blocked = things.pushed == np.where(np.abs(way) > TURNED, BLOCKED, STUCK)
+        things.starts = np.where(wheels, things.yaws - np.where(blocked, onward * WHEEL_WAY, way), things.starts)
 
     def _level(self) -> None:
         """Put what stands on the table at its height there."""
@@ -449,73 +472,9 @@ class SceneTracker:
         )
 
 
-class _FollowedFitting:
-    """A fitting whose share is followed along its joint. It is there in any case: the furniture is known.
-
-    share: in [0, 1], how far it is open. color: the likeliest.
-    """
-
-    def __init__(self, fitting: Fitting) -> None:
-        self._fitting, self.share, self._variance, self._strayed = fitting, 0.0, np.inf, False
-        self._colors = np.zeros(len(COLORS))
-
-    @property
-    def handle(self) -> Array:
-        """(3,) the place of its handle, metres."""
-        return self._fitting.handle_at(self._fitting.value(self.share))
-
-    @property
-    def quaternion(self) -> Array:
-        """(4,) of its handle."""
-        half = float(self._fitting.value(self.share)) / 2 if self._fitting.joint == "turn" else 0.0
-        return np.append(np.sin(half) * np.array(self._fitting.axis), np.cos(half))
-
-    @property
-    def color(self) -> int:
-        return int(self._colors.argmax())
-
-    def carry(self, handle: Array) -> None:
-        """Move it to where the gripper has taken its handle, (3,) metres."""
-        self.share = float(np.clip(self._fitting.share(handle), 0.0, 1.0))
-
-    def update(self, seen: Detections, moment: Moment, config: PerceptionConfig) -> None:
-        """Take what is seen of it after a control step, if anything."""
-        metres = self._metres()
-        near = float(_length(self.handle - moment.gripper)) < NEAR
-        self._variance += ((config.motion if near or self._strayed else config.drift) / metres) ** 2
-        if not len(seen):
-            return
-        shares = np.clip(self._fitting.share(seen.positions), 0.0, 1.0)
-        beside = _length(self._fitting.handle_at(self._fitting.value(shares)) - seen.positions)
-        best = int(np.where(beside < ON_JOINT, seen.presence, 0.0).argmax())
-        if beside[best] >= ON_JOINT:
-            return
-        error = (np.trace(seen.covariances[best]) / 3 + NOISE**2) / metres**2
-        apart = shares[best] - self.share
-        strays = apart * apart > 2 * JUMP * (self._variance + error)
-        if strays and not (near or self._strayed):
-            self._strayed = True
-            return
-        gain = 1.0 if strays or np.isinf(self._variance) else self._variance / (self._variance + error)
-        self.share = float(np.clip(self.share + gain * apart, 0.0, 1.0))
-        self._variance = error if gain == 1.0 else (1 - gain) * self._variance
-        self._strayed = False
-        self._colors = KEPT * self._colors + np.log(np.maximum(seen.colors[best], LEAST))
-
-    def _metres(self) -> float:
-        """Metres of way for the whole range of the joint, at the present share."""
-        low, high = max(0.0, self.share - 0.01), min(1.0, self.share + 0.01)
-        ends = self._fitting.handle_at(self._fitting.value([low, high]))
-        return float(_length(ends[1] - ends[0])) / (high - low)
-
-
 def _fitting_id(noun: int) -> int:
     """Return the id of the fitting with this noun's number."""
     return NOTHING - 1 - noun
-
-
-def _length(vectors: Array) -> Array:
-    return np.sqrt((vectors * vectors).sum(-1))
 
 
 def _probabilities(logs: Array) -> Array:

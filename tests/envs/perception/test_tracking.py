@@ -8,6 +8,7 @@ import pytest
 
 from envs.perception.config import STATE
 from envs.perception.detections import Detections
+from envs.perception.poses import heading
 from envs.perception.tracking import KnownThings, Moment, SceneTracker, assignment
 from envs.sim.devices import DEVICES
 from envs.tasks import NOTHING
@@ -220,3 +221,21 @@ def test_the_assignment_is_the_cheapest():
         least = min(sum(table[k, j] for k, j in enumerate(order)) for order in permutations(range(many), few))
         assert len(rows) == few == len(set(columns.tolist())) == len(set(rows.tolist()))
         assert costs[rows, columns].sum() == pytest.approx(least)
+
+
+def test_a_wheel_that_resists_the_gripper_is_at_the_end_of_its_range():
+    width_grip = DEVICES["wheel"].grip(WIDTH, 0.0)
+    way = DEVICES["wheel"].way
+
+    def wheel(angle):
+        turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+        return [0.45, 0.0, 0.0] + turn @ width_grip, "wheel", "red", {"yaw": angle, "share": 0.5}
+
+    follows = tracker()
+    for angle in (0.0, 0.1, 0.2, *[0.3] * 14):
+        peg = wheel(angle)[0]
+        follows.update(seen(wheel(angle)), moment([[0.0, 0.0, 0.4], peg - [0.1, 0.1, -0.2], peg - [0.0, 0.03, 0.0]]))
+    found = follows.seen()
+    assert found.yaws[0] == pytest.approx(heading(found.quaternions[0]) - way, abs=1e-6)
+    follows.update(seen(wheel(0.0)), moment())
+    assert abs(follows.seen().yaws[0] - (0.3 - way)) < 0.1
