@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from core.cameras import Camera, CameraFrame
 from envs.perception.detections import NOUN_NAMES, Detections, View
-from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork, camera_numbers
+from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork, camera_numbers, folded
 from language import DEVICES
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ class SightDetector:
     """Finds things by a network. Implements `envs.perception.Detector`."""
 
     def __init__(self, network: SightNetwork) -> None:
-        self._network = network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._network = folded(network).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def __call__(self, views: Mapping[str, View]) -> Detections:
         return fuse(self.each(list(views.values())), [view.frame.place for view in views.values()])

@@ -8,12 +8,14 @@ so that the same weights serve cameras in other poses.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
+from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from core.cameras import Camera, CameraFrame
 from envs.perception.detections import COLOR_NAMES, NOUN_NAMES
@@ -114,6 +116,17 @@ class _Block(nn.Module):
 
     def forward(self, values: Tensor) -> Tensor:
         return functional.relu(values + self.second(self.first(values)))
+
+
+def folded(network: SightNetwork) -> SightNetwork:
+    """Return a copy that only reads pictures: its norms are folded into the convolutions, which is faster."""
+    copied = copy.deepcopy(network).eval()
+    for layers in [each for each in copied.modules() if isinstance(each, nn.Sequential)]:
+        for i in range(len(layers) - 1):
+            convolution, norm = layers[i], layers[i + 1]
+            if isinstance(convolution, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
+                layers[i], layers[i + 1] = fuse_conv_bn_eval(convolution, norm), nn.Identity()
+    return copied
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,196 @@
+"""How often a policy succeeds whose eyes meet other light, other colours, cameras that moved, noise and the like.
+
+    python -m benchmarks.eyes --episodes 200
+    python -m benchmarks.eyes --episodes 200 --checkpoint nl_pick_and_place_kuka --only "noise, sd 15 of 255"
+    python -m benchmarks.eyes --time
+
+Each condition changes one thing, by at least as much as the training varies it, and draws it anew in each episode.
+Cameras that moved are calibrated where they are, but for the last rows, where nobody noticed. `--time` prints the
+milliseconds that perception takes of a control step, without the pictures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from core.cameras import CameraFrame, Light, project
+from envs.config import read_env
+from envs.mdp.perceived_worlds import Reader
+from envs.perception.camera_reader import CameraReader, Gripper
+from envs.perception.detections import Detections, View, check_picture
+from envs.perception.detector import load_detector
+from envs.perception_training.conditions import CONDITIONS, Change
+from envs.perception_training.scenes import PLAIN, LookVariation, Texture, moved_camera, sample_light
+from envs.sim.appearance import Appearance
+from envs.workspace_env import WorkspaceEnv
+
+OCCLUDED = "a third of each object hidden"
+UNNOTICED = (("camera moved by 5 mm, unnoticed", 0.005, 0.0), ("camera turned by 0.5 degrees, unnoticed", 0.0, 0.5))
+
+
+class ConditionedReader(CameraReader):
+    """Reads what is seen in worlds whose looks and cameras change with each episode.
+
+    Args:
+        env: whose worlds they are.
+        looks: how much they vary.
+        change: what happens to each picture.
+        hides: whether a third of each object is covered.
+        unnoticed: whether the detector is told the cameras as they were before they moved.
+    """
+
+    def __init__(
+        self,
+        env: WorkspaceEnv,
+        *,
+        looks: LookVariation,
+        change: Change | None = None,
+        hides: bool = False,
+        unnoticed: bool = False,
+    ) -> None:
+        config = env.config
+        super().__init__(env._worlds, config.workspace, config.perception, load_detector(config.perception.weights))
+        self._env, self._looks, self._change = env, looks, change
+        self._hides, self._unnoticed = hides, unnoticed
+        self._rng = np.random.default_rng(0)
+        self._named = {name: config.workspace.cameras[name] for name in config.perception.cameras}
+        self._appearances = [Appearance(world) for world in env._worlds]
+        self._drawn: dict[int, dict[str, Any]] = {}
+
+    def read(self, world: int, gripper: Gripper) -> Detections:
+        if world not in self._drawn or self._env._arrays.steps[world] == 0:
+            self._drawn[world] = self._draw(world)
+        drawn = self._drawn[world]
+        views = {}
+        for name, (camera, frame) in drawn["cameras"].items():
+            photo = self._env._worlds[world].photograph(camera, gripper, drawn["light"])
+            if drawn["texture"] is not None:
+                drawn["texture"].paint(photo, camera, frame, self._appearances[world].furniture)
+            picture = photo.colors
+            if self._hides:
+                picture = self._covered(picture, world, camera, frame)
+            if self._change is not None:
+                picture = self._change(picture, self._rng)
+            told = (self._named[name], CameraFrame.of(self._named[name])) if self._unnoticed else (camera, frame)
+            views[name] = View(picture, *told)
+            check_picture(name, views[name])
+        return self._detector(views)
+
+    def _draw(self, world: int) -> dict[str, Any]:
+        rng, looks = self._rng, self._looks
+        if looks.recolor:
+            self._appearances[world].recolor(rng)
+        if looks.unknown:
+            state = self._env._state
+            known = state.objects[world, state.shown[world], :2]
+            x0, x1, y0, y1 = self._env.config.workspace.object_area
+            places = rng.uniform([x0 - 0.1, y0 - 0.1], [x1 + 0.15, y1 + 0.1], (4, 2))
+            apart = np.linalg.norm(places[:, None] - known[None], axis=-1).min(1) > 0.11
+            self._appearances[world].scatter(places[apart].tolist(), rng)
+        return {
+            "cameras": {name: moved_camera(camera, looks, rng) for name, camera in self._named.items()},
+            "light": sample_light(rng, looks.shadow) if looks.light else Light(),
+            "texture": Texture(rng) if looks.texture else None,
+        }
+
+    def _covered(self, picture: np.ndarray, world: int, camera: Any, frame: CameraFrame) -> np.ndarray:
+        """Cover the lower third of each object with a grey box."""
+        state, picture = self._env._state, picture.copy()
+        size = self._env.config.task.object_size
+        for place in state.objects[world, state.shown[world]]:
+            (u, v), depth = project(camera, frame, place)
+            half = camera.focal * size / float(depth) * 0.6
+            edges = np.rint([v + half / 3, v + half, u - half, u + half]).clip(0).astype(int)
+            picture[edges[0] : edges[1], edges[2] : edges[3]] = 120
+        return picture
+
+
+def evaluated(checkpoint: str, episodes: int, seed: int, **condition: Any) -> dict[str, Any]:
+    """Return the result of a policy's episodes in a condition, the arguments of `ConditionedReader`."""
+    from core.overrides import apply
+    from trainers.evaluation.evaluation import evaluate
+    from trainers.run.checkpoint import find, fitted_policy, load
+
+    class ConditionedEnv(WorkspaceEnv):
+        def _make_reader(self, config: Any) -> Reader:
+            return ConditionedReader(self, **condition)
+
+    saved = load(find(Path(checkpoint)))
+    cfg = apply(saved["config"], ["perception=camera"])
+    with closing(ConditionedEnv(read_env(cfg).without_curriculum(), 10, seed, render=True)) as env:
+        return evaluate(env, fitted_policy(saved, cfg, env).act, episodes, seed).as_dict()
+
+
+def conditions() -> list[tuple[str, dict[str, Any]]]:
+    """Return each condition's name and the arguments of `ConditionedReader`."""
+    rows: list[tuple[str, dict[str, Any]]] = [("none", {"looks": PLAIN})]
+    rows += [(name, {"looks": looks, "change": change}) for name, looks, change in CONDITIONS]
+    rows.append((OCCLUDED, {"looks": PLAIN, "hides": True}))
+    for name, shift, turn in UNNOTICED:
+        rows.append((name, {"looks": replace(PLAIN, shift=shift, turn=turn), "unnoticed": True}))
+    return rows
+
+
+def print_time() -> None:
+    """Print the milliseconds of perception in a control step, on one core: network, fusion and tracker."""
+    from core.overrides import compose
+
+    torch.set_num_threads(1)
+    config = read_env(compose(["task=nl_reach", "perception=camera"])).without_curriculum()
+    with closing(WorkspaceEnv(config, 1, 0, render=True)) as env:
+        env.reset()
+        reader = env._perceived._reader  # type: ignore[union-attr]
+        pose = env._arrays.pose
+        gripper = pose.position[0], pose.rotation[0]
+        pictures = reader._cameras.pictures(env._worlds[0], gripper)  # type: ignore[attr-defined]
+        views = reader._cameras.views(pictures, gripper)  # type: ignore[attr-defined]
+        times = []
+        for _ in range(200):
+            began = time.perf_counter()
+            reader._detector(views)  # type: ignore[attr-defined]
+            times.append(time.perf_counter() - began)
+        seen = reader._detector(views)  # type: ignore[attr-defined]
+        print(f"network and fusion: {1000 * np.median(times):.1f} ms (least {1000 * min(times):.1f})")
+        moment, _ = env._perceived._moment(0, env.kinematics.frames(env._arrays.angles)[..., :3, :][:, 0])  # type: ignore[union-attr]
+        times = []
+        for _ in range(200):
+            began = time.perf_counter()
+            env._perceived._trackers[0].update(seen, moment)  # type: ignore[union-attr]
+            times.append(time.perf_counter() - began)
+        print(f"tracker: {1000 * np.median(times):.2f} ms (least {1000 * min(times):.2f})")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--checkpoint", default="nl_reach_kuka")
+    parser.add_argument("--episodes", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", help="one condition")
+    parser.add_argument("--time", action="store_true", help="print how long perception takes")
+    parser.add_argument("--out", type=Path, help="a file to which the rows are added")
+    given = parser.parse_args()
+    if given.time:
+        print_time()
+        return
+    torch.set_num_threads(1)
+    for name, condition in conditions():
+        if given.only in (None, name):
+            result = evaluated(given.checkpoint, given.episodes, given.seed, **condition)
+            low, high = result["ci95"]
+            row = f"{name:46}{result['success_at_end']:.3f} ({low:.3f} to {high:.3f}), {result['episodes']} episodes"
+            print(row, flush=True)
+            if given.out:
+                with given.out.open("a") as file:
+                    file.write(row + "\n")
+
+
+if __name__ == "__main__":
+    main()
