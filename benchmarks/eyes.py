@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -140,32 +141,31 @@ def conditions() -> list[tuple[str, dict[str, Any]]]:
 
 
 def print_time() -> None:
-    """Print the milliseconds of perception in a control step, on one core: network, fusion and tracker."""
+    """Print the milliseconds of perception in a control step, on one core: network and fusion, and the tracker."""
     from core.overrides import compose
 
     torch.set_num_threads(1)
     config = read_env(compose(["task=nl_reach", "perception=camera"])).without_curriculum()
     with closing(WorkspaceEnv(config, 1, 0, render=True)) as env:
         env.reset()
-        reader = env._perceived._reader  # type: ignore[union-attr]
-        pose = env._arrays.pose
-        gripper = pose.position[0], pose.rotation[0]
-        pictures = reader._cameras.pictures(env._worlds[0], gripper)  # type: ignore[attr-defined]
-        views = reader._cameras.views(pictures, gripper)  # type: ignore[attr-defined]
-        times = []
-        for _ in range(200):
-            began = time.perf_counter()
-            reader._detector(views)  # type: ignore[attr-defined]
-            times.append(time.perf_counter() - began)
-        seen = reader._detector(views)  # type: ignore[attr-defined]
-        print(f"network and fusion: {1000 * np.median(times):.1f} ms (least {1000 * min(times):.1f})")
-        moment, _ = env._perceived._moment(0, env.kinematics.frames(env._arrays.angles)[..., :3, :][:, 0])  # type: ignore[union-attr]
-        times = []
-        for _ in range(200):
-            began = time.perf_counter()
-            env._perceived._trackers[0].update(seen, moment)  # type: ignore[union-attr]
-            times.append(time.perf_counter() - began)
-        print(f"tracker: {1000 * np.median(times):.2f} ms (least {1000 * min(times):.2f})")
+        perceived: Any = env._perceived
+        arrays, reader = env._arrays, perceived._reader
+        gripper = arrays.pose.position[0], arrays.pose.rotation[0]
+        views = reader._cameras.views(reader._cameras.pictures(env._worlds[0], gripper), gripper)
+        frames = env.kinematics.frames(arrays.angles)[..., :3, :][:, 0]
+        seen, moment = reader._detector(views), perceived._moment(0, frames)[0]
+        print(f"network and fusion: {_timed(lambda: reader._detector(views))}")
+        print(f"tracker: {_timed(lambda: perceived._trackers[0].update(seen, moment))}")
+
+
+def _timed(function: Callable[[], Any]) -> str:
+    """Return how long 200 calls take, each."""
+    times = []
+    for _ in range(200):
+        began = time.perf_counter()
+        function()
+        times.append(1000 * (time.perf_counter() - began))
+    return f"{np.median(times):.2f} ms, least {min(times):.2f} ms"
 
 
 def main() -> None:
