@@ -11,23 +11,26 @@ import torch
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from torch import Tensor
-from torch.nn import functional
 
 from core.cameras import Camera, CameraFrame
 from envs.perception.detections import NOUN_NAMES, Detections, View
 from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork, camera_numbers, folded
-from language import DEVICES
+from language import DEVICES, FITTINGS, HAND
 
 Array = NDArray[np.float64]
-MOST = 24  # things in one picture
+MOST = 64  # cells of one picture that may be the middle of a thing
+ALIKE, OTHER = 4.5, 2.5  # pixels within which cells tell of one thing: of the same colour, and of another
 FAINT = 0.15  # presence in one picture from which a thing is looked for in the others
 PRESENT = 0.35  # presence from which one picture alone is believed
-SAME = 0.02  # metres within which one camera sees one thing, of the same noun and colour
+SAME = 0.02  # metres within which one camera sees one thing, whatever it looks like
 GATE = 25.0  # square of the Mahalanobis distance up to which two cameras may see the same thing
 FLOOR = 0.0015  # metres: the least standard deviation of a place
 APART = 0.3  # metres beyond which two cameras never see the same thing
 SLACK = 0.08  # metres along the line of sight by which a half hidden thing may be misplaced
 CUBE = NOUN_NAMES.index("cube")
+UNIQUE = np.array([noun in (*FITTINGS, HAND) for noun in NOUN_NAMES])
+WIDE = np.array([0.09 if noun in DEVICES else 0.04 for noun in NOUN_NAMES])  # metres within which alike things are one:
+WIDE[UNIQUE] = np.inf  # the handle of a wheel may be mistaken for another part of it, and there is one drawer
 FACING = np.array([noun in DEVICES for noun in NOUN_NAMES])
 
 
@@ -62,12 +65,11 @@ def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
     """Return what the network's numbers (1, WIDTH, h, w) of one picture tell."""
     cells = SightCells.of(out)
     heat = cells["heat"][0, 0].sigmoid()
-    peak = functional.max_pool2d(heat[None, None], 3, 1, 1)[0, 0]
-    likely = torch.where(heat == peak, heat, torch.zeros_like(heat))
-    presence, places = likely.flatten().topk(min(MOST, likely.numel()))
+    presence, places = heat.flatten().topk(min(MOST, heat.numel()))
     places = places[presence > FAINT]
     if not len(places):
         return Detections.none()
+    presence, places = _middles(out, presence, places, heat.shape[1])
     rows = out[0].flatten(1)[:, places].T.double()
     numbers = SightCells.of(rows[..., None, None])
     v, u = places // heat.shape[1], places % heat.shape[1]
@@ -94,8 +96,30 @@ def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
         yaws=yaws,
         shares=numbers["share"][:, 0, 0, 0].clamp(0, 1).numpy(),
         targets=numbers["target"][:, 0, 0, 0].sigmoid().numpy(),
-        presence=presence[: len(places)].double().numpy(),
+        presence=presence.double().numpy(),
     )
+
+
+def _middles(out: Tensor, presence: Tensor, places: Tensor, columns: int) -> tuple[Tensor, Tensor]:
+    """Return the cells, most present first, that tell of other things than those before them.
+
+    Neighbouring cells tell of the same thing, or of two that overlap: then they tell of other middles or colours.
+
+    Args:
+        out: (1, WIDTH, h, w) the network's numbers.
+        presence, places: (M,) probabilities of cells, falling, and the cells' numbers.
+        columns: w.
+    """
+    rows = out[0].flatten(1)[:, places].T
+    numbers = SightCells.of(rows[..., None, None])
+    middles = torch.stack((places % columns, places // columns), 1) + 0.5 + numbers["offset"][:, :, 0, 0]
+    pixels, colors = (CELL * middles).numpy(), numbers["color"][:, :, 0, 0].argmax(1).numpy()
+    kept: list[int] = []
+    for k in range(len(places)):
+        gaps = np.linalg.norm(pixels[kept] - pixels[k], axis=1)
+        if not (gaps < np.where(colors[kept] == colors[k], ALIKE, OTHER)).any():
+            kept.append(k)
+    return presence[: len(places)][kept], places[kept]
 
 
 def _placed(
@@ -215,13 +239,9 @@ def _distinct(found: Detections) -> Detections:
     kept: list[int] = []
     noun, color = found.nouns.argmax(1), found.colors.argmax(1)
     for k in order.tolist():
-        near = [
-            i
-            for i in kept
-            if np.linalg.norm(found.positions[i] - found.positions[k])
-            < SAME * (1 + (noun[i] == noun[k]) * (color[i] == color[k]))
-        ]
-        if not near:
+        gaps = np.linalg.norm(found.positions[kept] - found.positions[k], axis=1)
+        alike = (noun[kept] == noun[k]) & ((color[kept] == color[k]) | UNIQUE[noun[k]])
+        if not (gaps < np.where(alike, WIDE[noun[k]], SAME)).any():
             kept.append(k)
     return found[np.array(sorted(kept), int)]
 
