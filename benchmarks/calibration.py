@@ -17,7 +17,7 @@ import argparse
 import re
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -46,6 +46,7 @@ from tools.drawn_boards import Print, board_to_camera, draw, lens_of, resized, w
 
 Array = NDArray[np.float64]
 SIZES = ((640, 480), (1280, 960))
+Row = tuple[str, dict[str, Any]]
 BOARD = PrintedBoard()
 SHEET, MARKER = Print.of_board(BOARD), Print.of_marker(GRIPPER_MARKER, GRIPPER_SIDE)
 PLACES = [[x, y, 0.0] for x in (0.36, 0.52) for y in (-0.2, 0.2)]
@@ -111,18 +112,15 @@ def errors(found: Calibrated, lens: Lens, frame: CameraFrame) -> tuple[float, fl
 # ---- boards
 
 
-def boards(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the errors by size, camera and set of pictures."""
+def boards(args: argparse.Namespace) -> Iterator[Row]:
+    """Yield the errors by size, camera and set of pictures."""
     rng = np.random.default_rng(args.seed)
-    result: dict[str, Any] = {}
-    for width, height in SIZES:
+    for width, height in SIZES[: 1 + args.large]:
         for name, camera in cameras().items():
             chosen = [resized(jittered(camera, rng), width, height) for _ in range(args.runs)]
-            result[f"{width} x {height} {name}"] = {
-                kind: summary([partial(from_drawn, c, places(rng), rng) for c in chosen])
-                for kind, places in SETS.items()
-            }
-    return result
+            for kind, places in SETS.items():
+                runs = [partial(from_drawn, camera, places(rng), rng) for camera in chosen]
+                yield f"{width} x {height} {name}, {kind}", summary(runs)
 
 
 def from_drawn(camera: Camera, places: list[list[float]], rng: Generator) -> tuple[float, float]:
@@ -137,17 +135,16 @@ def from_drawn(camera: Camera, places: list[list[float]], rng: Generator) -> tup
     return errors(from_table(seen, points, lens), lens, frame)
 
 
-def in_bullet(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the errors from PyBullet's own pictures of a board with a texture."""
+def in_bullet(args: argparse.Namespace) -> Iterator[Row]:
+    """Yield the errors from PyBullet's own pictures of a board with a texture."""
     rng, client = np.random.default_rng(args.seed), bullet.connect(bullet.DIRECT)
     try:
         with tempfile.TemporaryDirectory() as folder:
             body = textured(Path(folder), client)
             front = cameras()["front"]
             chosen = [resized(jittered(front, rng), 640, 480) for _ in range(args.runs)]
-            return {
-                "640 x 480 front, four places": summary([partial(photographed, c, body, client, rng) for c in chosen])
-            }
+            runs = [partial(photographed, camera, body, client, rng) for camera in chosen]
+            yield "640 x 480 front, four places", summary(runs)
     finally:
         bullet.disconnect(client)
 
@@ -223,21 +220,19 @@ class KukaPoses:
         return photo.colors, photo.depths
 
 
-def gripper(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the errors from twelve poses: of a fixed camera, and of one on the gripper."""
+def gripper(args: argparse.Namespace) -> Iterator[Row]:
+    """Yield the errors from twelve poses: of a fixed camera, and of one on the gripper."""
     rng, arm = np.random.default_rng(args.seed), KukaPoses()
-    result: dict[str, Any] = {}
     for width, height in SIZES[: 1 + args.large]:
         chosen = [resized(jittered(cameras()["front"], rng), width, height) for _ in range(args.runs)]
         size = f"{width} x {height}"
         for name, slack in (("exact joints", 0.0), ("joints off by 0.03 degrees", 0.03)):
             for kind, measured in (("marker's place unknown", False), ("marker's place measured", True)):
                 runs = [partial(from_marker, c, arm, measured, slack, rng) for c in chosen]
-                result[f"{size} front, {name}, {kind}"] = summary(runs)
+                yield f"{size} front, {name}, {kind}", summary(runs)
         wrist = replace(read(Camera, compose([])["workspace"]["cameras"]["wrist"], "wrist"), width=width, height=height)
         runs = [partial(from_wrist_board, wrist, arm, rng)] * args.runs
-        result[f"{size} wrist, exact joints"] = summary(runs)
-    return result
+        yield f"{size} wrist, exact joints", summary(runs)
 
 
 def from_marker(camera: Camera, arm: KukaPoses, measured: bool, slack: float, rng: Generator) -> tuple[float, float]:
@@ -286,12 +281,14 @@ def main() -> None:
     parser.add_argument("what", choices=("boards", "gripper", "bullet"))
     parser.add_argument("--runs", type=int, default=20, help="calibrations of each kind")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--large", action="store_true", help="gripper: pictures of 1280 x 960 too")
+    parser.add_argument("--large", action="store_true", help="pictures of 1280 x 960 too")
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="file that receives the result")
     args = parser.parse_args()
-    result = {"boards": boards, "gripper": gripper, "bullet": in_bullet}[args.what](args)
-    for name, value in rows(result):
-        print(f"{name:75} {value}")
+    result: dict[str, Any] = {}
+    for name, row in {"boards": boards, "gripper": gripper, "bullet": in_bullet}[args.what](args):
+        result[name] = row
+        for key, value in rows({name: row}):
+            print(f"{key:75} {value}", flush=True)
     if args.out:
         write_section(args.out, "benchmarks.calibration", args.what, result)
 
