@@ -303,10 +303,13 @@ class SceneTracker:
         things.covariances[step] = prior - gain @ prior
         things.hits[rows] += 1
         things.missed[rows] = 0
-        things.nouns[rows] = KEPT * things.nouns[rows] + np.log(np.maximum(seen.nouns[columns], LEAST))
-        things.colors[rows] = KEPT * things.colors[rows] + np.log(np.maximum(seen.colors[columns], LEAST))
-        odds = np.log(seen.targets[columns] / (1 - seen.targets[columns]))
-        things.targets[rows] = KEPT * things.targets[rows] + odds
+        # What is partly hidden is easily taken for something else.
+        clear = ~self._hidden(rows, moment) | (things.hits[rows] <= self._config.confirmations)
+        sure, of = rows[clear], columns[clear]
+        things.nouns[sure] = KEPT * things.nouns[sure] + np.log(np.maximum(seen.nouns[of], LEAST))
+        things.colors[sure] = KEPT * things.colors[sure] + np.log(np.maximum(seen.colors[of], LEAST))
+        odds = np.log(seen.targets[of] / (1 - seen.targets[of]))
+        things.targets[sure] = KEPT * things.targets[sure] + odds
         self._turn(rows, columns, seen=seen, near=near)
 
     def _turn(self, rows: NDArray, columns: NDArray, *, seen: Detections, near: NDArray[np.bool_]) -> None:

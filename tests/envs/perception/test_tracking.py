@@ -93,6 +93,16 @@ def test_a_noun_that_is_misread_once_stays():
         assert names(follows.seen()) == [("cube", "red")]
 
 
+def test_a_noun_that_is_read_past_the_arm_does_not_count():
+    follows = tracker()
+    follows.update(seen(CUBE), moment())
+    follows.update(seen(CUBE), moment())
+    over_the_cube = [[0.0, 0.0, 0.3], [0.3, 0.1, 0.4], [0.4, 0.1, 0.08]]
+    for _ in range(15):
+        follows.update(seen((CUBE[0], "sphere", "red")), moment(over_the_cube))
+        assert names(follows.seen()) == [("cube", "red")]
+
+
 def test_what_the_arm_hides_stays_and_what_is_gone_is_dropped():
     follows = tracker()
     follows.update(seen(CUBE, BALL), moment())
