@@ -1,4 +1,4 @@
-"""Drawing a world: images by its camera, and its visual shapes with their poses, for viewers other than PyBullet's."""
+"""Drawing a world: images by its cameras, and its visual shapes with their poses, for viewers other than PyBullet's."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pybullet as bullet
 from numpy.typing import NDArray
 
 from core.cameras import FAR_PLANE, NEAR_PLANE, Camera, CameraFrame, Light
-from core.platform_tuning import as_bytes
+from human.body.person_camera import Photo, draw, fixed_view
 
 Array = NDArray[np.float64]
 SHAPE_TYPES = {
@@ -22,7 +22,6 @@ SHAPE_TYPES = {
     bullet.GEOM_MESH: "mesh",
 }
 BASE = -1  # Bullet's number for the base link
-LIGHT_DIRECTION = (0.5, -0.6, 1.5)
 DAYLIGHT = Light()
 Window = tuple[int, int, int, int]  # rows and columns of an image: first and one past the last of each
 
@@ -51,25 +50,18 @@ class Renderer:
         self._see_through = {}
 
     def render(self, camera: Camera) -> NDArray[np.uint8]:
-        """(height, width, 3) the image of the camera."""
-        image, links = self._image(camera, (0, camera.height, 0, camera.width))
-        covered = np.isin(links, [_in_mask(body, link) for body, link in self._see_through])
-        if not covered.any():
-            return image
-        # What lies behind is drawn in this window alone, since a whole second image costs as much as the first.
-        window = _window(covered)
-        self._hide(list(self._see_through))
-        background, _ = self._image(camera, window)
-        self._restore(list(self._see_through))
-        opacity = max(color[3] for color in self._see_through.values())
-        part = image[window[0] : window[1], window[2] : window[3]]
-        part[:] = np.rint(opacity * part + (1 - opacity) * background)
-        return image
+        """(height, width, 3) the image of the camera, fixed in the workspace."""
+        return self._blended(camera, CameraFrame.of(camera) if camera.roll else None, DAYLIGHT, ()).colors
 
     def photograph(
         self, camera: Camera, frame: CameraFrame, light: Light = DAYLIGHT, without: Sequence[tuple[int, int]] = ()
     ) -> Photo:
         """Return what a camera in this frame sees. without: (body, link) of links that are left out."""
+        return self._blended(camera, frame, light, without)
+
+    def _blended(
+        self, camera: Camera, frame: CameraFrame | None, light: Light, without: Sequence[tuple[int, int]]
+    ) -> Photo:
         present = [link for link in without if link in self._see_through]
         ghosts = [link for link in self._see_through if link not in present]
         self._hide(present)
@@ -78,6 +70,7 @@ class Renderer:
         if covered.any():
             window = _window(covered)
             self._hide(ghosts)
+            # What lies behind is drawn in this window alone, since a whole second image costs as much as the first.
             behind = photograph(self._client, camera, frame, light, window=window).colors
             self._restore(ghosts)
             opacity = max(self._see_through[link][3] for link in ghosts)
@@ -95,63 +88,17 @@ class Renderer:
         for body, link in links:
             paint(body, self._see_through[body, link], self._client, link)
 
-    def _image(self, camera: Camera, window: Window) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
-        """Return colors (h, w, 3), and links (h, w) as `_in_mask` numbers them, in a window of the camera's image."""
-        top, bottom, left, right = window
-        height, width = bottom - top, right - left
-        view = bullet.computeViewMatrixFromYawPitchRoll(camera.target, camera.distance, camera.yaw, camera.pitch, 0, 2)
-        pixels, links = bullet.getCameraImage(
-            width,
-            height,
-            view,
-            _projection(camera, window),
-            lightDirection=LIGHT_DIRECTION,
-            renderer=bullet.ER_TINY_RENDERER,
-            flags=bullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
-            physicsClientId=self._client,
-        )[2::2]
-        colors = np.reshape(np.asarray(as_bytes(pixels), np.uint8), (height, width, 4))[..., :3].copy()
-        return colors, np.reshape(np.asarray(links, np.int32), (height, width))
-
-
-@dataclass(frozen=True)
-class Photo:
-    """What a camera sees: colors (H, W, 3) uint8; depths (H, W), metres ahead of the camera; links (H, W), the numbers
-    of bodies and links as PyBullet gives them, -1 where there is nothing."""
-
-    colors: NDArray[np.uint8]
-    depths: NDArray[np.float32]
-    links: NDArray[np.int32]
-
 
 def photograph(
-    client: int, camera: Camera, frame: CameraFrame, light: Light = DAYLIGHT, *, window: Window | None = None
+    client: int, camera: Camera, frame: CameraFrame | None, light: Light = DAYLIGHT, *, window: Window | None = None
 ) -> Photo:
-    """Return the picture of a camera in this frame, or a window of it.
+    """Return the picture of a camera in this frame, or a window of it. frame: None: as it is fixed in the workspace.
 
     See-through objects are drawn opaque; `Renderer.photograph` blends them.
     """
     top, bottom, left, right = window or (0, camera.height, 0, camera.width)
-    pixels, depth, links = bullet.getCameraImage(
-        right - left,
-        bottom - top,
-        frame.view_matrix,
-        _projection(camera, (top, bottom, left, right)),
-        lightDirection=light.direction,
-        lightColor=light.color,
-        lightAmbientCoeff=light.ambient,
-        lightDiffuseCoeff=light.diffuse,
-        lightSpecularCoeff=light.specular,
-        shadow=int(light.shadow),
-        renderer=bullet.ER_TINY_RENDERER,
-        flags=bullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
-        physicsClientId=client,
-    )[2:]
-    shape = (bottom - top, right - left)
-    colors = np.reshape(np.asarray(as_bytes(pixels), np.uint8), (*shape, 4))[..., :3].copy()
-    buffer = np.reshape(np.asarray(depth, np.float32), shape)
-    depths = FAR_PLANE * NEAR_PLANE / (FAR_PLANE - (FAR_PLANE - NEAR_PLANE) * buffer)
-    return Photo(colors, depths.astype(np.float32), np.reshape(np.asarray(links, np.int32), shape))
+    view = fixed_view(camera) if frame is None else frame.view_matrix
+    return draw(client, (bottom - top, right - left), view, _projection(camera, (top, bottom, left, right)), light)
 
 
 def paint(body: int, color: Sequence[float], client: int, link: int = -1) -> None:

@@ -27,7 +27,8 @@ Picture = NDArray[np.uint8]
 Color = tuple[float, float, float]
 Rgba = tuple[float, float, float, float]
 TRANSPARENT: Rgba = (0.0, 0.0, 0.0, 0.0)
-BACKGROUND_DEPTH = 0.9999  # depth buffer values above this belong to no object
+NOTHING = -1  # PyBullet's number where a picture shows no link
+DAYLIGHT = Light()
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,8 @@ class PersonCamera:
             light: None: the default light.
         """
         self.body.pose(joints)
-        return render(self.client, camera or self.camera, light or Light())
+        photo = person_photo(self.client, camera or self.camera, light or DAYLIGHT)
+        return photo.colors, photo.links == NOTHING
 
     def hide_invisible_shapes(self) -> None:
         """Hide the shapes that `camera` does not see in any posture of the arm, which saves a fifth of the time."""
@@ -102,11 +104,11 @@ class PersonCamera:
         for link, index, _ in shapes:
             if link in arm:
                 self.paint(link, index, TRANSPARENT)
-        reference = render(self.client, self.camera, Light())[0]
+        reference = person_photo(self.client, self.camera).colors
         for link, index, rgba in shapes:
             if link not in arm:
                 self.paint(link, index, TRANSPARENT)
-            if link in arm or not np.array_equal(reference, render(self.client, self.camera, Light())[0]):
+            if link in arm or not np.array_equal(reference, person_photo(self.client, self.camera).colors):
                 self.paint(link, index, rgba)
 
     def _arm(self) -> set[int]:
@@ -147,33 +149,69 @@ class PersonCamera:
             self.client = -1
 
 
-def render(client: int, camera: Camera, light: Light) -> tuple[Picture, NDArray[np.bool_]]:
-    """Return a picture (height, width, 3) of a client and the mask (height, width) of its background.
+def camera_of(human: HumanConfig) -> Camera:
+    """Return the camera that sees this person. Raises ConfigError where there is none."""
+    if human.camera is None:
+        raise ConfigError("gesture.source=camera needs workspace.human.camera, which this workspace does not have")
+    return human.camera
 
-    Shadows alone would take 20 ms.
+
+# ---- pictures of a client
+
+
+@dataclass(frozen=True)
+class Photo:
+    """What a camera sees: colors (H, W, 3) uint8; depths (H, W), metres ahead of the camera; links (H, W), the numbers
+    of bodies and links as PyBullet gives them, -1 where there is nothing."""
+
+    colors: NDArray[np.uint8]
+    depths: NDArray[np.float32]
+    links: NDArray[np.int32]
+
+
+def draw(client: int, shape: tuple[int, int], view: list[float], projection: list[float], light: Light) -> Photo:
+    """Return what PyBullet's software renderer draws. See-through shapes are opaque, and shadows alone take 20 ms.
+
+    Args:
+        client: PyBullet's.
+        shape: height and width, pixels.
+        view: (16,) OpenGL's matrix, column by column.
+        projection: likewise; with the planes NEAR_PLANE and FAR_PLANE.
+        light: the only one.
     """
-    _, _, pixels, depth, _ = bullet.getCameraImage(
-        camera.width,
-        camera.height,
-        bullet.computeViewMatrixFromYawPitchRoll(camera.target, camera.distance, camera.yaw, camera.pitch, 0, 2),
-        bullet.computeProjectionMatrixFOV(camera.fov, camera.width / camera.height, NEAR_PLANE, FAR_PLANE),
+    pixels, depth, links = bullet.getCameraImage(
+        shape[1],
+        shape[0],
+        view,
+        projection,
         lightDirection=light.direction,
         lightColor=light.color,
         lightAmbientCoeff=light.ambient,
         lightDiffuseCoeff=light.diffuse,
         lightSpecularCoeff=light.specular,
         shadow=int(light.shadow),
-        flags=bullet.ER_NO_SEGMENTATION_MASK,
         renderer=bullet.ER_TINY_RENDERER,
+        flags=bullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
         physicsClientId=client,
+    )[2:]
+    colors = np.reshape(np.asarray(as_bytes(pixels), np.uint8), (*shape, 4))[..., :3].copy()
+    buffer = np.reshape(np.asarray(depth, np.float32), shape)
+    depths = FAR_PLANE * NEAR_PLANE / (FAR_PLANE - (FAR_PLANE - NEAR_PLANE) * buffer)
+    return Photo(colors, depths.astype(np.float32), np.reshape(np.asarray(links, np.int32), shape))
+
+
+def fixed_view(camera: Camera) -> list[float]:
+    """(16,) PyBullet's own view matrix of a camera that is fixed and not rolled.
+
+    It is `CameraFrame.view_matrix`, rounded otherwise. Films and the person's pictures keep their bits with it.
+    """
+    matrix: list[float] = bullet.computeViewMatrixFromYawPitchRoll(
+        camera.target, camera.distance, camera.yaw, camera.pitch, 0, 2
     )
-    shape = (camera.height, camera.width)
-    picture = np.reshape(np.asarray(as_bytes(pixels), np.uint8), (*shape, 4))[..., :3]
-    return np.ascontiguousarray(picture), np.reshape(np.asarray(depth), shape) > BACKGROUND_DEPTH
+    return matrix
 
 
-def camera_of(human: HumanConfig) -> Camera:
-    """Return the camera that sees this person. Raises ConfigError where there is none."""
-    if human.camera is None:
-        raise ConfigError("gesture.source=camera needs workspace.human.camera, which this workspace does not have")
-    return human.camera
+def person_photo(client: int, camera: Camera, light: Light = DAYLIGHT) -> Photo:
+    """Return what a fixed camera sees of a client, with the matrices of the pictures that ray readers learned from."""
+    projection = bullet.computeProjectionMatrixFOV(camera.fov, camera.width / camera.height, NEAR_PLANE, FAR_PLANE)
+    return draw(client, (camera.height, camera.width), fixed_view(camera), projection, light)

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from core.cameras import Light
 from core.errors import ConfigError
 from human import pointed_object
-from human.body.person_camera import FurnitureBox, PersonCamera, render
+from human.body.person_camera import FurnitureBox, PersonCamera, person_photo
 from tests.helpers.env_cases import differences, hold, make, partial_reset
 
 CAMERA = ("kuka", "step", "reach_gesture", "gesture=camera")
@@ -100,7 +99,7 @@ def test_the_camera_image_equals_one_of_the_whole_world():
     blocks = [FurnitureBox(box.size, box.position, box.color) for box in workspace.furniture.values()]
     sight = PersonCamera(workspace.human, blocks)
     world.show_finger(False)  # the cone that a film shows
-    whole, _ = render(world.client, sight.camera, Light())
+    whole = person_photo(world.client, sight.camera).colors
     assert np.array_equal(sight.picture(world.person.angles), whole)
     sight.close()
     env.close()
