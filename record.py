@@ -5,7 +5,8 @@
     format=lerobot    or minari; both need pip install -e ".[record]"
     expert=false      true: the task's scripted expert acts, in the checkpoint's environment; without a checkpoint, in
                       the environment of the other words (task=nl_push robot=panda)
-    camera=false      true: with images of the workspace's camera
+    cameras=[]        [front,side,wrist]: with pictures of these cameras of workspace.cameras at each control step
+    camera=false      true: with pictures of workspace.camera too, which makes films; its name is camera
     seed=0            of the episodes; neither training nor evaluation uses the same ones
     collector=local   ray: on a Ray cluster, with the same result: docs/cluster.md
     out=<dir>         directory of the dataset; default: a numbered one in outputs/
@@ -32,7 +33,7 @@ from core.errors import ConfigError
 from core.machine_limits import require_docstrings, require_threads
 from core.overrides import apply, check, compose
 from core.program import run_program
-from core.schema import Checked, any_path, one_of, read, within
+from core.schema import Checked, any_path, one_of, read, within, word
 from core.system import cores
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ class RecordConfig(Checked):
     episodes: int = within(1, 10_000_000)
     format: str = one_of("lerobot", "minari")
     expert: bool
+    cameras: list[str] = word()
     camera: bool
     seed: int = within(0, 2**31 - 1)
     collector: str = one_of("local", "ray")
@@ -59,12 +61,19 @@ class RecordConfig(Checked):
     replay: str | None = any_path()
     tolerance: float = within(0.0, 1e9)
 
+    @property
+    def all_cameras(self) -> list[str]:
+        """The names of the cameras whose pictures are recorded."""
+        film = ["camera"] if self.camera and "camera" not in self.cameras else []
+        return [*film, *self.cameras]
 
-DEFAULTS = {
+
+DEFAULTS: dict[str, Any] = {
     "checkpoint": None,
     "episodes": 100,
     "format": "lerobot",
     "expert": False,
+    "cameras": [],
     "camera": False,
     "seed": 0,
     "collector": "local",
@@ -78,7 +87,10 @@ def parse(arguments: list[str]) -> tuple[RecordConfig, list[str]]:
     """Read the program's own keys, and return the remaining words: overrides of the config. Raises ConfigError."""
     names = [field.name for field in fields(RecordConfig)]
     own, overrides = split(arguments, names, "checkpoint=<run dir>")
-    config = read(RecordConfig, DEFAULTS | own, "")
+    given: dict[str, Any] = DEFAULTS | own
+    if "cameras" in own:
+        given["cameras"] = [name.strip() for name in own["cameras"].strip("[] ").split(",") if name.strip()]
+    config = read(RecordConfig, given, "")
     others = [word for word in arguments if not word.startswith(("replay=", "tolerance="))]
     if config.replay and others:
         raise ConfigError(f"{others[0]}: replay=<dir> takes no other key than tolerance; the recording holds the rest")
@@ -109,13 +121,14 @@ def _record(config: RecordConfig, overrides: list[str]) -> None:
 
     import_optional(*{"lerobot": ["pyarrow"], "minari": ["minari", "h5py"]}[config.format])
     saved, whole = _load_config(config, overrides)
-    env_config = _eval_config(whole)
+    env_config = _eval_config(whole, config.all_cameras)
+    cameras = env_config.workspace.named_cameras(config.all_cameras)
     place = Path(config.out) if config.out else _numbered(env_config, config)
     if config.format == "minari":
         check_minari_name(place)
     refuse_existing(place)
     check_folder("out", str(place))
-    with closing(WorkspaceEnv(env_config, num_worlds=1, seed=0, render=config.camera)) as env, StopSignal() as stop:
+    with closing(WorkspaceEnv(env_config, num_worlds=1, seed=0, render=bool(cameras))) as env, StopSignal() as stop:
         about = _about(env, config, whole.get("choices", {}))
         recorded = _episodes(env, config, saved, whole, stop)
         try:
@@ -127,7 +140,7 @@ def _record(config: RecordConfig, overrides: list[str]) -> None:
                 episodes=config.episodes,
                 seed=config.seed,
                 about=about,
-                images=config.camera,
+                cameras=cameras,
                 stop=stop,
             )
         except Interrupted:
@@ -145,7 +158,7 @@ def _episodes(
 
     actor = _actor(env, config, saved, whole)
     if config.collector == "local":
-        return demonstrate(env, actor, config.episodes, config.seed, config.camera)
+        return demonstrate(env, actor, config.episodes, config.seed, config.all_cameras)
     from trainers.cluster.ray_map import map_on_cluster
 
     blocks = range(0, config.episodes, BLOCK)
@@ -159,9 +172,10 @@ def _record_block(config: RecordConfig, saved: dict[str, Any] | None, whole: Any
     from trainers.datasets.demonstrations import demonstrate
 
     count = min(BLOCK, config.episodes - first)
-    with closing(WorkspaceEnv(_eval_config(whole), num_worlds=1, seed=0, render=config.camera)) as env:
+    cameras = config.all_cameras
+    with closing(WorkspaceEnv(_eval_config(whole, cameras), num_worlds=1, seed=0, render=bool(cameras))) as env:
         actor = _actor(env, config, saved, whole)
-        return list(demonstrate(env, actor, count, config.seed, config.camera, first))
+        return list(demonstrate(env, actor, count, config.seed, cameras, first))
 
 
 def _load_config(config: RecordConfig, overrides: list[str]) -> tuple[dict[str, Any] | None, Any]:
@@ -175,11 +189,12 @@ def _load_config(config: RecordConfig, overrides: list[str]) -> tuple[dict[str, 
     return saved, apply(saved["config"], overrides)
 
 
-def _eval_config(config: Any) -> EnvConfig:
-    """Read the environment's config for evaluation."""
+def _eval_config(config: Any, cameras: Sequence[str] = ()) -> EnvConfig:
+    """Read the environment's config for evaluation. cameras: of which pictures are wanted."""
     from envs.config import read_env
 
-    return read_env(config).without_curriculum()
+    evaluated = read_env(config).without_curriculum()
+    return evaluated.with_cameras() if cameras else evaluated
 
 
 def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None, whole: Any) -> Any:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +125,19 @@ class CameraFrame:
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = rotation, -rotation @ self.place
         return matrix.T.ravel().tolist()  # type: ignore[no-any-return]
+
+
+def calibration_of(camera: Camera) -> dict[str, Any]:
+    """Return where a camera is and how it forms pictures, for those who know nothing of `Camera`.
+
+    Returns:
+        "mount", "width" and "height" as of `Camera`; "matrix" (3, 3), the intrinsic matrix, pixels; and of the frame
+        "place" (3,), metres, and "axes" (3, 3), whose rows point to the right, down and ahead: in the frame of the
+        gripper's centre with mount=gripper, otherwise in the workspace's.
+    """
+    frame = CameraFrame.of(replace(camera, mount="workspace"))
+    size = {"mount": camera.mount, "width": camera.width, "height": camera.height}
+    return size | {"matrix": camera.matrix.tolist(), "place": frame.place.tolist(), "axes": frame.axes.tolist()}
 
 
 def project(camera: Camera, frame: CameraFrame, points: Array) -> tuple[Array, Array]:

@@ -48,6 +48,10 @@ class EnvConfig:
         drawn = self.without_curriculum().drawn()
         return replace(drawn, task=replace(drawn.task, curriculum=replace(NO_CURRICULUM, near=1.0)))
 
+    def with_cameras(self) -> EnvConfig:
+        """Return the config; one that is older than its workspace's cameras, with those of today."""
+        return replace(self, workspace=_with_cameras(self.workspace))
+
     def with_instructions(self, count: int) -> EnvConfig:
         """Return the config whose episodes have `count` instructions, one after another."""
         return replace(self, task=replace(self.task, instructions=count))

@@ -40,6 +40,7 @@ from envs.sim.object_pool import PoolSpec
 from envs.sim.robot import read_kinematics
 from envs.sim.robot_check import check_reach
 from envs.sim.window import Window
+from envs.sim.workspace import FILM
 from envs.sim.world import SimulatedWorld
 from envs.tasks import NOTHING, TASKS, EpisodeSpec, State, Task
 from envs.tasks.reach import reaching_height
@@ -438,9 +439,16 @@ class WorkspaceEnv(EpisodeReplayEnv):
         action = np.concatenate((arm, grip[:, None][:, : self._grip_controller.width]), axis=1)
         return torch.from_numpy(action.astype(np.float32))
 
-    def render(self, world: int = 0) -> NDArray[np.uint8]:
-        """(height, width, 3) a world from the workspace's camera. The env must have been made with render=True."""
-        return self._worlds[world].render()
+    def render(self, world: int = 0, camera: str = FILM) -> NDArray[np.uint8]:
+        """(height, width, 3) a world from the workspace's camera, or from one of `workspace.cameras`, by name.
+
+        The env must have been made with render=True.
+        """
+        if camera == FILM:
+            return self._worlds[world].render()
+        pose = self._arrays.pose
+        gripper = pose.position[world], pose.rotation[world]
+        return self._worlds[world].photograph(self.config.workspace.cameras[camera], gripper).colors
 
     def close(self, *, raise_if_closed: bool = True) -> None:
         self._gestures.close()

@@ -15,11 +15,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.errors import ConfigError
+from core.errors import ConfigError, did_you_mean
 from core.schema import Checked, one_of, within, word
 from human import Camera, HumanConfig
 
 PLATE, DRAWN = 0.002, 0.0003  # metres: thickness of the drawn parts of a board, and their height above the table
+FILM = "camera"  # the name among others of `WorkspaceConfig.camera`, which takes the pictures of films
 HANDLE = "handle"  # the part of a fitting by which a gripper holds it
 AROUND = 0.02  # metres between objects and the end of a robot's reach, so that the gripper gets around them
 
@@ -172,6 +173,8 @@ class WorkspaceConfig(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.camera.mount != "workspace":
+            raise ConfigError(f"camera.mount={self.camera.mount} must be workspace: films have a fixed camera")
         _check_box("object_area", self.object_area, 4)
         _check_box("gripper_box", self.gripper_box, 6)
         _check_box("bounds", self.bounds, 6)
@@ -180,6 +183,20 @@ class WorkspaceConfig(Checked):
                 raise ConfigError(f"{name}={getattr(self, name)} must lie in bounds={self.bounds}")
         if self.device_area:
             _check_box("device_area", self.device_area, 4)
+
+    def named_cameras(self, names: Sequence[str]) -> dict[str, Camera]:
+        """Return these cameras, by name: of `cameras`, and "camera" for `camera`. Raises ConfigError."""
+        if FILM in self.cameras:
+            raise ConfigError(f"workspace.cameras.{FILM}: this is the name of workspace.camera; take another name")
+        known = {FILM: self.camera, **self.cameras}
+        for name in names:
+            if name not in known:
+                none = "" if self.cameras else f", because workspace.cameras is empty; {FILM} is workspace.camera"
+                raise ConfigError(
+                    f"cameras=[{','.join(names)}]: workspace.name={self.name} has no camera {name}{none}"
+                    + did_you_mean(name, known)
+                )
+        return {name: known[name] for name in names}
 
     def within_reach(self, reach: Sequence[float]) -> WorkspaceConfig:
         """Return the workspace with object_area and gripper_box cut to a robot's reach: (x0, x1, y0, y1, z0, z1).

@@ -50,6 +50,16 @@ def test_a_policy_from_pictures_gets_no_state_of_the_objects():
     }
 
 
+def test_a_policy_gets_a_picture_of_each_camera_that_is_named():
+    config = DeixisEnvConfig(overrides=SMALL, camera=False, cameras=["front", "wrist"])
+    names = {f"observation.images.{name}" for name in ("front", "wrist")}
+    assert set(envs.env_to_policy_features(config)) == {"observation.state", "action", *names}
+    with closing(envs.make_env(config)["deixis"][0]) as worlds:
+        assert {key for key in envs.preprocess_observation(worlds.reset(seed=[3])[0]) if "images" in key} == names
+    with pytest.raises(RunError, match="has no camera frnt; did you mean 'front'"):
+        DeixisEnvConfig(cameras=["frnt"])
+
+
 def test_a_seed_begins_the_same_episode_whatever_the_batch():
     config = DeixisEnvConfig(overrides=SMALL, **ALL_STATE)
     with (

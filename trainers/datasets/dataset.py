@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from torchrl.envs import EnvBase
 
+from core.cameras import Camera, calibration_of
 from core.errors import ConfigError, Interrupted, did_you_mean
 from core.stored_config import config_from_file
 from trainers.datasets.demonstrations import Demonstration
@@ -20,6 +21,8 @@ from trainers.utils.files import atomic_directory, write_json
 FORMATS: dict[str, Any] = {"lerobot": (LeRobotWriter, read_lerobot), "minari": (MinariWriter, read_minari)}
 METADATA = "deixis.json"  # beside the files of the format
 METADATA_KEYS = ("kind", "config", "actor", "instruction", "seed", "episodes", "steps", "success_at_end", "ci95")
+CAMERAS = "cameras"  # in the metadata: the calibration of each, by name; recordings of older versions lack it
+NO_CAMERAS: Mapping[str, Camera] = {}
 
 
 def write(
@@ -30,7 +33,7 @@ def write(
     episodes: int,
     seed: int,
     about: dict[str, Any],
-    images: bool = False,
+    cameras: Mapping[str, Camera] = NO_CAMERAS,
     stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
     """Write episodes to a new directory, which appears under its name when it is complete.
@@ -38,12 +41,12 @@ def write(
     Args:
         place: the directory.
         kind: the format, a key of `FORMATS`.
-        env: of one world, like those of the episodes; built for rendering if images are recorded.
+        env: of one world, like those of the episodes.
         recorded: the episodes of `demonstrate`.
         episodes: their number.
         seed: of the recording.
         about: config, actor and instruction for the metadata, and the entries that the format's writer needs.
-        images: whether to record camera images.
+        cameras: those whose pictures the episodes have, by name.
         stop: called after each episode; True interrupts the recording.
 
     Returns:
@@ -55,8 +58,8 @@ def write(
     """
     steps = successes = 0
     with atomic_directory(place) as folder:
-        shape = env.render().shape if images else None
-        writer = FORMATS[kind][0](folder, place.name, env, about, shape)
+        shapes = {name: (camera.height, camera.width, 3) for name, camera in cameras.items()}
+        writer = FORMATS[kind][0](folder, place.name, env, about, shapes)
         for episode in recorded:
             writer.add(episode)
             steps, successes = steps + len(episode), successes + episode.success
@@ -66,12 +69,16 @@ def write(
         share = {"success_at_end": successes / episodes, "ci95": list(wilson(successes, episodes))}
         values: dict[str, Any] = about | share | {"kind": kind, "seed": seed, "episodes": episodes, "steps": steps}
         metadata = {name: values[name] for name in METADATA_KEYS}
+        metadata[CAMERAS] = {name: calibration_of(camera) for name, camera in cameras.items()}
         write_json(folder / METADATA, metadata)
     return metadata
 
 
-def read(folder: Path) -> tuple[dict[str, Any], Iterator[Demonstration]]:
-    """Return the metadata and the episodes of a recording. Raises ConfigError for a missing or damaged one."""
+def read(folder: Path, cameras: Sequence[str] = ()) -> tuple[dict[str, Any], Iterator[Demonstration]]:
+    """Return the metadata and the episodes of a recording, with the pictures of these cameras.
+
+    Raises ConfigError for a missing or damaged recording, and for a camera that it lacks.
+    """
     file = folder / METADATA
     if not file.is_file():
         problem = f"is not a recording of this project: it has no {METADATA}" if folder.exists() else "does not exist"
@@ -86,4 +93,11 @@ def read(folder: Path) -> tuple[dict[str, Any], Iterator[Demonstration]]:
     if metadata["kind"] not in FORMATS:
         raise ConfigError(f"{file}: kind={metadata['kind']} is not known" + did_you_mean(metadata["kind"], FORMATS))
     metadata["config"] = config_from_file(metadata["config"], file)
-    return metadata, FORMATS[metadata["kind"]][1](folder)
+    known = metadata.setdefault(CAMERAS, {})
+    if not isinstance(known, dict):
+        raise ConfigError(f"{file} is damaged: its {CAMERAS} are no group of names")
+    for name in cameras:
+        if name not in known:
+            has = did_you_mean(name, known) if known else ": it has no pictures"
+            raise ConfigError(f"cameras=[{','.join(cameras)}]: {folder} has no camera {name}{has}")
+    return metadata, FORMATS[metadata["kind"]][1](folder, cameras)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,7 +33,7 @@ class Demonstration:
     labels: the slots of the referent and of its target, if the environment has them, (T+1,) each.
     actions: (T, A) float32 in [-1, 1].
     outcomes: reward (float32), success, terminated and truncated, (T,) each.
-    images: T+1 of shape (H, W, 3) uint8, or none.
+    images: by camera, T+1 of shape (H, W, 3) uint8 each.
     """
 
     seed: int
@@ -42,7 +42,7 @@ class Demonstration:
     labels: dict[str, NDArray]
     actions: NDArray[np.float32]
     outcomes: dict[str, NDArray]
-    images: list[NDArray[np.uint8]] = field(default_factory=list)
+    images: dict[str, list[NDArray[np.uint8]]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.actions)
@@ -54,27 +54,27 @@ class Demonstration:
 
 
 def demonstrate(
-    env: EnvBase, actor: Actor, episodes: int, seed: int, images: bool = False, first: int = 0
+    env: EnvBase, actor: Actor, episodes: int, seed: int, cameras: Sequence[str] = (), first: int = 0
 ) -> Iterator[Demonstration]:
     """Run episodes with a deterministic actor, one after another.
 
     Args:
-        env: of one world; built for rendering if images are recorded.
+        env: of one world; built for rendering if cameras are recorded.
         actor: writes "action"; it does not receive the privileged keys.
         episodes: their number.
         seed: of the whole recording; each episode's seed is derived from it.
-        images: whether to record camera images.
+        cameras: the names of those that take a picture at each control step.
         first: number of the first episode, where the others are recorded elsewhere.
     """
     for index in range(first, first + episodes):
         episode_seed = derive_seed(seed, SEED_INDEX + index, evaluation=True)
-        yield _run_episode(env, lambda state: actor(state.exclude("privileged"))["action"], episode_seed, images)
+        yield _run_episode(env, lambda state: actor(state.exclude("privileged"))["action"], episode_seed, cameras)
 
 
 def replay_episode(env: EnvBase, recorded: Demonstration) -> Demonstration:
     """Run an episode with the seed and the actions of a recorded one."""
     actions = iter(torch.from_numpy(recorded.actions))
-    return _run_episode(env, lambda _: next(actions)[None], recorded.seed, False, len(recorded))
+    return _run_episode(env, lambda _: next(actions)[None], recorded.seed, (), len(recorded))
 
 
 @torch.no_grad()
@@ -82,13 +82,13 @@ def _run_episode(
     env: EnvBase,
     act: Callable[[TensorDictBase], torch.Tensor],
     seed: int,
-    images: bool,
+    cameras: Sequence[str],
     max_steps: int | None = None,
 ) -> Demonstration:
     """act: the action (1, A) for a state. max_steps: the episode is cut after this number of steps."""
     env.set_seed(seed)
     state = env.reset()
-    sentence, frames = sentence_of(state), [env.render()] if images else []
+    sentence, images = sentence_of(state), {name: [env.render(camera=name)] for name in cameras}
     states, steps = [state], list[TensorDictBase]()
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         while not steps or not (steps[-1]["done"].item() or len(steps) == max_steps):
@@ -97,7 +97,8 @@ def _run_episode(
             state["action"] = action
             states.append(state)
             steps.append(state)
-            frames += [env.render()] if images else []
+            for name in cameras:
+                images[name].append(env.render(camera=name))
     return Demonstration(
         seed=seed,
         sentence=sentence,
@@ -105,7 +106,7 @@ def _run_episode(
         labels={key: _stack(states, ("privileged", key)) for key in LABELS if key in state["privileged"].keys()},
         actions=_stack(steps, "action"),
         outcomes={key: _stack(steps, key)[:, 0] for key in OUTCOMES},
-        images=frames,
+        images=images,
     )
 
 

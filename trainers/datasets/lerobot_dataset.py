@@ -1,15 +1,17 @@
 """Writing and reading demonstrations as a LeRobot dataset, version 3: https://huggingface.co/docs/lerobot.
 
-Tables are Parquet files of limited size; images are one video for each episode; each feature of numbers has statistics.
+Tables are Parquet files of limited size; pictures are one video for each episode and camera; each feature of numbers
+has statistics.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import imageio.v3 as imageio
 import numpy as np
 from numpy.typing import NDArray
 from torchrl.envs import EnvBase
@@ -28,7 +30,7 @@ Stats = dict[str, NDArray[np.float64]]  # minimum, maximum, mean, ... of one fea
 VERSION = "v3.0"
 FILE_PATH = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 CHUNK_FILES, DATA_MB, VIDEO_MB = 1000, 100, 200  # files in a chunk, and the maximum size of a file
-CAMERA = "observation.images.camera"
+IMAGES = "observation.images"  # of each camera: IMAGES.name
 FEATURES = {"robot": "observation.state", "objects": "observation.environment_state"}
 PIXEL_FORMAT = "yuv420p"
 # What is said to the robot: in every frame what is in force, and what is said in that very frame. Deixis says one
@@ -48,14 +50,15 @@ class LeRobotWriter:
         name: of the dataset; LeRobot takes it from the directory.
         env: the environment of the episodes.
         about: "robot", "fps", and "names" of the numbers of each observation, by key.
-        shape: of the images (H, W, 3); None for no images.
+        shapes: of the pictures (H, W, 3) of each camera.
     """
 
     def __init__(
-        self, folder: Path, name: str, env: EnvBase, about: dict[str, Any], shape: tuple[int, ...] | None
+        self, folder: Path, name: str, env: EnvBase, about: dict[str, Any], shapes: Mapping[str, tuple[int, ...]]
     ) -> None:
         import_optional("pyarrow")
-        self._folder, self._about, self._shape = folder, about, shape and _even_size(shape)
+        self._folder, self._about = folder, about
+        self._shapes = {camera: _even_size(shape) for camera, shape in shapes.items()}
         self._data = Shards(folder / "data", CHUNK_FILES, DATA_MB)
         self._episodes = Shards(folder / "meta" / "episodes", CHUNK_FILES, DATA_MB, rows=100)
         self._tasks: dict[str, int] = {}
@@ -75,9 +78,9 @@ class LeRobotWriter:
         row |= _file_columns("data", self._data.write(columns))
         row |= {"dataset_from_index": first, "dataset_to_index": self._frames}
         stats = {key: of_values(value) for key, value in values.items()}
-        if self._shape:
-            row |= self._write_video(episode)
-            stats[CAMERA] = of_images(episode.images[:-1])
+        for camera in self._shapes:
+            row |= self._write_video(camera, episode.images[camera][:-1])
+            stats[f"{IMAGES}.{camera}"] = of_images(episode.images[camera][:-1])
         row |= _file_columns("meta/episodes", self._episodes.place)
         row |= {"seed": episode.seed, "success": episode.success}
         for key, each in stats.items():
@@ -107,29 +110,28 @@ class LeRobotWriter:
             key: {"dtype": str(value.dtype), "shape": list(value.shape[1:]), "names": names.get(key)}
             for key, value in values.items()
         }
-        if self._shape:
-            height, width, channels = self._shape
+        for camera, (height, width, channels) in self._shapes.items():
             video = {"height": height, "width": width, "channels": channels, "fps": self._about["fps"]}
             video |= {"codec": "h264", "pix_fmt": PIXEL_FORMAT, "is_depth_map": False}
             info = {**{f"video.{name}": value for name, value in video.items()}, "has_audio": False}
-            shape = {"shape": list(self._shape), "names": ["height", "width", "channels"]}
-            features[CAMERA] = {"dtype": "video", **shape, "info": info}
+            shape = {"shape": [height, width, channels], "names": ["height", "width", "channels"]}
+            features[f"{IMAGES}.{camera}"] = {"dtype": "video", **shape, "info": info}
         return features
 
-    def _write_video(self, episode: Demonstration) -> dict[str, Any]:
-        """Write the video of an episode; returns its place for the episode's row."""
-        assert self._shape is not None
-        height, width, _ = self._shape
+    def _write_video(self, camera: str, pictures: Sequence[NDArray[np.uint8]]) -> dict[str, Any]:
+        """Write the video of a camera in an episode; returns its place for the episode's row."""
+        height, width, _ = self._shapes[camera]
         place = divmod(self._count, CHUNK_FILES)
-        path = self._folder / "videos" / CAMERA / f"{_path(place)}.mp4"
+        key = f"videos/{IMAGES}.{camera}"
+        path = self._folder / key / f"{_path(place)}.mp4"
         path.parent.mkdir(parents=True, exist_ok=True)
         fps = self._about["fps"]
         # Short groups of pictures, because training reads single frames in any order.
         with open_video(path, fps, "-g", "2") as video:
-            for picture in episode.images[:-1]:
+            for picture in pictures:
                 video.append_data(picture[:height, :width])
-        times = {"from_timestamp": 0.0, "to_timestamp": len(episode) / fps}
-        return _file_columns(f"videos/{CAMERA}", place) | {f"videos/{CAMERA}/{name}": at for name, at in times.items()}
+        times = {"from_timestamp": 0.0, "to_timestamp": len(pictures) / fps}
+        return _file_columns(key, place) | {f"{key}/{name}": at for name, at in times.items()}
 
     def finish(self) -> None:
         """Close the open files, and write the metadata of the whole dataset."""
@@ -150,20 +152,23 @@ class LeRobotWriter:
             "fps": self._about["fps"],
             "splits": {"train": f"0:{self._count}"},
             "data_path": f"data/{FILE_PATH}.parquet",
-            "video_path": f"videos/{{video_key}}/{FILE_PATH}.mp4" if self._shape else None,
+            "video_path": f"videos/{{video_key}}/{FILE_PATH}.mp4" if self._shapes else None,
             "features": self._features,
         }
         write_json(self._folder / "meta" / "info.json", info)
 
 
-def read_lerobot(folder: Path) -> Iterator[Demonstration]:
-    """Return the episodes of a dataset, without images, and without the observation after the last action."""
+def read_lerobot(folder: Path, cameras: Sequence[str] = ()) -> Iterator[Demonstration]:
+    """Return the episodes of a dataset, with the pictures of these cameras, as H.264 left them.
+
+    The observation and the pictures after the last action are missing.
+    """
     import_optional("pyarrow")
     from pyarrow import parquet
 
     keys = {feature: key for key, feature in FEATURES.items()}
     features = json.loads((folder / "meta" / "info.json").read_text())["features"]
-    names = [name for name in features if name not in (CAMERA, *LANGUAGE_FEATURES)]
+    names = [name for name, each in features.items() if each["dtype"] not in ("video", "language")]
     sentences = parquet.read_table(folder / "meta" / "tasks.parquet")[1].to_pylist()
     columns = ["episode_index", "data/chunk_index", "data/file_index", "seed"]
     for file in sorted((folder / "meta" / "episodes").glob("*/*.parquet")):
@@ -185,7 +190,14 @@ def read_lerobot(folder: Path) -> Iterator[Demonstration]:
                 labels=groups["label"],
                 actions=values_of["action"].astype(np.float32).reshape(len(steps), -1),
                 outcomes=groups["next"],
+                images={name: _read_video(folder, name, row["episode_index"]) for name in cameras},
             )
+
+
+def _read_video(folder: Path, camera: str, episode: int) -> list[NDArray[np.uint8]]:
+    """Return the pictures (H, W, 3) of a camera in an episode."""
+    place = divmod(episode, CHUNK_FILES)
+    return list(imageio.imiter(folder / "videos" / f"{IMAGES}.{camera}" / f"{_path(place)}.mp4"))
 
 
 def _path(place: tuple[int, int]) -> str:

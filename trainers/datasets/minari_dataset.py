@@ -1,14 +1,15 @@
 """Writing and reading demonstrations as a Minari dataset: https://minari.farama.org.
 
-Observations are a Dict of `Demonstration.observations`, and of "camera" if there are images: Minari stores them as
-JPEG. Infos hold the labels, and whether the step ended in success. The metadata of an episode are its seed, its
-sentence and its success. Minari rebuilds the environment (`recover_environment`) if its Gymnasium spec is known.
+Observations are a Dict of `Demonstration.observations`, and of the pictures of each camera under its name: Minari
+stores them as JPEG. Infos hold the labels, and whether the step ended in success. The metadata of an episode are its
+seed, its sentence and its success. Minari rebuilds the environment (`recover_environment`) if its Gymnasium spec is
+known.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from core.spaces import action_space, public_keys, space_of
 from core.system import import_optional
 from trainers.datasets.demonstrations import Demonstration
 
-CAMERA = "camera"
+Shapes = Mapping[str, tuple[int, ...]]  # (H, W, 3) of the pictures of each camera
 
 
 class MinariWriter:
@@ -32,21 +33,22 @@ class MinariWriter:
         name: of the dataset.
         env: the environment of the episodes.
         about: "actor", "instruction" and "gym" (an EnvSpec or None).
-        shape: of the images (H, W, 3); None for no images.
+        shapes: of the pictures (H, W, 3) of each camera.
+
+    Raises:
+        ConfigError: a library is missing, or a camera has the name of an observation.
     """
 
-    def __init__(
-        self, folder: Path, name: str, env: EnvBase, about: dict[str, Any], shape: tuple[int, ...] | None
-    ) -> None:
+    def __init__(self, folder: Path, name: str, env: EnvBase, about: dict[str, Any], shapes: Shapes) -> None:
         minari, _ = import_optional("minari", "h5py")
         from minari.data_collector import EpisodeBuffer
         from minari.dataset.minari_storage import MinariStorage
 
         self._buffer = EpisodeBuffer
-        self._has_images, self._count = shape is not None, 0
+        self._count = 0
         self._storage = MinariStorage.new(
             folder.absolute() / "data",  # absolute: Minari prefixes a relative path twice when it computes its size
-            observation_space=_observation_space(env, shape),
+            observation_space=_observation_space(env, shapes),
             action_space=action_space(env.action_spec),
             env_spec=about["gym"],
         )
@@ -62,11 +64,10 @@ class MinariWriter:
 
     def add(self, episode: Demonstration) -> None:
         """Write one episode."""
-        images = {CAMERA: episode.images} if self._has_images else {}
         buffer = self._buffer(
             id=self._count,
             seed=episode.seed,
-            observations=episode.observations | images,
+            observations=episode.observations | episode.images,
             actions=episode.actions,
             rewards=episode.outcomes["reward"],
             terminations=episode.outcomes["terminated"],
@@ -92,10 +93,14 @@ def check_minari_name(folder: Path) -> None:
         )
 
 
-def read_minari(folder: Path) -> Iterator[Demonstration]:
-    """Return the episodes of a dataset, without images. Raises ConfigError if minari is not installed."""
+def read_minari(folder: Path, cameras: Sequence[str] = ()) -> Iterator[Demonstration]:
+    """Return the episodes of a dataset, with the pictures of these cameras, as JPEG left them.
+
+    Raises ConfigError if minari is not installed.
+    """
     (minari,) = import_optional("minari")
     dataset = minari.MinariDataset(folder / "data")
+    pictures = [key for key, space in dataset.observation_space.items() if _is_picture(space)]
     metadata = dataset.storage.get_episode_metadata(range(dataset.total_episodes))
     for episode, own in zip(dataset.iterate_episodes(), metadata, strict=True):
         infos = dict(episode.infos)
@@ -103,7 +108,7 @@ def read_minari(folder: Path) -> Iterator[Demonstration]:
         yield Demonstration(
             seed=own["seed"],
             sentence=own["sentence"],
-            observations={key: values for key, values in episode.observations.items() if key != CAMERA},
+            observations={key: values for key, values in episode.observations.items() if key not in pictures},
             labels=infos,
             actions=episode.actions,
             outcomes={
@@ -112,20 +117,27 @@ def read_minari(folder: Path) -> Iterator[Demonstration]:
                 "terminated": episode.terminations,
                 "truncated": episode.truncations,
             },
+            images={name: list(episode.observations[name]) for name in cameras},
         )
 
 
-def _observation_space(env: EnvBase, shape: tuple[int, ...] | None) -> spaces.Dict:
-    """Return the Gymnasium space of one world's observations. shape: of the images, if any.
+def _observation_space(env: EnvBase, shapes: Shapes) -> spaces.Dict:
+    """Return the Gymnasium space of one world's observations and pictures. Raises ConfigError.
 
     It has no MultiBinary and no MultiDiscrete, which TorchRL's reader of Minari datasets does not know.
     """
     members: dict[str, spaces.Space] = {
         key: _as_box(space_of(env.observation_spec[key])) for key in public_keys(env.observation_spec)
     }
-    if shape is not None:
-        members[CAMERA] = spaces.Box(0, 255, shape, np.uint8)
+    for name, shape in shapes.items():
+        if name in members:
+            raise ConfigError(f"cameras=[{','.join(shapes)}]: {name} is the name of an observation; give another name")
+        members[name] = spaces.Box(0, 255, shape, np.uint8)
     return spaces.Dict(members)
+
+
+def _is_picture(space: spaces.Space) -> bool:
+    return isinstance(space, spaces.Box) and space.dtype == np.uint8 and len(space.shape) == 3
 
 
 def _as_box(space: spaces.Space) -> spaces.Space:

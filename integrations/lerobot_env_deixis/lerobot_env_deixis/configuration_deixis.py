@@ -9,8 +9,9 @@ from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs import EnvConfig
 
 from core.errors import ConfigError, RunError
-from lerobot_env_deixis.sim_env import AGENT, CAMERA, OBJECTS, DeixisSimEnv
+from lerobot_env_deixis.sim_env import AGENT, OBJECTS, DeixisSimEnv
 
+PIXELS = "pixels/"  # before the name of a camera
 PACKAGE = __name__.partition(".")[0]
 GYM_ID = f"{PACKAGE}/Deixis-v0"
 RENAMED = {AGENT: "observation.state", OBJECTS: "observation.environment_state", "action": "action"}
@@ -26,6 +27,7 @@ class DeixisEnvConfig(EnvConfig):
     checkpoint: the environment of this policy of Deixis instead: a run, a file, or the name of a pretrained policy. The
         overrides then apply to its config; task, robot and control are not used.
     camera: whether policies get a picture of the workspace's camera. Videos are made in either case.
+    cameras: of which cameras of `workspace.cameras` they get pictures too: '["front", "wrist"]'.
     objects: whether policies also get what no camera tells: the rows of the objects, and all else that policies of
         Deixis read.
     """
@@ -36,6 +38,7 @@ class DeixisEnvConfig(EnvConfig):
     overrides: list[str] = field(default_factory=list)
     checkpoint: str | None = None
     camera: bool = True
+    cameras: list[str] = field(default_factory=list)
     objects: bool = False
     fps: int = 20
 
@@ -68,14 +71,14 @@ class DeixisEnvConfig(EnvConfig):
     @property
     def gym_kwargs(self) -> dict[str, Any]:
         """The arguments of `DeixisSimEnv`."""
-        names = ("task", "robot", "control", "overrides", "checkpoint", "camera", "objects")
+        names = ("task", "robot", "control", "overrides", "checkpoint", "camera", "cameras", "objects")
         return {name: getattr(self, name) for name in names}
 
 
 def _policy_key(name: str) -> str:
     """Return the key under which LeRobot hands an observation to policies; "action" is the action."""
-    if name == f"pixels/{CAMERA}":
-        return f"observation.images.{CAMERA}"
+    if name.startswith(PIXELS):
+        return f"observation.images.{name.removeprefix(PIXELS)}"
     return RENAMED.get(name, f"observation.{name}")
 
 
@@ -83,6 +86,6 @@ def _type(name: str) -> FeatureType:
     """Return the kind of feature that LeRobot takes it for."""
     if name == "action":
         return FeatureType.ACTION
-    if name.startswith("pixels/"):
+    if name.startswith(PIXELS):
         return FeatureType.VISUAL
     return FeatureType.ENV if name == OBJECTS else FeatureType.STATE

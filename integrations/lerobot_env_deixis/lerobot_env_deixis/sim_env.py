@@ -18,24 +18,25 @@ from core.spaces import action_space, public_keys
 from envs.config import EnvConfig, read_env
 from envs.gym_interface import group_words
 from envs.registration import check_list
+from envs.sim.workspace import FILM
 from envs.workspace_env import WorkspaceEnv
 
-AGENT, OBJECTS, CAMERA = "agent_pos", "environment_state", "camera"
+AGENT, OBJECTS = "agent_pos", "environment_state"
 NAMES = {"robot": AGENT, "objects": OBJECTS}  # LeRobot's names; the other keys keep theirs
 
 
 class DeixisSimEnv(gym.Env):
     """One world. Episodes are those of evaluations, and `reset(seed=s)` begins the same one each time.
 
-    Observations: `agent_pos` (R,) float32, the state of the arm; with `camera`, `pixels` with the picture `camera`
-    (H, W, 3) uint8; with `objects`, what policies of Deixis read: `environment_state` (K * D,), the rows of the
-    objects, and the others under their own keys, as numbers that LeRobot turns into float32. The action (A,) is in
-    [-1, 1]. The info is `is_success` alone. The sentence is `task_description`.
+    Observations: `agent_pos` (R,) float32, the state of the arm; with `camera` or `cameras`, `pixels` with a picture
+    (H, W, 3) uint8 of each, by name; with `objects`, what policies of Deixis read: `environment_state` (K * D,), the
+    rows of the objects, and the others under their own keys, as numbers that LeRobot turns into float32. The action
+    (A,) is in [-1, 1]. The info is `is_success` alone. The sentence is `task_description`.
 
     Args: as of `DeixisEnvConfig`.
 
     Raises:
-        ConfigError: for an unknown or invalid override or checkpoint.
+        ConfigError: for an unknown or invalid override, camera or checkpoint.
     """
 
     render_mode = "rgb_array"
@@ -50,20 +51,24 @@ class DeixisSimEnv(gym.Env):
         checkpoint: str | None = None,
         camera: bool = True,
         objects: bool = False,
+        cameras: Sequence[str] = (),
     ) -> None:
         check_list(overrides)
         words = group_words(task, robot, control, overrides)
         config = _of_checkpoint(checkpoint, overrides) if checkpoint else _of_groups(words)
-        self._env, self._camera = WorkspaceEnv(config, num_worlds=1, render=True), camera
+        names = [FILM] * (camera and FILM not in cameras) + list(cameras)
+        config = config.with_cameras() if names else config
+        self._cameras = config.workspace.named_cameras(names)
+        self._env = WorkspaceEnv(config, num_worlds=1, render=True)
         keys = public_keys(self._env.observation_spec)
         self._keys = keys if objects else ["robot"]
         period = config.physics.time_step * config.physics.substeps
         self.metadata = {"render_modes": [self.render_mode], "render_fps": max(1, round(1 / period))}
         self.task, self._max_episode_steps = config.task.name, config.task.most_steps
-        self.observation_space = self._space(config)
+        self.observation_space = self._space()
         self.action_space = action_space(self._env.action_spec)
 
-    def _space(self, config: EnvConfig) -> spaces.Dict:
+    def _space(self) -> spaces.Dict:
         parts: dict[str, spaces.Space] = {}
         for key in self._keys:
             spec = self._env.observation_spec[key]
@@ -72,13 +77,13 @@ class DeixisSimEnv(gym.Env):
                 parts[NAMES.get(key, key)] = spaces.Box(-np.inf, np.inf, shape, np.float32)
             else:
                 parts[NAMES.get(key, key)] = spaces.Box(0, np.iinfo(np.int64).max, shape, np.int64)
-        if self._camera:
-            view = config.workspace.camera
-            parts["pixels"] = spaces.Dict({CAMERA: spaces.Box(0, 255, (view.height, view.width, 3), np.uint8)})
+        if self._cameras:
+            shapes = {name: (view.height, view.width, 3) for name, view in self._cameras.items()}
+            parts["pixels"] = spaces.Dict({name: spaces.Box(0, 255, each, np.uint8) for name, each in shapes.items()})
         return spaces.Dict(parts)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """The shape of each observation and of the action, by name; that of the picture is `pixels/camera`."""
+        """The shape of each observation and of the action, by name; that of a picture is `pixels/<camera>`."""
         shapes: dict[str, Any] = {"action": self.action_space.shape}
         for name, space in self.observation_space.items():
             if isinstance(space, spaces.Dict):
@@ -122,7 +127,9 @@ class DeixisSimEnv(gym.Env):
         for key in self._keys:
             array = values[key][0].numpy().reshape(-1)
             seen[NAMES.get(key, key)] = array.astype(np.float32 if array.dtype.kind == "f" else np.int64)
-        return seen | ({"pixels": {CAMERA: self.render()}} if self._camera else {})
+        if self._cameras:
+            seen["pixels"] = {name: self._env.render(camera=name) for name in self._cameras}
+        return seen
 
 
 def _of_groups(words: list[str]) -> EnvConfig:
