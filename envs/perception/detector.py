@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 
 from core.cameras import Camera, CameraFrame
 from envs.perception.detections import NOUN_NAMES, Detections, View
 from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork, camera_numbers, folded
+from envs.perception.tracking import assignment
 from language import DEVICES, FITTINGS, HAND
 
 Array = NDArray[np.float64]
@@ -184,7 +184,7 @@ def _joined(one: Detections, slack: Array, other: Detections, other_slack: Array
     alike = (one.nouns @ other.nouns.T + 0.05) * (one.colors @ other.colors.T)
     cost = distance + np.minimum(near, GATE) - 2 * np.log(np.maximum(alike, 1e-6))
     allowed = (distance < GATE) & (np.linalg.norm(gap, axis=-1) < APART) & (alike > 1e-3)
-    rows, columns = linear_sum_assignment(np.where(allowed, cost, 1e3))
+    rows, columns = assignment(np.where(allowed, cost, 1e3))
     pairs = allowed[rows, columns]
     rows, columns = rows[pairs], columns[pairs]
     crossed = (near[rows, columns] > GATE)[:, None, None]  # their lines of sight cross where neither saw the thing

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from envs.perception.detections import Detections
+from envs.perception.tracking import assignment
 from envs.perception_training.scenes import LABEL, SEEN
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ def judge(found: Sequence[Detections], labels: Sequence[Array], positions: Seque
         seen = (label[..., state] == SEEN).any(0)
         there = (label[..., state] != 0).any(0)
         gap = np.linalg.norm(one.positions[:, None] - place[None], axis=-1)
-        rows, columns = linear_sum_assignment(np.where(there[None], np.minimum(gap, 1.0), 2.0))
+        rows, columns = assignment(np.where(there[None], np.minimum(gap, 1.0), 2.0))
         pairs = [(i, k) for i, k in zip(rows, columns, strict=True) if there[k] and gap[i, k] < NEAR]
         known = {k for _, k in pairs}
         things += int(seen.sum())
