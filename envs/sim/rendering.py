@@ -23,6 +23,7 @@ SHAPE_TYPES = {
 }
 BASE = -1  # Bullet's number for the base link
 DAYLIGHT = Light()
+HALF = 0.5  # pixels
 Window = tuple[int, int, int, int]  # rows and columns of an image: first and one past the last of each
 
 
@@ -92,13 +93,20 @@ class Renderer:
 def photograph(
     client: int, camera: Camera, frame: CameraFrame | None, light: Light = DAYLIGHT, *, window: Window | None = None
 ) -> Photo:
-    """Return the picture of a camera in this frame, or a window of it. frame: None: as it is fixed in the workspace.
+    """Return the picture of a camera in this frame, or a window of it.
+
+    PyBullet draws half a pixel to the right and above of where a camera would see. For a camera with a frame that is
+    made good, so that things are where `core.cameras.project` says. frame: None: as the camera is fixed in the
+    workspace, for pictures that people look at, which keep their bits.
 
     See-through objects are drawn opaque; `Renderer.photograph` blends them.
     """
     top, bottom, left, right = window or (0, camera.height, 0, camera.width)
-    view = fixed_view(camera) if frame is None else frame.view_matrix
-    return draw(client, (bottom - top, right - left), view, _projection(camera, (top, bottom, left, right)), light)
+    size = bottom - top, right - left
+    if frame is None:
+        return draw(client, size, fixed_view(camera), _projection(camera, (top, bottom, left, right)), light)
+    shifted = top - HALF, bottom - HALF, left + HALF, right + HALF
+    return draw(client, size, frame.view_matrix, _projection(camera, shifted), light)
 
 
 def paint(body: int, color: Sequence[float], client: int, link: int = -1) -> None:
@@ -106,7 +114,7 @@ def paint(body: int, color: Sequence[float], client: int, link: int = -1) -> Non
     bullet.changeVisualShape(body, link, rgbaColor=color, physicsClientId=client)
 
 
-def _projection(camera: Camera, window: Window) -> list[float]:
+def _projection(camera: Camera, window: tuple[float, float, float, float]) -> list[float]:
     """OpenGL's projection matrix for a window of the camera's image."""
     top, bottom, left, right = window
     pixel = 2 * NEAR_PLANE * np.tan(np.deg2rad(camera.fov) / 2) / camera.height  # metres, in the near plane

@@ -78,3 +78,22 @@ def test_the_cone_along_a_finger_is_left_out():
     photo = world.photograph(cameras["top"], gripper)
     assert not (photo.links == cone).any()
     env.close()
+
+
+def test_pictures_agree_with_the_camera_model_within_a_fifth_of_a_pixel():
+    env, cameras, gripper = world_of("task=nl_reach", "task.nouns=[sphere]", "task.num_objects=6")
+    shifts = []
+    for seed in range(4):
+        env.set_seed(seed)
+        env.reset()
+        bodies = [each.body for each in env._worlds[0]._shown.holdable]
+        for name in ("front", "side"):
+            frame, photo = CameraFrame.of(cameras[name]), env._worlds[0].photograph(cameras[name], gripper)
+            for body, (place, _) in zip(bodies, env._worlds[0].object_poses(), strict=True):
+                rows, columns = np.nonzero(photo.links == body)
+                pixel, depth = project(cameras[name], frame, np.array(place))
+                if len(rows) > 0.7 * (cameras[name].focal * 0.05 / float(depth)) ** 2:
+                    shifts.append((columns.mean() + 0.5 - pixel[0], rows.mean() + 0.5 - pixel[1]))
+    env.close()
+    assert len(shifts) > 15
+    assert np.abs(np.median(shifts, axis=0)).max() < 0.2
