@@ -26,9 +26,10 @@ class Detections:
 
     positions: (M, 3) metres: the centre of an object or of an open hand; of a device or fitting, that of its handle.
     covariances: (M, 3, 3) square metres. nouns: (M, len(NOUNS)) and colors: (M, len(COLORS)) probabilities.
-    sizes: (M,) metres. yaws: (M,) radians: which way a device faces; of a cube within a quarter turn; of others 0.
-    shares: (M,) in [0, 1]: how far a device is moved or a fitting is open; of others 0. targets: (M,) probabilities of
-    being see-through. presence: (M,) probabilities that something is there.
+    sizes: (M,) metres. yaws: (M,) radians: which way a lever or the handle of a wheel faces; of a cube within a quarter
+    turn; of others 0. shares: (M,) in [0, 1]: how far a button or lever is moved or a fitting is open; of others any. A
+    lever is told as leaning back by at most half of its way: at its end it looks like one that was placed the other way
+    round. targets: (M,) probabilities of being see-through. presence: (M,) probabilities that something is there.
     """
 
     positions: Array

@@ -31,7 +31,7 @@ CUBE = NOUN_NAMES.index("cube")
 UNIQUE = np.array([noun in (*FITTINGS, HAND) for noun in NOUN_NAMES])
 WIDE = np.array([0.09 if noun in DEVICES else 0.04 for noun in NOUN_NAMES])  # metres within which alike things are one:
 WIDE[UNIQUE] = np.inf  # the handle of a wheel may be mistaken for another part of it, and there is one drawer
-FACING = np.array([noun in DEVICES for noun in NOUN_NAMES])
+FACING = np.array([noun in ("lever", "wheel") for noun in NOUN_NAMES])
 
 
 class SightDetector:

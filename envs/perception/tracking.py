@@ -22,6 +22,7 @@ from envs.perception.fitting_track import JUMP, KEPT, LEAST, NEAR, NOISE, Follow
 from envs.perception.poses import (
     CUBE,
     DEVICE_NUMBERS,
+    LEVER,
     LOOSE,
     WHEEL,
     WHEEL_WAY,
@@ -320,11 +321,17 @@ class SceneTracker:
         turns = (near & np.isin(nouns, (CUBE, WHEEL))) | (things.restless[rows] > 0)
         gain = np.where(things.ids[rows] == self._held, 0.0, np.where(turns, np.maximum(slow, FOLLOWS), slow))
         apart = seen.yaws[columns] - things.yaws[rows]
-        apart = np.where(nouns == CUBE, wrapped(apart, QUARTER), wrapped(apart, 2 * np.pi))
+        apart, shares = (
+            np.where(nouns == CUBE, wrapped(apart, QUARTER), wrapped(apart, 2 * np.pi)),
+            seen.shares[columns],
+        )
+        # A lever past its middle looks like one that was placed the other way round.
+        over = (nouns == LEVER) & (np.abs(apart) > np.pi / 2)
+        apart, shares = np.where(over, wrapped(apart + np.pi, 2 * np.pi), apart), np.where(over, 1.0 - shares, shares)
         turnable = (nouns == CUBE) | np.isin(nouns, DEVICE_NUMBERS)
         things.yaws[rows] += np.where(turnable, gain * apart, 0.0)
         gain = np.where(near, np.maximum(slow, FOLLOWS), slow)
-        things.shares[rows] += gain * (seen.shares[columns] - things.shares[rows])
+        things.shares[rows] += gain * (shares - things.shares[rows])
         free = things.ids[rows] != self._held
         things.turns[rows[free]] = upright(things.yaws[rows[free]])
 

@@ -16,7 +16,7 @@ REACH = 1.5  # cells around the middle of a thing that learn what it is
 WIDTH = 0.6  # cells, the standard deviation of the heat around a middle
 MOST_GRADIENT = 5.0  # norm of the gradients of a step
 CUBE = list(NOUNS).index("cube")
-TURNED = [list(NOUNS).index(noun) for noun in DEVICES]  # nouns that face somewhere
+TURNED = [list(NOUNS).index(noun) for noun in ("lever", "wheel")]  # nouns that face somewhere
 MOVED = [list(NOUNS).index(noun) for noun in (*DEVICES, *FITTINGS)]  # nouns with a share
 WEIGHTS = {"heat": 1.0, "offset": 0.5, "height": 0.5, "noun": 0.5, "color": 0.5, "size": 0.5, "target": 0.5}
 WEIGHTS |= {"turn": 0.5, "share": 1.0}
@@ -117,7 +117,9 @@ def disturb(pictures: Tensor, labels: Tensor, generator: torch.Generator) -> Ten
     pictures = _covered(pictures, labels, draw, some)
     gain = torch.where(some(0.6), draw(0.8, 1.2, 3, 1, 1), 1.0) * torch.where(some(0.5), draw(0.75, 1.2, 1, 1, 1), 1.0)
     pictures = (pictures * gain).clamp(0, 1)
-    pictures = torch.where(some(0.4), pictures.clamp(min=1e-4) ** draw(0.75, 1.35, 1, 1, 1), pictures)
+    gray = pictures.mean(1, keepdim=True)
+    pictures = torch.where(some(0.4), (gray + draw(0.65, 1.1, 1, 1, 1) * (pictures - gray)).clamp(0, 1), pictures)
+    pictures = torch.where(some(0.5), pictures.clamp(min=1e-4) ** draw(0.6, 1.35, 1, 1, 1), pictures)
     pictures = torch.where(some(0.35), _blurred(pictures, draw(0.3, 1.1)), pictures)
     noise = torch.randn(pictures.shape, device=device, generator=generator) * draw(0.0, 0.05, 1, 1, 1)
     return torch.where(some(0.5), pictures + noise, pictures).clamp(0, 1)

@@ -25,6 +25,7 @@ from envs.mdp.object_rows import OBJECT_WIDTH
 from envs.mdp.randomization import InitialStates
 from envs.perception.network import camera_numbers
 from envs.sim.appearance import Appearance
+from envs.sim.devices import DEVICES
 from envs.sim.rendering import Photo
 from envs.workspace_env import WorkspaceEnv
 from language import FITTINGS, HAND, NOUNS, SHAPES, color_table
@@ -186,6 +187,7 @@ class SceneSource:
         shares = np.zeros(len(rows))
         if episode.shares is not None:
             shares[order] = episode.shares
+        yaws, seen_shares = seen_joints(state.nouns[0, slots], state.yaw[0, slots], shares[slots])
         colors = color_table()[:, :3]
         nearest = ((rows[slots, None, 7:10] - colors) ** 2).sum(-1).argmin(1)
         return _Things(
@@ -193,8 +195,8 @@ class SceneSource:
             colors=nearest,
             sizes=rows[slots, OBJECT_WIDTH - 2].copy(),
             targets=rows[slots, OBJECT_WIDTH - 1].copy(),
-            yaws=state.yaw[0, slots].copy(),
-            shares=shares[slots],
+            yaws=yaws,
+            shares=seen_shares,
             positions=np.array([position for position, _ in self._world.object_poses()]),
         )
 
@@ -244,6 +246,8 @@ class SceneSource:
                 if np.linalg.norm(things.positions[:, :2] - place, axis=1).min() > 0.11:
                     places.append(place)
         self._appearance.scatter(places, rng)
+        if looks.recolor:
+            self._world.fade(float(rng.uniform(0.35, 0.7)))
 
     # ---- labels
 
@@ -294,6 +298,20 @@ class _Things:
     @property
     def loose(self) -> NDArray[np.bool_]:
         return np.array([NOUN_NAMES[noun] in SHAPES for noun in self.nouns])
+
+
+def seen_joints(nouns: NDArray[np.int64], yaws: Array, shares: Array) -> tuple[Array, Array]:
+    """Return yaws (K,) and shares (K,) as a picture can show them, given those of the simulator.
+
+    A lever at one end looks like one that was placed the other way round, at its other end: it is told as leaning back
+    by at most half of its way. The base of a wheel is round: it is told where its handle points, and half way. Buttons
+    look the same from all sides.
+    """
+    lever, wheel, button = ((nouns == NOUN_NAMES.index(noun)) for noun in ("lever", "wheel", "button"))
+    over = lever & (shares > 0.5)
+    turned = yaws + np.where(over, np.pi, 0.0) + np.where(wheel, DEVICES["wheel"].value(shares), 0.0)
+    told = np.where(over, 1.0 - shares, np.where(wheel, 0.5, shares))
+    return np.where(button, 0.0, turned), told
 
 
 def moved_camera(camera: Camera, looks: LookVariation, rng: Generator) -> tuple[Camera, CameraFrame]:

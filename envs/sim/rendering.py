@@ -46,6 +46,10 @@ class Renderer:
         if color is not None:
             self._see_through[body, link] = color
 
+    def fade(self, opacity: float) -> None:
+        """Blend all see-through links with this opacity, until they get other colors."""
+        self._see_through = {link: (*color[:3], opacity) for link, color in self._see_through.items()}
+
     def clear(self) -> None:
         """Forget all see-through links."""
         self._see_through = {}

@@ -320,6 +320,10 @@ class SimulatedWorld:
         cones = [(body.body, body.cone)] if isinstance(body, Body) and body.cone is not None else []
         return self._renderer.photograph(camera, CameraFrame.of(camera, gripper), light, cones)
 
+    def fade(self, opacity: float) -> None:
+        """Draw the see-through objects of this episode with this opacity, in (0, 1)."""
+        self._renderer.fade(opacity)
+
     def close(self) -> None:
         """Free the client. Idempotent."""
         if self.client >= 0 and self._window is not None:

@@ -249,3 +249,24 @@ def test_a_wheel_that_resists_the_gripper_is_at_the_end_of_its_range():
     assert found.yaws[0] == pytest.approx(heading(found.quaternions[0]) - way, abs=1e-6)
     follows.update(seen(wheel(0.0)), moment())
     assert abs(follows.seen().yaws[0] - (0.3 - way)) < 0.1
+
+
+def test_a_lever_past_its_middle_keeps_the_way_it_faces():
+    """A picture of it shows the way it leans, so that it seems placed the other way round."""
+    device, yaw = DEVICES["lever"], 0.7
+    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+
+    def lever(share):
+        place = np.array([0.45, 0.05, 0.0]) + turn @ device.grip(WIDTH, float(device.value(share)))
+        over = share > 0.5
+        return place, "lever", "red", {"yaw": yaw + np.pi * over, "share": 1.0 - share if over else share}
+
+    follows = tracker()
+    for share in (*[0.0] * 20, 0.2, 0.4, *[0.9] * 3):
+        place = lever(share)[0]
+        follows.update(
+            seen(lever(share)), moment([[0.0, 0.0, 0.4], place + [-0.1, 0.0, 0.2], place + [0.0, 0.0, 0.02]])
+        )
+    found = follows.seen()
+    assert abs(found.yaws[0] - yaw) < 0.05
+    np.testing.assert_allclose(found.positions[0], lever(0.9)[0], atol=0.004)

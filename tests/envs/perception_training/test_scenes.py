@@ -6,7 +6,8 @@ from core.errors import ConfigError
 from envs.perception.network import SightNetwork
 from envs.perception_training.__main__ import main
 from envs.perception_training.fitting import disturb, fit, losses
-from envs.perception_training.scenes import LABEL, PLAIN, SEEN, SIDE, LookVariation, draw_pictures, window
+from envs.perception_training.scenes import LABEL, PLAIN, SEEN, SIDE, LookVariation, draw_pictures, seen_joints, window
+from language import NOUNS
 
 SETUP = (("task=nl_reach", "task.num_objects=4"),)
 
@@ -85,3 +86,10 @@ def test_bad_arguments_are_told_in_one_sentence(tmp_path):
     ):
         with pytest.raises(ConfigError, match=message):
             main(words)
+
+
+def test_levers_and_wheels_are_told_as_a_picture_shows_them():
+    nouns = np.array([list(NOUNS).index(noun) for noun in ("lever", "lever", "wheel", "button", "cube")])
+    yaws, shares = seen_joints(nouns, np.full(5, 0.3), np.array([0.2, 0.9, 0.5, 0.7, 0.0]))
+    np.testing.assert_allclose(yaws, [0.3, 0.3 + np.pi, 0.3, 0.0, 0.3])
+    np.testing.assert_allclose(shares, [0.2, 0.1, 0.5, 0.7, 0.0])
