@@ -82,7 +82,9 @@ WORDS = (  # keys whose free text names something of the project, its words or a
     "task.verbs",
     "task.viewpoint",
     "workspace.fittings",
+    "workspace.camera.mount",
     "workspace.cameras",
+    "workspace.human.camera.mount",
     "workspace.name",
 )
 WORD = re.compile(r"[\w .,'+{}-]{0,200}")  # no slash, colon or backslash: no path and no address

@@ -82,7 +82,7 @@ def test_the_help_lists_every_task_in_one_family():
 @pytest.mark.slow
 @pytest.mark.parametrize(("group", "option"), OPTIONS)
 def test_every_option_reads_into_its_dataclass(group, option):
-    needed = {"fingers": ["robot=panda"], "hinge": ["robot=so_arm"]}.get(option, [])  # others have none
+    needed = {"fingers": ["robot=panda"], "hinge": ["robot=so_arm"], "pixels": ["algo=bc"]}.get(option, [])
     config = compose([f"{group}={option}", *needed])
     environment, training = read_env(config), read_training(config)
     if group == "scenario":

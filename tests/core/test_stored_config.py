@@ -38,6 +38,7 @@ OWN_PROGRAMS = (
     "deploy",
     "deixis.export",
     "deixis.calibrate",
+    "envs.perception_training.__main__",
 )  # their configs are command lines of their own, and no file's
 
 
