@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from core.composition import compose, groups, output_folder, parse
 from core.errors import ConfigError, did_you_mean
@@ -14,6 +14,7 @@ from core.overrides import check, first_value, known_keys
 from core.path_keys import from_hydra, unescaped
 from core.stored_config import UNUSED, config_from_file
 
+T = TypeVar("T")
 MULTIRUN = ("-m", "--multirun")
 FLAGS = (*MULTIRUN, "-h", "--help", "--hydra-help", "--version", "--resolve", "--run", "-r")
 CONFIGS = ("job", "hydra", "all")
@@ -57,6 +58,14 @@ def split(words: Sequence[str], names: Collection[str], example: str) -> tuple[d
         else:
             others.append(word)
     return own, others
+
+
+def chosen(commands: Mapping[str, T], words: Sequence[str]) -> tuple[T, Sequence[str]]:
+    """Return what belongs to the command that the first word names, and the words after it. Raises ConfigError."""
+    command = words[0] if words else ""
+    if command not in commands:
+        raise ConfigError(f"{command or 'nothing'} is not a command" + did_you_mean(command, commands))
+    return commands[command], words[1:]
 
 
 def out_folder(name: str) -> Path:

@@ -31,7 +31,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from torch import Tensor
 
-from core.command_line import check_file, split
+from core.command_line import check_file, chosen, split
 from core.errors import ConfigError, did_you_mean
 from core.overrides import check, compose
 from core.program import run_program
@@ -322,12 +322,9 @@ COMMANDS: dict[str, tuple[type, Any]] = {"train": (ReaderTraining, train), "eval
 
 def main(arguments: Sequence[str]) -> Any:
     """Run `train` or `evaluate` with the arguments that follow it. Raises ConfigError."""
-    command = arguments[0] if arguments else ""
-    if command not in COMMANDS:
-        raise ConfigError(f"{command or 'nothing'} is not a command" + did_you_mean(command, COMMANDS))
-    kind, command_function = COMMANDS[command]
+    (kind, command_function), words = chosen(COMMANDS, arguments)
     names = [field.name for field in fields(kind)]
-    own, overrides = split(arguments[1:], names, "seed=1")
+    own, overrides = split(words, names, "seed=1")
     for word in overrides:
         key = word.partition("=")[0]
         if key.split(".")[0] not in ("workspace", "task"):

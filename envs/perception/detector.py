@@ -14,7 +14,9 @@ from torch import Tensor
 from core.cameras import Camera, CameraFrame
 from envs.perception.detections import NOUN_NAMES, Detections, View
 from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork, camera_numbers, folded
-from envs.perception.tracking import assignment
+from envs.perception.poses import CUBE, LEVER, WHEEL, wrapped
+from envs.perception.tracking import QUARTER, assignment
+from envs.perception.weights_file import load
 from language import DEVICES, FITTINGS, HAND
 
 Array = NDArray[np.float64]
@@ -27,11 +29,10 @@ GATE = 25.0  # square of the Mahalanobis distance up to which two cameras may se
 FLOOR = 0.0015  # metres: the least standard deviation of a place
 APART = 0.3  # metres beyond which two cameras never see the same thing
 SLACK = 0.08  # metres along the line of sight by which a half hidden thing may be misplaced
-CUBE = NOUN_NAMES.index("cube")
 UNIQUE = np.array([noun in (*FITTINGS, HAND) for noun in NOUN_NAMES])
 WIDE = np.array([0.09 if noun in DEVICES else 0.04 for noun in NOUN_NAMES])  # metres within which alike things are one:
 WIDE[UNIQUE] = np.inf  # the handle of a wheel may be mistaken for another part of it, and there is one drawer
-FACING = np.array([noun in ("lever", "wheel") for noun in NOUN_NAMES])
+FACING = np.isin(np.arange(len(NOUN_NAMES)), (LEVER, WHEEL))
 
 
 class SightDetector:
@@ -85,8 +86,8 @@ def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
     turn = numbers["turn"][:, :, 0, 0].numpy()
     noun = nouns.argmax(1)
     full, quarter = np.arctan2(turn[:, 1], turn[:, 0]), np.arctan2(turn[:, 3], turn[:, 2]) / 4
-    yaws = np.where(FACING[noun], _wrapped(full + sight_yaw, 2 * np.pi), 0.0)
-    yaws = np.where(noun == CUBE, _wrapped(quarter + sight_yaw, np.pi / 2), yaws)
+    yaws = np.where(FACING[noun], wrapped(full + sight_yaw, 2 * np.pi), 0.0)
+    yaws = np.where(noun == CUBE, wrapped(quarter + sight_yaw, QUARTER), yaws)
     return Detections(
         positions=positions,
         covariances=covariances,
@@ -144,10 +145,6 @@ def _placed(
 
 def _outer(vectors: Array) -> Array:
     return vectors[:, :, None] * vectors[:, None, :]
-
-
-def _wrapped(angles: Array, period: float) -> Array:
-    return (angles + period / 2) % period - period / 2
 
 
 # ---- several cameras
@@ -248,6 +245,4 @@ def _distinct(found: Detections) -> Detections:
 
 def load_detector(weights: str | Path | None = None) -> SightDetector:
     """Return the detector with these weights; None: those that come with the project. Raises ConfigError."""
-    from envs.perception.weights_file import load
-
     return SightDetector(load(weights))

@@ -28,7 +28,7 @@ from typing import Any
 
 import torch
 
-from core.command_line import check_file, split
+from core.command_line import check_file, chosen, split
 from core.errors import ConfigError, did_you_mean
 from core.program import run_program
 from core.schema import Checked, any_path, one_of, read, within
@@ -120,12 +120,9 @@ COMMANDS: dict[str, tuple[type, Any]] = {"train": (SightTraining, train), "evalu
 
 def main(arguments: Sequence[str]) -> Any:
     """Run `train` or `evaluate` with the arguments that follow it. Raises ConfigError."""
-    command = arguments[0] if arguments else ""
-    if command not in COMMANDS:
-        raise ConfigError(f"{command or 'nothing'} is not a command" + did_you_mean(command, COMMANDS))
-    kind, run = COMMANDS[command]
+    (kind, run), words = chosen(COMMANDS, arguments)
     names = [field.name for field in fields(kind)]
-    own, others = split(arguments[1:], names, "seed=1")
+    own, others = split(words, names, "seed=1")
     if others:
         key = others[0].partition("=")[0]
         raise ConfigError(f"{others[0]}: {key} is not a known key" + did_you_mean(key, names))

@@ -41,7 +41,6 @@ def targets(labels: Tensor, cells: tuple[int, int]) -> dict[str, Tensor]:
     far = torch.full_like(squares, 1e6)
     things = torch.where((seen > 0)[..., None, None], squares, far)
     nearest, which = things.min(1)
-    inside = torch.zeros_like(nearest)
     near_cell = ((u - places[..., 0, None, None]).abs() <= 0.5) & ((v - places[..., 1, None, None]).abs() <= 0.5)
     inside = (near_cell & (seen > 0)[..., None, None]).any(1)
     heat = torch.where(inside, torch.ones_like(nearest), torch.exp(-nearest / (2 * WIDTH**2)) * 0.99)

@@ -174,10 +174,9 @@ class SceneSource:
     def _inside(self, episode) -> NDArray[np.bool_]:
         """(K,) whether to leave a fitting as it is, since something may lie in it."""
         names = [NOUN_NAMES[noun] for noun in episode.scene.nouns]
-        loose_far = [
-            abs(y) > 0.24 for (x, y, z), name in zip(episode.scene.positions, names, strict=True) if name in SHAPES
-        ]
-        return np.array([name in FITTINGS and any(loose_far) for name in names])
+        places = zip(episode.scene.positions, names, strict=True)
+        beside = any(abs(place[1]) > 0.24 for place, name in places if name in SHAPES)
+        return np.array([name in FITTINGS and beside for name in names])
 
     def _things(self, episode) -> _Things:
         state, rows = self._env._state, self._env._arrays.rows[0]

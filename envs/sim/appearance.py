@@ -107,8 +107,3 @@ def _height(number: int) -> float:
     if kind == bullet.GEOM_BOX:
         return float(sides["halfExtents"][2])
     return float(sides["length"] / 2 + (sides["radius"] if kind == bullet.GEOM_CAPSULE else 0.0))
-
-
-def paint_object(world: SimulatedWorld, number: int, color: Sequence[float]) -> None:
-    """Give a shown loose object, by its number in the pool, an opaque colour, RGB."""
-    bullet.changeVisualShape(world.pool.shown[number], -1, rgbaColor=[*color, 1], physicsClientId=world.client)
