@@ -141,9 +141,11 @@ def conditions() -> list[tuple[str, dict[str, Any]]]:
 
 
 def print_time() -> None:
-    """Print the milliseconds of perception in a control step, on one core: network and fusion, and the tracker."""
+    """Print the milliseconds on one core of perception in a control step: network and fusion, tracker; and pictures."""
     from core.overrides import compose
 
+    for words in (["task=nl_reach"], ["task=anything"], ["task=nl_reach", "robot=panda"]):
+        _print_picture_time(words)
     torch.set_num_threads(1)
     config = read_env(compose(["task=nl_reach", "perception=camera"])).without_curriculum()
     with closing(WorkspaceEnv(config, 1, 0, render=True)) as env:
@@ -156,6 +158,20 @@ def print_time() -> None:
         seen, moment = reader._detector(views), perceived._moment(0, frames)[0]
         print(f"network and fusion: {_timed(lambda: reader._detector(views))}")
         print(f"tracker: {_timed(lambda: perceived._trackers[0].update(seen, moment))}")
+
+
+def _print_picture_time(words: list[str]) -> None:
+    """Print how long a picture of the front camera takes: with furniture drawn once, and all anew."""
+    from core.overrides import compose
+
+    config = read_env(compose(words)).without_curriculum()
+    with closing(WorkspaceEnv(config, 1, 0, render=True)) as env:
+        env.reset()
+        world, camera = env._worlds[0], config.workspace.cameras["front"]
+        gripper = env._arrays.pose.position[0], env._arrays.pose.rotation[0]
+        print(f"picture, {' '.join(words)}, {camera.width} x {camera.height}: furniture drawn once", end=" ")
+        print(_timed(lambda: world.picture(camera, gripper)), end="; all anew ")
+        print(_timed(lambda: world.photograph(camera, gripper)))
 
 
 def _timed(function: Callable[[], Any]) -> str:

@@ -448,7 +448,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
             return self._worlds[world].render()
         pose = self._arrays.pose
         gripper = pose.position[world], pose.rotation[world]
-        return self._worlds[world].photograph(self.config.workspace.cameras[camera], gripper).colors
+        return self._worlds[world].picture(self.config.workspace.cameras[camera], gripper)
 
     def close(self, *, raise_if_closed: bool = True) -> None:
         self._gestures.close()

@@ -92,8 +92,8 @@ class InteractiveEnv(WorkspaceEnv):
         gripper, found = (pose.position[0], pose.rotation[0]), {}
         for name in names:
             camera = self.config.workspace.cameras[name]
-            photo = self._single_world.photograph(camera, gripper)
-            found[name] = View(photo.colors, camera, CameraFrame.of(camera, gripper))
+            picture = self._single_world.picture(camera, gripper)
+            found[name] = View(picture, camera, CameraFrame.of(camera, gripper))
         return found
 
     # ---- Instructions

@@ -46,7 +46,7 @@ class Photographer:
         """(N, C, H, W, 3) the present pictures of all cameras."""
         for i in np.flatnonzero(self._stale).tolist():
             for k, camera in enumerate(self._cameras):
-                self._pixels[i, k] = self._worlds[i].photograph(camera, self._gripper(i)).colors
+                self._pixels[i, k] = self._worlds[i].picture(camera, self._gripper(i))
         self._stale[:] = False
         return self._pixels
 

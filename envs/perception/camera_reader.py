@@ -66,7 +66,7 @@ class NamedCameras:
 
     def pictures(self, world: SimulatedWorld, gripper: Gripper) -> dict[str, Picture]:
         """Return a picture (H, W, 3) of each camera. The world has visual shapes."""
-        return {name: world.photograph(camera, gripper).colors for name, camera in self._cameras.items()}
+        return {name: world.picture(camera, gripper) for name, camera in self._cameras.items()}
 
     def views(self, pictures: Mapping[str, Picture], gripper: Gripper) -> dict[str, View]:
         """Return the pictures with their cameras. gripper: as they were taken. Raises UnusablePicture."""

@@ -43,7 +43,8 @@ class Furniture:
     def __init__(self, workspace: WorkspaceConfig, robot: Robot, client: int, visuals: bool) -> None:
         self._client, self._visuals, self._robot = client, visuals, robot
         drawn = workspace.board.cells() if workspace.board and visuals else []
-        self._boxes = [self._box(box) for box in [*workspace.furniture.values(), *drawn] if visuals or box.contact]
+        boxes = [box for box in [*workspace.furniture.values(), *drawn] if visuals or box.contact]
+        self.boxes = {self._box(box): box for box in boxes}  # by their bodies
         self._pass_through(robot.body, robot.fixed_links())
         self._fittings = {self._fitting(fitting): fitting for fitting in workspace.fittings.values()}
         self.bodies = dict(zip(workspace.fittings, self._fittings, strict=True))  # by the fittings' names
@@ -63,7 +64,7 @@ class Furniture:
 
     def _pass_through(self, body: int, links: Iterable[int]) -> None:
         """Turn off collisions between these links of a body and the boxes that never move."""
-        for box in self._boxes:
+        for box in self.boxes:
             for link in links:
                 bullet.setCollisionFilterPair(body, box, link, -1, 0, self._client)
 

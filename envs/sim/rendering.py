@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -56,27 +57,32 @@ class Renderer:
 
     def render(self, camera: Camera) -> NDArray[np.uint8]:
         """(height, width, 3) the image of the camera, fixed in the workspace."""
-        return self._blended(camera, CameraFrame.of(camera) if camera.roll else None, DAYLIGHT, ()).colors
+        frame = CameraFrame.of(camera) if camera.roll else None
+        return self.blended(partial(photograph, self._client, camera, frame)).colors
 
     def photograph(
         self, camera: Camera, frame: CameraFrame, light: Light = DAYLIGHT, without: Sequence[tuple[int, int]] = ()
     ) -> Photo:
         """Return what a camera in this frame sees. without: (body, link) of links that are left out."""
-        return self._blended(camera, frame, light, without)
+        return self.blended(partial(photograph, self._client, camera, frame, light), without)
 
-    def _blended(
-        self, camera: Camera, frame: CameraFrame | None, light: Light, without: Sequence[tuple[int, int]]
-    ) -> Photo:
+    def blended(self, take: Callable[..., Photo], without: Sequence[tuple[int, int]] = ()) -> Photo:
+        """Return a photo in which see-through links are blended.
+
+        Args:
+            take: returns a photo of the client with these links opaque; window=...: a window of it.
+            without: (body, link) of see-through links that are left out.
+        """
         present = [link for link in without if link in self._see_through]
         ghosts = [link for link in self._see_through if link not in present]
         self._hide(present)
-        photo = photograph(self._client, camera, frame, light)
+        photo = take()
         covered = np.isin(photo.links, [_in_mask(*link) for link in ghosts])
         if covered.any():
             window = _window(covered)
             self._hide(ghosts)
             # What lies behind is drawn in this window alone, since a whole second image costs as much as the first.
-            behind = photograph(self._client, camera, frame, light, window=window).colors
+            behind = take(window=window).colors
             self._restore(ghosts)
             opacity = max(self._see_through[link][3] for link in ghosts)
             part = photo.colors[window[0] : window[1], window[2] : window[3]]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from core.cameras import CameraFrame, Light
 from core.platform_tuning import without_zero_pages
 from core.schema import Checked, within
+from envs.sim.backdrop import Backdrop
 from envs.sim.device_bodies import DeviceBodies, DeviceSpec
 from envs.sim.furniture import Furniture, Palm
 from envs.sim.gripper import BASE, GRIPPERS, Gripper, GripperConfig
@@ -125,7 +126,7 @@ class SimulatedWorld:
         self.pool = ObjectPool(objects, self.client, self._visuals, self._physics.sleeping)
         self._pairs = CollisionPairs(self.client, self.pool.movable)  # nothing touches the person, who comes after
         self.person = self._make_person()
-        self._renderer = Renderer(self.client)
+        self._renderer, self._backdrop = Renderer(self.client), Backdrop(self.client, self.furniture.boxes)
         drawn = self._renderer if self._visuals else None
         self._shown = ShownObjects(
             pool=self.pool,
@@ -316,9 +317,21 @@ class SimulatedWorld:
 
         gripper: position (3,), metres, and rotation (3, 3) of the gripper's centre, where cameras may be mounted.
         """
+        return self._renderer.photograph(camera, CameraFrame.of(camera, gripper), light, self._cones())
+
+    def picture(self, camera: Camera, gripper: tuple[Array, Array]) -> NDArray[np.uint8]:
+        """(height, width, 3) the colors of `photograph`, sooner: for a fixed camera furniture is drawn once.
+
+        For worlds whose furniture looks as the config says.
+        """
+        if camera.mount != "workspace" or self._window is not None:  # in a window the furniture would flicker
+            return self.photograph(camera, gripper).colors
+        return self._renderer.blended(partial(self._backdrop.photograph, camera), self._cones()).colors
+
+    def _cones(self) -> list[tuple[int, int]]:
+        """Return (body, link) of the cone along the person's finger."""
         body = self.person
-        cones = [(body.body, body.cone)] if isinstance(body, Body) and body.cone is not None else []
-        return self._renderer.photograph(camera, CameraFrame.of(camera, gripper), light, cones)
+        return [(body.body, body.cone)] if isinstance(body, Body) and body.cone is not None else []
 
     def fade(self, opacity: float) -> None:
         """Draw the see-through objects of this episode with this opacity, in (0, 1)."""
