@@ -6,7 +6,6 @@
     expert=false      true: the task's scripted expert acts, in the checkpoint's environment; without a checkpoint, in
                       the environment of the other words (task=nl_push robot=panda)
     cameras=[]        [front,side,wrist]: with pictures of these cameras of workspace.cameras at each control step
-    camera=false      true: with pictures of workspace.camera too, which makes films; its name is camera
     seed=0            of the episodes; neither training nor evaluation uses the same ones
     collector=local   ray: on a Ray cluster, with the same result: docs/cluster.md
     out=<dir>         directory of the dataset; default: a numbered one in outputs/
@@ -54,18 +53,11 @@ class RecordConfig(Checked):
     format: str = one_of("lerobot", "minari")
     expert: bool
     cameras: list[str] = word()
-    camera: bool
     seed: int = within(0, 2**31 - 1)
     collector: str = one_of("local", "ray")
     out: str | None = any_path()
     replay: str | None = any_path()
     tolerance: float = within(0.0, 1e9)
-
-    @property
-    def all_cameras(self) -> list[str]:
-        """The names of the cameras whose pictures are recorded."""
-        film = ["camera"] if self.camera and "camera" not in self.cameras else []
-        return [*film, *self.cameras]
 
 
 DEFAULTS: dict[str, Any] = {
@@ -74,7 +66,6 @@ DEFAULTS: dict[str, Any] = {
     "format": "lerobot",
     "expert": False,
     "cameras": [],
-    "camera": False,
     "seed": 0,
     "collector": "local",
     "out": None,
@@ -121,8 +112,8 @@ def _record(config: RecordConfig, overrides: list[str]) -> None:
 
     import_optional(*{"lerobot": ["pyarrow"], "minari": ["minari", "h5py"]}[config.format])
     saved, whole = _load_config(config, overrides)
-    env_config = _eval_config(whole, config.all_cameras)
-    cameras = env_config.workspace.named_cameras(config.all_cameras)
+    env_config = _eval_config(whole)
+    cameras = env_config.workspace.named_cameras("cameras", config.cameras)
     place = Path(config.out) if config.out else _numbered(env_config, config)
     if config.format == "minari":
         check_minari_name(place)
@@ -158,7 +149,7 @@ def _episodes(
 
     actor = _actor(env, config, saved, whole)
     if config.collector == "local":
-        return demonstrate(env, actor, config.episodes, config.seed, config.all_cameras)
+        return demonstrate(env, actor, config.episodes, config.seed, config.cameras)
     from trainers.cluster.ray_map import map_on_cluster
 
     blocks = range(0, config.episodes, BLOCK)
@@ -172,8 +163,8 @@ def _record_block(config: RecordConfig, saved: dict[str, Any] | None, whole: Any
     from trainers.datasets.demonstrations import demonstrate
 
     count = min(BLOCK, config.episodes - first)
-    cameras = config.all_cameras
-    with closing(WorkspaceEnv(_eval_config(whole, cameras), num_worlds=1, seed=0, render=bool(cameras))) as env:
+    cameras = config.cameras
+    with closing(WorkspaceEnv(_eval_config(whole), num_worlds=1, seed=0, render=bool(cameras))) as env:
         actor = _actor(env, config, saved, whole)
         return list(demonstrate(env, actor, count, config.seed, cameras, first))
 
@@ -189,12 +180,11 @@ def _load_config(config: RecordConfig, overrides: list[str]) -> tuple[dict[str, 
     return saved, apply(saved["config"], overrides)
 
 
-def _eval_config(config: Any, cameras: Sequence[str] = ()) -> EnvConfig:
-    """Read the environment's config for evaluation. cameras: of which pictures are wanted."""
+def _eval_config(config: Any) -> EnvConfig:
+    """Read the environment's config for evaluation."""
     from envs.config import read_env
 
-    evaluated = read_env(config).without_curriculum()
-    return evaluated.with_cameras() if cameras else evaluated
+    return read_env(config).without_curriculum()
 
 
 def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None, whole: Any) -> Any:

@@ -30,6 +30,7 @@ from envs import read_env
 from envs.experts.board import MoveRunner
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.rendering import paint
+from envs.sim.workspace import FILM
 from human import Camera
 from language.colors import COLORS
 from trainers.evaluation.video import sentence_of, wrap_text
@@ -101,7 +102,7 @@ def film_chain(checkpoint: str, seed: int, length: int) -> Iterator[Frame]:
     """Yield the frames of a chain. Raises RuntimeError if an instruction is not carried out."""
     policy = deixis.load_policy(checkpoint)
     size = dict(zip(("width", "height"), (SUPERSAMPLING * side for side in CHAIN_SIZE), strict=True))
-    camera = [f"workspace.camera.{key}={value}" for key, value in (CHAIN_CAMERA | size).items()]
+    camera = [f"workspace.cameras.film.{key}={value}" for key, value in (CHAIN_CAMERA | size).items()]
     with closing(policy.make_env(1, camera, seed, render=True, instructions=length)) as env:
         state, done, steps = env.reset(), 0, 0
         while done < length:
@@ -133,7 +134,7 @@ def film_commands(jobs: Sequence[tuple[str, Job]], robot: str) -> Iterator[Frame
     """Yield the frames of commands with their jobs. Raises RuntimeError if one does not reach the board after."""
     changes = [f"task.num_objects={MOST_BLOCKS}", "task.curriculum={near: 0, held: 1, placed: 0}"]
     config = read_env(compose(["task=rearrange", f"robot={robot}", *changes]))
-    workspace = replace(config.workspace, camera=BOARD_CAMERA)
+    workspace = replace(config.workspace, cameras={**config.workspace.cameras, FILM: BOARD_CAMERA})
     with closing(InteractiveEnv(replace(config, workspace=workspace))) as env:
         for number, (sentence, job) in enumerate(jobs, start=1):
             yield from _board_scene(env, job, f"{number}. {sentence}")

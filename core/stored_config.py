@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from core.composition import compose, groups
 from core.errors import ConfigError
 
 
@@ -82,7 +83,6 @@ WORDS = (  # keys whose free text names something of the project, its words or a
     "task.verbs",
     "task.viewpoint",
     "workspace.fittings",
-    "workspace.camera.mount",
     "workspace.cameras",
     "workspace.human.camera.mount",
     "workspace.name",
@@ -107,6 +107,7 @@ def config_from_file(
     checked: dict[str, Any] = copy.deepcopy(dict(config))
     for key, value in _leaves(checked):
         _check_value(key, value, source)
+    _add_cameras(checked)
     for key in UNUSED:
         _set(checked, key, None)
     named = {word.partition("=")[0].lstrip("+") for word in given}
@@ -125,6 +126,20 @@ def config_from_file(
         if place.harmless:
             _set(checked, key, place.harmless[0])
     return checked
+
+
+def _add_cameras(config: dict[str, Any]) -> None:
+    """Give a config from before `workspace.cameras` the cameras of its workspace today, and its own one for films."""
+    from omegaconf import OmegaConf
+
+    workspace = config.get("workspace")
+    if not isinstance(workspace, dict) or "camera" not in workspace:
+        return
+    cameras, name = workspace.get("cameras"), workspace.get("name")
+    if not cameras and name in groups()["workspace"]:
+        cameras = OmegaConf.to_container(compose([f"workspace={name}"])["workspace"]["cameras"], resolve=True)
+    if not cameras or isinstance(cameras, dict):
+        workspace["cameras"] = {**(cameras or {}), "film": workspace.pop("camera")}
 
 
 def place_overrides(words: Sequence[str]) -> list[str]:

@@ -33,7 +33,6 @@ SCALE = (
     155.0  # pixels for a metre at the middle of the table: the network has learned from pictures of about this scale
 )
 NEAR_SCALE = 1.25  # factor within which a picture stays as it is
-STRIDE = 16  # pixels: the network takes pictures whose sides are multiples
 MOST_CAMERAS = 8
 DRAWN = 640  # pixels of width that a drawn picture has at least
 
@@ -142,6 +141,7 @@ def for_network(view: View) -> View:
     from PIL import Image
 
     from envs.perception import View
+    from envs.perception.config import STRIDE
 
     camera = view.camera
     ahead = np.array([0.44, 0.0, 0.0]) - view.frame.place

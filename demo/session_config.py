@@ -183,7 +183,7 @@ def build(
     if arm is not None:
         env: InteractiveEnv = connect(arm, env_config, person, seed)
     else:
-        env = InteractiveEnv(env_config, seed, Window(env_config.workspace.camera, "--gui") if gui else None)
+        env = InteractiveEnv(env_config, seed, Window(env_config.workspace.film, "--gui") if gui else None)
     try:
         policy = None if payload is None else fitted_policy(payload, composed, env).act
         return Setup(config, env, own_workspace, policy, note)

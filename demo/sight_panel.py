@@ -47,7 +47,7 @@ class SightPanel:
 
     def show_env(self, env: InteractiveEnv) -> None:
         """Offer the cameras of a new environment."""
-        names = tuple(env.config.workspace.cameras) or (NOTHING,)
+        names = tuple(env.config.workspace.cameras)
         chosen = next((name for name in env.config.perception.cameras if name in names), names[0])
         self._camera.options = names
         self._camera.value = chosen
@@ -76,8 +76,6 @@ class SightPanel:
         from envs.perception.drawing import drawn, seen_things
 
         shown = self._camera.value
-        if shown not in env.config.workspace.cameras:
-            raise ConfigError(f"workspace={env.config.workspace.name} has no camera")
         looking = env.config.perception.cameras or [n for n in PAIR if n in env.config.workspace.cameras] or [shown]
         if self._detector is None:
             self._detector = self._load(env.config.perception.weights)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from core.composition import compose, groups
 from core.errors import ConfigError, did_you_mean
 from core.schema import read
 from envs.mdp.controls import ControlConfig
@@ -48,10 +47,6 @@ class EnvConfig:
         drawn = self.without_curriculum().drawn()
         return replace(drawn, task=replace(drawn.task, curriculum=replace(NO_CURRICULUM, near=1.0)))
 
-    def with_cameras(self) -> EnvConfig:
-        """Return the config; one that is older than its workspace's cameras, with those of today."""
-        return replace(self, workspace=_with_cameras(self.workspace))
-
     def with_instructions(self, count: int) -> EnvConfig:
         """Return the config whose episodes have `count` instructions, one after another."""
         return replace(self, task=replace(self.task, instructions=count))
@@ -93,7 +88,6 @@ def read_env(config: Any) -> EnvConfig:
         _check_board(task, workspace)
     gesture = read(GestureConfig, config["gesture"], "gesture")
     if perception.sees:
-        workspace = _with_cameras(workspace)
         perception.check(workspace)
         gesture = replace(gesture, source="camera") if gesture.source == "ray" else gesture
     return EnvConfig(
@@ -107,14 +101,6 @@ def read_env(config: Any) -> EnvConfig:
         perception=perception,
         pictures=_read_pictures(config, workspace, perception),
     )
-
-
-def _with_cameras(workspace: WorkspaceConfig) -> WorkspaceConfig:
-    """Return the workspace; one of a config that is older than its cameras, with those of its option today."""
-    if workspace.cameras or workspace.name not in groups()["workspace"]:
-        return workspace
-    today = read(WorkspaceConfig, compose([f"workspace={workspace.name}"])["workspace"], "workspace")
-    return replace(workspace, cameras=today.cameras)
 
 
 def _read_pictures(config: Any, workspace: WorkspaceConfig, perception: PerceptionConfig) -> PicturesConfig | None:

@@ -91,7 +91,7 @@ class GymEnv(gym.Env):
         )
 
     def render(self) -> NDArray[np.uint8] | None:
-        """(height, width, 3) from the workspace's camera if render_mode="rgb_array", else None."""
+        """(height, width, 3) from the camera of films if render_mode="rgb_array", else None."""
         return self._env.render() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:

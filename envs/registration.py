@@ -43,7 +43,7 @@ def make_env(
     from envs.workspace_env import WorkspaceEnv  # torch is imported only where an environment is built
 
     config = _config(tuple(overrides), own_files())
-    shown = None if window is None else Window(config.workspace.camera, window)
+    shown = None if window is None else Window(config.workspace.film, window)
     try:
         return WorkspaceEnv(config, num_worlds, seed, render, shown)
     except BaseException:

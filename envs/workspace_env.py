@@ -440,7 +440,7 @@ class WorkspaceEnv(EpisodeReplayEnv):
         return torch.from_numpy(action.astype(np.float32))
 
     def render(self, world: int = 0, camera: str = FILM) -> NDArray[np.uint8]:
-        """(height, width, 3) a world from the workspace's camera, or from one of `workspace.cameras`, by name.
+        """(height, width, 3) a world from one of `workspace.cameras`, by name.
 
         The env must have been made with render=True.
         """

@@ -25,6 +25,7 @@ from core.program import run_program
 from core.schema import Checked, any_path, read, within
 from envs.config import EnvConfig, read_env
 from envs.experts import expert
+from envs.sim.workspace import FILM
 from envs.workspace_env import WorkspaceEnv
 
 COLUMNS, WIDTH, HEIGHT = 3, 400, 300  # cells in a row, pixels of a picture
@@ -80,8 +81,9 @@ def tasks(names: Iterable[str], overrides: Sequence[str] = (), seed: int = 3) ->
 def make_env(overrides: Sequence[str], seed: int) -> WorkspaceEnv:
     """Return one world with the evaluations' initial states and a camera of higher resolution."""
     config: EnvConfig = read_env(compose(overrides)).without_curriculum()
-    camera = replace(config.workspace.camera, width=SUPERSAMPLING * WIDTH, height=SUPERSAMPLING * HEIGHT)
-    return WorkspaceEnv(replace(config, workspace=replace(config.workspace, camera=camera)), seed=seed, render=True)
+    camera = replace(config.workspace.film, width=SUPERSAMPLING * WIDTH, height=SUPERSAMPLING * HEIGHT)
+    workspace = replace(config.workspace, cameras={**config.workspace.cameras, FILM: camera})
+    return WorkspaceEnv(replace(config, workspace=workspace), seed=seed, render=True)
 
 
 def run_expert(env: WorkspaceEnv, steps: int) -> int:

@@ -51,7 +51,7 @@ class ByHandEnv(WorkspaceEnv):
                 f"by_hand=true requires a person who points, but task.name={config.task.name} has "
                 "gesture.source=none; take a checkpoint of task=reach_gesture or task=nl_reach_gesture"
             )
-        self._window = Window(config.workspace.camera) if window else None
+        self._window = Window(config.workspace.film) if window else None
         super().__init__(config, seed=seed, window=self._window)
 
     def user_interface(self) -> tuple[KeySource, Display]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from core.errors import ConfigError, did_you_mean
+from core.errors import ConfigError
 from core.schema import Checked, within, word
 from envs.sim.workspace import WorkspaceConfig
 
@@ -20,9 +20,4 @@ class PicturesConfig(Checked):
         """Raise ConfigError unless the workspace has these cameras."""
         if not self.cameras:
             raise ConfigError("policy.pictures.cameras=[] must name at least one camera")
-        for name in self.cameras:
-            if name not in workspace.cameras:
-                raise ConfigError(
-                    f"policy.pictures.cameras={name} is no camera of workspace={workspace.name}"
-                    + did_you_mean(name, workspace.cameras)
-                )
+        workspace.named_cameras("policy.pictures.cameras", self.cameras)

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.cameras import Camera, CameraFrame, project
-from core.errors import ConfigError, did_you_mean
+from core.errors import ConfigError
 from core.schema import Checked, any_path, one_of, within, word
 from envs.sim.workspace import WorkspaceConfig
+
+STRIDE = 16  # pixels: the network takes pictures whose sides are multiples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,14 +49,13 @@ class PerceptionConfig(Checked):
         return self.name == "camera"
 
     def check(self, workspace: WorkspaceConfig) -> None:
-        """Raise ConfigError for a camera that the workspace lacks, or that sees nothing of where objects are put."""
-        for name in self.cameras:
-            if name not in workspace.cameras:
+        """Raise ConfigError for a camera that is missing, of an unusable size, or that sees nothing of the table."""
+        for name, camera in workspace.named_cameras("perception.cameras", self.cameras).items():
+            if camera.width % STRIDE or camera.height % STRIDE:
                 raise ConfigError(
-                    f"perception.cameras={self.cameras}: workspace.name={workspace.name} has no camera {name}"
-                    + did_you_mean(name, workspace.cameras)
+                    f"workspace.cameras.{name} takes pictures of {camera.width} x {camera.height}, and the network "
+                    f"reads those whose width and height are multiples of {STRIDE}"
                 )
-            camera = workspace.cameras[name]
             if camera.mount == "workspace" and not sees_area(camera, workspace.object_area):
                 raise ConfigError(
                     f"workspace.cameras.{name} sees nothing of the table where objects are put, "

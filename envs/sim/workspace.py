@@ -1,4 +1,4 @@
-"""Configuration of a workspace: furniture, areas for objects and gripper, the camera, and the person.
+"""Configuration of a workspace: furniture, areas for objects and gripper, cameras, and the person.
 
 Every position in the project is in the workspace frame: metres, origin on the table top where the robot is mounted,
 x away from the robot, y to the robot's left, z up. To mount the robot elsewhere at the table, move all else in the
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,7 @@ from core.schema import Checked, one_of, within, word
 from human import Camera, HumanConfig
 
 PLATE, DRAWN = 0.002, 0.0003  # metres: thickness of the drawn parts of a board, and their height above the table
-FILM = "camera"  # the name among others of `WorkspaceConfig.camera`, which takes the pictures of films
+FILM = "film"  # the name of the camera that takes the pictures of films
 HANDLE = "handle"  # the part of a fitting by which a gripper holds it
 AROUND = 0.02  # metres between objects and the end of a robot's reach, so that the gripper gets around them
 
@@ -163,18 +163,19 @@ class WorkspaceConfig(Checked):
     object_area: list[float] = within(-5, 5, count=4)
     gripper_box: list[float] = within(-5, 5, count=6)
     bounds: list[float] = within(-10, 10, count=6)
-    camera: Camera
+    cameras: dict[str, Camera]  # by name; FILM is one of them
     human: HumanConfig | None  # the person in the workspace, if any
     board: BoardConfig | None  # the board on the table, if any
     device_area: list[float] = within(
         -5, 5, count=(0, 4), default=()
     )  # where devices stand beside fittings; []: nowhere
-    cameras: dict[str, Camera] = field(default_factory=dict)  # that a robot can see with, by name: perception=camera
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.camera.mount != "workspace":
-            raise ConfigError(f"camera.mount={self.camera.mount} must be workspace: films have a fixed camera")
+        if FILM not in self.cameras:
+            raise ConfigError(f"cameras={list(self.cameras)} must have {FILM}, which takes the pictures of films")
+        if self.film.mount != "workspace":
+            raise ConfigError(f"cameras.{FILM}.mount={self.film.mount} must be workspace: films have a fixed camera")
         _check_box("object_area", self.object_area, 4)
         _check_box("gripper_box", self.gripper_box, 6)
         _check_box("bounds", self.bounds, 6)
@@ -184,19 +185,20 @@ class WorkspaceConfig(Checked):
         if self.device_area:
             _check_box("device_area", self.device_area, 4)
 
-    def named_cameras(self, names: Sequence[str]) -> dict[str, Camera]:
-        """Return these cameras, by name: of `cameras`, and "camera" for `camera`. Raises ConfigError."""
-        if FILM in self.cameras:
-            raise ConfigError(f"workspace.cameras.{FILM}: this is the name of workspace.camera; take another name")
-        known = {FILM: self.camera, **self.cameras}
+    @property
+    def film(self) -> Camera:
+        """The camera that takes the pictures of films."""
+        return self.cameras[FILM]
+
+    def named_cameras(self, key: str, names: Sequence[str]) -> dict[str, Camera]:
+        """Return these cameras, by name. key: that asks for them. Raises ConfigError for a name that is not known."""
         for name in names:
-            if name not in known:
-                none = "" if self.cameras else f", because workspace.cameras is empty; {FILM} is workspace.camera"
+            if name not in self.cameras:
                 raise ConfigError(
-                    f"cameras=[{','.join(names)}]: workspace.name={self.name} has no camera {name}{none}"
-                    + did_you_mean(name, known)
+                    f"{key}=[{','.join(names)}]: workspace={self.name} has no camera {name}"
+                    + did_you_mean(name, self.cameras)
                 )
-        return {name: known[name] for name in names}
+        return {name: self.cameras[name] for name in names}
 
     def within_reach(self, reach: Sequence[float]) -> WorkspaceConfig:
         """Return the workspace with object_area and gripper_box cut to a robot's reach: (x0, x1, y0, y1, z0, z1).

@@ -309,8 +309,8 @@ class SimulatedWorld:
         return self.furniture.values()
 
     def render(self, camera: Camera | None = None) -> NDArray[np.uint8]:
-        """(height, width, 3) the image of the camera, by default the workspace's. Needs visuals."""
-        return self._renderer.render(camera or self._workspace.camera)
+        """(height, width, 3) the image of the camera, by default that of films. Needs visuals."""
+        return self._renderer.render(camera or self._workspace.film)
 
     def photograph(self, camera: Camera, gripper: tuple[Array, Array], light: Light = DAYLIGHT) -> Photo:
         """Return what a camera sees, without the cone along a pointing finger. Needs visuals.

@@ -174,6 +174,13 @@ def test_what_a_run_saves_itself_is_accepted():
         assert config_from_file(plain(f"robot={robot}"), SOURCE) == plain(f"robot={robot}")
 
 
+def test_a_config_from_before_the_named_cameras_gets_those_of_its_workspace():
+    config, today = plain("workspace=room"), plain("workspace=room")["workspace"]["cameras"]
+    own = config["workspace"].pop("cameras")["film"] | {"fov": 44.0}
+    found = config_from_file(config | {"workspace": config["workspace"] | {"camera": own}}, SOURCE)
+    assert found["workspace"] == config["workspace"] | {"cameras": today | {"film": own}}
+
+
 @pytest.fixture(scope="module")
 def policy_folder(tmp_path_factory):
     """A function that makes a copy of a pretrained policy with another config, and returns its folder."""

@@ -17,6 +17,7 @@ from envs.sim.robot import read_kinematics
 from envs.sim.robot_config import RobotConfig
 from human import Camera
 from tests.helpers.drawn_cases import LENS, ON_GRIPPER, PLACES, at_gripper, empty, errors, on_table
+from tests.helpers.refusals import refusal
 
 FOV = "fov=36"
 
@@ -30,17 +31,6 @@ def folder(tmp_path, monkeypatch):
 def save(name, picture):
     Image.fromarray(picture).save(name)
     return name
-
-
-def refusal(monkeypatch, capsys, *words):
-    monkeypatch.setattr("sys.argv", ["deixis calibrate", *words])
-    with pytest.raises(SystemExit) as ended:
-        calibrate.cli()
-    said = capsys.readouterr().err
-    assert ended.value.code == 2
-    assert said.startswith("error: ")
-    assert said.count("\n") == 1
-    return said
 
 
 def test_pictures_of_the_board_become_a_camera_file_and_an_override_that_composes(folder, capsys):
@@ -91,7 +81,7 @@ def test_positions_alone_will_do_where_the_marker_was_measured(folder, monkeypat
     offset = f"offset={ON_GRIPPER[:3, 3].round(4).tolist()}".replace(" ", "")
     calibrate.main(["gripper", "poses.yaml", FOV, offset, "out=it.yaml"])
     assert errors(read_camera(folder / "it.yaml").camera)[0] < 4
-    assert "has no rotation" in refusal(monkeypatch, capsys, "gripper", "poses.yaml", FOV)
+    assert "has no rotation" in refusal(calibrate.cli, monkeypatch, capsys, "gripper", "poses.yaml", FOV)
 
 
 def test_the_board_is_written_as_a_pdf(folder, capsys):
@@ -135,7 +125,7 @@ def test_bad_input_is_refused_in_one_sentence(folder, monkeypatch, capsys):
         (("lens", "board.png", out), "1 pictures show the board"),
         (("board", "out=board.txt"), "must end in .pdf"),
     ]:
-        assert said in refusal(monkeypatch, capsys, *words)
+        assert said in refusal(calibrate.cli, monkeypatch, capsys, *words)
     assert not (folder / "it.yaml").exists()
 
 

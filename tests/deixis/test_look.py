@@ -14,6 +14,7 @@ from core.cameras import Camera, CameraFrame, project
 from deixis import look
 from envs.perception import Detections, View
 from envs.perception.detections import COLOR_NAMES, NOUN_NAMES
+from tests.helpers.refusals import refusal
 
 FRONT = Camera(target=[0.44, 0.0, 0.1], distance=1.25, yaw=140.0, pitch=-48.0, fov=36.0, width=640, height=480)
 SIDE = Camera(target=[0.44, 0.0, 0.1], distance=1.25, yaw=15.0, pitch=-48.0, fov=36.0, width=128, height=128)
@@ -120,6 +121,7 @@ def test_bad_input_is_refused_in_one_sentence(folder, monkeypatch, capsys):
         ("list", [1, 2]),
     ):
         (folder / f"{name}.yaml").write_text(yaml.safe_dump(camera))
+    monkeypatch.setitem(sys.modules, "envs.perception.detector", SimpleNamespace(load_detector=lambda weights: Stub()))
     Image.fromarray(np.zeros((480, 640, 3), np.uint8)).save("black.png")
     Image.fromarray(np.full((480, 640, 3), 255, np.uint8)).save("white.png")
     for picture, camera, said in [
@@ -134,23 +136,11 @@ def test_bad_input_is_refused_in_one_sentence(folder, monkeypatch, capsys):
         ("black.png", "front.yaml", "is black"),
         ("white.png", "front.yaml", "is saturated"),
     ]:
-        assert said in refusal(monkeypatch, capsys, picture, "--camera", camera)
-    assert "give each picture its camera file" in refusal(monkeypatch, capsys, "front.png")
+        assert said in refusal(look.cli, monkeypatch, capsys, picture, "--camera", camera)
+    assert "give each picture its camera file" in refusal(look.cli, monkeypatch, capsys, "front.png")
     twice = ("front.png", "front.png", "--camera", "front.yaml", "--camera", "front.yaml")
-    assert "is given twice" in refusal(monkeypatch, capsys, *twice)
+    assert "is given twice" in refusal(look.cli, monkeypatch, capsys, *twice)
     assert "did you mean 'table'" in refusal(
-        monkeypatch, capsys, "front.png", "--camera", "front.yaml", "--workspace", "tabel"
+        look.cli, monkeypatch, capsys, "front.png", "--camera", "front.yaml", "--workspace", "tabel"
     )
     assert not (folder / "seen.png").exists()
-
-
-def refusal(monkeypatch, capsys, *words):
-    monkeypatch.setattr("sys.argv", ["deixis look", *words])
-    monkeypatch.setitem(sys.modules, "envs.perception.detector", SimpleNamespace(load_detector=lambda weights: Stub()))
-    with pytest.raises(SystemExit) as ended:
-        look.cli()
-    said = capsys.readouterr().err
-    assert ended.value.code == 2
-    assert said.startswith("error: ")
-    assert said.count("\n") == 1
-    return said

@@ -81,8 +81,8 @@ VALUES = [
     ("workspace.furniture.top.size=[1,1]", "workspace.furniture.top.size=[1.0, 1.0] must be 3 numbers"),
     ("workspace.furniture.top.position=[1]", "workspace.furniture.top.position=[1.0] must be 3 numbers"),
     ("workspace.furniture.top.color=[1]", "workspace.furniture.top.color=[1.0] must be 3 numbers"),
-    ("workspace.camera.target=[0]", "workspace.camera.target=[0.0] must be 3 numbers"),
-    ("workspace.camera.width=8", "workspace.camera.width=8 is out of range"),
+    ("workspace.cameras.film.target=[0]", "workspace.cameras.film.target=[0.0] must be 3 numbers"),
+    ("workspace.cameras.film.width=8", "workspace.cameras.film.width=8 is out of range"),
 ]
 
 

@@ -12,7 +12,11 @@ from tests.helpers.env_cases import CONTROLS, ROBOTS, TASKS
 
 IDS = sorted(name for name in gymnasium.registry if name.startswith("Deixis/"))
 REACHING = [f"Deixis/{name}-v0" for name in ("NLReach", "NLReachGesture", "Reach", "ReachGesture")]
-SMALL = ["workspace.camera.width=64", "workspace.camera.height=48", "task.max_steps=12"]  # each set takes Hydra 0.1 s
+SMALL = [
+    "workspace.cameras.film.width=64",
+    "workspace.cameras.film.height=48",
+    "task.max_steps=12",
+]  # each set takes Hydra 0.1 s
 
 
 def test_every_task_has_an_id():
@@ -104,7 +108,7 @@ def test_the_same_seed_gives_the_same_episode_and_no_seed_the_next_one():
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_image_has_the_size_of_the_camera_and_changes_when_the_arm_moves(robot):
-    overrides = ["workspace.camera.width=96", "workspace.camera.height=72"]
+    overrides = ["workspace.cameras.film.width=96", "workspace.cameras.film.height=72"]
     env = gymnasium.make("Deixis/NLReach-v0", robot=robot, overrides=overrides, render_mode="rgb_array")
     env.reset(seed=0)
     images = [env.render()]

@@ -105,7 +105,7 @@ def test_what_is_wrong_is_said():
 
 
 def test_each_world_has_an_image():
-    small = ["workspace.camera.width=64", "workspace.camera.height=48"]
+    small = ["workspace.cameras.film.width=64", "workspace.cameras.film.height=48"]
     worlds = gymnasium.make_vec(ID, num_envs=2, render_mode="rgb_array", overrides=small)
     worlds.reset(seed=0)
     first, second = worlds.render()

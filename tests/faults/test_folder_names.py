@@ -56,7 +56,7 @@ def sweep_there(run: Path, folder: Path) -> list[tuple[str, ...]]:
 
 def play_there(run: Path, folder: Path) -> list[tuple[str, ...]]:
     shutil.copytree(run, folder)
-    small = ("workspace.camera.width=64", "workspace.camera.height=48", "task.max_steps=8")
+    small = ("workspace.cameras.film.width=64", "workspace.cameras.film.height=48", "task.max_steps=8")
     return [("play", f"--headless={folder}/a.mp4", "--say=reach {0}", f"checkpoint={folder}", *small)]
 
 

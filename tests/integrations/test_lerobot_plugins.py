@@ -16,8 +16,8 @@ policies, evaluation = import_module("lerobot.policies"), import_module("lerobot
 DeixisEnvConfig = import_module("lerobot_env_deixis").DeixisEnvConfig
 DeixisConfig = import_module("lerobot_policy_deixis").DeixisConfig
 
-SMALL = ["task.num_objects=2", "workspace.camera.width=64", "workspace.camera.height=48"]
-ALL_STATE = {"camera": False, "objects": True}
+SMALL = ["task.num_objects=2", "workspace.cameras.film.width=64", "workspace.cameras.film.height=48"]
+ALL_STATE = {"cameras": [], "objects": True}
 
 
 def built(worlds):
@@ -32,7 +32,7 @@ def built(worlds):
 def test_the_features_of_an_environment_are_those_of_its_observations():
     config = DeixisEnvConfig(overrides=SMALL, objects=True)
     features = envs.env_to_policy_features(config)
-    assert features["observation.images.camera"].shape == (3, 48, 64)
+    assert features["observation.images.film"].shape == (3, 48, 64)
     with closing(envs.make_env(config, n_envs=2)["deixis"][0]) as worlds:
         seen = envs.preprocess_observation(worlds.reset(seed=[3, 4])[0])
         assert {key: (2, *feature.shape) for key, feature in features.items() if key != "action"} == {
@@ -45,13 +45,13 @@ def test_the_features_of_an_environment_are_those_of_its_observations():
 def test_a_policy_from_pictures_gets_no_state_of_the_objects():
     assert set(envs.env_to_policy_features(DeixisEnvConfig(overrides=SMALL))) == {
         "observation.state",
-        "observation.images.camera",
+        "observation.images.film",
         "action",
     }
 
 
 def test_a_policy_gets_a_picture_of_each_camera_that_is_named():
-    config = DeixisEnvConfig(overrides=SMALL, camera=False, cameras=["front", "wrist"])
+    config = DeixisEnvConfig(overrides=SMALL, cameras=["front", "wrist"])
     names = {f"observation.images.{name}" for name in ("front", "wrist")}
     assert set(envs.env_to_policy_features(config)) == {"observation.state", "action", *names}
     with closing(envs.make_env(config)["deixis"][0]) as worlds:

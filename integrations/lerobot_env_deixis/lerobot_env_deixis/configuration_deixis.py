@@ -23,11 +23,11 @@ class DeixisEnvConfig(EnvConfig):
     """One task of Deixis. A policy gets the state of the arm, a picture and the sentence.
 
     task, robot, control: options of those config groups.
-    overrides: more Hydra overrides: '["task.num_objects=6", "workspace.camera.width=128"]'.
+    overrides: more Hydra overrides: '["task.num_objects=6", "workspace.cameras.film.width=128"]'.
     checkpoint: the environment of this policy of Deixis instead: a run, a file, or the name of a pretrained policy. The
         overrides then apply to its config; task, robot and control are not used.
-    camera: whether policies get a picture of the workspace's camera. Videos are made in either case.
-    cameras: of which cameras of `workspace.cameras` they get pictures too: '["front", "wrist"]'.
+    cameras: of which cameras of `workspace.cameras` policies get pictures: '["front", "wrist"]'. Videos are made by
+        `film` in any case.
     objects: whether policies also get what no camera tells: the rows of the objects, and all else that policies of
         Deixis read.
     """
@@ -37,8 +37,7 @@ class DeixisEnvConfig(EnvConfig):
     control: str = "step"
     overrides: list[str] = field(default_factory=list)
     checkpoint: str | None = None
-    camera: bool = True
-    cameras: list[str] = field(default_factory=list)
+    cameras: list[str] = field(default_factory=lambda: ["film"])
     objects: bool = False
     fps: int = 20
 
@@ -71,7 +70,7 @@ class DeixisEnvConfig(EnvConfig):
     @property
     def gym_kwargs(self) -> dict[str, Any]:
         """The arguments of `DeixisSimEnv`."""
-        names = ("task", "robot", "control", "overrides", "checkpoint", "camera", "cameras", "objects")
+        names = ("task", "robot", "control", "overrides", "checkpoint", "cameras", "objects")
         return {name: getattr(self, name) for name in names}
 
 

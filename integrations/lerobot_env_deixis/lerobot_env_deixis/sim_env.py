@@ -28,7 +28,7 @@ NAMES = {"robot": AGENT, "objects": OBJECTS}  # LeRobot's names; the other keys 
 class DeixisSimEnv(gym.Env):
     """One world. Episodes are those of evaluations, and `reset(seed=s)` begins the same one each time.
 
-    Observations: `agent_pos` (R,) float32, the state of the arm; with `camera` or `cameras`, `pixels` with a picture
+    Observations: `agent_pos` (R,) float32, the state of the arm; with `cameras`, `pixels` with a picture
     (H, W, 3) uint8 of each, by name; with `objects`, what policies of Deixis read: `environment_state` (K * D,), the
     rows of the objects, and the others under their own keys, as numbers that LeRobot turns into float32. The action
     (A,) is in [-1, 1]. The info is `is_success` alone. The sentence is `task_description`.
@@ -49,16 +49,13 @@ class DeixisSimEnv(gym.Env):
         control: str = "step",
         overrides: Sequence[str] = (),
         checkpoint: str | None = None,
-        camera: bool = True,
+        cameras: Sequence[str] = (FILM,),
         objects: bool = False,
-        cameras: Sequence[str] = (),
     ) -> None:
         check_list(overrides)
         words = group_words(task, robot, control, overrides)
         config = _of_checkpoint(checkpoint, overrides) if checkpoint else _of_groups(words)
-        names = [FILM] * (camera and FILM not in cameras) + list(cameras)
-        config = config.with_cameras() if names else config
-        self._cameras = config.workspace.named_cameras(names)
+        self._cameras = config.workspace.named_cameras("cameras", cameras)
         self._env = WorkspaceEnv(config, num_worlds=1, render=True)
         keys = public_keys(self._env.observation_spec)
         self._keys = keys if objects else ["robot"]
@@ -114,7 +111,7 @@ class DeixisSimEnv(gym.Env):
         return self._seen(values), values["reward"].item(), terminated, truncated, {"is_success": success}
 
     def render(self) -> NDArray[np.uint8]:
-        """(H, W, 3) from the workspace's camera."""
+        """(H, W, 3) from the camera of films."""
         return self._env.render()
 
     def close(self) -> None:

@@ -234,6 +234,10 @@ def test_where_a_person_points_the_ray_is_read_from_pictures():
         (["perception.cameras=[front,sid]"], "has no camera sid; did you mean 'side'"),
         (["perception.cameras=[]"], r"perception.cameras=\[\] must name at least one of workspace.cameras"),
         (["workspace.cameras.side.target=[3.0,3.0,0.1]"], "workspace.cameras.side sees nothing of the table"),
+        (
+            ["workspace.cameras.side.width=100"],
+            "workspace.cameras.side takes pictures of 100 x 128, and .* multiples of 16",
+        ),
         (["perception.presence=2"], "perception.presence=2.0 is out of range"),
     ],
 )
@@ -242,10 +246,8 @@ def test_a_perception_that_cannot_work_is_refused(words, message):
         read_env(compose(["perception=camera", *words]))
 
 
-def test_configs_that_are_older_than_cameras_take_those_of_their_workspace_today():
+def test_configs_that_are_older_than_cameras_are_told_by_the_simulator():
     old = OmegaConf.to_container(compose(["perception=camera"]), resolve=True)
-    del old["workspace"]["cameras"]
-    assert set(read_env(old).workspace.cameras) == {"front", "side", "top", "wrist"}
     del old["perception"]
     assert read_env(old).perception.name == "state"
 

@@ -87,7 +87,7 @@ def test_gymnasium_shows_them():
     [
         (
             "policy.pictures.cameras=[front,sides]",
-            r"policy\.pictures\.cameras=sides is no camera of workspace=table",
+            r"policy\.pictures\.cameras=\[front,sides\]: workspace=table has no camera sides",
         ),
         ("policy.pictures.cameras=[]", r"policy\.pictures\.cameras=\[\] must name at least one camera"),
         ("policy.pictures.size=8", r"policy\.pictures\.size=8 is out of range"),

@@ -67,12 +67,18 @@ def test_a_replay_buffer_is_filled_with_the_recording(recordings, recorded_episo
 
 
 def test_images_show_the_episode_and_do_not_change_it(tmp_path):
-    few = ["expert=true", "episodes=1", "workspace.camera.width=65", "workspace.camera.height=48", "camera=true"]
+    few = [
+        "expert=true",
+        "episodes=1",
+        "workspace.cameras.film.width=65",
+        "workspace.cameras.film.height=48",
+        "cameras=[film]",
+    ]
     for form in FORMATS:
         record.main([*few, f"format={form}", f"out={tmp_path / form}-v0"])
         record.main([f"replay={tmp_path / form}-v0"])  # in a world without anything to be drawn
     (episode,) = minari.MinariDataset(tmp_path / "minari-v0" / "data").iterate_episodes()
-    pictures = episode.observations["camera"]
+    pictures = episode.observations["film"]
     assert pictures.shape == (len(episode) + 1, 48, 65, 3)
     assert abs(pictures[0].astype(int) - pictures[-1]).max() > 50  # the arm has moved
     (path,) = (tmp_path / "lerobot-v0").rglob("*.mp4")

@@ -18,9 +18,9 @@ from tests.helpers.recordings import FORMATS
 from trainers.datasets import dataset
 from trainers.datasets.demonstrations import demonstrate
 
-NAMES = ["camera", "front", "wrist"]
-SMALL = [f"{key}={size}" for camera in ("camera", "cameras.front") for key, size in
-         ((f"workspace.{camera}.width", 48), (f"workspace.{camera}.height", 33))]  # fmt: skip
+NAMES = ["film", "front", "wrist"]
+SMALL = [f"{key}={size}" for camera in ("film", "front") for key, size in
+         ((f"workspace.cameras.{camera}.width", 48), (f"workspace.cameras.{camera}.height", 33))]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def episode(env):
 
 @pytest.mark.parametrize("form", FORMATS)
 def test_pictures_of_every_camera_are_written_and_read_back(env, episode, form, tmp_path):
-    cameras = env.config.workspace.named_cameras(NAMES)
+    cameras = env.config.workspace.named_cameras("cameras", NAMES)
     about = {"config": {}, "actor": "", "instruction": "", "robot": "", "fps": 20, "names": {}, "gym": None}
     dataset.write(tmp_path / "it-v0", form, env, iter([episode]), 1, 3, about, cameras)
     metadata, (read,) = dataset.read(tmp_path / "it-v0", NAMES)
@@ -70,20 +70,16 @@ def test_a_calibration_projects_places_as_the_camera_does(mount):
     np.testing.assert_allclose(seen[:, :2] / seen[:, 2:], pixels)
 
 
-def test_an_unknown_camera_is_refused_with_those_that_there_are(env):
+def test_films_have_a_camera_that_is_fixed_in_the_workspace(env):
     workspace = env.config.workspace
-    with pytest.raises(ConfigError, match=r"cameras=\[bak\]: .*table has no camera bak; choose from camera, front"):
-        workspace.named_cameras(["bak"])
-    with pytest.raises(ConfigError, match=r"no camera front, because workspace.cameras is empty"):
-        replace(workspace, cameras={}).named_cameras(["front"])
-    with pytest.raises(ConfigError, match=r"workspace.cameras.camera: this is the name of workspace.camera"):
-        replace(workspace, cameras={"camera": workspace.camera}).named_cameras([])
-    with pytest.raises(ConfigError, match=r"camera.mount=gripper must be workspace"):
-        replace(workspace, camera=replace(workspace.camera, mount="gripper"))
+    with pytest.raises(ConfigError, match=r"cameras=\['front'\] must have film"):
+        replace(workspace, cameras={"front": workspace.cameras["front"]})
+    with pytest.raises(ConfigError, match=r"cameras.film.mount=gripper must be workspace"):
+        replace(workspace, cameras={"film": replace(workspace.film, mount="gripper")})
 
 
 def test_a_camera_with_the_name_of_an_observation_is_refused(env, tmp_path):
-    cameras = {"robot": env.config.workspace.camera}
+    cameras = {"robot": env.config.workspace.film}
     with pytest.raises(ConfigError, match=r"cameras=\[robot\]: robot is the name of an observation"):
         dataset.write(tmp_path / "it-v0", "minari", env, iter([]), 1, 3, {"gym": None}, cameras)
 
@@ -92,10 +88,9 @@ def test_a_camera_with_the_name_of_an_observation_is_refused(env, tmp_path):
     ("words", "names"),
     [
         (["cameras=[front, wrist]"], ["front", "wrist"]),
-        (["cameras=top", "camera=true"], ["camera", "top"]),
-        (["camera=true"], ["camera"]),
+        (["cameras=top"], ["top"]),
         (["cameras=[]"], []),
     ],
 )
 def test_cameras_are_named_on_the_command_line(words, names):
-    assert parse(["expert=true", *words])[0].all_cameras == names
+    assert parse(["expert=true", *words])[0].cameras == names
