@@ -240,8 +240,8 @@ def overrides_of(config: Mapping[str, Any]) -> list[str]:
     for group in (*FIRST, *(name for name in groups() if name not in FIRST)):
         if group not in config:  # the groups of an environment alone
             continue
-        option = config["choices"][group]
-        if _composed(words)["choices"][group] != option:
+        option = config["choices"].get(group)  # None: the config is older than the group
+        if option is not None and _composed(words)["choices"][group] != option:
             words.append(f"{group}={option}")
     defaults = dict(flatten(_composed(words)))
     values = flatten(config)

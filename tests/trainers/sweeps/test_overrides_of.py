@@ -27,6 +27,14 @@ def test_the_overrides_of_a_config_compose_it_again(words):
     assert len(words_again) == len(words)
 
 
+def test_a_config_that_is_older_than_a_group_is_composed_with_its_default():
+    config = OmegaConf.to_container(compose(["robot=panda", "perception=camera"]), resolve=True)
+    del config["choices"]["perception"]
+    words = overrides_of(config)
+    assert words[0] == "robot=panda"
+    assert "perception.name=camera" in words
+
+
 def test_a_config_without_recorded_options_is_refused():
     config = OmegaConf.to_container(compose(), resolve=True)
     del config["choices"]
