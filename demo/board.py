@@ -26,8 +26,11 @@ def movable(env: InteractiveEnv) -> NDArray[np.int64]:
     return np.flatnonzero(~env.scene().targets)
 
 
-def world_of(env: InteractiveEnv) -> WorldModel:
-    """The board as the language sees it; its things are the movable objects in their order."""
+def world_of(env: InteractiveEnv, viewpoint: str | None = None) -> WorldModel:
+    """The board as the language sees it; its things are the movable objects in their order.
+
+    viewpoint: of left and right; None: the task's.
+    """
     scene, numbers = env.scene(), movable(env)
     cells = grid_of(env).cells(scene.positions[numbers])
     cells[:, 2] = np.minimum(cells[:, 2], BOARD_HEIGHT - 1)
@@ -35,20 +38,20 @@ def world_of(env: InteractiveEnv) -> WorldModel:
     held = next(iter(np.flatnonzero(slots == env.sight.state.held[0]).tolist()), None)
     kinds = env.shapes()
     blocks = [(kinds[i], scene[i].color, *map(int, cell)) for i, cell in zip(numbers, cells, strict=True)]
-    return board(blocks, held, viewpoint=scene.viewpoint)
+    return board(blocks, held, viewpoint=viewpoint or scene.viewpoint)
 
 
-def object_names(env: InteractiveEnv) -> list[str]:
-    """The name of each object in `env.scene()`."""
-    world, names = world_of(env), ["the see-through object"] * len(env.scene())
+def object_names(env: InteractiveEnv, viewpoint: str) -> list[str]:
+    """The name of each object in `env.scene()`, from this viewpoint."""
+    world, names = world_of(env, viewpoint), ["the see-through object"] * len(env.scene())
     for thing, number in enumerate(movable(env)):
         names[number] = name(world, thing)
     return names
 
 
-def example(env: InteractiveEnv) -> str:
-    """A sentence that is possible on this board, about things whose names fit no other."""
-    world = world_of(env)
+def example(env: InteractiveEnv, viewpoint: str) -> str:
+    """A sentence that is possible on this board, about things whose names fit no other, from this viewpoint."""
+    world = world_of(env, viewpoint)
     kinds = [(thing.color, thing.kind) for thing in world.things]
     free = [
         i for i, above in enumerate(world.above) if above is None and i != world.held and kinds.count(kinds[i]) == 1

@@ -14,7 +14,7 @@ from itertools import takewhile
 import numpy as np
 from numpy.typing import NDArray
 
-from demo import board, room
+from demo import board, room, worlds
 from envs.experts.board import Move, moves_of, without_takes
 from envs.interactive.interactive_env import InteractiveEnv, object_name, object_names
 from envs.tasks.shared.feasible import Option
@@ -48,7 +48,7 @@ class Subtask:
     goes; the target then marks that place. verb: where the task has several. instruction: in the person's words.
     place: (3,) metres where the target is put during the step; None: it stays. mark: (3,) metres; where it
     is put at a free spot of the place that is marked there instead. any_order: whether the steps after it that are so,
-    too, can be done before it.
+    too, can be done before it. number: of the step in its plan.
     """
 
     sentence: str
@@ -60,6 +60,7 @@ class Subtask:
     place: tuple[float, float, float] | None = None
     mark: tuple[float, float, float] | None = None
     any_order: bool = False
+    number: int = 0
 
     @property
     def objects(self) -> tuple[int, ...]:
@@ -71,11 +72,12 @@ class SubtaskPlanner:
     """Plans for the task of this environment.
 
     verb: the task's verb, a key of language.VERBS. own_places: by index, of targets that were put elsewhere for a step;
-    (3,) metres.
+    (3,) metres. viewpoint: of the names that a person reads; policies are given words from the task's own.
     """
 
     def __init__(self, env: InteractiveEnv, rng: np.random.Generator) -> None:
         self._env, self._rng, self._config = env, rng, env.config.task
+        self.viewpoint: str = env.config.task.viewpoint
         self._describer = Describer(tuple(self._config.kinds) or KINDS)
         self.verb: str = env.task.verb
         self.own_places: dict[int, tuple[float, float, float]] = {}
@@ -83,6 +85,10 @@ class SubtaskPlanner:
     def scene(self) -> Scene:
         """The objects as the language sees them: targets that were put elsewhere for a step are at their own places."""
         return _moved(self._env.scene(), self.own_places)
+
+    def _name(self, index: int) -> str:
+        """The name of an object, as a person reads it."""
+        return object_name(index, worlds.seen_from(self._env.scene(), self.viewpoint))
 
     @property
     def names_later(self) -> bool:
@@ -95,10 +101,12 @@ class SubtaskPlanner:
         for_policy: whether a policy drives, which may need other words than the person's.
         """
         if self._env.task.traits.stacks:
-            return self._on_board(steps, for_policy)
-        if self._env.task.verbs:
-            return [self._in_room(step) for step in self._to_do(self._without_takes_in_room(steps))]
-        return self._on_table(self._to_do(without_takes(steps)))
+            subtasks = self._on_board(steps, for_policy)
+        elif self._env.task.verbs:
+            subtasks = [self._in_room(step) for step in self._to_do(self._without_takes_in_room(steps))]
+        else:
+            subtasks = self._on_table(self._to_do(without_takes(steps)))
+        return [replace(subtask, number=number) for number, subtask in enumerate(subtasks)]
 
     def _without_takes_in_room(self, steps: Sequence[Step]) -> list[Step]:
         """Return the steps without takes, but for things that go only a bit aside: they leave their place first."""
@@ -229,7 +237,7 @@ class SubtaskPlanner:
                 targets.append(step.goal if HAND in task.fixtures else None)
                 continue
             if step.place is None:
-                raise LanguageError(f"say where {object_name(step.object, scene)} should go")
+                raise LanguageError(f"say where {self._name(step.object)} should go")
             if task.traits.real_goals:
                 if step.goal is None or scene.targets[step.goal]:
                     raise LanguageError("this task stacks; name the object to put it on, or choose another task")
@@ -279,12 +287,15 @@ class SubtaskPlanner:
             words = _still_fitting(subtask.instruction, referent, target, scene)
             return replace(subtask, sentence=self.policy_sentence(words, referent, target))
         if subtask.mark is not None:
-            subtask = replace(subtask, place=room.free_spot(self._env, referent, subtask.mark, scene))
+            subtask = replace(
+                subtask,
+                place=room.free_spot(self._env, referent, subtask.mark, worlds.seen_from(scene, self.viewpoint)),
+            )
         own_places = {}
         if subtask.place is not None and target is not None:
             own_places[target] = scene[target].position
             scene = _moved(scene, {target: subtask.place})
-        room.check(self._env, Option(verb, referent, target), scene)
+        room.check(self._env, Option(verb, referent, target), worlds.seen_from(scene, self.viewpoint))
         words = _still_fitting(subtask.instruction, referent, target, scene)
         sentence = self.policy_sentence(words, referent, target, verb, scene)
         self.return_targets()
@@ -302,9 +313,9 @@ class SubtaskPlanner:
     def _check_target(self, subtask: Subtask) -> None:
         scene, task = self._env.scene(), self._env.task
         if task.traits.places and subtask.target is None:
-            raise LanguageError(f"say where {object_name(subtask.referent, scene)} should go")
+            raise LanguageError(f"say where {self._name(subtask.referent)} should go")
         if subtask.target is not None and scene.targets[subtask.target] == task.traits.real_goals:
-            name = object_name(subtask.target, scene)
+            name = self._name(subtask.target)
             if task.traits.real_goals:
                 raise LanguageError(f"{name} is see-through; name a real object")
             raise LanguageError(f"{name} is not a target; name one of the see-through objects")
@@ -343,7 +354,7 @@ class SubtaskPlanner:
             return self._describer.phrase(scene, index, self._rng)
         if phrase is not None and phrase.determiner == "the":
             return phrase
-        raise LanguageError(f"no words that this policy knows distinguish {object_name(index, scene)} from the others")
+        raise LanguageError(f"no words that this policy knows distinguish {self._name(index)} from the others")
 
     def in_words(self, subtask: Subtask, names: Sequence[str]) -> str:
         """The subtask with these names of the objects."""
@@ -355,11 +366,11 @@ class SubtaskPlanner:
 
     def example(self) -> str:
         """A sentence that is possible in this scene."""
+        scene = worlds.seen_from(self._env.scene(), self.viewpoint)
         if self._env.task.traits.stacks:
-            return board.example(self._env)
+            return board.example(self._env, self.viewpoint)
         if self._env.task.verbs:
-            return next(iter(room.sayable(self._env)), "stop")
-        scene = self._env.scene()
+            return next(iter(room.sayable(self._env, scene)), "stop")
         movable = [index for index in range(len(scene)) if not scene.targets[index] and scene[index].noun != HAND]
         targets = [index for index in range(len(scene)) if scene.targets[index]]
         names = object_names(scene)
@@ -409,7 +420,7 @@ class _Table:
 def put_object(env: InteractiveEnv, planner: SubtaskPlanner, index: int, place: NDArray[np.float64]) -> None:
     """Puts an object at (2,) metres on the table, or at the nearest place where objects may stand, for good."""
     if env.bodies()[index] is None:
-        raise LanguageError(f"{object_name(index, env.scene())} stays where it is; press Shuffle for another scene")
+        raise LanguageError(f"{object_name(index, env.scene())} stays where it is; press New scene for another one")
     x, y = within_reach((float(place[0]), float(place[1])), env)
     on_table = x, y, env.config.task.object_size / 2
     planner.own_places.pop(index, None)

@@ -67,9 +67,11 @@ def room_of(env: InteractiveEnv, scene: Scene | None = None) -> Room:
     return env.task.room(env.scene() if scene is None else scene, env.moved())
 
 
-def sayable(env: InteractiveEnv) -> list[str]:
-    """The feasible instructions, MOST_SAID sentences at most: first one of each verb, about different objects."""
-    scene = env.scene()
+def sayable(env: InteractiveEnv, scene: Scene) -> list[str]:
+    """The feasible instructions, MOST_SAID sentences at most: first one of each verb, about different objects.
+
+    scene: of the environment, from the viewpoint of who speaks.
+    """
     names, held = names_of(scene), NOTHING if env.held is None else env.held
     by_verb: dict[str, list[Option]] = {}
     for option in options(room_of(env, scene), held):

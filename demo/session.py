@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,7 +20,7 @@ from demo.finger import Finger
 from demo.planning import Subtask, SubtaskPlanner
 from demo.returning import Return
 from demo.session_config import SessionConfig, Setup, build
-from demo.view_state import ViewState
+from demo.view_state import ViewState, ViewStep
 from deployment.connecting import ArmChoice
 from deployment.mirror import MirrorEnv
 from deployment.safe_arm import PAUSED, Person, SafeArm
@@ -39,11 +40,13 @@ from language import (
     whose_left,
 )
 from language.talk import offers
+from language.talk import said as in_words
 from language.verbs import HERE, POINTING
 
 Array = NDArray[np.float64]
 MAX_CHARACTERS = 300  # of a sentence; the rest is ignored
 STOPS = ("stop", "wait", "home")  # signals that end what is being done
+OBJECTION = re.compile(r"\s*(no|nope|not|wait|stop|don't|hold on)\b", re.IGNORECASE)  # stops the arm, whatever follows
 NUDGE = 0.02  # metres by which a key moves the finger, or the gripper if driven by hand
 
 
@@ -52,7 +55,9 @@ class Session:
 
     config: the current choice. env: the world; `change` replaces it. view: shown by user interfaces. finger: of the
     person. note: a warning about the choice, or "". hand_target: (3,) metres, where the gripper is driven by hand; None
-    if the policy or the expert drives. gripper_closed: by hand.
+    if the policy or the expert drives. gripper_closed: by hand. viewpoint: whose left and right the person means, who
+    speaks; policies are given words from the task's own. wished_driver: who is to drive, where there is a policy.
+    understood: the steps of the last sentence in words, or "".
     """
 
     def __init__(
@@ -75,12 +80,13 @@ class Session:
             ConfigError: something cannot be built.
             ArmError: the arm does not answer.
         """
-        self._rng, self._choice = np.random.default_rng(seed), arm
+        self._rng, self._choice, self.understood = np.random.default_rng(seed), arm, ""
         self._start(build(config, seed, gui, arm, person))
+        self.wished_driver = config.driver
 
     def _start(self, setup: Setup) -> None:
         self.config, self.env, self._policy, self.note = setup.config, setup.env, setup.policy, setup.note
-        self.own_workspace = setup.own_workspace
+        self.own_workspace, self.viewpoint = setup.own_workspace, setup.env.config.task.viewpoint
         self.view = ViewState()
         self.finger = Finger(self.env)
         self._return = Return(self.env)
@@ -101,8 +107,11 @@ class Session:
             raise ConfigError(f"arm={self._choice.name} is driven: start the page again for another robot or task")
         setup = build(config, int(self._rng.integers(2**31)))
         counts = self.view.outcome_counts if config.task == self.config.task else None
+        viewpoint = self.viewpoint
         self.env.close()
         self._start(setup)
+        self.set_viewpoint(viewpoint)
+        self.wished_driver = config.driver
         self.view.outcome_counts = counts or self.view.outcome_counts
 
     def shuffle(self) -> None:
@@ -110,9 +119,12 @@ class Session:
         self._state = self.env.reset()
         board.mark(self.env, None)
         self._planner = SubtaskPlanner(self.env, self._rng)
+        self._planner.viewpoint = self.viewpoint
         self._dialogue, self._subtasks = Dialogue(), deque[Subtask]()
         self._home = worlds.homes(self._planner.scene())
         self._subtask: Subtask | None = None
+        self._stopped = deque[Subtask]()  # what was to be done when somebody said stop
+        self._goes_home = False  # while no subtask is carried out
         self._actor: Actor | None = None  # None while the gripper returns to its rest position
         self.finger.clear()
         self.view = ViewState(outcome_counts=self.view.outcome_counts)
@@ -121,25 +133,35 @@ class Session:
     # ---- Sentences
 
     def scene(self) -> Scene:
-        """The objects as the language sees them."""
-        return self._planner.scene()
+        """The objects as the language sees them, from the person's viewpoint."""
+        return worlds.seen_from(self._planner.scene(), self.viewpoint)
 
     def object_names(self) -> list[str]:
-        """The name of each object."""
-        return worlds.names_of(self.env)
+        """The name of each object, from the person's viewpoint."""
+        return worlds.names_of(self.env, worlds.seen_from(self.env.scene(), self.viewpoint))
+
+    def set_viewpoint(self, viewpoint: str) -> None:
+        """Takes left and right for those from this viewpoint, a key of language.VIEWPOINTS, from now on."""
+        self.viewpoint = self._planner.viewpoint = viewpoint
 
     def example(self) -> str:
         """A sentence that is possible in this scene."""
         return self._planner.example()
 
     def sayable(self) -> list[str]:
-        """The feasible instructions as sentences; [] if the task has one verb."""
-        return room.sayable(self.env) if self.env.task.verbs else []
+        """Sentences that are possible now: the feasible instructions of a room, or one for each object."""
+        task, seen = self.env.task, worlds.seen_from(self.env.scene(), self.viewpoint)
+        if task.verbs:
+            return room.sayable(self.env, seen)
+        if task.traits.stacks or task.traits.places or task.fixtures:
+            return [self.example()]
+        names = self.object_names()
+        return [room.in_words(self._planner.verb, name) for name in names if name.startswith("the ")]
 
     @property
     def whose_left(self) -> str:
         """Whose left and right are meant in sentences, in words."""
-        return whose_left(self.env.config.task.viewpoint)
+        return whose_left(self.viewpoint)
 
     def preview(self, sentence: str) -> Outcome:
         """Interprets a sentence without acting on it."""
@@ -151,12 +173,15 @@ class Session:
         The indices of the outcome are those of `scene()`.
         """
         outcome = self._interpret(self._dialogue, sentence)
+        objects = OBJECTION.match(sentence) is not None and not isinstance(outcome, Plan)
         contradicts = self._dialogue.control_word(sentence.lower().strip(" .,!?")) == "no"
-        if contradicts or (isinstance(outcome, Signal) and outcome.control in STOPS):
+        if objects or contradicts or (isinstance(outcome, Signal) and outcome.control in STOPS):
             self.stop()
-        if not isinstance(outcome, Plan | Signal) or not outcome.steps:
-            return outcome
         try:
+            if isinstance(outcome, Signal) and outcome.control in ("home", "continue"):
+                return self._obey(outcome)
+            if not isinstance(outcome, Plan | Signal) or not outcome.steps:
+                return outcome
             subtasks = deque(self._planner.plan(outcome.steps, self.config.driver == "policy"))
             first = self._planner.begin_next(subtasks)
         except LanguageError as error:
@@ -165,9 +190,24 @@ class Session:
             refusal = Refusal(sentence, 0.0, (), (0, len(sentence)), "impossible", str(error), suggestions)
             self._dialogue.amend(refusal, world)
             return refusal
-        self.view.sentence, self._subtasks = sentence, subtasks
-        self._start_subtask(first)
+        self.view.sentence = sentence
+        self._start_plan(first, subtasks)
         return outcome
+
+    def _obey(self, signal: Signal) -> Signal:
+        """Goes home, or goes on with what was stopped. Returns the signal with what is done. Raises LanguageError."""
+        if signal.control == "home":
+            self._return.start()
+            self._goes_home = True
+            self.view.status = "Going back to the rest position."
+            return replace(signal, text="I go back to my rest position")
+        if self.busy:
+            return replace(signal, text="I am at it")
+        if not self._stopped:
+            raise LanguageError("there is nothing to go on with")
+        subtasks = self._stopped.copy()
+        self._start_plan(self._planner.begin_next(subtasks), subtasks)
+        return replace(signal, text="I go on")
 
     def _interpret(self, dialogue: Dialogue, sentence: str) -> Outcome:
         sentence = sentence[:MAX_CHARACTERS]
@@ -175,7 +215,9 @@ class Session:
         needed = worlds.pointed_in(sentence, (*POINTING, *HERE))
         pointed = self.finger.referents(needed, sentence) if needed else ()
         outcome = dialogue.answer(sentence, world, () if self.env.task.traits.stacks else pointed)
-        return renumbered(self._named_alone(outcome), worlds.numbers_of(self.env).tolist())
+        outcome = self._named_alone(outcome)
+        self.understood = in_words(world, outcome.steps) if isinstance(outcome, Plan | Signal) and outcome.steps else ""
+        return renumbered(outcome, worlds.numbers_of(self.env).tolist())
 
     def _named_alone(self, outcome: Outcome) -> Outcome:
         """Return the outcome with offers of this task.
@@ -225,8 +267,7 @@ class Session:
             raise LanguageError("this task needs a target too: click an object, then a target, and say what to do")
         instruction = Instruction(self._planner.verb, ObjectPhrase(determiner="this"))
         sentence = self._planner.policy_sentence(instruction, referent, None)
-        self._subtasks.clear()
-        self._start_subtask(Subtask(sentence, referent))
+        self._start_plan(Subtask(sentence, referent), deque())
 
     def put_object(self, index: int, place: Array) -> None:
         """Puts an object at (2,) metres on the table, or at the nearest place where objects may stand."""
@@ -240,11 +281,17 @@ class Session:
         """Whether there is a policy for this task, robot and control."""
         return self._policy is not None
 
+    @property
+    def acting(self) -> str:
+        """Who carries out what is being done: the driver, or the expert for a step that no policy has learned."""
+        by_expert = self._subtask is not None and is_move_of_expert(self._subtask, self.config.driver)
+        return "expert" if by_expert else self.config.driver
+
     def set_driver(self, driver: str) -> None:
         """Lets the policy, the expert or the hand drive. Raises ConfigError if there is no policy."""
         if driver == "policy" and not self.has_policy:
             raise ConfigError(f"there is no trained policy for task={self.config.task} with robot={self.config.robot}")
-        self.config = replace(self.config, driver=driver)
+        self.config, self.wished_driver = replace(self.config, driver=driver), driver
         self.hand_target = self.env.gripper[0] if driver == "hand" else None
         self._end(self.view.status)
 
@@ -278,7 +325,10 @@ class Session:
         return self._subtask is not None
 
     def stop(self) -> None:
-        """Ends the current subtask and drops the following ones."""
+        """Ends the current subtask and drops the following ones, which "go on" takes up again."""
+        if self._subtask is not None:
+            left = self._subtask, *self._subtasks
+            self._stopped = deque(replace(each, number=number) for number, each in enumerate(left))
         self._end("Stopped.")
         self.view.highlighted = ()
 
@@ -287,7 +337,27 @@ class Session:
         self._planner.return_targets()
         self._subtasks.clear()
         self._subtask = self._actor = None
+        self._goes_home = False
+        self._mark("doing", "failed" if status.startswith("Not done") else "dropped")
+        self._mark("next", "dropped")
         self.view.status = status
+
+    def _start_plan(self, first: Subtask, others: deque[Subtask]) -> None:
+        """Starts the first subtask of a plan, in place of what is being done."""
+        names = self.object_names()
+        self._mark("doing", "dropped")
+        self._mark("next", "dropped")
+        words = {each.number: self._planner.in_words(each, names) for each in (first, *others)}
+        self.view.steps = [ViewStep(words[number]) for number in sorted(words)]
+        self._subtasks, self._goes_home = others, False
+        self._stopped.clear()
+        self._start_subtask(first)
+
+    def _mark(self, state: str, new_state: str) -> None:
+        """Gives steps of the plan that are in a state another one."""
+        for step in self.view.steps:
+            if step.state == state:
+                step.state = new_state
 
     def _start_subtask(self, subtask: Subtask) -> None:
         """Policies are trained to start at the rest position, so the gripper returns there first.
@@ -298,6 +368,7 @@ class Session:
         is_correction = self._actor is not None and self._return.is_high
         self._subtask, self._actor = subtask, None
         self._show_subtask(subtask)
+        self.view.steps[subtask.number].state = "doing"
         self._return.start()
         if is_correction or self.env.task.traits.continues or is_move_of_expert(subtask, self.config.driver):
             self._return.skip()
@@ -350,10 +421,12 @@ class Session:
         self._state = after.exclude("reward", "done", "terminated", "truncated")
         if self._actor is not None:
             self._update_subtask(after)
-        elif self._subtask is not None:
+        elif self._subtask is not None or self._goes_home:
             self._return.step()
-            if self._return.is_over:
+            if self._return.is_over and self._subtask is not None:
                 self._begin(self._subtask)
+            elif self._return.is_over:
+                self._end("At the rest position.")
 
     def watch(self, paused: bool) -> None:
         """Looks at the arm that is driven, if there is one, between control steps. It holds where paused."""
@@ -373,7 +446,7 @@ class Session:
     def _action(self) -> torch.Tensor:
         if self.hand_target is not None:
             return self.env.towards(self.hand_target[None], np.array([self.gripper_closed]))
-        if self._subtask is None:
+        if self._subtask is None and not self._goes_home:
             return self.env.hold_action()
         if self._actor is None:
             return self.env.towards(self._return.next_position()[None])
@@ -390,6 +463,8 @@ class Session:
             return
         self.view.outcome_counts[ending] += 1
         seconds = self.env.elapsed[0] * self.period
+        if ending == "success":
+            self._mark("doing", "done")
         if ending == "success" and self._subtasks:
             self._start_next()
             return

@@ -12,11 +12,20 @@ OUTCOMES = ("success", "wrong object", "wrong target", "failed", "out of time")
 
 
 @dataclass
+class ViewStep:
+    """A step of the plan that is carried out, in words. state: next, doing, done, failed or dropped."""
+
+    words: str
+    state: str = "next"
+
+
+@dataclass
 class ViewState:
     """The state that is shown; K is the number of objects in the scene.
 
     status: the robot's present activity, or how the last instruction ended.
     sentence: the person's last sentence that is or was carried out, or "".
+    steps: of the plan that is or was carried out; the list is another one for each plan.
     policy_sentence: the sentence that the policy is given, or "".
     highlighted: index of the referent, then of the target if there is one; () if nothing is being done.
     attention: (K,) in [0, 1], the policy's attention over the objects.
@@ -28,6 +37,7 @@ class ViewState:
 
     status: str = "Say what to do, or point at something."
     sentence: str = ""
+    steps: list[ViewStep] = field(default_factory=list)
     policy_sentence: str = ""
     highlighted: tuple[int, ...] = ()
     attention: Array | None = None

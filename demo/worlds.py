@@ -22,16 +22,23 @@ def numbers_of(env: InteractiveEnv) -> NDArray[np.int64]:
     return board.movable(env) if env.task.traits.stacks else np.arange(len(env.scene()))
 
 
+def seen_from(scene: Scene, viewpoint: str) -> Scene:
+    """The scene, with left and right as they are from this viewpoint."""
+    if scene.viewpoint == viewpoint:
+        return scene
+    return Scene.from_arrays(scene.nouns, scene.colors, scene.positions, scene.sizes, scene.targets, viewpoint)
+
+
 def world_of(env: InteractiveEnv, scene: Scene, home: Home) -> WorldModel:
     """The world as it is.
 
     Args:
         env: whose objects words are about.
-        scene: the objects, with see-through ones at their own places.
+        scene: the objects, with see-through ones at their own places, from the viewpoint of who speaks.
         home: the place (x, y) of each object where it belongs, metres.
     """
     if env.task.traits.stacks:
-        return board.world_of(env)
+        return board.world_of(env, scene.viewpoint)
     area = tuple(env.config.workspace.object_area)
     if not env.task.verbs:
         return table(scene, env.held, bounds=area, little=BIT * env.config.task.radius, home=home)
@@ -52,11 +59,11 @@ def world_of(env: InteractiveEnv, scene: Scene, home: Home) -> WorldModel:
     )
 
 
-def names_of(env: InteractiveEnv) -> list[str]:
-    """The name of each object."""
+def names_of(env: InteractiveEnv, scene: Scene) -> list[str]:
+    """The name of each object of a scene, from its viewpoint."""
     if env.task.verbs:
-        return room.names_of(env.scene())
-    return board.object_names(env) if env.task.traits.stacks else object_names(env.scene())
+        return room.names_of(scene)
+    return board.object_names(env, scene.viewpoint) if env.task.traits.stacks else object_names(scene)
 
 
 def homes(scene: Scene) -> dict[int, tuple[float, float]]:
