@@ -137,12 +137,12 @@ def serve_page(args: argparse.Namespace) -> None:
     if find_spec("viser") is None or find_spec("trimesh") is None:
         raise ConfigError('the page requires viser, which is not installed: pip install -e ".[play]"')
     _check_address(args.host, args.port)
-    from demo.client_messages import MessageCheck
+    from demo.guarded_server import PageParts
     from demo.page_gate import PageGate, is_loopback
     from demo.splash_page import open_splash_page
 
-    gate, check = PageGate(args.host, args.port, args.origin), MessageCheck()
-    server = open_splash_page(args.host, args.port, gate, check)
+    gate, parts = PageGate(args.host, args.port, args.origin), PageParts()
+    server = open_splash_page(args.host, args.port, gate, parts)
     try:
         if server.get_port() != args.port:  # else the token would be sent to who has taken the port meanwhile
             raise ConfigError(f"--port={args.port} has been taken; try another --port")
@@ -156,14 +156,16 @@ def serve_page(args: argparse.Namespace) -> None:
             with lean_imports():
                 from demo.page import Page
             session = stack.enter_context(closing(make_session(args)))
-            page = stack.enter_context(closing(Page(server, session)))
+            if not any(word.startswith("task.viewpoint=") for word in args.overrides):
+                session.set_viewpoint("human")  # of who looks at the page: its camera stands there
+            page = stack.enter_context(closing(Page(server, session, parts)))
             with _on_interrupt(page.loop.stop):
                 print(f"it is ready; try: {session.example()}", flush=True)
                 page.loop.run()
     finally:
         server.stop()
-        if check.dropped:
-            print(f"{check.dropped} messages that the page never sends were dropped", file=sys.stderr)
+        if parts.dropped:
+            print(f"{parts.dropped} messages that the page never sends were dropped", file=sys.stderr)
 
 
 @contextmanager

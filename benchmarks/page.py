@@ -48,12 +48,12 @@ ACTION_WEIGHTS = {
     "change": 1,
 }
 KEYS = ("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "PageUp", "PageDown", "Escape", "Tab")
-CHANGES = {"Robot": ("kuka", "panda", "jaco"), "Driven by": ("policy", "expert", "hand")}
+CHANGES = {"Robot": ("kuka", "panda", "jaco"), "Driven by": ("expert", "hand")}  # a policy may be missing
 OBSERVE_MOTION = """() => {
     document.addEventListener("keydown", e => { if (e.key === "Enter") window.pressed = performance.now() }, true);
     window.moved = null;
     new MutationObserver((_, watcher) => {
-        if (!document.body.innerText.includes("the policy hears")) return;
+        if (!document.getElementById("now").textContent) return;
         window.moved = performance.now() - window.pressed;
         watcher.disconnect();
     }).observe(document.body, {subtree: true, childList: true, characterData: true});
@@ -75,10 +75,10 @@ def start(args: argparse.Namespace) -> dict[str, Any]:
             page.say(f"reach {name}")
             page.tab.wait_for_function("window.moved !== null")
             motions.append(page.tab.evaluate("window.moved"))
-            page.wait_for_text("Done in|Not done")
+            page.wait_for_turn("Done in|Not done")
             clocks.append(page.clock())
-            page.press("Shuffle")
-            page.wait_for_text("Say what to do")
+            page.press("New scene")
+            page.wait_for_turn("This is a new scene")
         server.close()
     quantiles, clock = [float(np.median(motions)), max(motions)], [min(clocks), max(clocks)]
     times = {"seconds_to_answer": seconds_to_answer, "seconds_to_page": seconds_to_page}
@@ -121,11 +121,11 @@ def said(args: argparse.Namespace) -> dict[str, Any]:
         for _ in range(args.count):
             names = page.object_names()
             ends.append(page.say_and_wait(f"reach {names[rng.integers(len(names))]}"))
-            page.press("Shuffle")
-            page.wait_for_text("Say what to do")
+            page.press("New scene")
+            page.wait_for_turn("This is a new scene")
     server.close()
-    done = ends.count("Done in")
-    failed = {end: ends.count(end) for end in sorted(set(ends)) if end != "Done in"}
+    done = ends.count("Done")
+    failed = {end: ends.count(end) for end in sorted(set(ends)) if end != "Done"}
     return {"count": len(ends), "success": done / len(ends), "ci95": list(wilson(done, len(ends))), "failed": failed}
 
 
@@ -139,7 +139,7 @@ def hostile(args: argparse.Namespace) -> dict[str, Any]:
         page = PageTab(browser, server.address)
         for robot in CHANGES["Robot"]:  # the meshes of each are loaded once
             page.choose("Robot", robot)
-            page.press("Change")
+            page.wait_for_turn(f"robot {robot}")
             page.say_and_wait(f"reach {page.object_names()[0]}")
         memory, start_time = [server.megabytes()], time.monotonic()
         while time.monotonic() - start_time < 60 * args.minutes:
@@ -150,7 +150,7 @@ def hostile(args: argparse.Namespace) -> dict[str, Any]:
                 memory.append(server.megabytes())
                 print(f"{len(memory) - 1} min: {memory[-1]:.0f} MB", file=sys.stderr)
         page.tab.reload()
-        page.clock()  # waits until the page works
+        page.wait_until_ready()
     errors = server.close()
     return {
         "minutes": args.minutes,
@@ -170,14 +170,14 @@ def _act(action: str, page: PageTab, browser: Any, address: str, rng: np.random.
         text = text.encode("utf-8", "replace").decode()  # a browser cannot type lone surrogates
         (page.type_sentence if action == "type" else page.say)(text)
     elif action == "button":
-        page.press(str(rng.choice(["Stop", "Shuffle", "Go where I point"])))
+        page.press(str(rng.choice(["Stop", "New scene", "Go where I point"])))
     elif action == "click":
         page.tab.mouse.click(*rng.integers(20, 480, 2).tolist())  # left of the panel
     elif action == "key":
         page.tab.keyboard.press(str(rng.choice(KEYS)))
     elif action == "reload":
         page.tab.reload()
-        page.field("Say").wait_for()
+        page.wait_until_ready()
     elif action == "second tab":
         other = PageTab(browser, address)
         page.tab.close()
@@ -185,7 +185,6 @@ def _act(action: str, page: PageTab, browser: Any, address: str, rng: np.random.
     else:
         label = str(rng.choice(list(CHANGES)))
         page.choose(label, str(rng.choice(CHANGES[label])))
-        page.press("Change")
     return page
 
 
@@ -204,8 +203,7 @@ def film(args: argparse.Namespace) -> dict[str, Any]:
                 pictures.append(Image.open(io.BytesIO(page.tab.screenshot())))
 
         names = page.object_names()
-        page.tab.locator(".mantine-Notification-closeButton").first.click()  # the notice that there is no graphics card
-        page.press("Time")
+        page.open_lab("Clock")
         page.tab.get_by_label("Pause").click()
         page.type_sentence(f"reach {names[0]}")
         step(2)

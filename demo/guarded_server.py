@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
+from contextvars import ContextVar
+from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
 from io import StringIO
@@ -19,23 +22,46 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from demo.client_messages import MessageCheck
+from demo.page_files import PageFiles
 from demo.page_gate import PageGate
+from demo.shared_state import SharedState
 
-MAX_SOCKETS = 32  # open at the same time; each is sent the whole scene
+MAX_SOCKETS = 64  # open at the same time, two for each tab; one of them is sent the whole scene
 MAX_MESSAGE = 2**20  # bytes
 MESSAGES = 3000, 200.0  # of a socket: at once, and a second for ever; a browser sends up to 60 a second
 BYTES = 2**22, 2.0**18  # the same
 PRESSES = 60, 30.0  # the same, of buttons and keys; further ones are dropped
 FLOOD = 1008, "too many messages"  # code and reason of the close
-PROTOCOL = f"viser-v{viser.__version__}"
+PROTOCOL, TAB_PROTOCOL = f"viser-v{viser.__version__}", "deixis"  # of the scene's socket, and of the page's
+SOCKET, SCENE = "socket", "scene"  # paths: of the page's socket, and of viser, in a frame of the page
+TAB_NUMBER = re.compile("[0-9a-f]{1,32}")
 HEADERS = {
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",  # the address has the token
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
 }
+tab_number: ContextVar[str] = ContextVar("tab_number", default="")  # of the tab whose scene is being served
 
 ProcessRequest = Callable[[ServerConnection, Request], Response | None]
+
+
+@dataclass
+class PageParts:
+    """What the server serves beside the scene, which is viser's.
+
+    check: of the messages to viser. scenes: viser's client for the scene in each tab, by the tab's number.
+    """
+
+    state: SharedState = field(default_factory=SharedState)
+    files: PageFiles = field(default_factory=PageFiles)
+    check: MessageCheck = field(default_factory=MessageCheck)
+    scenes: dict[str, viser.ClientHandle] = field(default_factory=dict)
+
+    @property
+    def dropped(self) -> int:
+        """Number of messages that no tab sends, and that were not taken."""
+        return self.check.dropped + self.state.check.dropped
 
 
 class Allowance:
@@ -91,38 +117,51 @@ class GuardedConnection(ServerConnection):
         self.loop.call_later(1.0, self.transport.abort)
 
     async def recv(self, decode: bool | None = None) -> Any:
-        """The next message that passes, as bytes. Raises ConnectionClosed."""
+        """The next message to viser that passes, as bytes. Raises ConnectionClosed."""
+        return msgspec.msgpack.encode(await self.next_message(self._check))
+
+    async def next_message(self, check: Any) -> Any:
+        """The next message that passes a check. Raises ConnectionClosed."""
         while True:
-            message = self._check.read(await super().recv(decode))
-            if message is not None and (not self._check.is_press(message) or self._presses.take()):
-                return msgspec.msgpack.encode(message)
-            self._check.dropped += 1
+            message = check.read(await super().recv())
+            if message is not None and (not check.is_press(message) or self._presses.take()):
+                return message
+            check.dropped += 1
 
 
-def open_guarded_server(host: str, port: int, gate: PageGate, check: MessageCheck, **options: Any) -> viser.ViserServer:
+def open_guarded_server(host: str, port: int, gate: PageGate, parts: PageParts, **options: Any) -> viser.ViserServer:
     """A server of viser behind the gate.
 
     Args:
         host: address to listen on.
         port: port to listen on; viser takes a later one if it is taken.
         gate: decides about requests.
-        check: decides about messages.
+        parts: what is served beside the scene.
         **options: of viser's server.
 
     Raises:
         RuntimeError: this version of viser serves in another way, and would serve without the gate.
     """
-    with _serving(gate, check) as served, redirect_stdout(StringIO()):  # viser prints an address without the token
+    with _serving(gate, parts) as served, redirect_stdout(StringIO()):  # viser prints an address without the token
         server = viser.ViserServer(host, port, verbose=False, **options)
     if not served:
         server.stop()
         raise RuntimeError(f"viser {viser.__version__} does not serve through websockets.asyncio.server.serve")
-    check.attach(server)
+
+    async def note_tab(client: viser.ClientHandle) -> None:  # a coroutine runs in the context of the tab's socket
+        parts.scenes[tab_number.get()] = client
+
+    async def forget_tab(client: viser.ClientHandle) -> None:
+        parts.scenes.pop(tab_number.get(), None)
+
+    server.on_client_connect(note_tab)
+    server.on_client_disconnect(forget_tab)
+    parts.check.opened = True
     return server
 
 
 @contextmanager
-def _serving(gate: PageGate, check: MessageCheck) -> Iterator[list[int]]:
+def _serving(gate: PageGate, parts: PageParts) -> Iterator[list[int]]:
     """Put the gate before what viser serves in the block. Yields a list of the ports that were tried.
 
     viser cannot be given a gate, so the function by which it serves is replaced while it starts.
@@ -131,10 +170,21 @@ def _serving(gate: PageGate, check: MessageCheck) -> Iterator[list[int]]:
     ports: list[int] = []
 
     def serve(handler: Any, host: str, port: int, *, process_request: ProcessRequest, **options: Any) -> Any:
+        async def route(connection: ServerConnection) -> None:
+            assert connection.request is not None
+            kind, _, number = connection.request.path.removeprefix("/").partition("/")
+            if kind == SOCKET:
+                await parts.state.serve(connection, number)
+            else:
+                tab_number.set(number)
+                await handler(connection)
+
         ports.append(port)
         options |= {"max_size": MAX_MESSAGE, "logger": _logger(), "server_header": None}
-        options["create_connection"] = partial(GuardedConnection, check)
-        return original(handler, host, port, process_request=partial(_answer, gate, process_request), **options)
+        options["create_connection"] = partial(GuardedConnection, parts.check)
+        options["select_subprotocol"] = lambda _, offered: offered[0]  # the only one: see `_refused_socket`
+        answer = partial(_answer, gate, parts.files, process_request)
+        return original(route, host, port, process_request=answer, **options)
 
     websocket_server.serve = serve  # type: ignore[assignment,misc]
     try:
@@ -143,7 +193,9 @@ def _serving(gate: PageGate, check: MessageCheck) -> Iterator[list[int]]:
         websocket_server.serve = original  # type: ignore[misc]
 
 
-def _answer(gate: PageGate, answer: ProcessRequest, connection: ServerConnection, request: Request) -> Response | None:
+def _answer(
+    gate: PageGate, files: PageFiles, of_viser: ProcessRequest, connection: ServerConnection, request: Request
+) -> Response | None:
     """The answer to a request; None for a socket that may be opened."""
     headers = request.headers
     is_socket = "Upgrade" in headers
@@ -154,28 +206,44 @@ def _answer(gate: PageGate, answer: ProcessRequest, connection: ServerConnection
     if verdict.moved_to is not None:
         return _text(HTTPStatus.SEE_OTHER, "", Location=verdict.moved_to)
     assert verdict.path is not None
-    if is_socket:
-        return _refused_socket(connection, headers)
     request.path = verdict.path
-    response = answer(connection, request)
-    assert response is not None
-    response.headers.update(HEADERS)
-    return response
+    if is_socket:
+        return _refused_socket(connection, request)
+    kind, _, rest = verdict.path.removeprefix("/").partition("/")
+    number, _, path = rest.partition("/")
+    if kind == SCENE and TAB_NUMBER.fullmatch(number):
+        request.path = f"/{path}"
+        response = of_viser(connection, request)
+        assert response is not None
+        response.headers.update(HEADERS | {"X-Frame-Options": "SAMEORIGIN"})
+        return response
+    found = files.get(verdict.path.removeprefix("/"))
+    if found is None:
+        return _text(HTTPStatus.NOT_FOUND, "There is no such file.\n")
+    return _response(HTTPStatus.OK, found[0], found[1])
 
 
-def _refused_socket(connection: ServerConnection, headers: Headers) -> Response | None:
+def _refused_socket(connection: ServerConnection, request: Request) -> Response | None:
     """The answer to who asks for a socket and cannot have one."""
-    if headers.get_all("Upgrade") != ["websocket"] or headers.get_all("Sec-WebSocket-Protocol") != [PROTOCOL]:
-        return _text(HTTPStatus.BAD_REQUEST, f"The socket of this page speaks {PROTOCOL}: load the page again.\n")
+    kind, _, number = request.path.removeprefix("/").partition("/")
+    protocol = {SOCKET: TAB_PROTOCOL, SCENE: PROTOCOL}.get(kind)
+    if protocol is None or not TAB_NUMBER.fullmatch(number):
+        return _text(HTTPStatus.NOT_FOUND, "There is no such socket.\n")
+    headers = request.headers
+    if headers.get_all("Upgrade") != ["websocket"] or headers.get_all("Sec-WebSocket-Protocol") != [protocol]:
+        return _text(HTTPStatus.BAD_REQUEST, f"This socket of the page speaks {protocol}: load the page again.\n")
     if len(connection.server.connections) >= MAX_SOCKETS:
-        return _text(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_SOCKETS} browsers are looking already.\n")
+        return _text(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_SOCKETS // 2} browsers are looking already.\n")
     return None
 
 
 def _text(status: HTTPStatus, text: str, **more: str) -> Response:
-    body = text.encode()
-    headers = {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body)), "Connection": "close"}
-    return Response(status.value, status.phrase, Headers(headers | HEADERS | more), body)
+    return _response(status, text.encode(), {"Content-Type": "text/plain; charset=utf-8"} | more)
+
+
+def _response(status: HTTPStatus, body: bytes, headers: dict[str, str]) -> Response:
+    lengths = {"Content-Length": str(len(body)), "Connection": "close"}
+    return Response(status.value, status.phrase, Headers(HEADERS | headers | lengths), body)
 
 
 def _logger() -> logging.Logger:

@@ -1,4 +1,4 @@
-"""The part of the page that takes pictures and records videos."""
+"""Pictures and videos of the page, which a tab downloads."""
 
 from __future__ import annotations
 
@@ -6,47 +6,40 @@ import io
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import viser
 from PIL import Image
 
-from demo.real_time_loop import RealTimeLoop
+from demo.page_files import PageFiles
 from demo.session import Session
+from demo.shared_state import SharedState, Tab
 from demo.video_recorder import VideoRecorder
-
-START, STOP = "Start video", "Stop video"
 
 
 class RecordingPanel:
-    """Buttons of a page for a picture and a video, which the browser that presses them downloads.
+    """Takes a picture or a video, which the tab that asks for it downloads.
 
-    A video that no browser has asked for when the last one leaves, or when the server ends, is saved in `folder`.
+    A video that no tab has asked for when the last one leaves, or when the server ends, is saved in `folder`.
 
     Args:
-        server: of the page.
-        loop: runs the session.
+        state: of the page; `recording` is whether a video is being recorded.
+        files: where downloads are kept.
         folder: where videos are saved.
         show: shows a message on the page.
     """
 
-    def __init__(
-        self, server: viser.ViserServer, loop: RealTimeLoop, folder: Path, show: Callable[[str], None]
-    ) -> None:
-        self._server, self._loop, self._folder, self._show = server, loop, folder, show
+    def __init__(self, state: SharedState, files: PageFiles, folder: Path, show: Callable[[str], None]) -> None:
+        self._state, self._files, self._folder, self._show = state, files, folder, show
         self._recorder: VideoRecorder | None = None
-        gui: Any = server.gui
-        with gui.add_folder("Record", expand_by_default=False):
-            picture = gui.add_button("Picture")
-            self._video = gui.add_button(START)
-        picture.on_click(lambda event: loop.ask(lambda session: self._send_picture(session, event.client)))
-        self._video.on_click(lambda event: loop.ask(lambda session: self._toggle(event.client)))
-        server.on_client_disconnect(lambda _: self._on_disconnect())
+        self._state.put("recording", False)
 
-    def add(self, session: Session) -> None:
+    def update(self, session: Session) -> None:
         """Add a frame to the video that is being recorded, if any. To be called after each control step."""
-        if self._recorder is not None:
+        if self._recorder is None:
+            return
+        if self._state.is_watched:
             self._recorder.add(session)
+        else:
+            self.save()
 
     def save(self) -> None:
         """End the video that is being recorded, if any, and save it."""
@@ -60,23 +53,23 @@ class RecordingPanel:
         except OSError as error:
             print(f"the video cannot be saved in {path}: {error.strerror}", flush=True)
 
-    def _on_disconnect(self) -> None:
-        if not self._server.get_clients():
-            self._loop.ask(lambda session: self.save())
-
-    def _send_picture(self, session: Session, client: Any) -> None:
+    def send_picture(self, session: Session, tab: Tab) -> None:
+        """Let a tab download a picture."""
         file = io.BytesIO()
         Image.fromarray(session.env.render()).save(file, "png")
-        client.send_file_download("deixis.png", file.getvalue())
+        tab.send("download", self._files.offer("deixis.png", file.getvalue()))
 
-    def _toggle(self, client: Any) -> None:
+    def toggle(self, tab: Tab) -> None:
+        """Begin a video, or end it and let a tab download it."""
         if self._recorder is not None:
-            client.send_file_download("deixis.mp4", self._stop())
+            tab.send("download", self._files.offer("deixis.mp4", self._stop()))
         else:
-            self._recorder, self._video.label = VideoRecorder(), STOP
+            self._recorder = VideoRecorder()
+            self._state.put("recording", True)
 
     def _stop(self) -> bytes:
         """End the video. Returns the content of the mp4."""
         assert self._recorder is not None
-        recorder, self._recorder, self._video.label = self._recorder, None, START
+        recorder, self._recorder = self._recorder, None
+        self._state.put("recording", False)
         return recorder.close()

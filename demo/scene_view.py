@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.rendering import VisualShape
+from language import Scene
 
 Array = NDArray[np.float64]
 HIDDEN_BELOW = -4.0  # metres: objects that are not in the scene are parked below this height
 MIN_CHANGE = 1e-5  # metres, or of a quaternion's components: smaller changes of pose are not sent
 GOLD, CYAN, WHITE = (255, 196, 0), (0, 200, 255), (255, 255, 255)
 RAY_LENGTH = 1.2  # metres
+RAY_END = 0.06  # metres above the table
 CONE_HALF_ANGLE = np.deg2rad(4)
+LABEL_HEIGHT = 0.09  # metres above the centre of what is named
+OUTLINE = 1.3  # of the referent, in sizes of an object
+SHADOW, SHADOW_HEIGHT, SHADOW_SHARES = 0.16, 0.001, (0.85, 0.65)  # opacity, metres, and radii in sizes of an object
+PATH_COLOR = (90, 120, 220)
+PATH_POINTS, PATH_HEIGHT = 12, 0.08  # dashes from stop to stop, and metres by which the way rises between them
+DASH = np.array([0.0, 0.0, 0.006])  # metres
+MIN_PATH_CHANGE = 0.01  # metres
+HOVER_SIZE, HANDLE_REACH = 0.9, 0.12  # in sizes of an object, and in metres: how near a mouse is
+MIN_SHARE, GLOW = 0.05, 0.8  # of the policy's attention that is shown, and the opacity of all of it
 RAY_COLOR, CONE_COLOR = (255, 60, 60), (255, 230, 120)
 
 
@@ -28,7 +40,7 @@ class SceneView:
     """The 3D view of a server. Not thread-safe.
 
     on_click: called with the body that was clicked. on_drag: called with the body and the place that it was dragged to,
-    (3,) metres.
+    (3,) metres. shows_names: of all objects. glows: objects, as much as the policy attends to them.
     """
 
     def __init__(
@@ -38,6 +50,13 @@ class SceneView:
         self._on_click, self._on_drag = on_click, on_drag
         self._scene.set_up_direction("+z")
         self._env: InteractiveEnv | None = None
+        self.shows_names, self.glows = False, False
+        self._labels: list[Any] = []  # of the objects
+        self._discs: list[Any] = []
+        self._shadows: list[Any] = []
+        self._hover_labels: dict[int, Any] = {}  # by viser's number of the tab
+        self._finger: Any = None
+        self._path: Any = None
 
     def show_env(self, env: InteractiveEnv) -> None:
         """Replaces the content of the view by the meshes of this environment."""
@@ -54,9 +73,12 @@ class SceneView:
         self._poses = np.full((len(self._links), 7), np.nan)
         self._rings = [self._add_ring(name, color) for name, color in (("referent", GOLD), ("target", CYAN))]
         self._pointed_ring = self._add_ring("pointed", WHITE)
+        self._outline = self._add_outline(OUTLINE * env.config.task.object_size)
         self._label = self._scene.add_label("/ring/label", "", visible=False)
         self._ray_nodes: tuple[Any, ...] = ()
         self._drawn_ray = np.zeros(0)
+        self._finger = self._path = None
+        self._labels, self._discs, self._shadows = [], [], []
         self.update_colors()
 
     def update_colors(self) -> None:
@@ -81,10 +103,124 @@ class SceneView:
             frame.position, frame.wxyz = (x, y, z), (qw, qx, qy, qz)
         self._poses = poses
 
-    def highlight(self, objects: tuple[int, ...], positions: Array) -> None:
-        """Puts rings around referent and target: indices of objects at positions (K, 3), metres."""
-        for ring, index in zip(self._rings, [*objects, None, None], strict=False):
-            _place(ring, None if index is None or index >= len(positions) else positions[index])
+    def add_finger(self, aim: Array) -> Any:
+        """Return new handles at (3,) metres, where a person points. They are seen while a mouse is near them."""
+        self._finger = self._scene.add_transform_controls(
+            "/finger", scale=0.12, disable_rotations=True, position=tuple(aim), depth_test=False, visible=False
+        )
+        return self._finger
+
+    def highlight(self, objects: tuple[int, ...], positions: Array, gripper: Array, busy: bool) -> None:
+        """Puts rings around referent and target, and draws the way ahead.
+
+        Args:
+            objects: indices of the referent, and of the target if there is one.
+            positions: (K, 3) of the objects, metres.
+            gripper: (3,) metres.
+            busy: whether the gripper is on its way.
+        """
+        places = [positions[index] for index in objects if index < len(positions)]
+        for ring, place in zip(self._rings, [*places, None, None], strict=False):
+            _place(ring, place)
+        _move(self._outline, places[0] if places else None)
+        self._draw_path([gripper, *places] if busy and places else [])
+
+    def show_shadows(self, places: Array, size: float) -> None:
+        """Draws a soft shadow on the table below each place.
+
+        Args:
+            places: (N, 3), metres.
+            size: of an object, metres.
+        """
+        for index in range(max(len(self._shadows), len(places))):
+            if index == len(self._shadows):
+                self._shadows.append(self._add_shadow(index, size))
+            place = places[index] if index < len(places) else None
+            _move(
+                self._shadows[index], None if place is None or place[2] < 0 else np.array([*place[:2], SHADOW_HEIGHT])
+            )
+
+    def _add_shadow(self, index: int, size: float) -> Any:
+        frame = self._scene.add_frame(f"/shadow/{index}", show_axes=False, visible=False)
+        for layer, share in enumerate(SHADOW_SHARES):
+            disc = trimesh.creation.cylinder(radius=share * size, height=0.0004, sections=24)
+            disc.apply_translation([0.0, 0.0, 0.0005 * layer])
+            self._scene.add_mesh_simple(
+                f"/shadow/{index}/{layer}",
+                disc.vertices,
+                disc.faces,
+                color=(0, 0, 0),
+                opacity=SHADOW,
+                cast_shadow=False,
+            )
+        return frame
+
+    def _draw_path(self, stops: list[Array]) -> None:
+        """Draws the way from stop to stop, (3,) metres each, over what stands between them."""
+        if len(stops) < 2:
+            if self._path is not None and self._path.visible:
+                self._path.visible = False
+            return
+        points = np.concatenate([_arc(start, end) for start, end in pairwise(stops)])
+        if self._path is not None and len(points) == len(self._path.points):
+            if not self._path.visible or np.abs(points - self._path.points[:, 0]).max() > MIN_PATH_CHANGE:
+                self._path.points = np.stack((points, points + DASH), 1).astype(np.float32)
+                self._path.visible = True
+            return
+        self._path = self._scene.add_line_segments(
+            "/path", np.stack((points, points + DASH), 1), colors=np.array(PATH_COLOR), line_width=3.0
+        )
+
+    def show_shares(self, shares: Array | None, names: Sequence[str], positions: Array) -> None:
+        """Shows names, and how much the policy attends to each of K objects, if that is wanted.
+
+        Args:
+            shares: (K,) in [0, 1]; None: there is no policy that attends.
+            names: of the objects.
+            positions: (K, 3), metres.
+        """
+        for index in range(max(len(self._labels), len(names) if self.shows_names else 0)):
+            if index == len(self._labels):
+                self._labels.append(self._scene.add_label(f"/name/{index}", "", visible=False))
+            shown = self.shows_names and index < len(names)
+            self._show_label(self._labels[index], names[index] if shown else "", positions[index] if shown else None)
+        wanted = shares if self.glows and shares is not None and len(shares) == len(positions) else np.zeros(0)
+        for index in range(max(len(self._discs), len(wanted))):
+            if index == len(self._discs):
+                self._discs.append(self._add_disc(index))
+            disc, share = self._discs[index], float(wanted[index]) if index < len(wanted) else 0.0
+            _place(disc, positions[index] if share >= MIN_SHARE else None)
+            if share >= MIN_SHARE and abs(disc.opacity - GLOW * share) > 0.05:
+                disc.opacity = GLOW * share
+
+    @staticmethod
+    def _show_label(label: Any, text: str, position: Array | None) -> None:
+        """Shows a text above a place (3,), metres; hides it for None. Nothing is sent that is as before."""
+        if position is not None and label.text != text:
+            label.text = text
+        _move(label, None if position is None else position + [0.0, 0.0, LABEL_HEIGHT])
+
+    def hover(self, client: Any, at: tuple[float, float] | None, scene: Scene, names: Sequence[str]) -> None:
+        """Shows a tab the name of what its mouse is at, and the finger's handles if they are near.
+
+        Args:
+            client: of the tab.
+            at: where the mouse is, in shares of the width and height of its picture; None: elsewhere.
+            scene: K objects.
+            names: of the objects.
+        """
+        label = self._hover_labels.get(client.client_id)
+        if label is None:
+            label = client.scene.add_label("/hover", "", visible=False)
+            self._hover_labels = {**self._hover_labels, client.client_id: label}
+        ray = None if at is None else _ray_of(client.camera, at)
+        index = None if ray is None else _hit(ray, scene.positions, HOVER_SIZE * scene.sizes)
+        shown = index is not None and names[index]
+        self._show_label(label, shown or "", scene.positions[index] if shown else None)
+        if self._finger is not None:
+            near = ray is not None and _hit(ray, np.asarray(self._finger.position)[None], np.array([HANDLE_REACH])) == 0
+            if self._finger.visible != near:
+                self._finger.visible = near
 
     def show_pointing(self, ray: tuple[Array, Array] | None, probabilities: Array | None, positions: Array) -> None:
         """Draws the finger's ray with a cone, and marks the likeliest object of K with its probability."""
@@ -92,7 +228,7 @@ class SceneView:
         if probabilities is not None and self._label.visible:
             index = int(probabilities.argmax())
             self._label.text = f"pointed at: {probabilities[index]:.0%}"
-            self._label.position = tuple(positions[index] + [0.0, 0.0, 0.09])
+            self._label.position = tuple(positions[index] + [0.0, 0.0, LABEL_HEIGHT])
             _place(self._pointed_ring, positions[index])
         else:
             _place(self._pointed_ring, None)
@@ -102,21 +238,38 @@ class SceneView:
             self._draw_ray(ray)
 
     def _draw_ray(self, ray: tuple[Array, Array] | None) -> None:
+        """Draws a ray, origin and direction (3,) each, that ends above the table: it hides nothing there."""
         for node in self._ray_nodes:
             node.remove()
         self._ray_nodes = ()
         if ray is None:
             return
         origin, direction = ray
-        cone = trimesh.creation.cone(radius=RAY_LENGTH * np.tan(CONE_HALF_ANGLE), height=RAY_LENGTH, sections=24)
-        cone.apply_translation([0, 0, -RAY_LENGTH])  # apex at the origin, opening towards -z
+        down = -float(direction[2])
+        length = min(RAY_LENGTH, max((float(origin[2]) - RAY_END) / down, 0.1)) if down > 1e-6 else RAY_LENGTH
+        cone = trimesh.creation.cone(radius=length * np.tan(CONE_HALF_ANGLE), height=length, sections=24)
+        cone.apply_translation([0, 0, -length])  # apex at the origin, opening towards -z
         cone.apply_transform(trimesh.geometry.align_vectors([0, 0, -1], direction))
-        ends = np.array([[origin, origin + RAY_LENGTH * direction]])
+        ends = np.array([[origin, origin + length * direction]])
         self._ray_nodes = (
             self._scene.add_line_segments("/ray/line", ends, colors=np.array(RAY_COLOR), line_width=2.0),
             self._scene.add_mesh_simple(
                 "/ray/cone", cone.vertices, cone.faces, color=CONE_COLOR, opacity=0.18, position=origin
             ),
+        )
+
+    def _add_disc(self, index: int) -> Any:
+        disc = trimesh.creation.cylinder(radius=0.07, height=0.001, sections=32)
+        return self._scene.add_mesh_simple(
+            f"/glow/{index}", disc.vertices, disc.faces, color=GOLD, opacity=0.0, visible=False, cast_shadow=False
+        )
+
+    def _add_outline(self, size: float) -> Any:
+        """The edges of a cube around the referent, metres."""
+        corners = size * (np.indices((2, 2, 2)).reshape(3, -1).T - 0.5)
+        edges = [(a, b) for a in corners for b in corners if (a <= b).all() and (a < b).sum() == 1]
+        return self._scene.add_line_segments(
+            "/outline", np.array(edges), colors=np.array(GOLD), line_width=3.0, visible=False
         )
 
     def _add_ring(self, name: str, color: tuple[int, int, int]) -> Any:
@@ -162,11 +315,45 @@ def _at_height(height: float, eye: ArrayLike, through: ArrayLike) -> Array | Non
     return place if share > 0 and np.isfinite(place).all() else None
 
 
+def _move(node: Any, position: Array | None) -> None:
+    """Puts a node at (3,) metres; hides it for None. Nothing is sent that is as before."""
+    visible = position is not None
+    if node.visible != visible:
+        node.visible = visible
+    if position is not None and np.abs(np.asarray(node.position) - position).max() > MIN_CHANGE:
+        node.position = tuple(position)
+
+
 def _place(ring: Any, position: Array | None) -> None:
-    """Puts a ring on the table around a position (3,), metres; hides it for None."""
-    ring.visible = position is not None
-    if position is not None:
-        ring.position = (position[0], position[1], 0.003)
+    """Puts a ring around a position (3,), metres, at the bottom of a small object there; hides it for None."""
+    bottom = None if position is None else np.array([*position[:2], max(position[2] - 0.02, 0.003)])
+    _move(ring, bottom)
+
+
+def _arc(start: Array, end: Array) -> Array:
+    """(PATH_POINTS, 3) metres: points of a way that rises between its ends."""
+    share = np.linspace(0.05, 1.0, PATH_POINTS)[:, None]
+    rise = PATH_HEIGHT * 4 * share * (1 - share) * np.array([0.0, 0.0, 1.0])
+    return start + share * (end - start) + rise
+
+
+def _ray_of(camera: Any, at: tuple[float, float]) -> tuple[Array, Array]:
+    """Origin and direction, (3,) each, from a camera through a point of its picture, in shares of width and height."""
+    w, x, y, z = camera.wxyz
+    half = np.tan(camera.fov / 2)
+    ahead = np.array([(2 * at[0] - 1) * half * camera.aspect, (2 * at[1] - 1) * half, 1.0])
+    axis = np.array([x, y, z])
+    turned = ahead + 2 * np.cross(axis, np.cross(axis, ahead) + w * ahead)
+    return np.asarray(camera.position, np.float64), turned / np.linalg.norm(turned)
+
+
+def _hit(ray: tuple[Array, Array], positions: Array, reach: Array) -> int | None:
+    """The nearest of some places (K, 3) that a ray passes within `reach` (K,), metres; None: it passes none."""
+    origin, direction = ray
+    depth = (positions - origin) @ direction
+    away = np.linalg.norm(positions - origin - depth[:, None] * direction, axis=1)
+    near = np.flatnonzero((away < reach) & (depth > 0))
+    return int(near[depth[near].argmin()]) if len(near) else None
 
 
 def _rgb(shape: VisualShape) -> tuple[int, int, int]:

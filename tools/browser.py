@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SOFTWARE_RENDERING = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 TIMEOUT = 120  # seconds: drawn in software, on a shared core
-SIZE, WIDE = (900, 800), (1040, 640)  # pixels of a tab, (width, height)
+SIZE, WIDE = (1280, 800), (1040, 640)  # pixels of a tab, (width, height)
 LOW_RESOLUTION = 0.25  # device scale factor that software rendering can draw in time
 BLANK = """for (const context of [WebGLRenderingContext, WebGL2RenderingContext])
   for (const name in context.prototype) if (name.startsWith("draw")) {
@@ -84,65 +84,76 @@ class PageTab:
         if blank:
             self.tab.add_init_script(BLANK)
         self.tab.goto(url)
-        self.field("Say").wait_for()
-        self.wait_for_text("clock:")
+        self.wait_until_ready()
 
-    def field(self, label: str) -> Any:
-        """Return the input element after a label."""
-        return self.tab.locator(f'xpath=//*[normalize-space(text())="{label}"]/following::input[1]')
+    def wait_until_ready(self) -> None:
+        """Wait until the robot has been loaded, and the scene is there."""
+        self.tab.locator("body[data-ready]").wait_for()
+        self.tab.frame_locator("#scene").locator("canvas").first.wait_for()
 
     def type_sentence(self, sentence: str) -> None:
-        """Type with pauses: viser's page loses one of typing and Enter if they come within 50 ms."""
-        self.tab.evaluate(PAUSE)
-        self.field("Say").fill(sentence)
-        self.tab.evaluate(PAUSE)
+        """Type without Enter."""
+        self.tab.fill("#say", sentence)
 
     def say(self, sentence: str) -> None:
-        """Type a sentence and presses Enter."""
+        """Type a sentence and press Enter."""
         self.type_sentence(sentence)
-        self.field("Say").press("Enter")
+        self.tab.press("#say", "Enter")
 
     def say_and_wait(self, sentence: str) -> str:
-        """Say a sentence, wait until it has ended, and return "Done in" or "Not done: ...".
-
-        Presses Stop first, to clear the status of the sentence before.
-        """
-        self.press("Stop")
-        self.wait_for_text("Stopped")
+        """Say a sentence, wait until it has ended, and return "Done" or "Not done: ..."."""
+        before = self.tab.locator(".entry").count()
         self.say(sentence)
-        return re.search("Done in|Not done: .*", self.wait_for_text("Done in|Not done"))[0]  # type: ignore[index]
+        self.tab.wait_for_function("n => document.querySelectorAll('.entry').length > n", arg=before)
+        result = self.tab.locator(".entry").nth(before).locator(".result", has_text=re.compile("."))
+        result.wait_for()
+        return re.sub(" in [0-9.]+ s.$", "", result.inner_text())
 
     def wait_for_text(self, pattern: str) -> str:
         """Wait until the page contains this pattern; return the text of the element that does."""
-        found = self.tab.get_by_text(re.compile(pattern)).first
+        found = self.tab.get_by_text(re.compile(pattern)).last
         found.wait_for()
         return found.inner_text()
 
+    def wait_for_turn(self, pattern: str) -> str:
+        """Wait until the latest turn of the conversation contains this pattern; return its text."""
+        turn = self.tab.locator(".entry").last.filter(has_text=re.compile(pattern))
+        turn.wait_for()
+        return turn.inner_text()
+
     def press(self, button: str) -> None:
-        """Click the button with this text, after a pause: a click can be lost that comes within 50 ms of another."""
-        self.tab.evaluate(PAUSE)
-        self.tab.get_by_text(button, exact=True).first.click()
+        """Press the button with this name."""
+        self.tab.get_by_role("button", name=button, exact=True).first.click()
+
+    def open_lab(self, folder: str | None = None) -> None:
+        """Open the Lab, and a folder of it."""
+        if self.tab.locator("#lab").is_hidden():
+            self.press("Lab")
+        if folder is not None:
+            self.tab.locator("#lab details", has=self.tab.get_by_text(folder, exact=True)).evaluate(
+                "e => e.open = true"
+            )
 
     def choose(self, label: str, option: str) -> None:
-        """Choose an option of the drop-down list after a label."""
-        self.field(label).click()
-        self.tab.get_by_role("option", name=option, exact=True).click()
+        """Choose an option of a drop-down list of the bar."""
+        self.tab.locator(".bar").get_by_label(label).select_option(option)
 
-    def download(self, name: str) -> bytes:
-        """Return the file of this name that the page offers."""
+    def download(self, button: str) -> bytes:
+        """Press a button, and return the file that the page sends."""
         with self.tab.expect_download() as download:
-            self.tab.locator(f'a[download="{name}"]').click()
+            self.press(button)
         return Path(download.value.path()).read_bytes()
 
     def object_names(self) -> list[str]:
-        """Return the names of the scene's objects (two or three), which the page asks after an ambiguous sentence."""
-        self.type_sentence("reach the object")
-        question = re.search(r"Do you mean (.*), or something else\?", self.wait_for_text("Do you mean"))
-        return question[1].split(", ")  # type: ignore[index]
+        """Return the names of the scene's objects, where it is a table to reach for things."""
+        chips = self.tab.locator("#chips .chip")
+        chips.first.wait_for()
+        return [text.removeprefix("reach ") for text in chips.all_inner_texts()]
 
     def clock(self) -> float:
         """Return the speed of the session's clock, as a share of real time, as the page shows it."""
-        return float(re.search(r"clock: ([\d.]+)", self.wait_for_text("clock:"))[1])  # type: ignore[index]
+        text = self.tab.locator("#lab").get_by_text(re.compile("^clock: ")).text_content()
+        return float(re.search(r"clock: ([\d.]+)", text)[1])  # type: ignore[index]
 
 
 @contextmanager

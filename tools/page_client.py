@@ -1,11 +1,13 @@
-"""A program in place of a browser: speaks viser's protocol with the page of `play.py`, well or badly."""
+"""Programs in place of a browser: they speak with the page of `play.py`, or with its scene, well or badly."""
 
 from __future__ import annotations
 
-import html
+import json
 import re
+import secrets
 import socket
 import time
+from collections.abc import Iterator
 from typing import Any, Self
 from urllib.parse import urlsplit
 
@@ -15,7 +17,7 @@ import zstandard
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-PROTOCOL = f"viser-v{viser.__version__}"
+PROTOCOL, TAB_PROTOCOL = f"viser-v{viser.__version__}", "deixis"  # of the scene's socket, and of the page's
 CAMERA = {
     "type": "ViewerCameraMessage",
     "wxyz": [1.0, 0.0, 0.0, 0.0],
@@ -31,20 +33,25 @@ CAMERA = {
 TIMEOUT = 60.0  # seconds
 
 
-class PageClient:
-    """A client of the page at `address`. Raises OSError, or websockets' InvalidStatus if the page refuses it.
+def socket_address(address: str, kind: str, number: str = "") -> str:
+    """Return the address of a socket.
 
-    elements: the message that made each element, by its uuid, with the changes since. things: names of the scene.
-    closed: code and reason, once the page has closed the socket.
+    Args:
+        address: of the page, with its token.
+        kind: "socket", the page's, or "scene".
+        number: of the tab; "": a new one.
     """
+    parts = urlsplit(address)
+    token = parts.query.removeprefix("token=") if parts.query else parts.path.strip("/")
+    return f"ws://{parts.netloc}/{token}/{kind}/{number or secrets.token_hex(8)}"
 
-    def __init__(self, address: str) -> None:
-        url = "ws" + address.removeprefix("http")
-        self._socket = connect(url, subprotocols=[PROTOCOL], compression=None, max_size=None, proxy=None)  # type: ignore[list-item]
-        self.elements: dict[str, dict[str, Any]] = {}
-        self.things: set[str] = set()
+
+class Client:
+    """A socket. closed: code and reason, once the page has closed it. Raises OSError, or InvalidStatus if refused."""
+
+    def __init__(self, address: str, protocol: str) -> None:
+        self._socket = connect(address, subprotocols=[protocol], compression=None, max_size=None, proxy=None)  # type: ignore[list-item]
         self.closed: tuple[int, str] | None = None
-        self.send(CAMERA)
 
     def __enter__(self) -> Self:
         return self
@@ -52,12 +59,10 @@ class PageClient:
     def __exit__(self, *_: object) -> None:
         self._socket.close()
 
-    # ---- Messages
-
-    def send(self, message: Any) -> None:
-        """Send a message; bytes and text are sent as they are. Nothing is sent once the page has closed the socket."""
+    def send_raw(self, message: bytes | str) -> None:
+        """Send bytes or text. Nothing is sent once the page has closed the socket."""
         try:
-            self._socket.send(message if isinstance(message, bytes | str) else msgspec.msgpack.encode(message))
+            self._socket.send(message)
         except ConnectionClosed as error:
             self._note(error)
 
@@ -76,63 +81,109 @@ class PageClient:
         self.closed = (error.rcvd.code, error.rcvd.reason) if error.rcvd else (1006, "")
 
     def _take(self, raw: bytes | str) -> None:
+        raise NotImplementedError
+
+
+class SceneClient(Client):
+    """A client of the scene. things: names of what is in it, by the messages that made them."""
+
+    def __init__(self, address: str) -> None:
+        super().__init__(socket_address(address, "scene"), PROTOCOL)
+        self.things: dict[str, dict[str, Any]] = {}
+        self.send(CAMERA)
+
+    def send(self, message: Any) -> None:
+        """Send a message; bytes and text are sent as they are."""
+        self.send_raw(message if isinstance(message, bytes | str) else msgspec.msgpack.encode(message))
+
+    def _take(self, raw: bytes | str) -> None:
         assert isinstance(raw, bytes)
         size, packed = (int.from_bytes(raw[at : at + 8], "little") for at in (0, 8))
         plain = zstandard.ZstdDecompressor().decompress(raw[16 : 16 + packed], max_output_size=size)
         for message in msgspec.msgpack.decode(plain)["messages"]:
-            if message["type"] == "GuiUpdateMessage":
-                element = self.elements.get(message["uuid"], {"props": {}})
-                element["props"] |= message["updates"]
-                element |= {key: value for key, value in message["updates"].items() if key == "value"}
-            elif message["type"] == "GuiRemoveMessage":
-                self.elements.pop(message["uuid"], None)
-            elif "uuid" in message and "props" in message:
-                self.elements[message["uuid"]] = message
-            elif "name" in message and "props" in message:
-                self.things.add(message["name"])
+            if "name" in message and "props" in message:
+                self.things[message["name"]] = message
+
+
+class PageClient(Client):
+    """A tab of the page at `address`. sections: what the page shows, by name."""
+
+    def __init__(self, address: str) -> None:
+        super().__init__(socket_address(address, "socket"), TAB_PROTOCOL)
+        self.sections: dict[str, Any] = {}
+
+    def _take(self, raw: bytes | str) -> None:
+        for name, value in json.loads(raw).items():
+            self.sections[name] = value
+            if value is None:
+                del self.sections[name]
 
     # ---- What a person does
 
-    def uuid(self, label: str) -> str:
-        """Return the element with this label; of a button group, with this option. Waits for it."""
-        end = time.monotonic() + TIMEOUT
-        while time.monotonic() < end:
-            for uuid, element in self.elements.items():
-                props = element["props"]
-                options = props["options"] if element["type"] == "GuiButtonGroupMessage" else ()
-                if props.get("label") == label or label in options:
-                    return uuid
-            self.listen(0.05)
-        raise TimeoutError(f"the page has no {label!r}")
-
-    def set(self, label: str, value: Any) -> None:
-        """Set the element with this label."""
-        self.send({"type": "GuiUpdateMessage", "uuid": self.uuid(label), "updates": {"value": value}})
-
-    def press(self, button: str) -> None:
-        """Press a button, or one of a group."""
-        is_group = self.elements[self.uuid(button)]["type"] == "GuiButtonGroupMessage"
-        self.set(button, button if is_group else True)
+    def send(self, action: Any, **fields: Any) -> None:
+        """Send a message of a tab; bytes are sent as they are."""
+        self.send_raw(action if isinstance(action, bytes) else json.dumps({"do": action, **fields}))
 
     def say(self, sentence: str) -> None:
-        """Type a sentence and send it off."""
-        self.set("Say", sentence)
-        self.listen(0.06)
-        self.press("Do it")
+        """Say a sentence."""
+        self.send("say", text=sentence)
+
+    def press(self, button: str) -> None:
+        """Press a button."""
+        self.send("press", button=button)
+
+    def change(self, **values: Any) -> None:
+        """Choose another robot, task or policy; what is not given stays."""
+        self.wait_for_text("robot")
+        shown = self.sections["choice"]["shown"]
+        self.send("change", **{name: shown[name] for name in ("robot", "control", "task", "workspace")} | values)
+
+    @property
+    def last(self) -> str:
+        """All text of the latest turn of the conversation."""
+        numbers = [int(name.split()[1]) for name in self.sections if name.startswith("entry ")]
+        return " ".join(strings(self.sections[f"entry {max(numbers)}"])) if numbers else ""
 
     def text(self) -> str:
-        """Return what the page shows, without markup."""
-        shown = (element["props"].get("content") or "" for element in self.elements.values())
-        return "\n".join(html.unescape(re.sub("<[^>]*>", " ", content)) for content in shown)
+        """Return all text that the page shows, one a line."""
+        return "\n".join(strings(self.sections))
 
-    def wait_for_text(self, pattern: str, seconds: float = TIMEOUT) -> str:
-        """Return what matches a pattern, once the page shows it. Raises TimeoutError."""
+    def wait_for_text(self, pattern: str, seconds: float = TIMEOUT, last: bool = False) -> str:
+        """Return what matches a pattern, once the page shows it. Raises TimeoutError.
+
+        Args:
+            pattern: a regular expression.
+            seconds: to wait.
+            last: whether the latest turn of the conversation must show it.
+        """
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            if found := re.search(pattern, self.text()):
+            if found := re.search(pattern, self.last if last else self.text()):
                 return found[0]
             self.listen(0.02)
         raise TimeoutError(f"the page does not show {pattern!r} but:\n{self.text()}")
+
+    def names(self) -> list[str]:
+        """Return the names of the scene's objects."""
+        self.wait_for_text("the ")
+        while "lab" not in self.sections:
+            self.listen(0.02)
+        return self.sections["lab"]["names"]
+
+
+def strings(value: Any) -> Iterator[str]:
+    """Yield the texts in a value of JSON; the parts of a sentence as one."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for name, each in value.items():
+            if name == "said":
+                yield "".join(part[0] for part in each)
+            else:
+                yield from strings(each)
+    elif isinstance(value, list):
+        for each in value:
+            yield from strings(each)
 
 
 def request(address: str, target: str = "/", *headers: str) -> str:
@@ -158,8 +209,8 @@ def request(address: str, target: str = "/", *headers: str) -> str:
     return data.decode("latin-1")
 
 
-def socket_headers() -> tuple[str, ...]:
-    """Return the header lines by which a browser asks for the socket of the page, but Host and Origin."""
+def socket_headers(protocol: str = PROTOCOL) -> tuple[str, ...]:
+    """Return the header lines by which a browser asks for a socket of the page, but Host and Origin."""
     key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="
     upgrade = "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13"
-    return *upgrade, key, f"Sec-WebSocket-Protocol: {PROTOCOL}"
+    return *upgrade, key, f"Sec-WebSocket-Protocol: {protocol}"

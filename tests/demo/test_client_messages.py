@@ -1,9 +1,11 @@
-"""What a client of the page can do to its elements, and what it cannot."""
+"""What a client of the scene, or of the page, can do to them, and what it cannot."""
 
 from __future__ import annotations
 
+import json
 import math
 import time
+from typing import get_args
 
 import msgspec
 import numpy as np
@@ -11,77 +13,51 @@ import pytest
 
 pytest.importorskip("viser", reason="viser is not installed")
 
-from demo.client_messages import MAX_TEXT, MessageCheck
-from demo.guarded_server import FLOOD, MAX_MESSAGE, MESSAGES, PRESSES, open_guarded_server
+from demo.guarded_server import FLOOD, MAX_MESSAGE, MESSAGES, PRESSES, PageParts, open_guarded_server
 from demo.page_gate import PageGate
+from demo.session_config import DRIVERS, MOST_OBJECTS
+from demo.tab_messages import MAX_TEXT, Change, Nudge, Preview, Say, SetDriver, SetFlag, SetSpeed, SetViewpoint
+from language import VIEWPOINTS
 from tools.browser import free_port
-from tools.page_client import CAMERA, PageClient
+from tools.page_client import CAMERA, PageClient, SceneClient
 
 NAN, INFINITY = math.nan, math.inf
 
 
-class Elements:
-    """A page with an element of each kind that play.py has. presses: what was pressed."""
+class Served:
+    """A server with a scene and a page. messages: those of tabs that were taken."""
 
     def __init__(self):
         port = int(free_port())
-        self.gate, self.check = PageGate("127.0.0.1", port), MessageCheck()
-        self.server = open_guarded_server("127.0.0.1", port, self.gate, self.check)
-        gui, self.presses = self.server.gui, []
-        self.message = gui.add_html("")
-        with gui.add_form(None) as form:
-            self.text = gui.add_text("Say", "before")
-            self.button = gui.add_button("Do it")
-        self.folder = gui.add_folder("Folder")
-        self.slider = gui.add_slider("Speed", 0.1, 1.0, 0.1, 0.5)
-        self.whole = gui.add_slider("Objects", 1, 6, 1, 2)
-        self.checkbox = gui.add_checkbox("Pause", False)
-        self.dropdown = gui.add_dropdown("Robot", ("kuka", "panda"), initial_value="kuka")
-        self.group = gui.add_button_group("", ("Stop", "Shuffle"))
-        self.hidden = gui.add_button("Hidden", visible=False)
-        self.disabled = gui.add_button("Disabled", disabled=True)
+        self.gate, self.parts = PageGate("127.0.0.1", port), PageParts()
+        self.server = open_guarded_server("127.0.0.1", port, self.gate, self.parts)
         self.handles = self.server.scene.add_transform_controls("/finger", position=(0.1, 0.2, 0.3))
-        form.on_submit(lambda _: self.presses.append("form"))
-        for button in (self.button, self.hidden, self.disabled):
-            button.on_click(lambda event: self.presses.append(event.target.label))
-        self.group.on_click(lambda event: self.presses.append(event.target.value))
-        self.form = form
+        self.messages = []
+        self.parts.state.handle = lambda tab, message: self.messages.append(message)
 
     def state(self):
-        """All that a client can change."""
-        inputs = self.text, self.slider, self.whole, self.checkbox, self.dropdown, self.group, self.button
-        handles = [*self.handles.position, *self.handles.wxyz]
-        kept = [
-            (vars(each._impl).copy(), vars(each._impl.props).copy()) for each in (*inputs, self.hidden, self.disabled)
-        ]
-        for impl, _ in kept:
-            impl.pop("update_timestamp")
-        return [each.value for each in inputs], kept, np.round(handles, 9).tolist(), list(self.presses)
+        """All that a client of the scene can change."""
+        return np.round([*self.handles.position, *self.handles.wxyz], 9).tolist()
 
 
 @pytest.fixture(scope="module")
-def elements():
-    elements = Elements()
-    yield elements
-    elements.server.stop()
+def served():
+    served = Served()
+    yield served
+    served.server.stop()
 
 
 @pytest.fixture
-def client(elements):
-    with PageClient(elements.gate.address) as client:
-        client.uuid("Disabled")
-        elements.text.value = "before"
+def client(served):
+    with SceneClient(served.gate.address) as client:
         yield client
 
 
-def settle(client, elements):
-    """Wait until all that was sent has been served: a sentence that is set last is there."""
-    mark = f"mark {time.monotonic()}"
-    client.set("Say", mark)
-    wait_for(lambda: elements.text.value == mark)
-    time.sleep(0.05)  # presses run in other threads
-    elements.text.value = "before"
-    client.listen(0.05)
+@pytest.fixture
+def tab(served):
+    served.messages.clear()
+    with PageClient(served.gate.address) as tab:
+        yield tab
 
 
 def wait_for(condition):
@@ -91,86 +67,20 @@ def wait_for(condition):
         time.sleep(0.005)
 
 
-def update(uuid, /, **updates):
-    return {"type": "GuiUpdateMessage", "uuid": uuid, "updates": updates}
+def settle(client, served):
+    """Wait until all that was sent to the scene has been served: handles that are moved last are there."""
+    before, mark = served.handles.position, (0.0, 0.0, round(time.monotonic() % 10, 3))
+    client.send(handles(position=mark))
+    wait_for(lambda: np.allclose(served.handles.position, mark))
+    served.handles.position = before
+    client.listen(0.02)
 
 
-BAD_VALUES = {
-    "Say": [1, 1.5, True, None, [], {}, ["a"], b"bytes", "x" * (MAX_TEXT + 1)],
-    "Speed": [NAN, INFINITY, -INFINITY, 0, -1, 0.0999, 1.0001, 1e308, 2**63, True, "0.5", "", None, [0.5], {}],
-    "Objects": [NAN, INFINITY, 0, 7, 2.5, -3, 2**40, True, "2", None],
-    "Pause": [0, 1, 0.0, NAN, "", "true", None, []],
-    "Robot": ["", "jaco", "KUKA", "kuka ", 0, True, None, ["kuka"], {"kuka": 1}],
-    "Stop": ["", "stop", "Quit", True, 0, None, ["Stop"]],
-    "Do it": [False, 1, 0, "", "True", None, [True], NAN],
-    "Hidden": [True, False],
-    "Disabled": [True, False],
-}
-ATTRIBUTES = [
-    "sync_cb", "update_cb", "update_timestamp", "removed", "is_button", "uuid", "gui_api", "props",
-    "parent_container_id", "hold_cbs_from_freq", "label", "hint", "visible", "disabled", "options", "min", "max",
-    "step", "order", "content", "color", "__class__", "__dict__", "_value",
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("label", BAD_VALUES)
-def test_an_element_takes_no_value_that_a_person_could_not_choose(elements, client, label):
-    before, dropped = elements.state(), elements.check.dropped
-    for value in BAD_VALUES[label]:
-        client.set(label, value)
-    settle(client, elements)
-    assert elements.state() == before
-    assert elements.check.dropped == dropped + len(BAD_VALUES[label])
-
-
-@pytest.mark.parametrize("label", ["Say", "Speed", "Robot", "Stop", "Do it"])
-def test_nothing_of_an_element_but_its_value_can_be_set(elements, client, label):
-    before, uuid = elements.state(), client.uuid(label)
-    for attribute in ATTRIBUTES:
-        for value in ("x", 1, True, None, [1], {}):
-            client.send(update(uuid, **{attribute: value}))
-        client.send(update(uuid, value=client.elements[uuid].get("value", True), **{attribute: "x"}))
-    client.send(update(uuid))
-    settle(client, elements)
-    assert elements.state() == before
-
-
-def test_what_is_no_input_cannot_be_set(elements, client):
-    before = elements.state()
-    for uuid in (
-        elements.message._impl.uuid,
-        elements.folder._impl.uuid,
-        elements.form._impl.uuid,
-        "root",
-        "",
-        "x" * 999,
-    ):
-        client.send(update(uuid, value="x"))
-        client.send(update(uuid, content="x"))
-    settle(client, elements)
-    assert elements.state() == before
-    assert elements.message.content == ""
-
-
-def test_values_that_a_person_can_choose_are_taken(elements, client):
-    for label, value in (
-        ("Speed", 0.1),
-        ("Speed", 1),
-        ("Objects", 6),
-        ("Objects", 3.0),
-        ("Pause", True),
-        ("Robot", "panda"),
-    ):
-        client.set(label, value)
-    client.set("Say", "x" * MAX_TEXT)
-    wait_for(lambda: elements.text.value == "x" * MAX_TEXT)
-    assert (elements.slider.value, elements.whole.value) == (1.0, 3)
-    assert (elements.checkbox.value, elements.dropdown.value) == (True, "panda")
-    elements.presses.clear()
-    client.press("Do it")
-    client.press("Shuffle")
-    client.send({"type": "GuiFormSubmitMessage", "uuid": elements.form._impl.uuid})
-    wait_for(lambda: sorted(elements.presses) == ["Do it", "Shuffle", "form"])
+def settle_tab(tab, served):
+    """Wait until all that was sent to the page has been served."""
+    tab.send("preview", text="mark")
+    wait_for(lambda: Preview("mark") in served.messages)
+    served.messages.remove(Preview("mark"))
 
 
 def camera(**changed):
@@ -240,73 +150,140 @@ BAD_MESSAGES = [
 ]
 
 
-def test_messages_that_the_page_never_sends_change_nothing_and_are_counted(elements, client):
-    before, dropped = elements.state(), elements.check.dropped
+def test_messages_that_a_scene_never_sends_change_nothing_and_are_counted(served, client):
+    before, dropped = served.state(), served.parts.check.dropped
     assert len(BAD_MESSAGES) > 50
     for message in BAD_MESSAGES:
         client.send(message)
-    settle(client, elements)
+    settle(client, served)
     assert client.closed is None
-    assert elements.state() == before
-    assert elements.check.dropped == dropped + len(BAD_MESSAGES)
+    assert served.state() == before
+    assert served.parts.check.dropped == dropped + len(BAD_MESSAGES)
 
 
-def test_of_two_values_in_one_message_the_one_that_was_checked_is_set(elements, client):
-    def text(word):
-        return msgspec.msgpack.encode(word)
+def test_of_two_values_in_one_message_the_one_that_was_checked_is_set(served, client):
+    def packed(value):
+        return msgspec.msgpack.encode(value)
 
-    uuid = client.uuid("Speed")
-    both = b"".join((b"\x82", text("value"), text(0.2), text("value"), text(NAN)))
-    for values in (both, b"".join((b"\x82", text("value"), text(NAN), text("value"), text(0.2)))):
-        client.send(
-            b"".join(
-                (b"\x83", text("type"), text("GuiUpdateMessage"), text("uuid"), text(uuid), text("updates"), values)
-            )
-        )
-    settle(client, elements)
-    assert math.isfinite(elements.slider.value)
+    good, bad = packed([0.3, 0.3, 0.3]), packed([NAN, 0.0, 0.0])
+    rest = {"type": "TransformControlsUpdateMessage", "name": "/finger", "wxyz": [1.0, 0.0, 0.0, 0.0]}
+    for first, second in ((good, bad), (bad, good)):
+        fields = b"".join(packed(name) + packed(value) for name, value in rest.items())
+        client.send(b"\x85" + fields + packed("position") + first + packed("position") + second)
+    settle(client, served)
+    assert np.isfinite(served.handles.position).all()
 
 
-def test_handles_follow_a_client(elements, client):
+def test_handles_follow_a_client(served, client):
     client.send(handles(position=[0.4, 0.5, 0.6]))
-    wait_for(lambda: np.allclose(elements.handles.position, [0.4, 0.5, 0.6]))
+    wait_for(lambda: np.allclose(served.handles.position, [0.4, 0.5, 0.6]))
 
 
-def flood(elements, message, most):
-    """Send a message again and again. Return how the page ends it; a second client is served meanwhile."""
-    with PageClient(elements.gate.address) as bad, PageClient(elements.gate.address) as good:
-        good.uuid("Speed")
+GOOD_TAB_MESSAGES = [
+    ({"do": "say", "text": "x" * MAX_TEXT}, Say("x" * MAX_TEXT)),
+    ({"do": "nudge", "to": "left"}, Nudge("left")),
+    ({"do": "speed", "value": 0.1}, SetSpeed(0.1)),
+    ({"do": "flag", "name": "paused", "value": True}, SetFlag("paused", True)),
+    ({"do": "change", "robot": "panda", "control": "step", "task": "nl_reach"}, Change("panda", "step", "nl_reach")),
+]
+BAD_TAB_MESSAGES = [
+    *(
+        {"do": "speed", "value": value}
+        for value in (NAN, INFINITY, 0, -1, 0.0999, 1.0001, 1e308, True, "0.5", None, [])
+    ),
+    *({"do": "say", "text": value} for value in (1, True, None, [], {}, ["a"], "x" * (MAX_TEXT + 1))),
+    *({"do": "flag", "name": "paused", "value": value} for value in (0, 1, NAN, "", "true", None, [])),
+    *({"do": "flag", "name": name, "value": True} for name in ("", "Paused", "__class__", None, 1)),
+    *({"do": "press", "button": button} for button in ("", "Stop", "quit", True, None, ["stop"])),
+    *({"do": "hand", "place": place} for place in ([NAN, 0, 0], [0, 0], [0, 0, 21], "abc", None)),
+    *({"do": "hover", "at": at} for at in ([0.5], [2, 0], [NAN, 0], "x")),
+    *({"do": "driver", "value": value} for value in ("", "Policy", "me", None)),
+    {"do": "change", "robot": "x" * 101, "control": "step", "task": "nl_reach"},
+    {"do": "change", "robot": "kuka", "control": "step", "task": "nl_reach", "objects": 7},
+    {"do": "change", "robot": "kuka"},
+    {"do": "say", "text": "x", "more": 1},
+    {"do": "__init__"},
+    {"do": None},
+    {"text": "x"},
+    {},
+    [],
+    1,
+]
+
+
+def test_what_a_tab_can_ask_for_is_taken(served, tab):
+    for message, _ in GOOD_TAB_MESSAGES:
+        tab.send_raw(json.dumps(message))
+    settle_tab(tab, served)
+    assert served.messages == [taken for _, taken in GOOD_TAB_MESSAGES]
+
+
+def test_what_no_tab_asks_for_is_dropped_and_counted(served, tab):
+    dropped = served.parts.state.check.dropped
+    raw = [b"", b"\xff", b"{", b"[" * 100_000, b"x" * MAX_MESSAGE, *map(json.dumps, BAD_TAB_MESSAGES)]
+    for message in raw:
+        tab.send_raw(message)
+    settle_tab(tab, served)
+    assert served.messages == []
+    assert served.parts.state.check.dropped == dropped + len(raw)
+    assert tab.closed is None
+
+
+def test_messages_know_the_drivers_viewpoints_and_objects_of_the_project():
+    assert get_args(msgspec.structs.fields(SetDriver)[0].type) == DRIVERS
+    assert set(get_args(msgspec.structs.fields(SetViewpoint)[0].type)) == set(VIEWPOINTS)
+    check = msgspec.json.Decoder(Change).decode
+    change = {"do": "change", "robot": "x", "control": "x", "task": "x"}
+    assert check(json.dumps(change | {"objects": MOST_OBJECTS})).objects == MOST_OBJECTS
+    with pytest.raises(msgspec.ValidationError):
+        check(json.dumps(change | {"objects": MOST_OBJECTS + 1}))
+
+
+def test_all_tabs_see_a_section_that_changes_and_a_new_one_sees_all(served):
+    state = served.parts.state
+    state.put("a", 1)
+    with PageClient(served.gate.address) as first, PageClient(served.gate.address) as second:
+        state.put("b", {"x": [1, 2]})
+        for tab in (first, second):
+            while "b" not in tab.sections:
+                tab.listen(0.02)
+            assert tab.sections["a"] == 1
+            assert tab.sections["b"] == {"x": [1, 2]}
+        state.drop("a")
+        while "a" in first.sections:
+            first.listen(0.02)
+
+
+def flood(served, make, send, most):
+    """Send again and again. Return how the page ends it; a tab is served meanwhile."""
+    with make(served.gate.address) as bad, PageClient(served.gate.address) as good:
         for _ in range(most):
-            bad.send(message)
+            send(bad)
             if bad.closed is not None:
                 break
-        settle(good, elements)
+        settle_tab(good, served)
         bad.listen(3)
         return bad.closed
 
 
 @pytest.mark.parametrize("message", [CAMERA, {"type": "ShareUrlRequest"}, b"", "text"])
-def test_a_flood_of_messages_is_ended(elements, message):
-    assert flood(elements, message, int(2.5 * MESSAGES[0])) == FLOOD
+def test_a_flood_of_messages_to_the_scene_is_ended(served, message):
+    assert flood(served, SceneClient, lambda client: client.send(message), int(2.5 * MESSAGES[0])) == FLOOD
 
 
-def test_a_flood_of_bytes_is_ended(elements):
-    assert flood(elements, b"x" * (MAX_MESSAGE // 2), 20) in (
-        FLOOD,
-        (1006, ""),
-    )  # what is on its way may hide the reason
+def test_a_flood_of_messages_to_the_page_is_ended(served):
+    send = lambda tab: tab.send("hover", at=None)  # noqa: E731
+    assert flood(served, PageClient, send, int(2.5 * MESSAGES[0])) == FLOOD
 
 
-def test_of_many_presses_at_once_a_few_are_served(elements, client):
-    elements.presses.clear()
+def test_a_flood_of_bytes_is_ended(served):
+    send = lambda client: client.send(b"x" * (MAX_MESSAGE // 2))  # noqa: E731
+    assert flood(served, SceneClient, send, 20) in (FLOOD, (1006, ""))  # what is on its way may hide the reason
+
+
+def test_of_many_presses_at_once_a_few_are_served(served, tab):
     for _ in range(500):
-        client.press("Do it")
-    settle(client, elements)
-    assert 0 < len(elements.presses) <= PRESSES[0] + 5 * PRESSES[1]
-    assert client.closed is None
-
-
-def test_the_page_has_all_that_the_check_reads_of_viser(elements):
-    """Private names of viser: if they change, no message passes, which the other tests show too."""
-    assert elements.slider._impl.uuid in elements.server.gui._gui_input_handle_from_uuid
-    assert elements.form._impl.uuid in elements.server.gui._container_handle_from_uuid
+        tab.press("stop")
+    settle_tab(tab, served)
+    assert 0 < len(served.messages) <= PRESSES[0] + 5 * PRESSES[1]
+    assert tab.closed is None

@@ -1,6 +1,9 @@
-"""The page in a headless browser: typing, answers, clicks, corrections, changes and several tabs."""
+"""The page in a headless browser: conversation, clicks, corrections, changes, sizes of the window and several tabs."""
 
+import json
+import os
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,10 +13,19 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 from demo.session import Session
 from demo.session_config import make_config
 from demo.splash_page import CAMERA, FIELD_OF_VIEW, LOOK_AT
-from tools.browser import CHROMIUM, SIZE, PageTab, PlayServer, headless_browser
+from tools.browser import CHROMIUM, PageTab, PlayServer, headless_browser
 
 LIKELY = r"(?:[6-9]\d|100)%"  # 60 % or more
 FREE_PLACE = (0.4, -0.22, 0.025)  # metres: no object is near it in the first scene
+NAMED = """() => [...document.querySelectorAll('button, input, select, textarea, iframe, [tabindex], summary')]
+  .filter(e => e.checkVisibility()).filter(e => !(e.title || e.getAttribute('aria-label') || e.textContent.trim()
+    || e.labels?.length)).map(e => e.outerHTML)"""
+IN_VIEW = """() => ['#scene', '#say', '#stop', '.entry:last-child'].map(name => {
+  const box = document.querySelector(name).getBoundingClientRect();
+  return box.width > 0 && box.top >= 0 && box.left >= 0 && box.right <= innerWidth + 1 && box.bottom <= innerHeight + 1;
+})"""
+
+AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))  # npm install axe-core
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")]
 
@@ -30,126 +42,96 @@ def server():
 
 
 @pytest.fixture(scope="module")
-def browser():
+def page(server):
     with headless_browser() as browser:
-        yield browser
+        yield PageTab(browser, server.address, blank=True)
 
 
 @pytest.fixture(scope="module")
 def first_scene():
     """(K, 3) positions of the objects in the first scene, metres; the seed is that of the server."""
-    session = Session(make_config(driver="expert"), seed=3)
+    session = Session(make_config(driver="expert", task="nl_reach"), seed=3)
     yield session.scene().positions
     session.close()
 
 
-def pixel_of(place):
+def pixel_of(page, place):
     """The pixel (x, y) of the tab that shows a place (3,), metres."""
+    box = page.tab.locator("#scene").bounding_box()
     ahead = np.subtract(LOOK_AT, CAMERA) / np.linalg.norm(np.subtract(LOOK_AT, CAMERA))
     right = np.cross(ahead, [0, 0, 1]) / np.linalg.norm(np.cross(ahead, [0, 0, 1]))
     from_eye = np.subtract(place, CAMERA)
     x, y, depth = (from_eye @ axis for axis in (right, np.cross(ahead, right), ahead))
-    focal = SIZE[1] / 2 / np.tan(FIELD_OF_VIEW / 2)
-    return SIZE[0] / 2 + focal * x / depth, SIZE[1] / 2 + focal * y / depth
-
-
-@pytest.fixture(scope="class")
-def page_of_a_room(browser):
-    """The page of a server that begins in a room, and that ends without an error."""
-    server = PlayServer("--seed", "3", "driver=expert", "task=anything")
-    page = PageTab(browser, server.address, blank=True)
-    yield page
-    page.tab.close()  # an open one goes on drawing
-    errors = server.close()
-    assert "Traceback" not in errors
-    assert "were dropped" not in errors
-
-
-class TestRoom:
-    """One server for both, which ends with them: an open tab goes on drawing."""
-
-    def test_a_click_says_what_is_listed_in_a_room_and_another_task_leaves_the_room(self, page_of_a_room):
-        page = page_of_a_room
-        sentence = page.wait_for_text("^(open|close) the ")
-        page.press(sentence)
-        page.wait_for_text(f"understood: {sentence.split()[0]}")
-        page.wait_for_text("Done in")
-        other = {"open": "close", "close": "open"}[sentence.split()[0]]
-        page.wait_for_text(f"^{other} {sentence.split(maxsplit=1)[1]}$")
-        page.choose("Task", "nl_reach")
-        page.press("Change")
-        page.wait_for_text("Try: reach")
-        assert page.field("Workspace").input_value() == "collabtable"
-
-    def test_commands_on_the_board_are_carried_out_and_the_page_tells_whose_left_is_meant(self, page_of_a_room):
-        page = page_of_a_room
-        page.choose("Task", "rearrange")
-        page.press("Change")
-        page.wait_for_text("left and right are the robot's")
-        example = page.wait_for_text("^Try: (?!reach)").removeprefix("Try: ")
-        assert page.say_and_wait(example) == "Done in"
-        page.wait_for_text("understood: lift")
-        page.say("reach the red cube")
-        page.wait_for_text("moves nothing on a board")
-
-
-@pytest.fixture(scope="module")
-def page(server, browser):
-    return PageTab(browser, server.address, blank=True)
+    focal = box["height"] / 2 / np.tan(FIELD_OF_VIEW / 2)
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    return middle[0] + focal * x / depth, middle[1] + focal * y / depth
 
 
 def test_a_clicked_object_is_pointed_at_and_reached(page, first_scene):
+    page.open_lab("Attention")
     name = page.object_names()[1]
-    page.tab.mouse.click(*pixel_of(first_scene[1]))
-    page.wait_for_text("pointed at")
+    page.tab.mouse.click(*pixel_of(page, first_scene[1]))
     page.wait_for_text(f"^{name}: {LIKELY}")
     page.press("Go where I point")
-    page.wait_for_text("the policy hears")
-    page.wait_for_text("Done in")
+    page.wait_for_turn("Done in")
 
 
 def test_a_dragged_object_follows_the_mouse(page, first_scene):
     name, place = page.object_names()[0], FREE_PLACE
-    (x, y), mouse = pixel_of(place), page.tab.mouse
-    mouse.move(*pixel_of(first_scene[0]))
+    (x, y), mouse = pixel_of(page, place), page.tab.mouse
+    mouse.move(*pixel_of(page, first_scene[0]))
     mouse.down()
     mouse.move(x, y, steps=5)
     mouse.up()
-    page.press("Stop")
-    page.wait_for_text("Stopped")
+    time.sleep(0.5)
     mouse.click(x, y)
     page.wait_for_text(f"^{name}: {LIKELY}")
 
 
 def test_a_picture_and_a_video_can_be_downloaded(page):
-    page.press("Record")
-    page.press("Picture")
-    assert page.download("deixis.png")[:8] == b"\x89PNG\r\n\x1a\n"
+    page.open_lab("Record")
+    assert page.download("Picture")[:8] == b"\x89PNG\r\n\x1a\n"
     page.press("Start video")
     time.sleep(1)
-    page.press("Stop video")
-    assert page.download("deixis.mp4")[4:8] == b"ftyp"
+    assert page.download("Stop video")[4:8] == b"ftyp"
 
 
 def test_a_sentence_is_interpreted_while_typed_and_done_on_enter(page):
     name = page.object_names()[0]
     page.type_sentence(f"reach {name}")
-    page.wait_for_text(f"understood: reach {name}")
-    assert page.say_and_wait(f"reach {name}") == "Done in"
+    page.tab.locator("#preview", has_text=f"reach {name}").wait_for()
+    assert page.say_and_wait(f"reach {name}") == "Done"
+    assert page.tab.evaluate("document.activeElement.id") == "say"
+    page.tab.press("#say", "ArrowUp")
+    assert page.tab.input_value("#say") == f"reach {name}"
+    page.tab.press("#say", "ArrowDown")
+    assert page.tab.input_value("#say") == ""
 
 
-def test_nonsense_gets_a_message_and_its_html_is_escaped(page):
+def test_suggestions_while_typing_can_be_chosen_by_keys(page):
+    page.type_sentence("what can")
+    page.tab.get_by_role("option", name="what can you do?").wait_for()
+    page.tab.press("#say", "ArrowDown")
+    page.tab.press("#say", "Enter")
+    assert "what can you do?" in page.wait_for_turn("I can")
+
+
+def test_nonsense_gets_a_refusal_whose_html_is_escaped_and_two_suggestions(page):
     page.say("<img src=x onerror=alert(1)> jump")
-    page.wait_for_text("I do not know the words 'img")
+    page.wait_for_turn("I do not know the words 'img")
     assert page.tab.locator("img[src=x]").count() == 0
+    assert 1 <= page.tab.locator(".entry").last.locator(".chip").count() <= 2
+    assert "Done" not in page.tab.locator(".entry").last.inner_text()
 
 
-def test_an_ambiguous_sentence_gets_a_question_and_the_answer_is_done(page):
-    names = page.object_names()
+def test_an_ambiguous_sentence_gets_a_question_whose_answer_is_a_click(page):
+    name = page.object_names()[1]
     page.say("reach the object")
-    page.wait_for_text("Do you mean")
-    assert page.say_and_wait(names[1]) == "Done in"
-    page.wait_for_text(f'the policy hears: "reach {names[1]}"')
+    page.wait_for_turn("Do you mean")
+    page.tab.locator(".entry").last.get_by_role("button", name=name).click()
+    page.wait_for_turn("Done in")
+    page.wait_for_text(f'the policy hears: "reach {name}"')
+    assert page.tab.locator(".offers .chip").count() == 0  # an old question cannot be answered
 
 
 def test_a_correction_during_motion_changes_the_referent(page):
@@ -157,47 +139,101 @@ def test_a_correction_during_motion_changes_the_referent(page):
     page.say(f"reach {names[0]}")
     page.say(f"no, {names[2]}")
     page.wait_for_text(f'the policy hears: "reach {names[2]}"')
-    page.wait_for_text("Done in")
+    page.wait_for_turn("Done in")
+    assert "Stopped" in page.tab.locator(".entry").nth(-2).inner_text()
 
 
-def test_arrow_keys_move_the_finger_but_not_while_typing(page):
-    page.press("Shuffle")
+def test_the_box_never_moves(page):
+    """Whatever is typed, said and answered."""
+    before = page.tab.locator("#say").bounding_box()
+    for text in ("reach the", "reach the object", "xyzzy " * 30):
+        page.type_sentence(text)
+        time.sleep(0.3)
+        assert page.tab.locator("#say").bounding_box() == before
+        page.say(text)
+        page.wait_for_turn(text.strip()[:20])
+        assert page.tab.locator("#say").bounding_box() == before
+
+
+def test_arrow_keys_in_the_picture_move_the_finger(page):
+    page.press("New scene")
+    page.wait_for_turn("This is a new scene")
     page.wait_for_text("Nothing yet")
-    page.type_sentence("reach")
-    page.field("Say").press("ArrowLeft")
-    time.sleep(0.5)
-    assert not page.tab.get_by_text("pointed at").count()
-    page.tab.evaluate("document.activeElement.blur()")
-    page.tab.keyboard.press("ArrowLeft")
-    page.wait_for_text("pointed at")
+    page.tab.locator("#scene").focus()
+    page.tab.frame_locator("#scene").locator("body").press("ArrowLeft")
+    page.tab.locator("#lab h3", has_text="Pointed at").wait_for()
 
 
-def test_the_robot_can_be_changed(page):
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_robot_box_and_last_answer_are_in_view_on_every_screen_and_every_control_has_a_name(page, scheme):
+    size = page.tab.viewport_size
+    page.tab.emulate_media(color_scheme=scheme)
+    page.say("what can you do?")
+    page.wait_for_turn("I can")
+    assert page.tab.evaluate(NAMED) == []
+    page.press("Lab")
+    for width, height in ((1280, 800), (768, 1024), (390, 844), (390, 420)):  # the last one: a keyboard is open
+        page.tab.set_viewport_size({"width": width, "height": height})
+        page.tab.wait_for_function(f"({IN_VIEW})().every(each => each)", timeout=20_000)
+        assert page.tab.evaluate("document.documentElement.scrollWidth") <= width
+        assert serious_findings(page) == []
+    page.tab.set_viewport_size(size)
+    page.open_lab()
+    assert serious_findings(page) == []
+
+
+def serious_findings(page):
+    """What axe-core finds, where it is installed."""
+    if not AXE.is_file():
+        return []
+    page.tab.evaluate(AXE.read_text())
+    found = page.tab.evaluate("axe.run({iframes: false}).then(result => result.violations)")
+    return [
+        json.dumps([each["id"], [node["html"][:200] for node in each["nodes"]]])
+        for each in found
+        if each["impact"] in ("serious", "critical")
+    ]
+
+
+def test_the_robot_can_be_changed_and_the_page_says_who_drives(page):
     page.choose("Robot", "panda")
-    page.press("Change")
-    page.wait_for_text("Try: reach")
-    assert page.say_and_wait(f"reach {page.object_names()[0]}") == "Done in"
+    assert "The scripted expert drives" in page.wait_for_turn("robot panda, task nl_reach")
+    assert page.say_and_wait(f"reach {page.object_names()[0]}") == "Done"
 
 
-def test_two_tabs_show_the_same_scene_and_one_can_be_closed(server, browser, page):
+def test_two_tabs_show_the_same_conversation_and_a_reload_keeps_it(server, page):
     name = page.object_names()[1]
-    other = PageTab(browser, server.address, blank=True)
-    assert other.say_and_wait(f"reach {name}") == "Done in"
+    other = PageTab(page.tab.context.browser, server.address, blank=True)
+    assert other.say_and_wait(f"reach {name}") == "Done"
+    assert name in page.wait_for_turn("Done in")
+    other.tab.reload()
+    other.wait_until_ready()
+    assert name in other.wait_for_turn("Done in")
     other.tab.close()
-    page.wait_for_text(f'the policy hears: "reach {name}"')
-    page.wait_for_text("Done in")
-
-
-def test_a_reload_keeps_the_state(page):
-    page.say(f"reach {page.object_names()[0]}")
-    page.wait_for_text("Done in")
-    page.tab.reload()
-    page.field("Say").wait_for()
-    page.wait_for_text("Done in")
-    page.say(f"reach {page.object_names()[0]}")
-    page.press("Stop")
-    page.wait_for_text("Stopped")
 
 
 def test_the_clock_runs(page):
     assert 0.2 < page.clock() <= 1.05  # 1.00 on an idle machine: python -m benchmarks.page start
+
+
+def test_a_click_says_what_is_listed_in_a_room(page):
+    page.choose("Scene", "anything")
+    page.wait_for_turn("task anything")
+    chip = page.tab.locator("#chips .chip", has_text="close the").first
+    sentence = chip.inner_text()
+    chip.click()
+    page.wait_for_turn(sentence)
+    page.wait_for_turn("Done in")
+    page.tab.locator("#chips .chip", has_text=sentence.replace("close", "open")).wait_for()
+
+
+def test_commands_on_the_board_are_carried_out_and_the_page_tells_whose_left_is_meant(page):
+    page.choose("Scene", "rearrange")
+    page.wait_for_turn("task rearrange")
+    assert page.tab.get_by_label("my left", exact=True).is_checked()
+    example = page.tab.locator("#chips .chip").first.inner_text()
+    assert page.say_and_wait(example) == "Done"
+    page.tab.get_by_label("the robot's left").check()
+    page.wait_for_turn("left and right are the robot's")
+    page.say("reach the red cube")
+    page.wait_for_turn("moves nothing on a board")

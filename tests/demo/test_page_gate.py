@@ -10,11 +10,10 @@ import pytest
 pytest.importorskip("viser", reason="viser is not installed")
 
 from core.schema import ConfigError
-from demo.client_messages import MessageCheck
-from demo.guarded_server import MAX_SOCKETS, open_guarded_server
+from demo.guarded_server import MAX_SOCKETS, PageParts, open_guarded_server
 from demo.page_gate import PageGate
 from tools.browser import free_port
-from tools.page_client import PageClient, request, socket_headers
+from tools.page_client import TAB_PROTOCOL, PageClient, request, socket_headers
 
 FOREIGN_HOSTS = [  # HOST and PORT stand for those of the server
     "evil.example",
@@ -98,8 +97,8 @@ FOREIGN_ORIGINS = [
 @contextmanager
 def served(*origins, host="127.0.0.1"):
     port = int(free_port())
-    gate, check = PageGate(host, port, origins), MessageCheck()
-    server = open_guarded_server(host, port, gate, check)
+    gate = PageGate(host, port, origins)
+    server = open_guarded_server(host, port, gate, PageParts())
     yield gate
     server.stop()
 
@@ -111,13 +110,14 @@ def gate():
 
 
 def answers(gate, *headers):
-    """The answers to requests for the page, for a file and for the socket, each with the right token in both places."""
+    """The answers to requests for the page, a file, the scene and both sockets, with the right token."""
     token = gate.token
     yield request(gate.address, f"/?token={token}", *headers)
     yield request(gate.address, f"/{token}/", *headers)
-    yield request(gate.address, f"/{token}/index.html", *headers)
-    yield request(gate.address, f"/{token}", *headers, *socket_headers())
-    yield request(gate.address, f"/?token={token}", *headers, *socket_headers())
+    yield request(gate.address, f"/{token}/main.js", *headers)
+    yield request(gate.address, f"/{token}/scene/1/", *headers)
+    yield request(gate.address, f"/{token}/scene/1", *headers, *socket_headers())
+    yield request(gate.address, f"/{token}/socket/1", *headers, *socket_headers(TAB_PROTOCOL))
 
 
 def is_refused(answer):
@@ -165,14 +165,15 @@ def test_a_request_without_host_is_not_answered_with_the_page(gate):
 @pytest.mark.parametrize("host", ["HOST:PORT", "localhost:PORT"])
 def test_the_page_opens_under_its_own_names(gate, host):
     host = filled_in(host, gate)
-    moved, page, file, by_path, by_query = answers(gate, f"Host: {host}", f"Origin: http://{host}")
+    moved, page, file, scene, scene_socket, page_socket = answers(gate, f"Host: {host}", f"Origin: http://{host}")
     assert moved.startswith("HTTP/1.1 303 ")
     assert f"Location: /{gate.token}/\r\n" in moved
     assert page.startswith("HTTP/1.1 200 ")
     assert "<!doctype html>" in page
     assert file.startswith("HTTP/1.1 200 ")
-    assert by_path.startswith("HTTP/1.1 101 ")
-    assert by_query.startswith("HTTP/1.1 101 ")
+    assert scene.startswith("HTTP/1.1 200 ")
+    assert scene_socket.startswith("HTTP/1.1 101 ")
+    assert page_socket.startswith("HTTP/1.1 101 ")
 
 
 @pytest.mark.parametrize(
@@ -209,7 +210,19 @@ def test_a_request_without_the_token_is_refused(gate, target):
         assert is_refused(request(gate.address, target, *headers))
 
 
-@pytest.mark.parametrize("path", ["../guarded_server.py", "%2e%2e/x", "..%5cx", "nothing.js", "//etc/passwd"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        "../page.py",
+        "%2e%2e/x",
+        "..%5cx",
+        "nothing.js",
+        "//etc/passwd",
+        "files/x/deixis.png",
+        "scene/x/",
+        "scene/1/../x",
+    ],
+)
 def test_with_the_token_nothing_but_the_files_of_the_page_is_read(gate, path):
     assert request(gate.address, f"/{gate.token}/{path}").startswith("HTTP/1.1 404 ")
 
@@ -220,19 +233,25 @@ def test_the_address_keeps_what_else_it_asks_for(gate):
     assert request(gate.address, f"/?token={gate.token}&a=\xff").startswith("HTTP/1.1 303 ")
 
 
-def test_the_page_is_neither_stored_nor_framed_and_tells_nobody_its_address(gate):
-    for answer in answers(gate):
+def test_the_page_is_not_stored_and_tells_nobody_its_address_and_only_its_own_page_frames_the_scene(gate):
+    for number, answer in enumerate(answers(gate)):
         if "101 Switching" not in answer:
             assert "Cache-Control: no-store\r\n" in answer
             assert "Referrer-Policy: no-referrer\r\n" in answer
-            assert "X-Frame-Options: DENY\r\n" in answer
+            assert f"X-Frame-Options: {'SAMEORIGIN' if number == 3 else 'DENY'}\r\n" in answer
+
+
+def test_the_page_loads_nothing_from_elsewhere(gate):
+    page = request(gate.address, f"/{gate.token}/")
+    assert "Content-Security-Policy: default-src 'self'" in page
+    assert "http" not in page.partition("<!doctype")[2]
 
 
 @pytest.mark.parametrize(
     "lines", [("Upgrade: WebSocket",), ("Upgrade: websocket", "Upgrade: websocket"), ("Upgrade: h2c",)]
 )
 def test_a_malformed_request_for_the_socket_is_refused(gate, lines):
-    assert request(gate.address, f"/{gate.token}", *lines).startswith("HTTP/1.1 400 ")
+    assert request(gate.address, f"/{gate.token}/scene/1", *lines).startswith("HTTP/1.1 400 ")
 
 
 def test_no_more_than_so_many_sockets_are_open(gate):

@@ -22,10 +22,10 @@ def videos(folder, count):
 
 
 def start_video(browser, server):
-    page = PageTab(browser, server.address)
-    page.press("Record")
+    page = PageTab(browser, server.address, blank=True)
+    page.open_lab("Record")
     page.press("Start video")
-    page.wait_for_text("Stop video")
+    page.tab.get_by_role("button", name="Stop video").wait_for()
     return page.tab
 
 

@@ -1,58 +1,23 @@
 """The panel "What I see": a picture with what is recognised in it, and what it says where nothing can be seen."""
 
-from types import SimpleNamespace
+import base64
+import io
+import json
 
 import numpy as np
 import pytest
 
-pytest.importorskip("viser", reason="viser is not installed")
+pytest.importorskip("websockets", reason="websockets is not installed")
+from PIL import Image
 
 from core.errors import ConfigError
 from demo import sight_panel
 from demo.session import Session
 from demo.session_config import make_config
+from demo.shared_state import SharedState
 from demo.sight_panel import SightPanel
 from envs.perception import Detections, UnusablePicture
 from envs.perception.detections import COLOR_NAMES, NOUN_NAMES
-
-
-class Element(SimpleNamespace):
-    """An element of a page, or a folder."""
-
-    def on_update(self, function):
-        self.updated = function
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
-
-
-class Gui:
-    """Makes elements and keeps them by their names."""
-
-    def __init__(self):
-        self.elements = {}
-
-    def _add(self, name, **values):
-        self.elements[name] = Element(**values)
-        return self.elements[name]
-
-    def add_folder(self, label, expand_by_default):
-        return self._add("folder", label=label, expand_by_default=expand_by_default)
-
-    def add_checkbox(self, label, value):
-        return self._add("on", label=label, value=value)
-
-    def add_dropdown(self, label, options, initial_value):
-        return self._add("camera", label=label, options=options, value=initial_value)
-
-    def add_image(self, image, format, visible):
-        return self._add("picture", image=image, visible=visible)
-
-    def add_html(self, content):
-        return self._add("text", content=content)
 
 
 class Truth:
@@ -83,57 +48,57 @@ def session():
 
 
 def panel_of(session, load):
-    gui = Gui()
-    panel = SightPanel(SimpleNamespace(gui=gui), load)
+    state = SharedState()
+    panel = SightPanel(state, load)
     panel.show_env(session.env)
-    return panel, gui.elements
+    return panel, lambda: json.loads(state.sections["sight"])
 
 
-def test_the_panel_is_folded_and_looks_only_when_it_is_asked_to(session):
-    panel, elements = panel_of(session, lambda weights: Truth())
-    assert elements["folder"].label == "What I see"
-    assert not elements["folder"].expand_by_default
+def test_the_panel_looks_only_when_it_is_asked_to(session):
+    panel, shown = panel_of(session, lambda weights: Truth())
     panel.update(session)
-    assert not elements["picture"].visible
+    assert not shown()["looks"]
+    assert not shown()["picture"]
 
 
 def test_the_picture_of_the_chosen_camera_shows_what_is_recognised(session, monkeypatch):
     monkeypatch.setattr(sight_panel, "PERIOD", 1e6)  # seconds: the next look is due after the test
     truth = Truth()
-    panel, elements = panel_of(session, lambda weights: truth)
-    assert set(elements["camera"].options) >= {"front", "side", "top", "wrist"}
-    elements["on"].value = True
+    panel, shown = panel_of(session, lambda weights: truth)
+    assert set(shown()["cameras"]) >= {"front", "side", "top", "wrist"}
+    panel.look(True)
     panel.update(session)
-    assert truth.cameras == ["front", "side"]
-    assert elements["picture"].visible
-    assert elements["picture"].image.shape == (sight_panel.WIDTH, sight_panel.WIDTH, 3)
-    assert "red cube" in elements["text"].content
-    first = elements["picture"].image
-    elements["camera"].value = "top"
+    assert truth.cameras == shown()["looking"] == ["front", "side"]
+    first = shown()["picture"]
+    picture = Image.open(io.BytesIO(base64.b64decode(first.removeprefix("data:image/jpeg;base64,"))))
+    assert picture.size == (sight_panel.WIDTH, sight_panel.WIDTH)
+    assert "red cube" in " ".join(shown()["lines"])
     panel.update(session)
-    assert elements["picture"].image is first  # the next look is not due yet
-    elements["camera"].updated(None)
+    assert shown()["picture"] == first  # the next look is not due yet
+    panel.choose("top")
+    panel.choose("nothing")
     panel.update(session)
-    assert elements["picture"].image is not first
-    elements["on"].value = False
+    assert shown()["camera"] == "top"
+    assert shown()["picture"] not in ("", first)
+    panel.look(False)
     panel.update(session)
-    assert not elements["picture"].visible
+    assert not shown()["picture"]
 
 
 def test_what_hinders_seeing_is_said(session):
     def blind(views):
         raise UnusablePicture("the picture of camera front is black")
 
-    panel, elements = panel_of(session, lambda weights: blind)
-    elements["on"].value = True
+    panel, shown = panel_of(session, lambda weights: blind)
+    panel.look(True)
     panel.update(session)
-    assert "the picture of camera front is black" in elements["text"].content
+    assert "the picture of camera front is black" in shown()["note"]
 
     def missing(weights):
         raise ConfigError("there are no weights")
 
-    panel, elements = panel_of(session, missing)
-    elements["on"].value = True
+    panel, shown = panel_of(session, missing)
+    panel.look(True)
     panel.update(session)
-    assert "there are no weights" in elements["text"].content
-    assert not elements["on"].value
+    assert "there are no weights" in shown()["note"]
+    assert not shown()["looks"]

@@ -16,7 +16,7 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 from tests.helpers.thorough import cases
 from tools.browser import CHROMIUM, PageTab, PlayServer, headless_browser
 from tools.hostile_messages import send_hostile_messages
-from tools.page_client import PROTOCOL, PageClient, request
+from tools.page_client import PROTOCOL, TAB_PROTOCOL, PageClient, request, socket_address
 
 REBOUND = "rebound.example"  # the browser takes it for a name of this machine, as after DNS rebinding
 TRY_TO_OPEN = """([address, protocol]) => new Promise(done => {
@@ -81,8 +81,12 @@ def with_token(server, host=None):
     return f"http://{host or parts.hostname}:{parts.port}/{token}/"
 
 
-def socket_of(address):
-    return "ws" + address.removeprefix("http").removesuffix("/")
+def sockets_of(address):
+    """The addresses of both sockets of a page, and the protocols that they speak."""
+    return [
+        [socket_address(address, "socket", "1"), TAB_PROTOCOL],
+        [socket_address(address, "scene", "1"), PROTOCOL],
+    ]
 
 
 @in_browser
@@ -90,8 +94,9 @@ def test_the_page_in_a_browser_opens_its_socket_and_keeps_the_token(server, brow
     page = PageTab(browser, server.address, blank=True)
     assert page.tab.url.startswith(with_token(server))
     page.tab.reload()
-    page.wait_for_text("clock:")
-    assert page.tab.evaluate(TRY_TO_OPEN, [socket_of(with_token(server)), PROTOCOL]) == "open"
+    page.wait_until_ready()
+    for each in sockets_of(with_token(server)):
+        assert page.tab.evaluate(TRY_TO_OPEN, each) == "open"
     assert page.tab.context.cookies() == []
     page.tab.close()
 
@@ -103,7 +108,8 @@ def test_a_page_of_somebody_else_reaches_nothing_though_it_knows_the_token(serve
     tab.goto(f"http://{origin}:{other_port}/")
     for host in ("127.0.0.1", "localhost", REBOUND):
         address = with_token(server, host)
-        assert tab.evaluate(TRY_TO_OPEN, [socket_of(address), PROTOCOL]) == "refused"
+        for each in sockets_of(address):
+            assert tab.evaluate(TRY_TO_OPEN, each) == "refused"
         assert tab.evaluate(TRY_TO_READ, address) == "refused"
     tab.close()
 
@@ -112,10 +118,11 @@ def test_a_page_of_somebody_else_reaches_nothing_though_it_knows_the_token(serve
 def test_a_page_without_an_origin_opens_no_socket(server, browser, other_port):
     tab = browser.new_page()
     tab.goto(f"http://127.0.0.1:{other_port}/")
-    opened = tab.evaluate(TRY_IN_A_FRAME, [socket_of(with_token(server)), PROTOCOL])
-    assert opened == ["null", "refused"]
+    for each in sockets_of(with_token(server)):
+        assert tab.evaluate(TRY_IN_A_FRAME, each) == ["null", "refused"]
     tab.goto("data:text/html,<title>x</title>")
-    assert tab.evaluate(TRY_TO_OPEN, [socket_of(with_token(server)), PROTOCOL]) == "refused"
+    for each in sockets_of(with_token(server)):
+        assert tab.evaluate(TRY_TO_OPEN, each) == "refused"
     tab.close()
 
 
@@ -126,7 +133,8 @@ def test_a_name_that_was_rebound_to_this_machine_reaches_nothing(server, browser
     assert answer.status == 403
     assert tab.evaluate("location.hostname") == REBOUND
     address = with_token(server, REBOUND)  # of the same origin as the page that asks
-    assert tab.evaluate(TRY_TO_OPEN, [socket_of(address), PROTOCOL]) == "refused"
+    for each in sockets_of(address):
+        assert tab.evaluate(TRY_TO_OPEN, each) == "refused"
     assert "another name" in tab.evaluate(TRY_TO_READ, address)
     tab.close()
 
@@ -145,35 +153,26 @@ def test_the_page_says_the_same_about_every_path_that_is_no_run(server, tmp_path
     (tmp_path / "folder" / "checkpoints" / "last.pt").write_bytes(b"x")
     (tmp_path / "closed").mkdir(mode=0)
     with PageClient(server.address) as client:
-        client.set("or a run folder", str(tmp_path / name))
-        client.listen(0.1)
-        client.press("Change")
-        client.wait_for_text("the run folder is not a folder of a run that can be read here")
+        client.say("hello")
+        client.wait_for_text("Say what I shall do", last=True)
+        client.change(run=str(tmp_path / name))
+        client.wait_for_text("the run folder is not a folder of a run that can be read here", last=True)
         assert str(tmp_path) not in client.text()
-        client.set("or a run folder", "")
 
 
 def test_a_sentence_that_would_take_the_parser_long_is_refused(server):
     with PageClient(server.address) as client:
         client.say("reach the cube between the cube and " * 40)
-        client.wait_for_text("a sentence has at most 500 characters")
-        client.listen(0.5)
-        assert "a sentence has at most 500 characters" in client.text()
-        client.set("Say", "")
-
-
-def object_names(client):
-    client.set("Say", "reach the object")
-    return client.wait_for_text("(?<=Do you mean ).*(?=, or something else)").split(", ")
+        client.wait_for_text("a sentence has at most 500 characters", last=True)
 
 
 def unanswered(client, sentence):
     """Say a sentence and stop the robot again. Return what went wrong, or ""."""
     client.say(sentence)
     try:
-        client.wait_for_text(f"understood: {sentence}")
-        client.press("Stop")
-        client.wait_for_text("Stopped")
+        client.wait_for_text(f"{sentence} .*doing", last=True)
+        client.press("stop")
+        client.wait_for_text("Stopped", last=True)
     except TimeoutError as error:
         return f"{sentence}: {error}"
     return ""
@@ -183,7 +182,7 @@ def test_hostile_messages_to_the_page(row, server):
     """Another client is served meanwhile and afterwards. The row counts its sentences."""
     messages = cases(400, 2000)
     with PageClient(server.address) as other:
-        names = object_names(other)
+        names = other.names()
         for number in range(10):
             assert not unanswered(other, f"reach {names[number % len(names)]}")
         before = server.megabytes()
@@ -193,16 +192,17 @@ def test_hostile_messages_to_the_page(row, server):
         sender.start()
         while sender.is_alive():
             other.listen(0.1)
-        for label, value in (("Pause", False), ("Speed", 1.0), ("Driven by", "expert")):  # which anyone may choose
-            other.set(label, value)
-            other.listen(0.1)
-        other.press("Shuffle")
-        other.wait_for_text("Say what to do")
-        names = object_names(other)
+        other.send("flag", name="paused", value=False)  # which anyone may choose
+        other.send("speed", value=1.0)
+        other.send("driver", value="expert")
+        other.press("shuffle")
+        other.wait_for_text("This is a new scene", last=True)
+        other.listen(0.5)
+        names = other.names()
         for number in range(row.number(5, 20)):
             row.count(unanswered(other, f"reach {names[number % len(names)]}"))
         other.listen(5)  # until the clock has been measured anew
-        clock, grown = float(re.search(r"clock: ([\d.]+)", other.text())[1]), server.megabytes() / before - 1
+        clock, grown = other.sections["clock"]["rate"], server.megabytes() / before - 1
     row.figures |= {"messages": messages, "clock": clock, "memory_grew": round(grown, 4)}
     row.check()
     assert clock <= 1.05

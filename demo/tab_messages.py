@@ -1,0 +1,123 @@
+"""What a tab of the page can ask for: the messages of its socket, with the values that they can have.
+
+It imports nothing of the project, which takes seconds to load: the page opens before.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+MAX_TEXT = 2000  # characters of a typed text
+MIN_SPEED = 0.1  # of the clock; 1 is real time
+Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
+Name = Annotated[str, msgspec.Meta(max_length=100)]
+Metres = Annotated[float, msgspec.Meta(ge=-20, le=20)]  # the range refuses NaN too
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class TabMessage(msgspec.Struct, tag_field="do", forbid_unknown_fields=True):
+    """A message of a tab. The tag of each kind is what it asks for."""
+
+
+class Say(TabMessage, tag="say"):
+    """A sentence, or a button that says one."""
+
+    text: Text
+
+
+class Preview(TabMessage, tag="preview"):
+    """What is typed so far: the tab is told how it would be understood."""
+
+    text: Text
+
+
+class Press(TabMessage, tag="press"):
+    """A button."""
+
+    button: Literal["stop", "shuffle", "point", "step", "picture", "video", "stop arm", "release arm"]
+
+
+class Nudge(TabMessage, tag="nudge"):
+    """A key that moves the finger, or the gripper if it is driven by hand."""
+
+    to: Literal["left", "right", "away", "near", "up", "down"]
+
+
+class Hover(TabMessage, tag="hover"):
+    """Where the mouse is in the picture of the scene: shares of its width and height; None: elsewhere."""
+
+    at: tuple[Share, Share] | None
+
+
+class SetDriver(TabMessage, tag="driver"):
+    """Who drives."""
+
+    value: Literal["policy", "expert", "hand"]
+
+
+class SetViewpoint(TabMessage, tag="viewpoint"):
+    """Whose left and right are meant."""
+
+    value: Literal["robot", "human"]
+
+
+class SetFlag(TabMessage, tag="flag"):
+    """A box that is ticked or not."""
+
+    name: Literal["paused", "gripper closed", "names", "glow", "looks"]
+    value: bool
+
+
+class SetSpeed(TabMessage, tag="speed"):
+    """Speed of the clock."""
+
+    value: Annotated[float, msgspec.Meta(ge=MIN_SPEED, le=1)]
+
+
+class SetCamera(TabMessage, tag="camera"):
+    """The camera whose picture is shown."""
+
+    value: Name
+
+
+class MoveHand(TabMessage, tag="hand"):
+    """Where the gripper goes that is driven by hand, metres."""
+
+    place: tuple[Metres, Metres, Metres]
+
+
+class Change(TabMessage, tag="change"):
+    """Another robot, task or policy. None: the one that fits, or the one that the task has."""
+
+    robot: Name
+    control: Name
+    task: Name
+    workspace: Name | None = None
+    objects: Annotated[int, msgspec.Meta(ge=1, le=6)] | None = None
+    policy: Name | None = None
+    run: Text = ""
+
+
+SETTINGS = SetDriver | SetViewpoint | SetFlag | SetSpeed | SetCamera
+KINDS = Say | Preview | Press | Nudge | Hover | MoveHand | Change | SETTINGS
+
+
+class TabCheck:
+    """Checks the messages of tabs. dropped: number of those that did not pass."""
+
+    def __init__(self) -> None:
+        self.dropped = 0
+        self._decode = msgspec.json.Decoder(KINDS).decode
+
+    def read(self, raw: bytes | str) -> TabMessage | None:
+        """The message, or None if the page does not take it."""
+        try:
+            return self._decode(raw)
+        except (msgspec.MsgspecError, ValueError, RecursionError):
+            return None
+
+    def is_press(self, message: Any) -> bool:
+        """Whether each of these messages is served, however many there are: of values, only the latest one is."""
+        return isinstance(message, Say | Press | Nudge | Change)

@@ -1,0 +1,198 @@
+// The Lab: everything technical, folded away.
+
+import { make, setOptions, setText } from "./dom.js";
+import { Plot } from "./plot.js";
+
+const AXES = ["x", "y", "z"];
+
+/** send: sends a message of this tab. */
+export class Lab {
+  constructor(panel, send) {
+    this.panel = panel;
+    this.send = send;
+    this.plot = new Plot();
+    panel.append(
+      make("h2", {}, "Lab"), this.buildThinking(), this.buildRewards(), this.buildClock(), this.buildSight(),
+      this.buildHand(), this.buildRecord(), this.buildChoice());
+  }
+
+  // ---- What the policy thinks
+
+  buildThinking() {
+    this.hears = make("p", { className: "small" });
+    this.attention = make("ul", { className: "bars" });
+    this.pointing = make("ul", { className: "bars" });
+    this.noShares = make("p", { className: "small" }, "Nothing yet: say something.");
+    return folder("Attention", true, this.hears, this.noShares,
+      make("h3", {}, "The policy's attention"), this.attention, make("h3", {}, "Pointed at"), this.pointing,
+      this.flag("glow", "Objects glow by attention"), this.flag("names", "Show all names"));
+  }
+
+  showLab(lab) {
+    bars(this.attention, lab.names, lab.attention);
+    bars(this.pointing, lab.names, lab.pointing);
+    this.noShares.hidden = Boolean(lab.attention || lab.pointing);
+    this.plot.add(lab.step, lab.rewards);
+    const counts = Object.entries(lab.outcomes).map(([name, count]) => `${name} ${count}`);
+    setText(this.outcomes, `So far: ${counts.join(", ") || "nothing"}`);
+  }
+
+  buildRewards() {
+    this.outcomes = make("p", { className: "small" });
+    return folder("Reward terms", false, this.plot.element, this.outcomes);
+  }
+
+  // ---- Clock
+
+  buildClock() {
+    this.rate = make("p", { className: "small" });
+    this.paused = make("input", { type: "checkbox", onchange: () => this.setFlag("paused", this.paused.checked) });
+    this.speed = make("input", { type: "range", min: 0.1, max: 1, step: 0.1, value: 1,
+      oninput: () => this.send("speed", { value: Number(this.speed.value) }) });
+    this.speedText = make("output", {}, "1");
+    const step = make("button", { type: "button", onclick: () => this.press("step") }, "One step");
+    return folder("Clock", false, this.rate, make("label", {}, this.paused, " Pause"),
+      make("label", { className: "row" }, "Speed", this.speed, this.speedText), step);
+  }
+
+  showClock(clock) {
+    setText(this.rate, `clock: ${clock.rate.toFixed(2)} of real time`);
+    this.paused.checked = clock.paused;
+    if (document.activeElement !== this.speed) this.speed.value = clock.speed;
+    setText(this.speedText, String(clock.speed));
+  }
+
+  // ---- What cameras see
+
+  buildSight() {
+    this.looks = make("input", { type: "checkbox", onchange: () => this.setFlag("looks", this.looks.checked) });
+    this.camera = make("select", { onchange: () => this.send("camera", { value: this.camera.value }) });
+    this.picture = make("img", { alt: "", hidden: true });
+    this.seen = make("ul", { className: "small plain" });
+    this.sightNote = make("p", { className: "small" });
+    return folder("What I see", false, make("label", {}, this.looks, " Look once a second"),
+      make("label", { className: "row" }, "Camera", this.camera), this.picture, this.sightNote, this.seen);
+  }
+
+  showSight(sight) {
+    this.looks.checked = sight.looks;
+    setOptions(this.camera, sight.cameras.length ? sight.cameras.map((name) => [name, name]) : [["", "no camera"]]);
+    this.camera.value = sight.camera;
+    if (sight.picture) this.picture.src = sight.picture;
+    if (sight.picture) this.picture.alt = `Camera ${sight.camera}: ${sight.lines.join("; ") || "nothing"}`;
+    this.picture.hidden = !sight.looks || !this.picture.src;
+    const looking = sight.looking.length ? `${sight.looking.join(" and ")} see:` : "";
+    setText(this.sightNote, sight.note || (sight.looks ? looking : "Tick the box to look."));
+    this.seen.replaceChildren(...sight.lines.map((line) => make("li", {}, line)));
+    this.seen.hidden = !sight.looks;
+  }
+
+  // ---- By hand
+
+  buildHand() {
+    this.sliders = AXES.map((axis) => make("input", { type: "range", step: 0.01, oninput: () => this.moveHand() }));
+    this.closed = make("input", { type: "checkbox", onchange: () => this.setFlag("gripper closed", this.closed.checked) });
+    this.handHint = make("p", { className: "small" }, "Choose 'Driven by: my hand'. Arrow and page keys in the picture move the gripper too.");
+    return folder("By hand", false, this.handHint,
+      ...AXES.map((axis, at) => make("label", { className: "row" }, axis, this.sliders[at])),
+      make("label", {}, this.closed, " Gripper closed"));
+  }
+
+  moveHand() {
+    this.send("hand", { place: this.sliders.map((slider) => Number(slider.value)) });
+  }
+
+  showHand(hand) {
+    this.sliders.forEach((slider, at) => {
+      slider.min = hand.low[at];
+      slider.max = hand.high[at];
+      slider.disabled = hand.place === null;
+      if (hand.place && document.activeElement !== slider) slider.value = hand.place[at];
+    });
+    this.closed.checked = hand.closed;
+    this.closed.disabled = hand.place === null;
+  }
+
+  // ---- Pictures and videos
+
+  buildRecord() {
+    this.video = make("button", { type: "button", onclick: () => this.press("video") }, "Start video");
+    return folder("Record", false, make("div", { className: "buttons" },
+      make("button", { type: "button", onclick: () => this.press("picture") }, "Picture"), this.video));
+  }
+
+  showRecording(recording) {
+    setText(this.video, recording ? "Stop video" : "Start video");
+  }
+
+  // ---- Robot, task and policy
+
+  buildChoice() {
+    this.selects = Object.fromEntries(["robot", "control", "task", "workspace"].map((name) => [name, make("select")]));
+    this.objects = make("input", { type: "number", min: 1, max: 6 });
+    this.policy = make("select");
+    this.run = make("input", { type: "text", maxLength: 500 });
+    const rows = Object.entries(this.selects).map(([name, select]) =>
+      make("label", { className: "row" }, name[0].toUpperCase() + name.slice(1), select));
+    return folder("Robot, task and policy", false, ...rows,
+      make("label", { className: "row" }, "Objects", this.objects),
+      make("label", { className: "row" }, "Policy", this.policy),
+      make("label", { className: "row" }, "or a run folder", this.run),
+      make("button", { type: "button", onclick: () => this.change({}) }, "Change"));
+  }
+
+  showChoice(choice) {
+    for (const [name, select] of Object.entries(this.selects)) {
+      setOptions(select, choice.options[name].map((each) => [each, each]));
+      select.value = choice.shown[name];
+    }
+    setOptions(this.policy, [["", "the one that fits"], ...choice.policies.map((each) => [each, each])]);
+    this.objects.max = choice.most;
+    this.objects.value = choice.shown.objects;
+    this.run.value = choice.shown.run;
+  }
+
+  /** Ask for the environment that is chosen here, with these values in place of some. */
+  change(values) {
+    const chosen = Object.fromEntries(Object.entries(this.selects).map(([name, select]) => [name, select.value]));
+    const objects = Number(this.objects.value);
+    const more = { policy: this.policy.value || null, run: this.run.value.trim() };
+    if (objects >= 1 && objects <= Number(this.objects.max)) more.objects = Math.round(objects);
+    this.send("change", { ...chosen, ...more, ...values });
+  }
+
+  // ---- Small things
+
+  press(button) {
+    this.send("press", { button });
+  }
+
+  setFlag(name, value) {
+    this.send("flag", { name, value });
+  }
+
+  flag(name, text) {
+    const box = make("input", { type: "checkbox", onchange: () => this.setFlag(name, box.checked) });
+    return make("label", {}, box, ` ${text}`);
+  }
+}
+
+function folder(title, open, ...children) {
+  return make("details", { open }, make("summary", {}, title), ...children);
+}
+
+/** Bars with names and percentages; none for null. */
+function bars(list, names, shares) {
+  list.hidden = list.previousSibling.hidden = shares === null;
+  if (shares === null) return;
+  while (list.children.length > names.length) list.lastChild.remove();
+  names.forEach((name, at) => {
+    let item = list.children[at];
+    if (item === undefined) {
+      item = make("li", {}, make("span"), make("span", { className: "bar-of" }, make("span")));
+      list.append(item);
+    }
+    setText(item.children[0], `${name}: ${Math.round(100 * shares[at])}%`);
+    item.children[1].firstChild.style.width = `${100 * shares[at]}%`;
+  });
+}

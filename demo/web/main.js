@@ -1,0 +1,119 @@
+// The page: connects the socket with the conversation, the box, the scene and the Lab.
+
+import { Box } from "./box.js";
+import { Conversation } from "./conversation.js";
+import { find, make, setOptions, setText } from "./dom.js";
+import { Lab } from "./lab.js";
+import { SceneFrame } from "./scene.js";
+import { Socket } from "./socket.js";
+
+const number = [...crypto.getRandomValues(new Uint8Array(8))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+const send = (action, fields) => socket.send(action, fields);
+const say = (text) => send("say", { text });
+const press = (button) => send("press", { button });
+const box = new Box(say, (text) => send("preview", { text }));
+const conversation = new Conversation(find("log"), (offer) => {
+  say(offer);
+  find("say").focus();
+});
+const lab = new Lab(find("lab"), send);
+
+const DRIVERS = { policy: "Trained policy", expert: "Scripted expert", hand: "You" };
+const SHOW = {
+  status: showStatus,
+  choice: showChoice,
+  sayable: showSayable,
+  preview: (preview) => box.showPreview(preview),
+  lab: (shown) => lab.showLab(shown),
+  clock: (clock) => lab.showClock(clock),
+  sight: (sight) => lab.showSight(sight),
+  hand: (hand) => lab.showHand(hand),
+  recording: (recording) => lab.showRecording(recording),
+  download: (path) => {
+    const link = make("a", { href: path, download: path.split("/").at(-1) });
+    document.body.append(link);
+    link.click();
+    link.remove();
+  },
+};
+
+function onSections(sections) {
+  for (const [name, value] of Object.entries(sections)) {
+    if (name.startsWith("entry ")) conversation.show(name, value);
+    else SHOW[name]?.(value);
+  }
+}
+
+function onState(connected) {
+  if (connected) conversation.clear(); // it is sent anew
+  else cover("The connection is lost. Trying again.");
+}
+
+function cover(text) {
+  setText(find("cover"), text);
+  find("cover").hidden = !text;
+}
+
+function showStatus(status) {
+  if (status.loading) {
+    cover("One moment: the robot is loading.");
+    return;
+  }
+  cover("");
+  document.body.dataset.ready = "yes";
+  setText(find("now"), status.busy ? `${DRIVERS[status.acting]}: ${status.text.replace("Doing: ", "")}` : "");
+  setText(lab.hears, status.hears ? `the policy hears: "${status.hears}"` : "");
+  const driver = find("bar-driver");
+  driver.value = status.driver;
+  driver.querySelector('[value="policy"]').disabled = !status.policy;
+  driver.title = status.note;
+  for (const radio of document.querySelectorAll("[name=viewpoint]")) radio.checked = radio.value === status.viewpoint;
+  document.querySelector("fieldset.left").title = status.left;
+  find("point").hidden = !status.person;
+  find("arm").hidden = !status.real && !status.arm;
+  find("arm-stop").hidden = !status.real;
+  find("arm-release").hidden = !status.stopped;
+  setText(find("arm-note"), status.arm);
+}
+
+function showChoice(choice) {
+  lab.showChoice(choice);
+  for (const name of ["robot", "task"]) {
+    const select = find(`bar-${name}`);
+    setOptions(select, choice.options[name].map((each) => [each, each.replaceAll("_", " ")]));
+    select.value = choice.shown[name];
+  }
+}
+
+function showSayable(sentences) {
+  box.offer(sentences);
+  find("chips").replaceChildren(...sentences.map((sentence) => make("li", {},
+    make("button", { type: "button", className: "chip", onclick: () => say(sentence) }, sentence))));
+}
+
+find("stop").addEventListener("click", () => press("stop"));
+find("shuffle").addEventListener("click", () => press("shuffle"));
+find("point").addEventListener("click", () => press("point"));
+find("arm-stop").addEventListener("click", () => press("stop arm"));
+find("arm-release").addEventListener("click", () => press("release arm"));
+find("bar-driver").addEventListener("change", (event) => send("driver", { value: event.target.value }));
+for (const name of ["robot", "task"]) {
+  find(`bar-${name}`).addEventListener("change", (event) => {
+    const others = { policy: null, run: "", control: "step" };
+    if (name === "task") others.workspace = null;
+    if (name === "task") others.objects = null;
+    lab.change({ ...others, [name]: event.target.value });
+  });
+}
+for (const radio of document.querySelectorAll("[name=viewpoint]")) {
+  radio.addEventListener("change", () => send("viewpoint", { value: radio.value }));
+}
+find("lab-button").addEventListener("click", (event) => {
+  const panel = find("lab");
+  panel.hidden = !panel.hidden;
+  event.currentTarget.setAttribute("aria-expanded", !panel.hidden);
+});
+
+const socket = new Socket(number, onSections, onState);
+new SceneFrame(number, send);
+find("say").focus();
