@@ -48,6 +48,7 @@ DIRECTIONS = {  # as the person sees them, who stands opposite the robot
     "up": (0, 0, 1),
     "down": (0, 0, -1),
 }
+WELCOME = "Say what the robot shall do, or click a thing to point at it. You can ask what it sees, too."
 MAX_SENTENCE = 500  # characters
 FASTER = {"faster": 2.0, "slower": 0.5}  # factors of the clock's speed
 DRIVEN_BY = {
@@ -75,6 +76,7 @@ class Page:
         self._recording = RecordingPanel(parts.state, parts.files, Path.cwd(), self._note)
         self._sight = SightPanel(parts.state, load_network)
         self._show_env(session)
+        self._conversation.note(WELCOME)
         parts.state.handle = self._handle
 
     # ---- Messages of tabs

@@ -79,7 +79,10 @@ class PageTab:
 
     def __init__(self, browser: Any, address: str, sharp: bool = False, blank: bool = False) -> None:
         scale, size, url = (1, WIDE, f"{address}&fixedDpr=1") if sharp else (LOW_RESOLUTION, SIZE, address)
-        self.tab = browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=scale)
+        viewport = {"width": size[0], "height": size[1]}
+        self.tab = browser.new_page(
+            viewport=viewport, device_scale_factor=scale, bypass_csp=True
+        )  # to wait in the page
         self.tab.set_default_timeout(1000 * TIMEOUT)
         if blank:
             self.tab.add_init_script(BLANK)

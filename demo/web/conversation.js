@@ -16,6 +16,16 @@ export class Conversation {
     this.log = log;
     this.onOffer = onOffer;
     this.items = new Map();
+    this.view = log.parentElement;
+    this.follows = true; // the newest turn, until a person scrolls back
+    this.view.addEventListener("scroll", () => {
+      this.follows = this.view.scrollHeight - this.view.scrollTop - this.view.clientHeight < 60;
+    });
+    new ResizeObserver(() => this.follow()).observe(this.view);
+  }
+
+  follow() {
+    if (this.follows) this.view.scrollTop = this.view.scrollHeight;
   }
 
   clear() {
@@ -31,8 +41,6 @@ export class Conversation {
       this.items.delete(name);
       return;
     }
-    const view = this.log.parentElement;
-    const atEnd = view.scrollHeight - view.scrollTop - view.clientHeight < 60;
     if (old === undefined) {
       const item = make("li", { className: `entry ${entry.kind}` });
       this.fill(item, entry);
@@ -42,14 +50,15 @@ export class Conversation {
     } else {
       this.fill(old, entry);
     }
-    if (atEnd || old === undefined) view.scrollTop = view.scrollHeight;
+    this.follows ||= old === undefined;
+    this.follow();
   }
 
   /** Change only what is new: what stays is not read again. */
   fill(item, entry) {
     const parts = item.parts ??= this.build(item, entry);
     setText(parts.text, entry.text);
-    const plain = entry.steps.length === 1 && entry.steps[0].words === entry.understood;
+    const plain = entry.steps.length > 0 && entry.steps.every((step) => entry.understood.includes(step.words));
     setText(parts.understood, plain ? "" : entry.understood);
     setText(parts.result, entry.result);
     parts.result.className = entry.result.startsWith("Done") ? "result good" : "result";

@@ -1,9 +1,6 @@
-"""The page in a headless browser: conversation, clicks, corrections, changes, sizes of the window and several tabs."""
+"""The page and its server in a headless browser: conversation, clicks, corrections, changes and several tabs."""
 
-import json
-import os
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,15 +14,6 @@ from tools.browser import CHROMIUM, PageTab, PlayServer, headless_browser
 
 LIKELY = r"(?:[6-9]\d|100)%"  # 60 % or more
 FREE_PLACE = (0.4, -0.22, 0.025)  # metres: no object is near it in the first scene
-NAMED = """() => [...document.querySelectorAll('button, input, select, textarea, iframe, [tabindex], summary')]
-  .filter(e => e.checkVisibility()).filter(e => !(e.title || e.getAttribute('aria-label') || e.textContent.trim()
-    || e.labels?.length)).map(e => e.outerHTML)"""
-IN_VIEW = """() => ['#scene', '#say', '#stop', '.entry:last-child'].map(name => {
-  const box = document.querySelector(name).getBoundingClientRect();
-  return box.width > 0 && box.top >= 0 && box.left >= 0 && box.right <= innerWidth + 1 && box.bottom <= innerHeight + 1;
-})"""
-
-AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))  # npm install axe-core
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")]
 
@@ -108,14 +96,6 @@ def test_a_sentence_is_interpreted_while_typed_and_done_on_enter(page):
     assert page.tab.input_value("#say") == ""
 
 
-def test_suggestions_while_typing_can_be_chosen_by_keys(page):
-    page.type_sentence("what can")
-    page.tab.get_by_role("option", name="what can you do?").wait_for()
-    page.tab.press("#say", "ArrowDown")
-    page.tab.press("#say", "Enter")
-    assert "what can you do?" in page.wait_for_turn("I can")
-
-
 def test_nonsense_gets_a_refusal_whose_html_is_escaped_and_two_suggestions(page):
     page.say("<img src=x onerror=alert(1)> jump")
     page.wait_for_turn("I do not know the words 'img")
@@ -143,18 +123,6 @@ def test_a_correction_during_motion_changes_the_referent(page):
     assert "Stopped" in page.tab.locator(".entry").nth(-2).inner_text()
 
 
-def test_the_box_never_moves(page):
-    """Whatever is typed, said and answered."""
-    before = page.tab.locator("#say").bounding_box()
-    for text in ("reach the", "reach the object", "xyzzy " * 30):
-        page.type_sentence(text)
-        time.sleep(0.3)
-        assert page.tab.locator("#say").bounding_box() == before
-        page.say(text)
-        page.wait_for_turn(text.strip()[:20])
-        assert page.tab.locator("#say").bounding_box() == before
-
-
 def test_arrow_keys_in_the_picture_move_the_finger(page):
     page.press("New scene")
     page.wait_for_turn("This is a new scene")
@@ -162,37 +130,6 @@ def test_arrow_keys_in_the_picture_move_the_finger(page):
     page.tab.locator("#scene").focus()
     page.tab.frame_locator("#scene").locator("body").press("ArrowLeft")
     page.tab.locator("#lab h3", has_text="Pointed at").wait_for()
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_robot_box_and_last_answer_are_in_view_on_every_screen_and_every_control_has_a_name(page, scheme):
-    size = page.tab.viewport_size
-    page.tab.emulate_media(color_scheme=scheme)
-    page.say("what can you do?")
-    page.wait_for_turn("I can")
-    assert page.tab.evaluate(NAMED) == []
-    page.press("Lab")
-    for width, height in ((1280, 800), (768, 1024), (390, 844), (390, 420)):  # the last one: a keyboard is open
-        page.tab.set_viewport_size({"width": width, "height": height})
-        page.tab.wait_for_function(f"({IN_VIEW})().every(each => each)", timeout=20_000)
-        assert page.tab.evaluate("document.documentElement.scrollWidth") <= width
-        assert serious_findings(page) == []
-    page.tab.set_viewport_size(size)
-    page.open_lab()
-    assert serious_findings(page) == []
-
-
-def serious_findings(page):
-    """What axe-core finds, where it is installed."""
-    if not AXE.is_file():
-        return []
-    page.tab.evaluate(AXE.read_text())
-    found = page.tab.evaluate("axe.run({iframes: false}).then(result => result.violations)")
-    return [
-        json.dumps([each["id"], [node["html"][:200] for node in each["nodes"]]])
-        for each in found
-        if each["impact"] in ("serious", "critical")
-    ]
 
 
 def test_the_robot_can_be_changed_and_the_page_says_who_drives(page):
