@@ -124,8 +124,17 @@ class PageClient(Client):
         """Send a message of a tab; bytes are sent as they are."""
         self.send_raw(action if isinstance(action, bytes) else json.dumps({"do": action, **fields}))
 
+    def wait_until_ready(self) -> None:
+        """Wait until the robot has been loaded: what is said before is not heard. Raises TimeoutError."""
+        end = time.monotonic() + TIMEOUT
+        while "sayable" not in self.sections:
+            if time.monotonic() > end:
+                raise TimeoutError("the page is not ready")
+            self.listen(0.02)
+
     def say(self, sentence: str) -> None:
         """Say a sentence."""
+        self.wait_until_ready()
         self.send("say", text=sentence)
 
     def press(self, button: str) -> None:
@@ -134,7 +143,7 @@ class PageClient(Client):
 
     def change(self, **values: Any) -> None:
         """Choose another robot, task or policy; what is not given stays."""
-        self.wait_for_text("robot")
+        self.wait_until_ready()
         shown = self.sections["choice"]["shown"]
         self.send("change", **{name: shown[name] for name in ("robot", "control", "task", "workspace")} | values)
 
@@ -165,9 +174,7 @@ class PageClient(Client):
 
     def names(self) -> list[str]:
         """Return the names of the scene's objects."""
-        self.wait_for_text("the ")
-        while "lab" not in self.sections:
-            self.listen(0.02)
+        self.wait_until_ready()
         return self.sections["lab"]["names"]
 
 

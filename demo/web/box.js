@@ -35,7 +35,7 @@ export class Box {
 
   submit() {
     const sentence = (this.chosen >= 0 ? this.shown[this.chosen] : this.input.value).trim();
-    if (!sentence) return;
+    if (!sentence || !document.body.dataset.ready) return; // while the robot loads, the words stay in the box
     if (this.history.at(-1) !== sentence) this.history.push(sentence);
     this.at = 0;
     this.input.value = "";
