@@ -1,5 +1,6 @@
 """The page and its server in a headless browser: conversation, clicks, corrections, changes and several tabs."""
 
+import re
 import time
 
 import numpy as np
@@ -154,14 +155,16 @@ def test_the_clock_runs(page):
 
 
 def test_a_click_says_what_is_listed_in_a_room(page):
+    page.choose("Robot", "kuka")
+    page.wait_for_turn("robot kuka")
     page.choose("Scene", "anything")
     page.wait_for_turn("task anything")
-    chip = page.tab.locator("#chips .chip", has_text="close the").first
-    sentence = chip.inner_text()
+    chip = page.tab.locator("#chips .chip", has_text=re.compile("^(open|close) the ")).first
+    verb, thing = chip.inner_text().split(maxsplit=1)
     chip.click()
-    page.wait_for_turn(sentence)
+    page.wait_for_turn(f"{verb} {thing}")
     page.wait_for_turn("Done in")
-    page.tab.locator("#chips .chip", has_text=sentence.replace("close", "open")).wait_for()
+    page.tab.locator("#chips .chip", has_text=f"{'open' if verb == 'close' else 'close'} {thing}").wait_for()
 
 
 def test_commands_on_the_board_are_carried_out_and_the_page_tells_whose_left_is_meant(page):
