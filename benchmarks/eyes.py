@@ -29,7 +29,7 @@ from envs.perception.camera_reader import CameraReader, Gripper
 from envs.perception.detections import Detections, View, check_picture
 from envs.perception.detector import load_detector
 from envs.perception_training.conditions import CONDITIONS, Change
-from envs.perception_training.scenes import PLAIN, LookVariation, Texture, moved_camera, sample_light
+from envs.perception_training.scenes import PLAIN, LookVariation, Texture, moved_camera, sample_light, spare_places
 from envs.sim.appearance import Appearance
 from envs.workspace_env import WorkspaceEnv
 
@@ -91,11 +91,9 @@ class ConditionedReader(CameraReader):
             self._appearances[world].recolor(rng)
         if looks.unknown:
             state = self._env._state
-            known = state.objects[world, state.shown[world], :2]
-            x0, x1, y0, y1 = self._env.config.workspace.object_area
-            places = rng.uniform([x0 - 0.1, y0 - 0.1], [x1 + 0.15, y1 + 0.1], (4, 2))
-            apart = np.linalg.norm(places[:, None] - known[None], axis=-1).min(1) > 0.11
-            self._appearances[world].scatter(places[apart].tolist(), rng)
+            known = state.objects[world, state.shown[world]]
+            places = spare_places(self._env.config.workspace.object_area, known, 4, rng)
+            self._appearances[world].scatter(places, rng)
         return {
             "cameras": {name: moved_camera(camera, looks, rng) for name, camera in self._named.items()},
             "light": sample_light(rng, looks.shadow) if looks.light else Light(),

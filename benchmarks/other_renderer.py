@@ -179,9 +179,9 @@ def take(page: PageCamera, overrides: Sequence[str], count: int, seed: int) -> t
         taken: dict[str, list[Picture]] = {name: [] for name in RENDERERS}
         labels, positions, agreed, spent = [], np.zeros((count, THINGS, 3)), [], 0.0
         for number in range(count):
-            views = source.draw(whole=True)
-            labels.append(np.stack([view[2] for view in views]))
-            positions[number, : len(views[0][3])] = views[0][3]
+            views = list(source.draw())
+            labels.append(np.stack([each.labels for each in views]))
+            positions[number, : len(views[0].positions)] = views[0].positions
             if number == 0:
                 page.show(source)
             began = time.perf_counter()
@@ -189,7 +189,7 @@ def take(page: PageCamera, overrides: Sequence[str], count: int, seed: int) -> t
             pictures = [page.picture(camera) for camera in source.cameras]
             spent += time.perf_counter() - began
             taken["page"].append(np.stack([on_white(picture) for picture in pictures]))
-            taken["PyBullet"].append(np.stack([view[0] for view in views]))
+            taken["PyBullet"].append(np.stack([each.view.picture for each in views]))
             if number < CHECKED:
                 agreed += [agreement(page, source, *pair) for pair in zip(source.cameras, pictures, strict=True)]
     scenes = Scenes({name: np.stack(each) for name, each in taken.items()}, np.stack(labels), positions)

@@ -75,7 +75,7 @@ class PerceivedWorlds:
     ) -> None:
         self.task, self._arrays, self._kinematics, self._reader = task, arrays, kinematics, reader
         self._grip = grip
-        known = known_things(task, workspace, grip.grip_depth)
+        known = known_things(task, workspace, grip)
         true, count = arrays.state, len(arrays.index)
         self._trackers = [SceneTracker(config, known) for _ in range(count)]
         self._slots: list[dict[int, int]] = [{} for _ in range(count)]  # of the things that are shown, by their ids
@@ -228,7 +228,7 @@ def _carried(place: Array, there: Array, here: Array) -> Array:
     return here[:, 3] + here[:, :3] @ (there[:, :3].T @ (place - there[:, 3]))  # type: ignore[no-any-return]
 
 
-def known_things(task: Task, workspace: WorkspaceConfig, grip_depth: float) -> KnownThings:
+def known_things(task: Task, workspace: WorkspaceConfig, grip: GripController) -> KnownThings:
     """Return what is known of a task's things before any is seen: their sizes and possible nouns, not their number."""
     config = task.config
     layout = config.objects.layout(config.object_size)
@@ -242,5 +242,6 @@ def known_things(task: Task, workspace: WorkspaceConfig, grip_depth: float) -> K
         fittings={} if task.fittings is None else dict(task.fittings.by_noun),
         most=config.slots,
         bounds=np.reshape(workspace.bounds, (3, 2)).T,
-        grip_depth=grip_depth,
+        grip_depth=grip.grip_depth,
+        tips=grip.tips,
     )

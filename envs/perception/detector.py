@@ -70,11 +70,10 @@ def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
     places = places[presence > FAINT]
     if not len(places):
         return Detections.none()
-    presence, places = _middles(out, presence, places, heat.shape[1])
+    middles = torch.stack((places % heat.shape[1], places // heat.shape[1]), 1) + 0.5
     rows = out[0].flatten(1)[:, places].T.double()
-    numbers = SightCells.of(rows[..., None, None])
-    v, u = places // heat.shape[1], places % heat.shape[1]
-    middles = torch.stack((u, v), 1) + 0.5
+    kept = _apart(SightCells.of(rows[..., None, None]), middles)
+    presence, middles, numbers = presence[: len(places)][kept], middles[kept], SightCells.of(rows[kept, :, None, None])
     pixels = ((middles + numbers["offset"][:, :, 0, 0]) * CELL).numpy()
     heights = numbers["height"][:, 0, 0, 0].numpy() * HEIGHT_UNIT
     spread = numbers["spread"][:, :, 0, 0].clamp(-5.0, 2.0).exp().numpy() * np.sqrt(2.0)
@@ -101,26 +100,20 @@ def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
     )
 
 
-def _middles(out: Tensor, presence: Tensor, places: Tensor, columns: int) -> tuple[Tensor, Tensor]:
-    """Return the cells, most present first, that tell of other things than those before them.
+def _apart(numbers: SightCells, middles: Tensor) -> list[int]:
+    """Return which of M cells, most present first, tell of other things than those before them.
 
     Neighbouring cells tell of the same thing, or of two that overlap: then they tell of other middles or colours.
-
-    Args:
-        out: (1, WIDTH, h, w) the network's numbers.
-        presence, places: (M,) probabilities of cells, falling, and the cells' numbers.
-        columns: w.
+    middles: (M, 2) of the cells, cells.
     """
-    rows = out[0].flatten(1)[:, places].T
-    numbers = SightCells.of(rows[..., None, None])
-    middles = torch.stack((places % columns, places // columns), 1) + 0.5 + numbers["offset"][:, :, 0, 0]
-    pixels, colors = (CELL * middles).numpy(), numbers["color"][:, :, 0, 0].argmax(1).numpy()
+    pixels = (CELL * (middles + numbers["offset"][:, :, 0, 0])).numpy()
+    colors = numbers["color"][:, :, 0, 0].argmax(1).numpy()
     kept: list[int] = []
-    for k in range(len(places)):
+    for k in range(len(pixels)):
         gaps = np.linalg.norm(pixels[kept] - pixels[k], axis=1)
         if not (gaps < np.where(colors[kept] == colors[k], ALIKE, OTHER)).any():
             kept.append(k)
-    return presence[: len(places)][kept], places[kept]
+    return kept
 
 
 def _placed(

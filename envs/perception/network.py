@@ -89,7 +89,9 @@ class SightNetwork(nn.Module):
 
     def forward(self, pictures: Tensor, cameras: Tensor) -> Tensor:
         fine = self.stem(pictures - 0.5)
-        fine = self.fine(fine + self.ground(sight(cameras, (fine.shape[2], fine.shape[3]))))
+        with torch.autocast(pictures.device.type, enabled=False):  # 16 bits would round places to 4 mm
+            ground = self.ground(sight(cameras, (fine.shape[2], fine.shape[3])))
+        fine = self.fine(fine + ground)
         middle = self.middle(fine)
         coarse = self.coarse(middle)
         middle = self.join_middle(middle + _doubled(self.up_coarse(coarse)))

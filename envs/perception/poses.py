@@ -11,7 +11,7 @@ from envs.perception.detections import Array
 from envs.sim.devices import DEVICES, turned
 from language import NOUNS, SHAPES
 
-CUBE, LEVER, WHEEL = (list(NOUNS).index(noun) for noun in ("cube", "lever", "wheel"))
+BUTTON, CUBE, LEVER, WHEEL = (list(NOUNS).index(noun) for noun in ("button", "cube", "lever", "wheel"))
 DEVICE_NUMBERS = np.array([list(NOUNS).index(noun) for noun in DEVICES])
 LOOSE = np.array([noun in SHAPES for noun in NOUNS])  # by the number of a noun
 SHARES = np.linspace(0.0, 1.0, 65)  # of a joint's range, at which the places of handles are computed beforehand

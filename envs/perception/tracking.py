@@ -20,9 +20,9 @@ from envs.perception.config import PerceptionConfig
 from envs.perception.detections import Array, Detections
 from envs.perception.fitting_track import JUMP, KEPT, LEAST, NEAR, NOISE, FollowedFitting, length
 from envs.perception.poses import (
+    BUTTON,
     CUBE,
     DEVICE_NUMBERS,
-    LEVER,
     LOOSE,
     WHEEL,
     WHEEL_WAY,
@@ -35,6 +35,7 @@ from envs.perception.poses import (
     upright,
     wrapped,
 )
+from envs.sim.devices import DEVICES
 from envs.sim.workspace import Fitting
 from envs.tasks import NOTHING
 from language import COLORS, HAND, NOUNS
@@ -51,9 +52,8 @@ LEVEL = 0.008  # metres from its height on the table within which a thing at res
 ARM = 0.09  # metres from the axis of an arm's links within which it hides things
 HOLDS = 0.08  # metres from where a gripper holds to the middle of what it has taken hold of, at most
 FOLLOWS = 0.8  # share of a measured turn that is taken at once while the gripper may be turning something
-BESIDE, OVER = 0.05, 0.12  # metres beside and over a peg within which a gripper may be pushing it
-STILL, TURNED = 0.03, 0.15  # radians that a wheel turns in a control step at rest, and from which on it has been turned
-BLOCKED, STUCK = 8, 20  # control steps at rest beside a gripper, of a wheel that was turned, and of one that was not
+RADII = np.array([{"button": 0.5, "lever": 0.5, "wheel": 0.75}.get(noun, 0.0) for noun in NOUNS])  # widths, of devices
+ON_BUTTON = 0.5  # widths beside the middle of a button within which a gripper presses it
 SAMPLES = 6  # points along each link
 
 
@@ -63,8 +63,8 @@ class KnownThings:
 
     nouns: (len(NOUNS),) bool, which there may be. targets: whether some may be see-through. size: of loose things,
     metres. width: of devices, metres. fittings: by the number of their noun. most: how many things are observed.
-    bounds: (2, 3) corners of where things may be, metres. grip_depth: metres from the gripper's centre down to the
-    middle of what it holds.
+    bounds: (2, 3) corners of where things may be, metres. grip_depth, tips: metres from the gripper's centre down to
+    the middle of what it holds, and to its own lowest point.
     """
 
     nouns: NDArray[np.bool_]
@@ -75,6 +75,7 @@ class KnownThings:
     most: int
     bounds: Array
     grip_depth: float
+    tips: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,8 +105,7 @@ class Things:
     anchors: (T, 3) and covariances: (T, 3, 3) of what is filtered: the middle of a thing; of a device, where it stands.
     yaws: (T,) radians. shares: (T,) of a joint's range. turns: (T, 4) quaternions. hits, missed, strayed, restless:
     (T,) pictures in which it was seen, in which its place was seen empty, in which it was last seen elsewhere, and
-    control steps in which it may yet move. starts: (T,) radians, how wheels were placed, as far as is known. pushed:
-    (T,) control steps in which a wheel has been at rest beside the gripper. before: (T,) radians, `yaws` a step ago.
+    control steps in which it may yet move. starts: (T,) radians, how wheels were placed.
     """
 
     ids: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -122,8 +122,6 @@ class Things:
     missed: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     strayed: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     restless: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    pushed: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    before: Array = field(default_factory=lambda: np.zeros(0))
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -201,7 +199,7 @@ class SceneTracker:
         self._miss(rows, moment)
         self._join(seen[new], anchors[new])
         self._note_held(moment)
-        self._note_ends(moment)
+        self._press(moment)
         self._level()
         self._gripper = moment.gripper.copy(), moment.rotation.copy()
         self._pictures += 1
@@ -321,17 +319,14 @@ class SceneTracker:
         turns = (near & np.isin(nouns, (CUBE, WHEEL))) | (things.restless[rows] > 0)
         gain = np.where(things.ids[rows] == self._held, 0.0, np.where(turns, np.maximum(slow, FOLLOWS), slow))
         apart = seen.yaws[columns] - things.yaws[rows]
-        apart, shares = (
-            np.where(nouns == CUBE, wrapped(apart, QUARTER), wrapped(apart, 2 * np.pi)),
-            seen.shares[columns],
-        )
-        # A lever past its middle looks like one that was placed the other way round.
-        over = (nouns == LEVER) & (np.abs(apart) > np.pi / 2)
-        apart, shares = np.where(over, wrapped(apart + np.pi, 2 * np.pi), apart), np.where(over, 1.0 - shares, shares)
+        apart = np.where(nouns == CUBE, wrapped(apart, QUARTER), wrapped(apart, 2 * np.pi))
         turnable = (nouns == CUBE) | np.isin(nouns, DEVICE_NUMBERS)
         things.yaws[rows] += np.where(turnable, gain * apart, 0.0)
         gain = np.where(near, np.maximum(slow, FOLLOWS), slow)
-        things.shares[rows] += gain * (shares - things.shares[rows])
+        things.shares[rows] += gain * (seen.shares[columns] - things.shares[rows])
+        # How a wheel was placed, its mark tells; it stays so.
+        placed = _wheel_starts(seen.yaws[columns], seen.shares[columns])
+        things.starts[rows] += slow * wrapped(placed - things.starts[rows], 2 * np.pi)
         free = things.ids[rows] != self._held
         things.turns[rows[free]] = upright(things.yaws[rows[free]])
 
@@ -374,6 +369,7 @@ class SceneTracker:
         apart = length(anchors[:, None] - things.anchors[None])
         same = (new.targets[:, None] > 0.5) == (things.targets[None] > 0)
         believed &= ~((apart < ALIKE * known.size) & same).any(1)
+        believed &= ~(LOOSE[new.nouns.argmax(1)] & self._in_devices(anchors))
         if (new.nouns.argmax(1) == HAND_NUMBER).any() and (things.nouns.argmax(1) == HAND_NUMBER).any():
             believed &= new.nouns.argmax(1) != HAND_NUMBER  # there is one
         new, anchors = new[believed], anchors[believed]
@@ -394,17 +390,23 @@ class SceneTracker:
                 covariances=new.covariances + NOISE**2 * np.eye(3),
                 yaws=yaws,
                 shares=new.shares.copy(),
-                starts=yaws - WHEEL_WAY * (2 * new.shares - 1),
+                starts=_wheel_starts(yaws, new.shares),
                 turns=upright(yaws),
                 hits=np.full(count, shown),
                 missed=np.zeros(count, np.int64),
                 strayed=np.zeros(count, np.int64),
                 restless=np.zeros(count, np.int64),
-                pushed=np.zeros(count, np.int64),
-                before=yaws.copy(),
             )
         )
         self._next += count
+
+    def _in_devices(self, places: Array) -> NDArray[np.bool_]:
+        """(D,) which places (D, 3) are within devices: what is hidden in part is easily taken for a loose thing."""
+        things, width = self._things, self._known.width
+        nouns = things.nouns.argmax(1)
+        offset = places[:, None] - things.anchors[None]
+        beside = length(offset[..., :2]) < RADII[nouns] * width + self._known.size / 5
+        return np.asarray((beside & IS_DEVICE[nouns] & (offset[..., 2] < width)).any(1))
 
     # ---- what is held, and what rests
 
@@ -423,23 +425,16 @@ class SceneTracker:
             if ids and min(apart) < HOLDS:
                 self._held = ids[int(np.argmin(apart))]
 
-    def _note_ends(self, moment: Moment) -> None:
-        """Learn how wheels were placed, which does not show: one that resists the gripper is at an end of its range."""
-        things = self._things
-        wheels = things.nouns.argmax(1) == WHEEL
-        if not wheels.any():
-            return
-        way = np.clip(wrapped(things.yaws - things.starts, 2 * np.pi), -WHEEL_WAY, WHEEL_WAY)
-        nouns = np.full(len(things), WHEEL)
-        pegs = handles(nouns, things.anchors, yaws=things.yaws, shares=things.shares, width=self._known.width)
-        offset = pegs - moment.gripper
-        still = np.abs(wrapped(things.yaws - things.before, 2 * np.pi)) < STILL
-        beside = wheels & (length(offset * [1.0, 1.0, 0.0]) < BESIDE) & (np.abs(offset[:, 2]) < OVER)
-        things.pushed, things.before = np.where(beside & still, things.pushed + 1, 0), things.yaws.copy()
-        onward = np.sign(np.cos(things.yaws) * offset[:, 1] - np.sin(things.yaws) * offset[:, 0])
-        onward = np.where(np.abs(way) > TURNED, np.sign(way), onward)
-        blocked = things.pushed == np.where(np.abs(way) > TURNED, BLOCKED, STUCK)
-        things.starts = np.where(wheels, things.yaws - np.where(blocked, onward * WHEEL_WAY, way), things.starts)
+    def _press(self, moment: Moment) -> None:
+        """Tell how far buttons are pressed: as far as the gripper, which hides them, is below their height. They spring
+        back."""
+        things, width = self._things, self._known.width
+        button = DEVICES["button"]
+        buttons = np.flatnonzero(things.nouns.argmax(1) == BUTTON)
+        low = self._known.tips if self._held == NOTHING else self._known.grip_depth + self._known.size / 2
+        on = length((things.anchors[buttons] - moment.gripper)[:, :2]) < ON_BUTTON * width
+        below = (button.grip(width)[2] - moment.gripper[2] + low) / (button.way * width)
+        things.shares[buttons] = np.where(on, np.clip(below, 0.0, 1.0), 0.0)
 
     def _level(self) -> None:
         """Put what stands on the table at its height there."""
@@ -485,6 +480,11 @@ class SceneTracker:
 def _fitting_id(noun: int) -> int:
     """Return the id of the fitting with this noun's number."""
     return NOTHING - 1 - noun
+
+
+def _wheel_starts(yaws: Array, shares: Array) -> Array:
+    """(T,) radians, how wheels were placed whose handles are at yaws (T,), these shares (T,) of their ranges."""
+    return yaws - WHEEL_WAY * (2 * shares - 1)
 
 
 def _probabilities(logs: Array) -> Array:

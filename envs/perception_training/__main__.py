@@ -7,6 +7,7 @@
       rate=0.0025             the highest learning rate
       init=<file>             weights to begin with, for your own table, cameras and objects
       device=cpu              cpu | cuda
+      bfloat16=true           convolutions in 16 bits: half the time on a processor with instructions for them
       processes=2             that draw pictures
       seed=0                  of scenes and network
       setup=task=nl_reach,robot=panda    draw from this setup alone; default: those of the project
@@ -48,6 +49,7 @@ class SightTraining(Checked):
     rate: float = within(1e-6, 1.0)
     init: str | None = any_path()
     device: str = one_of("cpu", "cuda")
+    bfloat16: bool
     processes: int = within(1, 256)
     seed: int = within(0, 2**20)
     setup: str | None = any_path()
@@ -70,6 +72,7 @@ DEFAULTS: dict[type, dict[str, Any]] = {
         "rate": 0.0025,
         "init": None,
         "device": "cpu",
+        "bfloat16": True,
         "processes": 2,
         "seed": 0,
         "setup": None,
@@ -100,6 +103,7 @@ def train(config: SightTraining) -> None:
         learning_rate=config.rate,
         seed=config.seed,
         device=config.device,
+        bfloat16=config.bfloat16,
         init=init,
         report=tell,
     )

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from core.cameras import Camera, CameraFrame, angles_of
-from envs.perception.detections import Detections, View
+from envs.perception.detections import Detections
 from envs.perception.detector import SightDetector, fuse
 from envs.perception.network import SightNetwork
 from envs.perception_training.judging import Judgement, judge
-from envs.perception_training.scenes import PLAIN, SETUPS, LookVariation, SceneSource, compressed
+from envs.perception_training.scenes import PLAIN, SETUPS, THINGS, LookVariation, SceneSource, compressed
 
 CAMERAS = "front", "side"
 Picture = NDArray[np.uint8]
@@ -28,12 +27,6 @@ CASES: tuple[tuple[str, tuple[str, ...], bool], ...] = (  # name, overrides, wit
     ("anything", ("task=anything",), False),
     ("the same, the arm among them", ("task=anything",), True),
 )
-
-
-def scene_of(source: SceneSource) -> tuple[list[tuple[Picture, NDArray]], NDArray, NDArray]:
-    """Return pictures with their cameras' numbers, labels (V, THINGS, ...) and positions of one scene."""
-    views = source.draw(whole=True)
-    return [(view[0], view[1]) for view in views], np.stack([view[2] for view in views]), views[0][3]
 
 
 def judge_setup(
@@ -52,36 +45,18 @@ def judge_setup(
     labels, positions = [], []
     try:
         for _ in range(scenes):
-            pictures, label, place = scene_of(source)
-            views = [
-                _view(picture if change is None else change(picture, rng), numbers) for picture, numbers in pictures
-            ]
+            drawn = list(source.draw())
+            views = [each.view for each in drawn]
+            if change is not None:
+                views = [replace(view, picture=change(view.picture, rng)) for view in views]
             found.append(fuse(detector.each(views), [view.frame.place for view in views]))
-            labels.append(label)
-            padded = np.zeros((label.shape[1], 3))
-            padded[: len(place)] = place
+            labels.append(np.stack([each.labels for each in drawn]))
+            padded = np.zeros((THINGS, 3))
+            padded[: len(drawn[0].positions)] = drawn[0].positions
             positions.append(padded)
     finally:
         source.close()
     return judge(found, labels, positions)
-
-
-def _view(picture: Picture, numbers: NDArray) -> View:
-    """Return the view of a picture and `camera_numbers` (15,)."""
-    frame = CameraFrame(numbers[:3].astype(float), numbers[3:12].astype(float).reshape(3, 3))
-    height, width = picture.shape[:2]
-    yaw, pitch, roll = angles_of(frame.axes)
-    camera = Camera(
-        target=(frame.place + frame.axes[2]).tolist(),
-        distance=1.0,
-        yaw=yaw,
-        pitch=pitch,
-        roll=roll,
-        fov=2 * float(np.degrees(np.arctan(height / 2 / float(numbers[12])))),
-        width=width,
-        height=height,
-    )
-    return View(np.ascontiguousarray(picture), camera, frame)
 
 
 # ---- what happens to pictures

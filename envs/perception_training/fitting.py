@@ -14,6 +14,7 @@ from language import DEVICES, FITTINGS, NOUNS
 
 REACH = 1.5  # cells around the middle of a thing that learn what it is
 WIDTH = 0.6  # cells, the standard deviation of the heat around a middle
+COVERED = 3  # things in a picture that a box may cover in part
 MOST_GRADIENT = 5.0  # norm of the gradients of a step
 CUBE = list(NOUNS).index("cube")
 TURNED = [list(NOUNS).index(noun) for noun in ("lever", "wheel")]  # nouns that face somewhere
@@ -125,19 +126,19 @@ def disturb(pictures: Tensor, labels: Tensor, generator: torch.Generator) -> Ten
 
 
 def _covered(pictures: Tensor, labels: Tensor, draw: Callable[..., Tensor], some: Callable[[float], Tensor]) -> Tensor:
-    """Cover about a third of two things with boxes of one colour."""
+    """Cover about a third of some things with boxes of one colour."""
     height, width = pictures.shape[2:]
     u = torch.arange(width, device=pictures.device).view(1, 1, -1) + 0.5
     v = torch.arange(height, device=pictures.device).view(1, -1, 1) + 0.5
     each = torch.arange(len(labels), device=labels.device)
-    for _ in range(2):
+    for _ in range(COVERED):
         chosen = (draw(0.0, 8.0)).long()
         middle = labels[each, chosen, :2] + draw(-5.5, 5.5, 2)
         half = draw(1.0, 3.5, 2)
         mask = ((u - middle[:, 0, None, None]).abs() < half[:, 0, None, None]) & (
             (v - middle[:, 1, None, None]).abs() < half[:, 1, None, None]
         )
-        pictures = torch.where(mask[:, None] & some(0.3), draw(0.0, 1.0, 3, 1, 1), pictures)
+        pictures = torch.where(mask[:, None] & some(0.4), draw(0.0, 1.0, 3, 1, 1), pictures)
     return pictures
 
 
@@ -162,6 +163,7 @@ def fit(
     learning_rate: float = 2.5e-3,
     seed: int = 0,
     device: str = "cpu",
+    bfloat16: bool = True,
     init: SightNetwork | None = None,
     report: Callable[[int, dict[str, float]], None] | None = None,
 ) -> SightNetwork:
@@ -174,6 +176,7 @@ def fit(
         learning_rate: the highest of the one-cycle schedule.
         seed: of the network, the order of the pictures and their disturbances.
         device: "cpu" or "cuda".
+        bfloat16: compute convolutions in 16 bits.
         init: a network to begin with, which is changed.
         report: is called now and then with the step and the terms of the loss.
     """
@@ -196,7 +199,9 @@ def fit(
         these = labels[chosen]
         inputs = data[chosen].permute(0, 3, 1, 2).float().div_(255)
         inputs = disturb(inputs, these, generator).to(memory_format=torch.channels_last)
-        terms = losses(network(inputs, cameras[chosen]), these)
+        with torch.autocast(device, torch.bfloat16, enabled=bfloat16):
+            out = network(inputs, cameras[chosen])
+        terms = losses(out, these)
         _update(network, optimizer, terms)
         schedule.step()
         if report is not None and (step % 50 == 0 or step == steps - 1):

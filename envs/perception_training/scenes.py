@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import multiprocessing
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -23,6 +23,7 @@ from core.overrides import compose
 from envs.config import read_env
 from envs.mdp.object_rows import OBJECT_WIDTH
 from envs.mdp.randomization import InitialStates
+from envs.perception.detections import View
 from envs.perception.network import camera_numbers
 from envs.sim.appearance import Appearance
 from envs.sim.devices import DEVICES
@@ -52,7 +53,7 @@ SETUPS: tuple[tuple[str, ...], ...] = (
     ("task=anything", "robot=panda"),
     ("task=nl_put_in",),
 )
-SHARES = (0.16, 0.06, 0.14, 0.1, 0.05, 0.12, 0.08, 0.04, 0.04, 0.12, 0.05, 0.04)  # of pictures by setup
+SHARES = (0.1, 0.05, 0.12, 0.08, 0.03, 0.1, 0.05, 0.04, 0.03, 0.22, 0.12, 0.06)  # of pictures by setup
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,31 @@ class Pictures:
         """Return the pictures of all parts."""
         names = "pictures", "cameras", "labels", "positions"
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+@dataclass(frozen=True)
+class LabelledView:
+    """A view, the labels (THINGS, len(LABEL)) of what is in it, and the positions (K, 3) of K things, metres."""
+
+    view: View
+    labels: Array
+    positions: Array
+
+    @property
+    def numbers(self) -> NDArray[np.float32]:
+        """(15,) `camera_numbers`."""
+        return camera_numbers(self.view.camera, self.view.frame)
+
+    def window(self, rng: Generator) -> tuple[NDArray[np.uint8], NDArray[np.float32], Array]:
+        """Return a random window of SIDE x SIDE pixels, `camera_numbers` there, and its labels."""
+        v, u = (int(rng.integers(0, most - SIDE + 1)) for most in self.view.picture.shape[:2])
+        numbers, labels = self.numbers, self.labels.copy()
+        numbers[13:] -= u, v
+        labels[:, :2] -= u, v
+        edge = np.abs(labels[:, :2] - SIDE / 2).max(1)
+        labels[(edge > SIDE / 2 - 1) & (labels[:, -1] > 0), -1] = IGNORED  # at the border it may be seen or not
+        labels[edge > SIDE / 2 + 6, -1] = 0.0
+        return self.view.picture[v : v + SIDE, u : u + SIDE], numbers, labels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +130,8 @@ PLAIN = LookVariation(
 class SceneSource:
     """Draws scenes of one setup and photographs them with its cameras.
 
+    rng: what all that is random is drawn from.
+
     Args:
         overrides: of the environment.
         cameras: names of workspace cameras.
@@ -122,7 +150,7 @@ class SceneSource:
         disturbed: bool = True,
     ) -> None:
         config = read_env(compose([*overrides])).without_curriculum()
-        self._rng = np.random.default_rng(seed)
+        self.rng = np.random.default_rng(seed)
         self._env = WorkspaceEnv(config, 1, seed, render=True)
         self._world = self._env._worlds[0]
         self._cameras = [config.workspace.cameras[name] for name in cameras]
@@ -132,12 +160,9 @@ class SceneSource:
         self._appearance = Appearance(self._world)
         self._area = config.workspace.object_area
 
-    def draw(self, whole: bool = False) -> list[tuple[NDArray[np.uint8], NDArray[np.float32], Array, Array]]:
-        """Return for each camera a picture, `camera_numbers`, the labels (THINGS, ...) and the positions of things.
-
-        whole: whole pictures; else random windows of SIDE x SIDE pixels.
-        """
-        rng, looks = self._rng, self._looks
+    def draw(self) -> Iterator[LabelledView]:
+        """Draw a scene, and photograph it with one camera after another."""
+        rng, looks = self.rng, self._looks
         episode = self._env.task.draw(rng)
         if episode.shares is not None and rng.random() < 0.5:
             episode = replace(
@@ -150,7 +175,6 @@ class SceneSource:
         self._look(things)
         light = sample_light(rng, looks.shadow) if rng.random() < looks.light else Light()
         pose = self._env.kinematics.forward(self._joints[None])
-        views = []
         texture = Texture(rng) if rng.random() < looks.texture else None
         for camera in self._cameras:
             moved, frame = moved_camera(camera, looks, rng)
@@ -162,9 +186,7 @@ class SceneSource:
             if rng.random() < looks.jpeg:
                 photo = replace(photo, colors=compressed(photo.colors, int(rng.integers(35, 95))))
             labels = self._labels(things, photo, moved, frame)
-            view = photo.colors, camera_numbers(moved, frame), labels
-            views.append((*(view if whole else window(*view, rng)), things.positions))
-        return views
+            yield LabelledView(View(photo.colors, moved, frame), labels, things.positions)
 
     def close(self) -> None:
         self._env.close()
@@ -186,7 +208,7 @@ class SceneSource:
         shares = np.zeros(len(rows))
         if episode.shares is not None:
             shares[order] = episode.shares
-        yaws, seen_shares = seen_joints(state.nouns[0, slots], state.yaw[0, slots], shares[slots])
+        yaws = faced(state.nouns[0, slots], state.yaw[0, slots], shares[slots])
         colors = color_table()[:, :3]
         nearest = ((rows[slots, None, 7:10] - colors) ** 2).sum(-1).argmin(1)
         return _Things(
@@ -195,18 +217,20 @@ class SceneSource:
             sizes=rows[slots, OBJECT_WIDTH - 2].copy(),
             targets=rows[slots, OBJECT_WIDTH - 1].copy(),
             yaws=yaws,
-            shares=seen_shares,
+            shares=shares[slots],
             positions=np.array([position for position, _ in self._world.object_poses()]),
         )
 
     def _disturb(self, things: _Things) -> None:
         """Move the arm anywhere, turn loose objects, and lift or stack some."""
-        rng, world = self._rng, self._world
+        rng, world = self.rng, self._world
         if rng.random() < 0.8:
             place = rng.uniform(*self._box)
-            free = np.flatnonzero(things.loose & (things.targets < 0.5))
-            if rng.random() < 0.4 and len(free):  # near an object, as in most steps of an episode
-                place = things.positions[rng.choice(free)] + rng.normal(0.0, 0.05, 3) + [0.0, 0.0, 0.07]
+            real = np.flatnonzero(things.targets < 0.5)
+            if rng.random() < 0.5 and len(real):  # near a thing, as in most steps of an episode
+                number = rng.choice(real)
+                beside, above = (0.05, 0.07) if things.loose[number] else (0.03, 0.02)
+                place = things.positions[number] + rng.normal(0.0, beside, 3) + [0.0, 0.0, above]
                 place = np.clip(place, *self._box)
             joints = self._postures.joints(place)
             self._joints = joints + rng.normal(0.0, 0.05, len(joints))
@@ -235,16 +259,11 @@ class SceneSource:
         world.pool.put(poses)
 
     def _look(self, things: _Things) -> None:
-        rng, looks = self._rng, self._looks
+        rng, looks = self.rng, self._looks
         if looks.recolor and rng.random() < looks.recolor:
             self._appearance.recolor(rng)
-        places = []
-        if rng.random() < looks.unknown:
-            x0, x1, y0, y1 = self._area
-            for place in rng.uniform([x0 - 0.1, y0 - 0.1], [x1 + 0.15, y1 + 0.1], (rng.integers(1, 5), 2)):
-                if np.linalg.norm(things.positions[:, :2] - place, axis=1).min() > 0.11:
-                    places.append(place)
-        self._appearance.scatter(places, rng)
+        count = rng.integers(1, 5) if rng.random() < looks.unknown else 0
+        self._appearance.scatter(spare_places(self._area, things.positions, int(count), rng), rng)
         if looks.recolor:
             self._world.fade(float(rng.uniform(0.35, 0.7)))
 
@@ -299,18 +318,22 @@ class _Things:
         return np.array([NOUN_NAMES[noun] in SHAPES for noun in self.nouns])
 
 
-def seen_joints(nouns: NDArray[np.int64], yaws: Array, shares: Array) -> tuple[Array, Array]:
-    """Return yaws (K,) and shares (K,) as a picture can show them, given those of the simulator.
+def spare_places(area: Sequence[float], taken: Array, count: int, rng: Generator) -> list[list[float]]:
+    """Return up to `count` places (x, y) about an area (x0, x1, y0, y1), 11 cm or more from those taken (K, 3)."""
+    x0, x1, y0, y1 = area
+    places = rng.uniform([x0 - 0.1, y0 - 0.1], [x1 + 0.15, y1 + 0.1], (count, 2))
+    apart = np.linalg.norm(places[:, None] - taken[None, :, :2], axis=-1).min(1)
+    free: list[list[float]] = places[apart > 0.11].tolist()
+    return free
 
-    A lever at one end looks like one that was placed the other way round, at its other end: it is told as leaning back
-    by at most half of its way. The base of a wheel is round: it is told where its handle points, and half way. Buttons
-    look the same from all sides.
+
+def faced(nouns: NDArray[np.int64], yaws: Array, shares: Array) -> Array:
+    """(K,) radians: where things face as a picture shows it, given yaws and shares of their joints (K,).
+
+    A wheel faces where its handle is. Buttons look the same from all sides.
     """
-    lever, wheel, button = ((nouns == NOUN_NAMES.index(noun)) for noun in ("lever", "wheel", "button"))
-    over = lever & (shares > 0.5)
-    turned = yaws + np.where(over, np.pi, 0.0) + np.where(wheel, DEVICES["wheel"].value(shares), 0.0)
-    told = np.where(over, 1.0 - shares, np.where(wheel, 0.5, shares))
-    return np.where(button, 0.0, turned), told
+    wheel, button = ((nouns == NOUN_NAMES.index(noun)) for noun in ("wheel", "button"))
+    return np.where(button, 0.0, yaws + np.where(wheel, DEVICES["wheel"].value(shares), 0.0))
 
 
 def moved_camera(camera: Camera, looks: LookVariation, rng: Generator) -> tuple[Camera, CameraFrame]:
@@ -342,20 +365,6 @@ def sample_light(rng: Generator, shadow: float) -> Light:
         specular=rng.uniform(0.0, 0.2),
         shadow=bool(rng.random() < shadow),
     )
-
-
-def window(
-    picture: NDArray[np.uint8], numbers: NDArray[np.float32], labels: Array, rng: Generator
-) -> tuple[NDArray[np.uint8], NDArray[np.float32], Array]:
-    """Return a random window of SIDE x SIDE pixels of a picture, the camera's numbers there, and its labels."""
-    v, u = (int(rng.integers(0, most - SIDE + 1)) for most in picture.shape[:2])
-    numbers, labels = numbers.copy(), labels.copy()
-    numbers[13:] -= u, v
-    labels[:, :2] -= u, v
-    edge = np.abs(labels[:, :2] - SIDE / 2).max(1)
-    labels[(edge > SIDE / 2 - 1) & (labels[:, -1] > 0), -1] = IGNORED  # at the border it may be seen or not
-    labels[edge > SIDE / 2 + 6, -1] = 0.0
-    return picture[v : v + SIDE, u : u + SIDE], numbers, labels
 
 
 def compressed(picture: NDArray[np.uint8], quality: int) -> NDArray[np.uint8]:
@@ -397,9 +406,8 @@ def draw_pictures(
     setups: Sequence[Sequence[str]] = SETUPS,
     shares: Sequence[float] | None = SHARES,
     disturbed: bool = True,
-    whole: bool = False,
 ) -> Pictures:
-    """Return about `count` pictures, those of one scene after another, in an order that does not follow setups."""
+    """Return about `count` labelled pictures, windows of SIDE x SIDE pixels: setup after setup, scene after scene."""
     weights = np.ones(len(setups)) / len(setups) if shares is None else np.array(shares) / np.sum(shares)
     scenes = np.maximum(np.round(weights * count / len(cameras)), 0).astype(int)
     parts = []
@@ -408,7 +416,8 @@ def draw_pictures(
             continue
         source = SceneSource(overrides, cameras, seed * 1000 + number, looks=looks, disturbed=disturbed)
         try:
-            views = [view for _ in range(amount) for view in source.draw(whole)]
+            # A window is drawn before the next camera looks, from the numbers that the scene is drawn from.
+            views = [(*view.window(source.rng), view.positions) for _ in range(amount) for view in source.draw()]
         finally:
             source.close()
         parts.append(_pictures(views))

@@ -15,7 +15,7 @@ from envs.sim.furniture import JOINTS, LINK, UPRIGHT
 PARKED_HEIGHT = -15.0  # metres: where devices stand that the episode does not show
 PARKED_SPACING = 2.0  # metres between those
 MASS = 0.05  # kg, of the moving part
-BASE_COLOR = (0.25, 0.25, 0.28, 1.0)  # RGBA
+BASE_COLOR, MARK_COLOR = (0.25, 0.25, 0.28, 1.0), (0.95, 0.95, 0.95, 1.0)  # RGBA
 SPRING_GAIN = 0.1  # part of the way back that a free spring takes in a physics step
 CYLINDER_ROTATIONS = {"x": (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)), "y": (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))}
 Pose = tuple[tuple[float, ...], tuple[float, ...]]
@@ -53,7 +53,7 @@ class DeviceBodies:
         body = bullet.createMultiBody(
             0,
             self._collision_shape(device.base, (0, 0, 0)),
-            self._visual_shape(device.base, (0, 0, 0)),
+            self._visual_shape(device.base + device.mark, (0, 0, 0)),
             basePosition=(0.0, y, PARKED_HEIGHT),
             linkMasses=[MASS],
             linkCollisionShapeIndices=[self._collision_shape(device.moving, device.pivot)],
@@ -69,7 +69,9 @@ class DeviceBodies:
         )
         self._set_up_joint(body, device)
         if self._visuals:
-            bullet.changeVisualShape(body, -1, rgbaColor=BASE_COLOR, physicsClientId=self._client)
+            for part in range(len(device.base) + len(device.mark)):
+                color = BASE_COLOR if part < len(device.base) else MARK_COLOR
+                bullet.changeVisualShape(body, -1, part, rgbaColor=color, physicsClientId=self._client)
         return body
 
     def _set_up_joint(self, body: int, device: Device) -> None:

@@ -38,6 +38,7 @@ class Device:
     low, high: the joint's limits, widths or radians. start: where it begins an episode. way: the joint's travel from
     there to its end. spring: force back to the start, N. friction: N or N m that hold the joint where it is.
     drawn: visual shape of the moving part, where it differs from its collision shape. Bullet takes 16 shapes at most.
+    mark: white parts of the base that are only drawn: from them it can be seen which way the device was placed.
     """
 
     joint: str
@@ -53,6 +54,7 @@ class Device:
     spring: float = 0.0
     friction: float = 0.0
     drawn: tuple[DevicePart, ...] = ()
+    mark: tuple[DevicePart, ...] = ()
 
     def scale(self, width: float) -> float:
         """Return the factor from a joint value in widths or radians to one in metres or radians."""
@@ -145,6 +147,7 @@ DEVICES: dict[str, Device] = {
         base=(DevicePart((1.0, 0.8, 0.25), (0.0, 0.0, 0.125)),),
         moving=(DevicePart((0.14, 0.14, 0.8), (0.0, 0.0, 0.7)), DevicePart((0.28, 0.7, 0.28), (0.0, 0.0, 1.15), "y")),
         friction=0.05,
+        mark=(DevicePart((0.4, 0.82, 0.27), (0.5, 0.0, 0.135)),),  # the side to which it is switched
     ),
     "wheel": Device(
         joint="turn",
@@ -158,5 +161,6 @@ DEVICES: dict[str, Device] = {
         moving=(DevicePart((1.5, 1.5, 0.2), (0.0, 0.0, 0.4), "z"), _PEG),
         drawn=(*_rim(11, 0.66, (0.18, 0.2), 0.4), *_SPOKES, DevicePart((0.36, 0.36, 0.2), (0.0, 0.0, 0.4), "z"), _PEG),
         friction=0.03,
+        mark=(DevicePart((0.6, 0.3, 0.08), (1.05, 0.0, 0.04)),),  # beside the peg before it is turned
     ),
 }

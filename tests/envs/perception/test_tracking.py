@@ -27,7 +27,15 @@ def known(**changes):
     nouns = np.isin(list(NOUNS), [*SHAPES, *DEVICE_NOUNS, HAND])
     bounds = np.array([[0.0, -0.6, -0.1], [0.9, 0.6, 0.8]])
     base = KnownThings(
-        nouns=nouns, targets=True, size=SIZE, width=WIDTH, fittings={}, most=8, bounds=bounds, grip_depth=0.025
+        nouns=nouns,
+        targets=True,
+        size=SIZE,
+        width=WIDTH,
+        fittings={},
+        most=8,
+        bounds=bounds,
+        grip_depth=0.025,
+        tips=0.0,
     )
     return replace(base, **changes)
 
@@ -178,7 +186,7 @@ def test_nouns_and_targets_that_a_task_lacks_are_not_observed():
     assert not follows.seen().targets.any()
 
 
-@pytest.mark.parametrize(("noun", "share"), [("button", 0.4), ("lever", 0.0), ("lever", 1.0)])
+@pytest.mark.parametrize(("noun", "share"), [("button", 0.0), ("lever", 0.0), ("lever", 1.0)])
 def test_the_handle_of_a_device_follows_from_where_it_stands(noun, share):
     device, yaw = DEVICES[noun], 0.7
     grip = device.grip(WIDTH, float(device.value(share)))
@@ -233,33 +241,32 @@ def test_the_assignment_is_the_cheapest():
         assert costs[rows, columns].sum() == pytest.approx(least)
 
 
-def test_a_wheel_that_resists_the_gripper_is_at_the_end_of_its_range():
-    width_grip = DEVICES["wheel"].grip(WIDTH, 0.0)
-    way = DEVICES["wheel"].way
+def test_the_mark_of_a_wheel_tells_how_it_was_placed():
+    grip, way = DEVICES["wheel"].grip(WIDTH, 0.0), DEVICES["wheel"].way
+    placed, rng = 0.4, np.random.default_rng(0)
 
-    def wheel(angle):
+    def wheel(share):
+        angle = placed + way * (2 * share - 1)
         turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-        return [0.45, 0.0, 0.0] + turn @ width_grip, "wheel", "red", {"yaw": angle, "share": 0.5}
+        told = share + rng.normal(0.0, 0.05)
+        return [0.45, 0.0, 0.0] + turn @ grip, "wheel", "red", {"yaw": angle, "share": told}
 
     follows = tracker()
-    for angle in (0.0, 0.1, 0.2, *[0.3] * 14):
-        peg = wheel(angle)[0]
-        follows.update(seen(wheel(angle)), moment([[0.0, 0.0, 0.4], peg - [0.1, 0.1, -0.2], peg - [0.0, 0.03, 0.0]]))
+    for share in (*[0.5] * 10, 0.6, 0.7, 0.8, 0.9):
+        peg = wheel(share)[0]
+        follows.update(seen(wheel(share)), moment([[0.0, 0.0, 0.4], peg - [0.1, 0.1, -0.2], peg - [0.0, 0.03, 0.0]]))
     found = follows.seen()
-    assert found.yaws[0] == pytest.approx(heading(found.quaternions[0]) - way, abs=1e-6)
-    follows.update(seen(wheel(0.0)), moment())
-    assert abs(follows.seen().yaws[0] - (0.3 - way)) < 0.1
+    assert found.yaws[0] == pytest.approx(placed, abs=0.1)
+    assert heading(found.quaternions[0]) == pytest.approx(placed + 0.8 * way, abs=0.1)
 
 
-def test_a_lever_past_its_middle_keeps_the_way_it_faces():
-    """A picture of it shows the way it leans, so that it seems placed the other way round."""
+def test_a_lever_that_is_switched_keeps_the_way_it_faces():
     device, yaw = DEVICES["lever"], 0.7
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
 
     def lever(share):
         place = np.array([0.45, 0.05, 0.0]) + turn @ device.grip(WIDTH, float(device.value(share)))
-        over = share > 0.5
-        return place, "lever", "red", {"yaw": yaw + np.pi * over, "share": 1.0 - share if over else share}
+        return place, "lever", "red", {"yaw": yaw, "share": share}
 
     follows = tracker()
     for share in (*[0.0] * 20, 0.2, 0.4, *[0.9] * 3):
@@ -270,3 +277,33 @@ def test_a_lever_past_its_middle_keeps_the_way_it_faces():
     found = follows.seen()
     assert abs(found.yaws[0] - yaw) < 0.05
     np.testing.assert_allclose(found.positions[0], lever(0.9)[0], atol=0.004)
+
+
+@pytest.mark.parametrize("tips", [0.0, 0.008])
+def test_a_button_is_as_far_down_as_the_gripper_that_hides_it(tips):
+    button, place = DEVICES["button"], np.array([0.45, 0.0, 0.0])
+    top = place + button.grip(WIDTH)
+    follows = tracker(tips=tips)
+    for _ in range(3):
+        follows.update(seen((top, "button", "red", {"share": 0.3})), moment())
+    assert follows.seen().positions[0, 2] == pytest.approx(top[2])
+    for depth in (0.0, 0.5, 0.9):
+        gripper = top + [0.004, 0.0, tips - depth * button.way * WIDTH]
+        follows.update(seen(), moment([[0.0, 0.0, 0.4], gripper + [-0.1, 0.0, 0.3], gripper]))
+        assert top[2] - follows.seen().positions[0, 2] == pytest.approx(depth * button.way * WIDTH, abs=1e-6)
+    follows.update(seen(), moment())
+    assert follows.seen().positions[0, 2] == pytest.approx(top[2])
+
+
+@pytest.mark.parametrize("noun", ["button", "lever", "wheel"])
+def test_no_loose_thing_is_believed_within_a_device(noun):
+    stand = np.array([0.45, 0.0, 0.0])
+    device = stand + DEVICES[noun].grip(WIDTH), noun, "red"
+    follows = tracker()
+    for _ in range(3):
+        follows.update(seen(device), moment())
+    phantom, real = stand + [0.0, 0.02, 0.025], stand + [0.0, 0.1, 0.025]
+    for _ in range(4):
+        follows.update(seen(device, (phantom, "cube", "red"), (real, "cube", "blue")), moment())
+    found = follows.seen()
+    assert sorted(found.colors.tolist()) == sorted(list(COLORS).index(color) for color in ("red", "blue"))

@@ -2,12 +2,25 @@ import numpy as np
 import pytest
 import torch
 
+from core.cameras import CameraFrame
 from core.errors import ConfigError
+from envs.perception.detections import View
 from envs.perception.network import SightNetwork
 from envs.perception_training.__main__ import main
 from envs.perception_training.fitting import disturb, fit, losses
-from envs.perception_training.scenes import LABEL, PLAIN, SEEN, SIDE, LookVariation, draw_pictures, seen_joints, window
+from envs.perception_training.scenes import (
+    LABEL,
+    PLAIN,
+    SEEN,
+    SIDE,
+    LabelledView,
+    LookVariation,
+    draw_pictures,
+    faced,
+)
+from envs.sim.devices import DEVICES
 from language import NOUNS
+from tests.helpers.env_cases import config_of
 
 SETUP = (("task=nl_reach", "task.num_objects=4"),)
 
@@ -39,13 +52,16 @@ def test_what_is_seen_has_its_colour_in_the_picture():
 
 def test_a_window_moves_the_labels_with_the_picture():
     picture = np.arange(192 * 192 * 3, dtype=np.uint32).reshape(192, 192, 3) % 251
-    numbers, labels = np.zeros(15, np.float32), np.zeros((16, len(LABEL)))
+    labels = np.zeros((16, len(LABEL)))
     labels[0, :2], labels[0, -1] = (96.0, 100.0), SEEN
-    part, moved, told = window(picture.astype(np.uint8), numbers, labels, np.random.default_rng(3))
+    camera = config_of("task=nl_reach").workspace.cameras["front"]
+    view = View(picture.astype(np.uint8), camera, CameraFrame.of(camera))
+    drawn = LabelledView(view, labels, np.zeros((1, 3)))
+    part, moved, told = drawn.window(np.random.default_rng(3))
     assert part.shape == (SIDE, SIDE, 3)
     u, v = told[0, :2].astype(int)
     assert np.array_equal(part[v, u], picture[100, 96])
-    assert np.array_equal(moved[13:], told[0, :2] - [96.0, 100.0])
+    assert np.array_equal(moved[13:] - drawn.numbers[13:], told[0, :2] - [96.0, 100.0])
 
 
 def test_looks_vary_more_than_plain_ones():
@@ -88,8 +104,7 @@ def test_bad_arguments_are_told_in_one_sentence(tmp_path):
             main(words)
 
 
-def test_levers_and_wheels_are_told_as_a_picture_shows_them():
-    nouns = np.array([list(NOUNS).index(noun) for noun in ("lever", "lever", "wheel", "button", "cube")])
-    yaws, shares = seen_joints(nouns, np.full(5, 0.3), np.array([0.2, 0.9, 0.5, 0.7, 0.0]))
-    np.testing.assert_allclose(yaws, [0.3, 0.3 + np.pi, 0.3, 0.0, 0.3])
-    np.testing.assert_allclose(shares, [0.2, 0.1, 0.5, 0.7, 0.0])
+def test_a_wheel_faces_where_its_handle_is_and_a_button_nowhere():
+    nouns = np.array([list(NOUNS).index(noun) for noun in ("lever", "wheel", "wheel", "button", "cube")])
+    yaws = faced(nouns, np.full(5, 0.3), np.array([0.9, 0.5, 1.0, 0.7, 0.0]))
+    np.testing.assert_allclose(yaws, [0.3, 0.3, 0.3 + DEVICES["wheel"].way, 0.0, 0.3])
