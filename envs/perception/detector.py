@@ -14,7 +14,7 @@ from torch import Tensor
 from core.cameras import Camera, CameraFrame
 from envs.perception.detections import NOUN_NAMES, Detections, View
 from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork, camera_numbers, folded
-from envs.perception.poses import CUBE, LEVER, WHEEL, wrapped
+from envs.perception.poses import CUBE, LEVER, WHEEL, WHEEL_WAY, wrapped
 from envs.perception.tracking import QUARTER, assignment
 from envs.perception.weights_file import load
 from language import DEVICES, FITTINGS, HAND
@@ -87,6 +87,9 @@ def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
     full, quarter = np.arctan2(turn[:, 1], turn[:, 0]), np.arctan2(turn[:, 3], turn[:, 2]) / 4
     yaws = np.where(FACING[noun], wrapped(full + sight_yaw, 2 * np.pi), 0.0)
     yaws = np.where(noun == CUBE, wrapped(quarter + sight_yaw, QUARTER), yaws)
+    shares = numbers["share"][:, 0, 0, 0].numpy()
+    # The handle of a wheel stands at `full`, and its mark at four times `quarter`.
+    shares = np.where(noun == WHEEL, 0.5 + wrapped(full - 4 * quarter, 2 * np.pi) / (2 * WHEEL_WAY), shares)
     return Detections(
         positions=positions,
         covariances=covariances,
@@ -94,7 +97,7 @@ def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
         colors=numbers["color"][:, :, 0, 0].softmax(1).numpy(),
         sizes=numbers["size"][:, 0, 0, 0].numpy() * SIZE_UNIT,
         yaws=yaws,
-        shares=numbers["share"][:, 0, 0, 0].clamp(0, 1).numpy(),
+        shares=np.clip(shares, 0.0, 1.0),
         targets=numbers["target"][:, 0, 0, 0].sigmoid().numpy(),
         presence=presence.double().numpy(),
     )

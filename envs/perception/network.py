@@ -34,7 +34,7 @@ HEADS = {  # name -> numbers that a cell has of it
     "color": len(COLOR_NAMES),
     "size": 1,
     "target": 1,
-    "turn": 4,  # cosine and sine of the yaw relative to the line of sight, and of four times that yaw
+    "turn": 4,  # cosine and sine of the yaw relative to the line of sight; of four times that, or of a wheel's mark
     "share": 1,
 }
 WIDTH = sum(HEADS.values())

@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 
 from envs.perception.config import PerceptionConfig
 from envs.perception.detections import Array, Detections
+from envs.perception.device_contact import IS_DEVICE, TIP_RADIUS, pressed, pushed, within_devices
 from envs.perception.fitting_track import JUMP, KEPT, LEAST, NEAR, NOISE, FollowedFitting, length
 from envs.perception.poses import (
     BUTTON,
     CUBE,
     DEVICE_NUMBERS,
+    LEVER,
     LOOSE,
     WHEEL,
     WHEEL_WAY,
@@ -35,13 +37,11 @@ from envs.perception.poses import (
     upright,
     wrapped,
 )
-from envs.sim.devices import DEVICES
 from envs.sim.workspace import Fitting
 from envs.tasks import NOTHING
 from language import COLORS, HAND, NOUNS
 
 HAND_NUMBER = list(NOUNS).index(HAND)
-IS_DEVICE = np.isin(np.arange(len(NOUNS)), DEVICE_NUMBERS)
 QUARTER = np.pi / 2  # radians: a cube looks the same after such a turn
 JUMPED = 0.1  # metres of the way of a thing that has been moved whose square costs 1 more
 WORST = 10.0  # cost from which a detection is not of a thing
@@ -52,8 +52,9 @@ LEVEL = 0.008  # metres from its height on the table within which a thing at res
 ARM = 0.09  # metres from the axis of an arm's links within which it hides things
 HOLDS = 0.08  # metres from where a gripper holds to the middle of what it has taken hold of, at most
 FOLLOWS = 0.8  # share of a measured turn that is taken at once while the gripper may be turning something
-RADII = np.array([{"button": 0.5, "lever": 0.5, "wheel": 0.75}.get(noun, 0.0) for noun in NOUNS])  # widths, of devices
-ON_BUTTON = 0.5  # widths beside the middle of a button within which a gripper presses it
+PUSHED = 0.06  # metres beside the gripper's centre within which it covers a handle
+COVERED = 0.2  # share of a measured turn that is taken at once of a handle that the gripper covers
+SLIP = 0.03  # metres that a held thing may be seen from where the gripper has taken it
 SAMPLES = 6  # points along each link
 
 
@@ -199,7 +200,7 @@ class SceneTracker:
         self._miss(rows, moment)
         self._join(seen[new], anchors[new])
         self._note_held(moment)
-        self._press(moment)
+        self._operate(moment)
         self._level()
         self._gripper = moment.gripper.copy(), moment.rotation.copy()
         self._pictures += 1
@@ -241,7 +242,7 @@ class SceneTracker:
         noise = np.where(things.restless > 0, config.motion, config.drift)
         near = length(things.anchors - moment.gripper) < NEAR
         noise = np.where(near, np.maximum(noise, config.motion / 10), noise)
-        noise[self._devices] = config.drift
+        noise[self._devices | (things.ids == self._held)] = config.drift
         things.covariances = things.covariances + (noise * noise)[:, None, None] * np.eye(3)
         things.restless = np.maximum(things.restless - 1, 0)
 
@@ -249,6 +250,14 @@ class SceneTracker:
     def _devices(self) -> NDArray[np.bool_]:
         """(T,) which things are devices."""
         return np.isin(self._things.nouns.argmax(1), DEVICE_NUMBERS)
+
+    def _places(self, which: NDArray) -> Array:
+        """(W, 3) where these things are; of devices, their handles; metres."""
+        things = self._things
+        yaws, shares = things.yaws[which], things.shares[which]
+        return handles(
+            things.nouns[which].argmax(1), things.anchors[which], yaws=yaws, shares=shares, width=self._known.width
+        )
 
     def _anchors_of(self, seen: Detections) -> Array:
         """(D, 3) what is filtered of each detection: its place, or where the device stands whose handle is seen."""
@@ -288,7 +297,11 @@ class SceneTracker:
     ) -> None:
         """Take what is seen of things that were there before."""
         things = self._things
-        near = length(things.anchors[rows] - moment.gripper) < NEAR
+        held = things.ids[rows] == self._held
+        slips = length(anchors[columns] - things.anchors[rows])
+        fits = ~held | (slips < SLIP)  # what is held cannot be elsewhere, whatever is seen of it between other things
+        rows, columns, jumps = rows[fits], columns[fits], jumps[fits] & ~held[fits]
+        near = length(self._places(rows) - moment.gripper) < NEAR
         taken = ~jumps | near | (things.restless[rows] > 0) | (things.strayed[rows] > 0)
         things.strayed[rows] = np.where(jumps & ~taken, 1, 0)
         things.restless[rows[jumps & taken]] = RESTLESS
@@ -309,20 +322,27 @@ class SceneTracker:
         things.colors[sure] = KEPT * things.colors[sure] + np.log(np.maximum(seen.colors[of], LEAST))
         odds = np.log(seen.targets[of] / (1 - seen.targets[of]))
         things.targets[sure] = KEPT * things.targets[sure] + odds
-        self._turn(rows, columns, seen=seen, near=near)
+        pushed = self._devices[rows] & (length((seen.positions[columns] - moment.gripper)[:, :2]) < PUSHED)
+        self._turn(rows, columns, seen=seen, near=near, pushed=pushed)
 
-    def _turn(self, rows: NDArray, columns: NDArray, *, seen: Detections, near: NDArray[np.bool_]) -> None:
-        """Take how things are turned, and how far devices are moved. near: (M,) which the gripper may be moving."""
+    def _turn(
+        self, rows: NDArray, columns: NDArray, *, seen: Detections, near: NDArray[np.bool_], pushed: NDArray[np.bool_]
+    ) -> None:
+        """Take how things are turned, and how far devices are moved.
+
+        near: (M,) which the gripper may be moving. pushed: (M,) of which devices it covers the handle.
+        """
         things = self._things
         nouns = things.nouns[rows].argmax(1)
         slow = 1.0 / np.clip(things.hits[rows], 1, 20)
         turns = (near & np.isin(nouns, (CUBE, WHEEL))) | (things.restless[rows] > 0)
-        gain = np.where(things.ids[rows] == self._held, 0.0, np.where(turns, np.maximum(slow, FOLLOWS), slow))
+        follows = np.where(pushed, COVERED, FOLLOWS)
+        gain = np.where(things.ids[rows] == self._held, 0.0, np.where(turns, np.maximum(slow, follows), slow))
         apart = seen.yaws[columns] - things.yaws[rows]
         apart = np.where(nouns == CUBE, wrapped(apart, QUARTER), wrapped(apart, 2 * np.pi))
         turnable = (nouns == CUBE) | np.isin(nouns, DEVICE_NUMBERS)
         things.yaws[rows] += np.where(turnable, gain * apart, 0.0)
-        gain = np.where(near, np.maximum(slow, FOLLOWS), slow)
+        gain = np.where(near, np.maximum(slow, follows), slow)
         things.shares[rows] += gain * (seen.shares[columns] - things.shares[rows])
         # How a wheel was placed, its mark tells; it stays so.
         placed = _wheel_starts(seen.yaws[columns], seen.shares[columns])
@@ -349,7 +369,7 @@ class SceneTracker:
     def _hidden(self, which: NDArray, moment: Moment) -> NDArray[np.bool_]:
         """(W,) whether the arm or another thing is between a camera and each of these things, or in its place."""
         things = self._things
-        places, size = things.anchors[which], self._known.size
+        places, size = self._places(which), self._known.size
         share = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)[:, None, None]
         links = (moment.arm[:-1] + share * (moment.arm[1:] - moment.arm[:-1])).reshape(-1, 3)
         screens = np.concatenate((links, moment.arm[-1:], things.anchors))
@@ -369,7 +389,8 @@ class SceneTracker:
         apart = length(anchors[:, None] - things.anchors[None])
         same = (new.targets[:, None] > 0.5) == (things.targets[None] > 0)
         believed &= ~((apart < ALIKE * known.size) & same).any(1)
-        believed &= ~(LOOSE[new.nouns.argmax(1)] & self._in_devices(anchors))
+        there = {"nouns": things.nouns.argmax(1), "anchors": things.anchors, "size": known.size, "width": known.width}
+        believed &= ~within_devices(new.nouns.argmax(1), anchors, **there)
         if (new.nouns.argmax(1) == HAND_NUMBER).any() and (things.nouns.argmax(1) == HAND_NUMBER).any():
             believed &= new.nouns.argmax(1) != HAND_NUMBER  # there is one
         new, anchors = new[believed], anchors[believed]
@@ -400,14 +421,6 @@ class SceneTracker:
         )
         self._next += count
 
-    def _in_devices(self, places: Array) -> NDArray[np.bool_]:
-        """(D,) which places (D, 3) are within devices: what is hidden in part is easily taken for a loose thing."""
-        things, width = self._things, self._known.width
-        nouns = things.nouns.argmax(1)
-        offset = places[:, None] - things.anchors[None]
-        beside = length(offset[..., :2]) < RADII[nouns] * width + self._known.size / 5
-        return np.asarray((beside & IS_DEVICE[nouns] & (offset[..., 2] < width)).any(1))
-
     # ---- what is held, and what rests
 
     def _note_held(self, moment: Moment) -> None:
@@ -425,23 +438,31 @@ class SceneTracker:
             if ids and min(apart) < HOLDS:
                 self._held = ids[int(np.argmin(apart))]
 
-    def _press(self, moment: Moment) -> None:
-        """Tell how far buttons are pressed: as far as the gripper, which hides them, is below their height. They spring
-        back."""
-        things, width = self._things, self._known.width
-        button = DEVICES["button"]
-        buttons = np.flatnonzero(things.nouns.argmax(1) == BUTTON)
-        low = self._known.tips if self._held == NOTHING else self._known.grip_depth + self._known.size / 2
-        on = length((things.anchors[buttons] - moment.gripper)[:, :2]) < ON_BUTTON * width
-        below = (button.grip(width)[2] - moment.gripper[2] + low) / (button.way * width)
-        things.shares[buttons] = np.where(on, np.clip(below, 0.0, 1.0), 0.0)
+    def _operate(self, moment: Moment) -> None:
+        """Move devices as the gripper does, which hides them meanwhile."""
+        things, known = self._things, self._known
+        nouns, free = things.nouns.argmax(1), self._held == NOTHING
+        tip = moment.gripper - [0.0, 0.0, known.tips if free else known.grip_depth + known.size / 2]
+        buttons = np.flatnonzero(nouns == BUTTON)
+        things.shares[buttons] = pressed(things.anchors[buttons], tip, known.width)
+        close = length((things.anchors - tip)[:, :2]) < known.width + TIP_RADIUS
+        for k in np.flatnonzero(close & free & np.isin(nouns, (LEVER, WHEEL))).tolist():
+            yaw, share = float(things.yaws[k]), float(things.shares[k])
+            things.yaws[k], things.shares[k] = pushed(
+                int(nouns[k]), things.anchors[k], tip, yaw=yaw, share=share, width=known.width
+            )
 
     def _level(self) -> None:
-        """Put what stands on the table at its height there."""
-        things, height = self._things, self._known.size / 2
+        """Put what stands on the table at its height there, and what stands on such a thing at its height."""
+        things, size = self._things, self._known.size
         rests = LOOSE[things.nouns.argmax(1)] & (things.restless == 0) & (things.ids != self._held)
-        rests &= np.abs(things.anchors[:, 2] - height) < LEVEL
-        things.anchors[rests, 2] = height
+        low = rests & (np.abs(things.anchors[:, 2] - size / 2) < LEVEL)
+        things.anchors[low, 2] = size / 2
+        high = rests & (np.abs(things.anchors[:, 2] - 1.5 * size) < LEVEL)
+        under = low & (things.targets <= 0)
+        offset = things.anchors[high, None, :2] - things.anchors[None, under, :2]
+        stands_on = np.max(np.abs(offset), axis=2, initial=0.0).min(1, initial=np.inf) < size / 2
+        things.anchors[np.flatnonzero(high)[stands_on], 2] = 1.5 * size
 
     # ---- what is observed
 
@@ -454,7 +475,7 @@ class SceneTracker:
             sure = np.sort(sure[np.argsort(-things.hits[sure], kind="stable")][:room])
         nouns = things.nouns[sure].argmax(1)
         yaws, shares = things.yaws[sure], things.shares[sure]
-        places = handles(nouns, things.anchors[sure], yaws=yaws, shares=shares, width=known.width)
+        places = self._places(sure)
         fittings = list(self._fittings.values())
         ids = np.array([*things.ids[sure].tolist(), *map(_fitting_id, self._fittings)], np.int64)
         held = np.flatnonzero(ids == self._held)

@@ -9,16 +9,16 @@ from torch import Tensor
 from torch.nn import functional
 
 from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork
-from envs.perception_training.scenes import LABEL, Pictures
-from language import DEVICES, FITTINGS, NOUNS
+from envs.perception.poses import CUBE, LEVER, WHEEL, WHEEL_WAY
+from envs.perception_training.scenes import LABEL, SEEN, Pictures
+from language import FITTINGS, NOUNS
 
 REACH = 1.5  # cells around the middle of a thing that learn what it is
 WIDTH = 0.6  # cells, the standard deviation of the heat around a middle
+COMMON = 0.5  # share of pictures that show a noun from which on it needs no repetition
 COVERED = 3  # things in a picture that a box may cover in part
 MOST_GRADIENT = 5.0  # norm of the gradients of a step
-CUBE = list(NOUNS).index("cube")
-TURNED = [list(NOUNS).index(noun) for noun in ("lever", "wheel")]  # nouns that face somewhere
-MOVED = [list(NOUNS).index(noun) for noun in (*DEVICES, *FITTINGS)]  # nouns with a share
+MOVED = [list(NOUNS).index(noun) for noun in ("button", "lever", *FITTINGS)]  # nouns whose share a cell tells
 WEIGHTS = {"heat": 1.0, "offset": 0.5, "height": 0.5, "noun": 0.5, "color": 0.5, "size": 0.5, "target": 0.5}
 WEIGHTS |= {"turn": 0.5, "share": 1.0}
 
@@ -85,11 +85,14 @@ def losses(out: Tensor, labels: Tensor) -> dict[str, Tensor]:
             functional.binary_cross_entropy_with_logits(cells["target"][:, 0], label["target"], reduction="none")
         ),
     }
-    turn = label["turn"]
-    aims = torch.stack((turn.cos(), turn.sin(), (4 * turn).cos(), (4 * turn).sin()), 1)
+    turn, wheel = label["turn"], noun == WHEEL
+    base = turn - WHEEL_WAY * (2 * label["share"] - 1)  # where the mark of a wheel is
+    other = torch.where(wheel, base, 4 * turn)
+    aims = torch.stack((turn.cos(), turn.sin(), other.cos(), other.sin()), 1)
     wrong = (cells["turn"] - aims) ** 2
-    faces = torch.isin(noun, noun.new_tensor(TURNED)).float()
-    terms["turn"] = mean(wrong[:, :2].sum(1), faces) + mean(wrong[:, 2:].sum(1), (noun == CUBE).float())
+    faces = ((noun == LEVER) | wheel).float()
+    terms["turn"] = mean(wrong[:, :2].sum(1), faces)
+    terms["turn"] += mean(wrong[:, 2:].sum(1), (noun == CUBE).float()) + mean(wrong[:, 2:].sum(1), wheel.float())
     moved = torch.isin(noun, noun.new_tensor(MOVED)).float()
     terms["share"] = mean((cells["share"][:, 0] - label["share"]).abs(), moved)
     return terms
@@ -190,11 +193,11 @@ def fit(
     cameras, labels = torch.from_numpy(pictures.cameras), torch.from_numpy(pictures.labels)
     if device != "cpu":
         data, cameras, labels = data.to(device), cameras.to(device), labels.to(device)
-    order = torch.empty(0, dtype=torch.long)
+    order, repeats = torch.empty(0, dtype=torch.long), _repeats(torch.from_numpy(pictures.labels))
     network.train()
     for step in range(steps):
         if len(order) < batch:
-            order = torch.cat((order, torch.randperm(len(data), generator=order_source)))
+            order = torch.cat((order, _epoch(repeats, order_source)))
         chosen, order = order[:batch].to(data.device), order[batch:]
         these = labels[chosen]
         inputs = data[chosen].permute(0, 3, 1, 2).float().div_(255)
@@ -207,6 +210,25 @@ def fit(
         if report is not None and (step % 50 == 0 or step == steps - 1):
             report(step, {name: float(term.detach()) for name, term in terms.items()})
     return network.eval()
+
+
+def _repeats(labels: Tensor) -> Tensor:
+    """Return how often an epoch shows each picture, (M,): more often where it shows a noun that few pictures show.
+
+    Source: Gupta, Dollar and Girshick, "LVIS", 2019, appendix: repeat factor sampling.
+    """
+    shown = torch.zeros(len(labels), len(NOUNS))
+    seen = (labels[..., LABEL.index("state")] == SEEN).float()
+    shown.scatter_add_(1, labels[..., LABEL.index("noun")].long(), seen).clamp_(max=1.0)
+    factors = (COMMON / shown.mean(0).clamp(min=1e-4)).sqrt().clamp(min=1.0)
+    return (shown * factors).amax(1).clamp(min=1.0)
+
+
+def _epoch(repeats: Tensor, generator: torch.Generator) -> Tensor:
+    """Return the numbers of pictures in a random order, each `repeats` (M,) times on average."""
+    counts = (repeats + torch.rand(len(repeats), generator=generator)).long()
+    chosen = torch.arange(len(repeats)).repeat_interleave(counts)
+    return chosen[torch.randperm(len(chosen), generator=generator)]
 
 
 def _update(network: SightNetwork, optimizer: torch.optim.Optimizer, terms: dict[str, Tensor]) -> None:

@@ -272,7 +272,7 @@ def test_a_lever_that_is_switched_keeps_the_way_it_faces():
     for share in (*[0.0] * 20, 0.2, 0.4, *[0.9] * 3):
         place = lever(share)[0]
         follows.update(
-            seen(lever(share)), moment([[0.0, 0.0, 0.4], place + [-0.1, 0.0, 0.2], place + [0.0, 0.0, 0.02]])
+            seen(lever(share)), moment([[0.0, 0.0, 0.4], place + [-0.1, 0.0, 0.2], place + [0.0, 0.08, 0.05]])
         )
     found = follows.seen()
     assert abs(found.yaws[0] - yaw) < 0.05
@@ -307,3 +307,22 @@ def test_no_loose_thing_is_believed_within_a_device(noun):
         follows.update(seen(device, (phantom, "cube", "red"), (real, "cube", "blue")), moment())
     found = follows.seen()
     assert sorted(found.colors.tolist()) == sorted(list(COLORS).index(color) for color in ("red", "blue"))
+
+
+@pytest.mark.parametrize("noun", ["lever", "wheel"])
+def test_a_handle_that_the_gripper_hides_goes_where_it_is_pushed(noun):
+    device, stand = DEVICES[noun], np.array([0.45, 0.0, 0.0])
+    start, end = stand + device.grip(WIDTH), stand + device.grip(WIDTH, device.start + 0.5 * device.way)
+    share = (device.start - device.low) / (device.high - device.low)
+    follows = tracker()
+    for _ in range(3):
+        follows.update(seen((start, noun, "red", {"share": share})), moment())
+    touch = 0.02 + 0.14 * WIDTH
+    for part in np.linspace(0.0, 1.0, 12):
+        handle = stand + device.grip(WIDTH, device.start + 0.5 * part * device.way)
+        ahead = stand + device.grip(WIDTH, device.start + 0.5 * part * device.way + 0.01) - handle
+        ahead /= np.linalg.norm(ahead[:2])
+        gripper = handle - touch * ahead
+        gripper[2] = handle[2]
+        follows.update(seen(), moment([[0.0, 0.0, 0.4], gripper + [-0.1, 0.0, 0.3], gripper]))
+    assert np.linalg.norm(follows.seen().positions[0] - end) < 0.007
