@@ -20,6 +20,7 @@ ACTION_UNIT = 0.5  # reduced gain, so that noise of the arm's scale does not tog
 FINGER_STEP = 0.02  # metres a fingertip moves in a control step, 0.4 m/s: brief noise neither grasps nor drops
 APART = 0.9  # share of their greatest opening from which fingers no longer touch what they have released
 FINGERTIPS = 0.008  # metres below the gripper centre that fingers end
+FACE_GIVES = 0.005  # metres by which the soft face of a magnet gives way where it presses on something
 MAX_DISTANCE = 0.1  # metres from the gripper centre to the centre of an object that it could hold
 
 
@@ -30,7 +31,7 @@ class GripController:
         closed: (N,) which grippers are commanded to close.
         held: (N,) of `state`, the slots that they hold, or NOTHING.
         grip_depth: metres from the gripper centre down to the centre of an object that it holds.
-        tips: metres from the gripper centre down to the tips of its fingers; 0 of a magnet.
+        tips: metres from the gripper centre down to what it presses on.
         can_grip: whether anything can be gripped.
 
     Args:
@@ -63,7 +64,7 @@ class GripController:
         self._opening_around_object = opening_around(robot, object_size) if gripper in ("fingers", "hinge") else 0.0
         self._num_fingers, self._opening = len(robot.fingers), np.full(len(worlds), self._max_opening)
         self._by_fingers = bool(robot.fingers) and gripper != "magnet"
-        self.tips = FINGERTIPS if self._by_fingers else 0.0
+        self.tips = FINGERTIPS if self._by_fingers else -FACE_GIVES * (gripper == "magnet")
         self._robot, self._step = robot, FINGER_STEP
         if robot.hinge and robot.on_hinge:
             self._step /= robot.hinge.length

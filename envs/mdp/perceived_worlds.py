@@ -108,12 +108,12 @@ class PerceivedWorlds:
         self.task.reset(worlds, self.state)
 
     def follow(self) -> None:
-        """Look at all worlds after a control step. What appears late begins the task's memory of that world anew."""
+        """Look at all worlds after a control step."""
         new = self._look(self._arrays.index)
         with np.errstate(invalid="ignore"):  # rewards, which nobody reads, of worlds in which nothing is seen
             self.task.step(self.state)
-        if new:
-            self.task.reset(np.array(new), self.state)
+        for world, slots in new.items():
+            self.task.notice(world, slots, self.state)
 
     def look_again(self) -> None:
         """Look at all worlds, in which somebody has moved something between two control steps."""
@@ -130,12 +130,12 @@ class PerceivedWorlds:
         """(N,) whose arms are to hold still: nothing could be seen."""
         return np.array([reason is not None for reason in self.blind])
 
-    def _look(self, worlds: NDArray[np.int64]) -> list[int]:
-        """Take pictures of these worlds. Returns those in which something appeared."""
+    def _look(self, worlds: NDArray[np.int64]) -> dict[int, NDArray[np.int64]]:
+        """Take pictures of these worlds. Returns the slots in which something appeared, by world."""
         arrays = self._arrays
         self.state.gripper = arrays.state.gripper
         frames = self._kinematics.frames(arrays.angles)[..., :3, :]  # (J + 1, N, 3, 4)
-        new = []
+        new = {}
         for i in worlds.tolist():
             before = self._reader.angles(i)
             then = frames[:, i] if before is None else self._kinematics.frames(before[None])[:, 0, :3]
@@ -150,8 +150,9 @@ class PerceivedWorlds:
             seen = self._trackers[i].seen()
             if before is not None and seen.held != NOTHING:
                 seen.positions[seen.held] = _carried(seen.positions[seen.held], then[-1], frames[-1, i])
-            if self._show(i, seen):
-                new.append(i)
+            slots = self._show(i, seen)
+            if len(slots):
+                new[i] = slots
         return new
 
     def _moment(self, i: int, frames: Array) -> tuple[Moment, Gripper]:
@@ -164,8 +165,8 @@ class PerceivedWorlds:
 
     # ---- slots
 
-    def _show(self, i: int, seen: Seen) -> bool:
-        """Write what is seen in world i. Returns whether something is new."""
+    def _show(self, i: int, seen: Seen) -> NDArray[np.int64]:
+        """Write what is seen in world i. Returns the slots of what is new."""
         state, rows = self.state, self.rows[i]
         new = self._assign(i, seen)
         slots = np.array([self._slots[i][number] for number in seen.ids.tolist()], np.int64)
@@ -186,7 +187,7 @@ class PerceivedWorlds:
         state.held[i] = NOTHING if seen.held == NOTHING else slots[seen.held]
         if len(new):
             state.goals[i, slots[new]] = self.task.possible_goals(self._placed(seen))[new]
-        return bool(len(new))
+        return np.asarray(slots[new])
 
     def _clear(self, i: int) -> None:
         """Show nothing in world i."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from envs.perception.config import PerceptionConfig
 from envs.perception.detections import Array, Detections
@@ -41,6 +42,18 @@ class FollowedFitting:
     @property
     def color(self) -> int:
         return int(self._colors.argmax())
+
+    @property
+    def slides(self) -> bool:
+        """Whether its contents move with it."""
+        return self._fitting.joint == "slide"
+
+    def holds(self, places: Array) -> NDArray[np.bool_]:
+        """(T,) whether places (T, 3), metres, are in it."""
+        if not self._fitting.inside:
+            return np.zeros(len(places), bool)
+        low, high = self._fitting.inside_at(np.array(self.share))
+        return np.asarray(((places >= low) & (places <= high)).all(1))
 
     def carry(self, handle: Array) -> None:
         """Move it to where the gripper has taken its handle, (3,) metres."""

@@ -191,14 +191,20 @@ class SceneTracker:
         """Take what is seen after a control step, or as an episode begins."""
         if not self._pictures:
             self._gripper = moment.gripper.copy(), moment.rotation.copy()
+        contents = {noun: (self._inside(fitting), fitting.handle) for noun, fitting in self._fittings.items()}
         self._move(moment)
         seen = self._without_fittings(self._possible(detections), moment)
+        for noun, (inside, handle) in contents.items():
+            if self._fittings[noun].slides:
+                self._things.anchors[inside] += self._fittings[noun].handle - handle
+        enclosed = np.any([inside for inside, _ in contents.values()], axis=0) if contents else np.zeros((), bool)
+        self._enclosed = np.broadcast_to(enclosed, len(self._things))
         anchors = self._anchors_of(seen)
         rows, columns, jumps = self._matched(seen, anchors)
         self._correct(rows, columns, seen=seen, anchors=anchors, jumps=jumps, moment=moment)
         new = np.setdiff1d(np.arange(len(seen)), columns)
         self._miss(rows, moment)
-        self._join(seen[new], anchors[new])
+        self._join(seen[new], anchors[new], moment)
         self._note_held(moment)
         self._operate(moment)
         self._level()
@@ -222,6 +228,11 @@ class SceneTracker:
         for noun, fitting in self._fittings.items():
             fitting.update(seen[number == noun], moment.gripper, self._config)
         return seen[~np.isin(number, list(self._fittings))]
+
+    def _inside(self, fitting: FollowedFitting) -> NDArray[np.bool_]:
+        """(T,) which loose things are in a fitting, and not in the gripper."""
+        things = self._things
+        return fitting.holds(things.anchors) & LOOSE[things.nouns.argmax(1)] & (things.ids != self._held)
 
     def _motion(self, moment: Moment) -> tuple[Array, Array]:
         """Return where the gripper was, (3,) metres, and by which rotation (3, 3) it has turned since."""
@@ -302,7 +313,8 @@ class SceneTracker:
         fits = ~held | (slips < SLIP)  # what is held cannot be elsewhere, whatever is seen of it between other things
         rows, columns, jumps = rows[fits], columns[fits], jumps[fits] & ~held[fits]
         near = length(self._places(rows) - moment.gripper) < NEAR
-        taken = ~jumps | near | (things.restless[rows] > 0) | (things.strayed[rows] > 0)
+        may_move = near | (things.restless[rows] > 0) | (things.strayed[rows] > 0)
+        taken = ~jumps | (may_move & ~self._enclosed[rows])  # the gripper would have to take it out of a fitting
         things.strayed[rows] = np.where(jumps & ~taken, 1, 0)
         things.restless[rows[jumps & taken]] = RESTLESS
         jump, go = rows[jumps & taken], columns[jumps & taken]
@@ -368,28 +380,34 @@ class SceneTracker:
 
     def _hidden(self, which: NDArray, moment: Moment) -> NDArray[np.bool_]:
         """(W,) whether the arm or another thing is between a camera and each of these things, or in its place."""
-        things = self._things
-        places, size = self._places(which), self._known.size
+        things, places = self._things, self._places(which)
+        sizes = np.full(len(things), self._known.size)
+        hides = _between(things.anchors, sizes, places, moment.cameras)
+        hides[:, np.arange(len(which)), which] = False
+        return np.asarray(hides.any((0, 2)) | self._behind_arm(places, moment))
+
+    def _behind_arm(self, places: Array, moment: Moment) -> NDArray[np.bool_]:
+        """(W,) whether the arm is between a camera and each of places (W, 3), metres, or there."""
         share = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)[:, None, None]
         links = (moment.arm[:-1] + share * (moment.arm[1:] - moment.arm[:-1])).reshape(-1, 3)
-        screens = np.concatenate((links, moment.arm[-1:], things.anchors))
-        widths = np.concatenate((np.full(len(links) + 1, ARM), np.full(len(things), size)))
-        way = moment.cameras[:, None] - places[None]  # (C, W, 3)
-        offset = screens[None, None] - places[None, :, None]  # (1, W, S, 3)
-        along = (offset * way[:, :, None]).sum(-1) / (way * way).sum(-1)[..., None]
-        beside = length(offset - np.clip(along, 0.0, 1.0)[..., None] * way[:, :, None])
-        hides = beside < widths
-        hides[:, np.arange(len(which)), len(links) + 1 + which] = False
-        return np.asarray(hides.any((0, 2)))
+        screens = np.concatenate((links, moment.arm[-1:]))
+        return np.asarray(_between(screens, np.full(len(screens), ARM), places, moment.cameras).any((0, 2)))
 
-    def _join(self, new: Detections, anchors: Array) -> None:
-        """Begin to follow what is seen of no thing so far."""
+    def _join(self, new: Detections, anchors: Array, moment: Moment) -> None:
+        """Begin to follow what is seen of no thing so far.
+
+        Later than in the first picture, nothing is believed that the arm hides in part.
+        """
         things, known = self._things, self._known
         believed = (new.presence >= self._config.presence) & self._general[new.nouns.argmax(1)]
         apart = length(anchors[:, None] - things.anchors[None])
         same = (new.targets[:, None] > 0.5) == (things.targets[None] > 0)
         believed &= ~((apart < ALIKE * known.size) & same).any(1)
         there = {"nouns": things.nouns.argmax(1), "anchors": things.anchors, "size": known.size, "width": known.width}
+        if self._pictures:
+            believed &= ~self._behind_arm(new.positions, moment)
+        for fitting in self._fittings.values():
+            believed &= length(anchors - fitting.handle) > known.size
         believed &= ~within_devices(new.nouns.argmax(1), anchors, **there)
         if (new.nouns.argmax(1) == HAND_NUMBER).any() and (things.nouns.argmax(1) == HAND_NUMBER).any():
             believed &= new.nouns.argmax(1) != HAND_NUMBER  # there is one
@@ -512,6 +530,14 @@ def _probabilities(logs: Array) -> Array:
     """(T, C) probabilities from logarithms of evidence (T, C)."""
     odds = np.exp(logs - logs.max(1, keepdims=True))
     return odds / odds.sum(1, keepdims=True)
+
+
+def _between(screens: Array, widths: Array, places: Array, cameras: Array) -> NDArray[np.bool_]:
+    """(C, W, S) whether screens (S, 3) of widths (S,) are between cameras (C, 3) and places (W, 3), all metres."""
+    way = cameras[:, None] - places[None]  # (C, W, 3)
+    offset = screens[None, None] - places[None, :, None]  # (1, W, S, 3)
+    along = (offset * way[:, :, None]).sum(-1) / (way * way).sum(-1)[..., None]
+    return np.asarray(length(offset - np.clip(along, 0.0, 1.0)[..., None] * way[:, :, None]) < widths)
 
 
 # ---- the assignment of least cost

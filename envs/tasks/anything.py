@@ -92,6 +92,10 @@ class Anything(RoomScenes):
         for member in self.members:
             member.reset(worlds, state)
 
+    def notice(self, world: int, slots: NDArray[np.int64], state: State) -> None:
+        for member in self.members:
+            member.notice(world, slots, state)
+
     def step(self, state: State) -> StepOutcome:
         """Evaluate one control step of all worlds, each by the member of its verb."""
         outcomes = [member.step(state) for member in self.members]

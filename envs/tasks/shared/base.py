@@ -199,6 +199,26 @@ class Task(ABC):
     def reset(self, worlds: NDArray[np.int64], state: State) -> None:
         """Begin new episodes in these worlds, or continue with another referent."""
 
+    def notice(self, world: int, slots: NDArray[np.int64], state: State) -> None:
+        """Begin the memory of objects that are seen only now in these slots (S,); that of all others goes on.
+
+        The memory are the arrays of `_allocate`: (N, K, ...) by slot, and (N, ...).
+        """
+        kept = {name: values[world].copy() for name, values in self._memory_arrays().items()}
+        self.reset(np.array([world]), state)
+        others = np.setdiff1d(np.arange(state.shown.shape[1]), slots)
+        for name, values in self._memory_arrays().items():
+            if values.shape[1:2] == state.shown.shape[1:]:
+                values[world, others] = kept[name][others]
+            else:
+                values[world] = kept[name]
+
+    def _memory_arrays(self) -> dict[str, NDArray]:
+        """Return the arrays of the memory by name."""
+        count = len(self._rows)
+        arrays = {name: values for name, values in vars(self).items() if isinstance(values, np.ndarray)}
+        return {name: values for name, values in arrays.items() if name != "_rows" and values.shape[:1] == (count,)}
+
     @abstractmethod
     def step(self, state: State) -> StepOutcome:
         """Evaluate one control step of all worlds. The environment adds truncation."""
