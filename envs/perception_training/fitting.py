@@ -19,7 +19,7 @@ COMMON = 0.5  # share of pictures that show a noun from which on it needs no rep
 COVERED = 3  # things in a picture that a box may cover in part
 MOST_GRADIENT = 5.0  # norm of the gradients of a step
 MOVED = [list(NOUNS).index(noun) for noun in ("button", "lever", *FITTINGS)]  # nouns whose share a cell tells
-WEIGHTS = {"heat": 1.0, "offset": 0.5, "height": 0.5, "noun": 0.5, "color": 0.5, "size": 0.5, "target": 0.5}
+WEIGHTS = {"heat": 1.0, "offset": 0.5, "height": 0.5, "noun": 0.5, "color": 0.5, "size": 0.5, "target": 1.5}
 WEIGHTS |= {"turn": 0.5, "share": 1.0}
 
 
@@ -118,7 +118,7 @@ def disturb(pictures: Tensor, labels: Tensor, generator: torch.Generator) -> Ten
         return torch.rand(count, 1, 1, 1, device=device, generator=generator) < share
 
     pictures = _covered(pictures, labels, draw, some)
-    gain = torch.where(some(0.6), draw(0.8, 1.2, 3, 1, 1), 1.0) * torch.where(some(0.5), draw(0.75, 1.2, 1, 1, 1), 1.0)
+    gain = torch.where(some(0.6), draw(0.9, 1.1, 3, 1, 1), 1.0) * torch.where(some(0.5), draw(0.75, 1.2, 1, 1, 1), 1.0)
     pictures = (pictures * gain).clamp(0, 1)
     gray = pictures.mean(1, keepdim=True)
     pictures = torch.where(some(0.4), (gray + draw(0.65, 1.1, 1, 1, 1) * (pictures - gray)).clamp(0, 1), pictures)

@@ -326,3 +326,52 @@ def test_a_handle_that_the_gripper_hides_goes_where_it_is_pushed(noun):
         gripper[2] = handle[2]
         follows.update(seen(), moment([[0.0, 0.0, 0.4], gripper + [-0.1, 0.0, 0.3], gripper]))
     assert np.linalg.norm(follows.seen().positions[0] - end) < 0.007
+
+
+def test_what_is_in_a_drawer_moves_with_it_and_stays_in_it():
+    drawer = config_of("workspace=room").workspace.fittings["drawer"]
+    number = list(NOUNS).index("drawer")
+    nouns = known().nouns.copy()
+    nouns[number] = True
+    follows = tracker(nouns=nouns, fittings={number: drawer})
+    low, high = drawer.inside_at(np.array(0.8))
+    inside = np.array([*((low + high) / 2)[:2], low[2] + SIZE / 2])
+
+    def handle(share):
+        return drawer.handle_at(drawer.value(share)), "drawer", "red"
+
+    for _ in range(3):
+        follows.update(seen((inside, "cube", "blue"), handle(0.8)), moment())
+    for share in (0.8, 0.6, 0.4, 0.2):
+        place = drawer.handle_at(drawer.value(share))
+        arm = moment([[0.0, 0.0, 0.4], place + [-0.1, 0.0, 0.3], place + [0.0, 0.0, 0.03]])
+        follows.update(seen((place + [0.0, 0.0, 0.06], "cube", "blue"), handle(share)), arm)
+    found = follows.seen()
+    cube = found.positions[found.nouns == list(NOUNS).index("cube")]
+    way = drawer.handle_at(drawer.value(0.2)) - drawer.handle_at(drawer.value(0.8))
+    np.testing.assert_allclose(cube, [inside + way], atol=0.01)
+
+
+def test_what_is_held_stays_in_the_gripper_whatever_is_seen_of_it():
+    follows = tracker()
+    at_the_cube = np.array([[0.0, 0.0, 0.3], [0.3, 0.1, 0.4], [0.4, 0.1, 0.05]])
+    follows.update(seen(CUBE), moment(at_the_cube))
+    for _ in range(5):
+        follows.update(seen(CUBE), moment(at_the_cube, holds=True))
+    for way in (0.02, 0.04, 0.06):
+        there = CUBE[0] + np.array([0.0, 0.0, way])
+        seen_there = there + [0.05, 0.0, -0.04], "cube", "red"
+        follows.update(seen(seen_there), moment(at_the_cube + [0.0, 0.0, way], holds=True))
+        np.testing.assert_allclose(follows.seen().positions, [there], atol=1e-3)
+
+
+def test_nothing_new_is_believed_that_the_arm_hides_in_part():
+    follows = tracker()
+    follows.update(seen(CUBE), moment())
+    before_it = np.array([[0.0, 0.0, 0.3], [0.3, 0.1, 0.4], [0.58, -0.02, 0.13]])
+    for _ in range(4):
+        follows.update(seen(CUBE, BALL), moment(before_it))
+    assert names(follows.seen()) == [("cube", "red")]
+    for _ in range(2):
+        follows.update(seen(CUBE, BALL), moment())
+    assert len(follows.seen().ids) == 2

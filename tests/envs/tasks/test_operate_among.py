@@ -149,3 +149,20 @@ def test_a_seed_gives_the_same_bits_after_any_contact_and_for_any_number_of_worl
 def test_an_impossible_setting_is_an_error(overrides, message):
     with pytest.raises(ConfigError, match=re.escape(message)):
         make("kuka", "step", "nl_press", *overrides)
+
+
+def test_what_is_noticed_late_leaves_the_memory_of_all_else_as_it_is(env):
+    guide, td = expert(env, privileged=True), env.reset()
+    task, state = env.task, env.state
+    for _ in range(40):
+        td = act(env, td, guide(td.clone())["action"])
+        world = int(np.abs(task.travel(state)[range(WORLDS), state.referent]).argmax())
+        travelled = task.travel(state).copy()
+        if abs(travelled[world, state.referent[world]]) > 0.2:
+            break
+    assert abs(travelled[world, state.referent[world]]) > 0.2
+    loose = np.flatnonzero(state.shown[world] & ~is_device(env)[world])[:1]
+    task.notice(world, loose, state)
+    np.testing.assert_array_equal(task.travel(state), travelled)
+    task.reset(np.array([world]), state)
+    assert task.travel(state)[world, state.referent[world]] == 0.0
