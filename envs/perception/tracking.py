@@ -11,6 +11,7 @@ of devices, and which nouns a task has. How many things there are, and where, on
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -191,14 +192,10 @@ class SceneTracker:
         """Take what is seen after a control step, or as an episode begins."""
         if not self._pictures:
             self._gripper = moment.gripper.copy(), moment.rotation.copy()
-        contents = {noun: (self._inside(fitting), fitting.handle) for noun, fitting in self._fittings.items()}
+        contents = [(each, self._inside(each), each.handle) for each in self._fittings.values()]
         self._move(moment)
         seen = self._without_fittings(self._possible(detections), moment)
-        for noun, (inside, handle) in contents.items():
-            if self._fittings[noun].slides:
-                self._things.anchors[inside] += self._fittings[noun].handle - handle
-        enclosed = np.any([inside for inside, _ in contents.values()], axis=0) if contents else np.zeros((), bool)
-        self._enclosed = np.broadcast_to(enclosed, len(self._things))
+        self._enclosed = self._carry(contents)
         anchors = self._anchors_of(seen)
         rows, columns, jumps = self._matched(seen, anchors)
         self._correct(rows, columns, seen=seen, anchors=anchors, jumps=jumps, moment=moment)
@@ -233,6 +230,18 @@ class SceneTracker:
         """(T,) which loose things are in a fitting, and not in the gripper."""
         things = self._things
         return fitting.holds(things.anchors) & LOOSE[things.nouns.argmax(1)] & (things.ids != self._held)
+
+    def _carry(self, contents: Sequence[tuple[FollowedFitting, NDArray[np.bool_], Array]]) -> NDArray[np.bool_]:
+        """Move what is in drawers with them. Returns which things (T,) are in any fitting.
+
+        contents: each fitting, what was in it (T,), and where its handle was, metres.
+        """
+        enclosed = np.zeros(len(self._things), bool)
+        for fitting, inside, handle in contents:
+            enclosed |= inside
+            if fitting.slides:
+                self._things.anchors[inside] += fitting.handle - handle
+        return enclosed
 
     def _motion(self, moment: Moment) -> tuple[Array, Array]:
         """Return where the gripper was, (3,) metres, and by which rotation (3, 3) it has turned since."""
@@ -358,7 +367,7 @@ class SceneTracker:
         things.shares[rows] += gain * (seen.shares[columns] - things.shares[rows])
         # How a wheel was placed, its mark tells; it stays so.
         placed = _wheel_starts(seen.yaws[columns], seen.shares[columns])
-        things.starts[rows] += slow * wrapped(placed - things.starts[rows], 2 * np.pi)
+        things.starts[rows] += np.where(pushed, 0.0, slow) * wrapped(placed - things.starts[rows], 2 * np.pi)
         free = things.ids[rows] != self._held
         things.turns[rows[free]] = upright(things.yaws[rows[free]])
 
