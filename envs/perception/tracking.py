@@ -402,24 +402,30 @@ class SceneTracker:
         screens = np.concatenate((links, moment.arm[-1:]))
         return np.asarray(_between(screens, np.full(len(screens), ARM), places, moment.cameras).any((0, 2)))
 
-    def _join(self, new: Detections, anchors: Array, moment: Moment) -> None:
-        """Begin to follow what is seen of no thing so far.
+    def _believed(self, new: Detections, anchors: Array, moment: Moment) -> NDArray[np.bool_]:
+        """(D,) which detections of no thing so far are believed.
 
-        Later than in the first picture, nothing is believed that the arm hides in part.
+        None is where another thing is. Later than in the first picture, none that the arm hides in part is.
         """
         things, known = self._things, self._known
-        believed = (new.presence >= self._config.presence) & self._general[new.nouns.argmax(1)]
+        nouns = new.nouns.argmax(1)
+        believed = (new.presence >= self._config.presence) & self._general[nouns]
         apart = length(anchors[:, None] - things.anchors[None])
         same = (new.targets[:, None] > 0.5) == (things.targets[None] > 0)
         believed &= ~((apart < ALIKE * known.size) & same).any(1)
         there = {"nouns": things.nouns.argmax(1), "anchors": things.anchors, "size": known.size, "width": known.width}
-        if self._pictures:
-            believed &= ~self._behind_arm(new.positions, moment)
+        believed &= ~within_devices(nouns, anchors, **there)
         for fitting in self._fittings.values():
             believed &= length(anchors - fitting.handle) > known.size
-        believed &= ~within_devices(new.nouns.argmax(1), anchors, **there)
-        if (new.nouns.argmax(1) == HAND_NUMBER).any() and (things.nouns.argmax(1) == HAND_NUMBER).any():
-            believed &= new.nouns.argmax(1) != HAND_NUMBER  # there is one
+        if self._pictures:
+            believed &= ~self._behind_arm(new.positions, moment)
+        if (things.nouns.argmax(1) == HAND_NUMBER).any():
+            believed &= nouns != HAND_NUMBER  # there is one
+        return believed
+
+    def _join(self, new: Detections, anchors: Array, moment: Moment) -> None:
+        """Begin to follow what is seen of no thing so far, where it is believed."""
+        believed = self._believed(new, anchors, moment)
         new, anchors = new[believed], anchors[believed]
         count = len(new)
         if not count:
@@ -428,7 +434,7 @@ class SceneTracker:
         yaws = np.where(nouns.argmax(1) == CUBE, wrapped(new.yaws, QUARTER), new.yaws)
         yaws = np.where(LOOSE[nouns.argmax(1)] & (nouns.argmax(1) != CUBE), 0.0, yaws)
         shown = self._config.confirmations if not self._pictures else 1  # the first picture is believed
-        things.join(
+        self._things.join(
             Things(
                 ids=self._next + np.arange(count),
                 nouns=nouns,

@@ -189,10 +189,8 @@ def fit(
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, learning_rate, total_steps=steps, pct_start=0.1)
     generator = torch.Generator(device).manual_seed(seed)
     order_source = torch.Generator().manual_seed(seed)
-    data = torch.from_numpy(pictures.pictures)
-    cameras, labels = torch.from_numpy(pictures.cameras), torch.from_numpy(pictures.labels)
-    if device != "cpu":
-        data, cameras, labels = data.to(device), cameras.to(device), labels.to(device)
+    arrays = pictures.pictures, pictures.cameras, pictures.labels
+    data, cameras, labels = (torch.from_numpy(array).to(device) for array in arrays)
     order, repeats = torch.empty(0, dtype=torch.long), _repeats(torch.from_numpy(pictures.labels))
     network.train()
     for step in range(steps):
