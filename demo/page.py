@@ -24,10 +24,10 @@ from demo.splash_page import set_camera
 from demo.tab_messages import (
     MIN_SPEED,
     Change,
+    Click,
     Hover,
     MoveHand,
     Nudge,
-    Press,
     Preview,
     Say,
     SetCamera,
@@ -92,7 +92,7 @@ class Page:
                 ask(lambda session: self._hover(session, tab, at), f"hover {tab.number}")
             case Nudge(to=to):
                 ask(lambda session: self._nudge(session, to))
-            case Press(button=button):
+            case Click(button=button):
                 self._press(tab, button)
             case Change():
                 ask(lambda session: self._change(session, message), "change")

@@ -33,7 +33,7 @@ class Preview(TabMessage, tag="preview"):
     text: Text
 
 
-class Press(TabMessage, tag="press"):
+class Click(TabMessage, tag="click"):
     """A button."""
 
     button: Literal["stop", "shuffle", "point", "step", "picture", "video", "stop arm", "release arm"]
@@ -101,7 +101,7 @@ class Change(TabMessage, tag="change"):
 
 
 SETTINGS = SetDriver | SetViewpoint | SetFlag | SetSpeed | SetCamera
-KINDS = Say | Preview | Press | Nudge | Hover | MoveHand | Change | SETTINGS
+KINDS = Say | Preview | Click | Nudge | Hover | MoveHand | Change | SETTINGS
 
 
 class TabCheck:
@@ -120,4 +120,4 @@ class TabCheck:
 
     def is_press(self, message: Any) -> bool:
         """Whether each of these messages is served, however many there are: of values, only the latest one is."""
-        return isinstance(message, Say | Press | Nudge | Change)
+        return isinstance(message, Say | Click | Nudge | Change)

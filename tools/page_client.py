@@ -139,7 +139,7 @@ class PageClient(Client):
 
     def press(self, button: str) -> None:
         """Press a button."""
-        self.send("press", button=button)
+        self.send("click", button=button)
 
     def change(self, **values: Any) -> None:
         """Choose another robot, task or policy; what is not given stays."""
@@ -148,26 +148,42 @@ class PageClient(Client):
         self.send("change", **{name: shown[name] for name in ("robot", "control", "task", "workspace")} | values)
 
     @property
+    def newest(self) -> int:
+        """The number of the latest turn of the conversation; -1: there is none."""
+        return max(self._turns(), default=-1)
+
+    @property
     def last(self) -> str:
         """All text of the latest turn of the conversation."""
-        numbers = [int(name.split()[1]) for name in self.sections if name.startswith("entry ")]
-        return " ".join(strings(self.sections[f"entry {max(numbers)}"])) if numbers else ""
+        return self.since(self.newest - 1)
+
+    def since(self, turn: int) -> str:
+        """Return all text of the turns after that one."""
+        later = sorted(number for number in self._turns() if number > turn)
+        return " ".join(text for number in later for text in strings(self.sections[f"entry {number}"]))
+
+    def _turns(self) -> list[int]:
+        return [int(name.split()[1]) for name in self.sections if name.startswith("entry ")]
 
     def text(self) -> str:
         """Return all text that the page shows, one a line."""
         return "\n".join(strings(self.sections))
 
-    def wait_for_text(self, pattern: str, seconds: float = TIMEOUT, last: bool = False) -> str:
+    def wait_for_text(
+        self, pattern: str, seconds: float = TIMEOUT, last: bool = False, after: int | None = None
+    ) -> str:
         """Return what matches a pattern, once the page shows it. Raises TimeoutError.
 
         Args:
             pattern: a regular expression.
             seconds: to wait.
             last: whether the latest turn of the conversation must show it.
+            after: the number of a turn; one of those after it must show it.
         """
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            if found := re.search(pattern, self.last if last else self.text()):
+            shown = self.text() if after is None else self.since(after)
+            if found := re.search(pattern, self.last if last else shown):
                 return found[0]
             self.listen(0.02)
         raise TimeoutError(f"the page does not show {pattern!r} but:\n{self.text()}")

@@ -164,7 +164,7 @@ export class Lab {
   // ---- Small things
 
   press(button) {
-    this.send("press", { button });
+    this.send("click", { button });
   }
 
   setFlag(name, value) {

@@ -10,7 +10,7 @@ import { Socket } from "./socket.js";
 const number = [...crypto.getRandomValues(new Uint8Array(8))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 const send = (action, fields) => socket.send(action, fields);
 const say = (text) => send("say", { text });
-const press = (button) => send("press", { button });
+const press = (button) => send("click", { button });
 const box = new Box(say, (text) => send("preview", { text }));
 const conversation = new Conversation(find("log"), (offer) => {
   say(offer);

@@ -194,7 +194,7 @@ BAD_TAB_MESSAGES = [
     *({"do": "say", "text": value} for value in (1, True, None, [], {}, ["a"], "x" * (MAX_TEXT + 1))),
     *({"do": "flag", "name": "paused", "value": value} for value in (0, 1, NAN, "", "true", None, [])),
     *({"do": "flag", "name": name, "value": True} for name in ("", "Paused", "__class__", None, 1)),
-    *({"do": "press", "button": button} for button in ("", "Stop", "quit", True, None, ["stop"])),
+    *({"do": "click", "button": button} for button in ("", "Stop", "quit", True, None, ["stop"])),
     *({"do": "hand", "place": place} for place in ([NAN, 0, 0], [0, 0], [0, 0, 21], "abc", None)),
     *({"do": "hover", "at": at} for at in ([0.5], [2, 0], [NAN, 0], "x")),
     *({"do": "driver", "value": value} for value in ("", "Policy", "me", None)),
