@@ -125,27 +125,58 @@ _ASKING = re.compile(
     r"|^(?:do|did) (?:you|i|we|they)\b|^(?:can|could|may|should) (?:i|one) (?!have\b|get\b|please\b)"
     r"|^do (?!it|that|what).*\b(?:have|contain|hold)\b"
     r"|^(?:would|does|will|could|can) (?!you\b|we\b|i\b)(?!.*\bplease\b).*\b(?:fit|go|work)\b"
-    r"|^(?:help|help me|help please|i need help|commands|options|instructions|anything else)$|^have you |^list "
-    r"|^describe (?!how)|^(?:any|some|anything|something)\b(?!.*\b(?:must|should|has to|goes?|put|needs?|belongs?)\b)"
+    r"|^(?:can|could|will|would) you (?:please )?help(?: me| us)?(?: out)?(?: here| please| a bit)*$"
+    r"|^(?:can|could|does|will) (?!you\b|we\b|i\b|.*\bplease\b).*\b(?:hold|take|store|contain)"
+    r" (?:two|three|both|more|several|many|all|another)\b"
+    r"|^(?:help|help me|help please|i need help|commands|options|instructions|anything else)$"
+    r"|^have you |^list "
+    r"|^(?:can|could|would) you .* if i (?:asked|told|wanted|ask|tell|want)(?: you)?(?: to)?$"
+    r"|^describe (?!how)|^(?:any(?! chance| way| possibility)|some|anything|something)\b"
+    r"(?!.*\b(?:must|should|has to|goes?|put|needs?|belongs?)\b)"
     r".* (?:in|on|there|open)\b|^(?:there is )?(?:nothing|something|anything) .*in (?:your|my|robot) |^can i ask "
     r"|^you (?:see|hear|have|hold) |\b(?:what you can do|what can you do|what you see|what you are holding"
     r"|what i can say|how many .*)$"
 )
 _REQUESTING = re.compile(
     r"does not|(?:give|hand|put|drop|place|pass|bring|set|lay|leave|stack|store|release|return|open|close) "
-    r"|(?:are|is) you able to|will you (?!still)|could you (?!see|hear)"
+    r"|(?:are|is) you able to|will you (?!still)|could you (?!see|hear|help|.* if i (?:ask|told|tell|want))"
+)
+
+
+_IMPERATIVES = (  # commands that ask for an answer
+    (r"count(?: up)? (?:how many )?(?!out\b)(.+?)(?: and (?:report|tell|say|give)\b.*)?", r"how many \1"),
+    (r"(?:name|state|report|give(?: me)?) (?:a )?colou?rs? of (.+)", r"what colour is \1"),
+    (r"(?:name|state|report|give(?: me)?) (?:a )?number of (.+)", r"how many \1"),
+    (
+        r"(?:name|state|report|describe|give(?: me)?) (?:a )?(?:position|location|place|whereabouts) of (.+)",
+        r"where is \1",
+    ),
+    (
+        r"(?:confirm|verify|double check|check)(?: for me| please)? (?:that|whether|if) ([^,;]+?) (is|are) ([^,;]+?)",
+        r"\2 \1 \3",
+    ),
+    (r"(?:confirm|report|check|give(?: me)?|tell me|state) (?:a )?([^,;]+?) (?:status|state)", r"is \1 open"),
+    (r"(which(?: one| cube| block)?|what) is (?:holding up|supporting|carrying) (.+)", r"\1 is under \2"),
+    (r"(?:what|how) do you call ([^,;]+)", r"which \1"),
+    (
+        r"(?:has|did|have) (?:anybody|anyone|somebody|someone|you)(?: already| ever)?"
+        r" (press|open|close|turn|switch|flip)(?:ed|d|ped)? (.+?)(?: yet| already)?",
+        r"is \2 \1ed",
+    ),
 )
 
 
 def question(text: str) -> str | None:
     """Return the question that plain words ask; None if they ask none, or ask politely for something to be done."""
     asked = _OPENING.sub("", text.rstrip(" ?.!"))
+    for pattern, plain in _IMPERATIVES:
+        asked = re.sub(rf"^{pattern}$", plain, asked)
     if not _ASKING.search(asked) or _REQUESTING.match(asked):
         return None
     plain = plain_start(asked)
     named = rf"what(?:ever)? (?:i|we) (?:\w+ ){{1,5}}is\b|what(?:ever)? you (?:are|have|hold)\b.*\b(?:{verb_words()})\b"
     named += r"|what(?:ever)? \w+ (?:holds|contains|hides) .*\b(?:on|in|to)\b"
-    requests = plain != asked and re.match(rf"(?:{verb_words()})\b", plain)
+    requests = plain != asked and re.match(rf"(?:{verb_words()})\b", plain) and not _PROPOSED.match(asked)
     return None if requests or re.match(named, asked) else asked  # "what I want is", "what you hold, put it down"
 
 
@@ -165,7 +196,9 @@ SAME = re.compile(
     r"(?:with|for|to|using|goes for)|how about|what about|also) | (?:as well|too|also|likewise)$"
 )
 _PROPOSED = re.compile(
-    r"^what (?:would|will|does|happens?)(?: you)?(?: happen| do)? if (?:i|you|we)?(?: said| say| told you to"
+    r"^why (?:can|could|will|would|do|did) (?:not you|you not) (?P<not>.+)$"
+    r"|^(?:can|could|would) you (?P<told>.+) if i (?:asked|told|wanted|ask|tell|want)(?: you)?(?: to)?$"
+    r"|^what (?:would|will|does|happens?)(?: you)?(?: happen| do)? if (?:i|you|we)?(?: said| say| told you to"
     r"| asked you to| ask you to| tell you to| would| will| were to)? ?(?P<command>.+)$"
     r"|^(?:can|could|may|should) (?:i|one) (?P<mine>(?:put|stack|place|move|fit|store|use|open|close|press|turn)\b.+)$"
     r"|^(?:can|could|would|does|do|will|may|should) (?P<what>(?!you\b|i\b|we\b).+?) "
@@ -177,4 +210,12 @@ _PROPOSED = re.compile(
 def proposal(asked: str) -> str | None:
     """Return the command of which a sentence asks whether it is possible, or what would come of it."""
     match = _PROPOSED.match(question(" ".join(token.text for token in scan(asked))) or asked)
-    return None if match is None else match["command"] or match["mine"] or f"put {match['what']} {match['where']}"
+    return (
+        None
+        if match is None
+        else match["command"]
+        or match["told"]
+        or match["not"]
+        or match["mine"]
+        or f"put {match['what']} {match['where']}"
+    )

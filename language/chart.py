@@ -264,6 +264,8 @@ class Chart:
         """Return regions that follow a thing without a preposition: "the red cube left edge"."""
         if item.value.kind not in ("thing", "stack"):
             return []
+        if any(anchor.kind == "side" for each in item.value.relations[-1:] for anchor in each.anchors):
+            return []  # "in the left corner"
         cost = costs.REGION_WITHOUT_PREPOSITION
         return [
             Item(
@@ -331,7 +333,8 @@ class Chart:
             measures = [item for item in self.measure(edge.end) if item.value.unit != "bit" or item.end > edge.end]
             for item in [Item(edge.end, None, 0.0), *measures]:
                 relation = RelationPhrase("direction", (), item.value, edge.value, (start, item.end))
-                found.append(Item(item.end, relation, edge.cost + item.cost))
+                away = 0.5 * (self.lattice.table and self.lattice.text(start) == "away")  # rather a part of the verb
+                found.append(Item(item.end, relation, edge.cost + item.cost + away))
         for edge in get(start, "not"):
             for item in self.relations(edge.end):
                 inner = Entity(relations=(item.value,), span=item.value.span)

@@ -17,7 +17,7 @@ POINTED = -0.05  # "this cube" with a gesture: more likely the cube that it show
 UNUSED_GESTURE = 12.0  # a gesture without a word for it, if another reading has one
 NO_VERB = 1.0
 NO_VERB_BUT_PLACE = 1.4  # "the red cube on the blue one": more likely a thing than a command
-VAGUE = 1.0  # "the one next to it" as a command
+VAGUE = 2.5  # "the one next to it" as a command
 NEVER = 3.0  # a verb of what no robot here can do
 NO_OBJECT = 0.5  # "pick up the cube and place on the red one"
 NEAREST_PLACE = 1.5  # "nearest to" as a place; it mostly says which thing
@@ -56,11 +56,14 @@ IMPLIED = 0.4  # a step that nobody asked for
 NO_CHANGE = 4.0  # the thing stands there already
 ANOTHER_OBJECT = 0.6  # a further step moves something else
 NOT_BELOW = 0.2  # the held thing goes elsewhere than straight down
+OF_ANOTHER_DEVICE = 0.4  # a verb that is said of another device
+ANOTHER_BARE = 6.0  # the verb again for a thing that is named by neither noun nor colour
 MOVED_TWICE = 2.0  # the same thing is put down by two steps
 
 
 # Outcomes.
 FAR_BETTER = 3.0  # a reading that fails is reported if it is this much cheaper than any that can be carried out
 BETTER = 0.7  # the same on a table, of a reading with a length that uses every word
+LIKELIER = 1.0  # a reading that uses all words and is impossible is reported if it is this much cheaper
 TOO_MUCH = 7.5  # a reading that costs more leads to a question
 DOUBT = 12.0  # cost that lowers the confidence by a factor of e

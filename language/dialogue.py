@@ -14,7 +14,7 @@ from language import costs
 from language.acts import CONDITION, IDLE, SAME, Part, act_of, parts_of, proposal, question, times
 from language.errors import NotUnderstood
 from language.lattice import vocabulary
-from language.meanings import Gesture, Pointed, Reading, gestures
+from language.meanings import Gesture, Measure, Pointed, Reading, gestures
 from language.normalise import LONGEST_SENTENCE, normalised, plain_start
 from language.objects import Scene
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal, Signal
@@ -22,8 +22,8 @@ from language.planning import Planner
 from language.questions import Questions
 from language.remarks import command as command_word
 from language.replies import Replies
-from language.revising import further, opposite, restoring
-from language.scanning import COLOR, Token, scan, verb_words
+from language.revising import further, opposite, partly_back, restoring
+from language.scanning import COLOR, THING, Token, scan, verb_words
 from language.settling import Choices, choices, settled
 from language.steps import ON_TABLE
 from language.talk import abilities, foreign, name, offers, phrase, said
@@ -36,6 +36,7 @@ _NOTHING = {
     "no": "say what you mean instead",
     "again": "there is nothing to repeat",
     "undo": "there is nothing to undo",
+    "less": "I have moved nothing that could go back a bit",
     "opposite": "I have done nothing that could be the other way round",
 }
 _SPEED = "my arm keeps its own speed; the clock has a speed, under Time"
@@ -44,6 +45,8 @@ _NEXT = "Say what I shall do next"
 
 _THERE = re.compile(r"(?<!if )(?<!that )(?<!what )\b(?:is|are|was|were) there\b")
 _STATED = re.compile(r"^(?!you |we |i ).*\b(?:is|are) (?:\w+ )?(?:open|closed|shut|empty|full|pressed|free)\b")
+LITTLE = {"bit", "little", "smidge", "smidgen", "tad", "touch", "hair", "notch"}
+IT_SHALL = re.compile(r"(?:please )?(?:do (?:it|so|that)|then do|please do|make it so)\W*$")
 _PREPOSITIONS = ("in", "on", "to", "of", "from", "at", "under", "behind", "near", "next", "inside")
 
 
@@ -111,7 +114,7 @@ class Dialogue(Replies):
         act = next((part.act for part in parts if part.act not in (None, "yes", "no", "any", "sorry", "wrong")), None)
         said = [word for part in parts for word in part.words]
         if act is None and isinstance(outcome, Refusal):  # "stop it, or else"
-            if re.search(rf"\b(?:{COLOR}|{verb_words()})\b", " ".join(said[2:])):
+            if re.search(rf"\b(?:{COLOR}|{THING}|{verb_words()})\b", " ".join(said[2:])):
                 return None
             starts = (act_of(said[:end]) for end in range(1, len(said)))
             act = next((each for each in starts if each in ("stop", "wait")), None)
@@ -221,7 +224,10 @@ class Dialogue(Replies):
         if act in ("undo", "wrong"):
             return self._undone(sentence, number)
         if act == "again" or (act == "yes" and number > 1):
-            return self._again(sentence, number) or self._nothing(sentence, "again")
+            return self._again(sentence, number, bool(LITTLE & {*words})) or self._nothing(sentence, "again")
+        if act == "less" and self.done() is not None and self.last is not None:
+            back = partly_back(self.last)
+            return self._settle(sentence, back) if back is not None else self._nothing(sentence, act)
         if act == "opposite":
             return self._turned_round(sentence) or self._nothing(sentence, act)
         if act in ("yes", "any"):
@@ -254,13 +260,20 @@ class Dialogue(Replies):
             sentence, 1.0, (), (0, len(sentence)), control="undo", text="I undo that", steps=steps, result=result
         )
 
-    def _again(self, sentence: str, number: int) -> Outcome | None:
-        """Return the last plan once more, or several times."""
+    def _again(self, sentence: str, number: int, little: bool = False) -> Outcome | None:
+        """Return the last plan once more, or several times. little: a move to a side only by a bit."""
         done = self.done()
         reading = getattr(done.outcome, "reading", None) if done is not None else None
         if reading is None:
             return None
-        return self._settle(sentence, replace(further(reading), unused=(), cost=0.0, times=number))
+        again = further(reading)
+        if little and again.steps[-1].places:
+            places = tuple(
+                replace(place, measure=Measure(1.0, "bit")) if place.name == "direction" else place
+                for place in again.steps[-1].places
+            )
+            again = Reading((replace(again.steps[-1], places=places),))
+        return self._settle(sentence, replace(again, unused=(), cost=0.0, times=number))
 
     def _turned_round(self, sentence: str) -> Outcome | None:
         """Return the plan that does the last one the other way round: what was put on something goes below it."""
@@ -301,7 +314,8 @@ class Dialogue(Replies):
             if asked is None and at == 0 and self.open_question() is None and (again := self._asked_again(rest)):
                 asked = again
             if asked is None:
-                if part.act is None and not self._is_topic(rest, parts[at + 1 :]):
+                label = part.mark == ":" and at + 1 < len(parts) and not command_word().match(rest)
+                if part.act is None and not label and not self._is_topic(rest, parts[at + 1 :]):
                     return None
                 continue
             after = text[parts[end].end :]
@@ -369,12 +383,12 @@ class Dialogue(Replies):
         if rest:
             trial = self.copy()
             trial.it, trial.box = about[:1] or self.it, next((i for i in about if i in world.containers), self.box)
-            if (then := re.match(r"\W*if (not|so|yes|no|it is not|it is)(?:\W) ?(.+)", rest, re.S)) and told:
+            if (then := re.match(r"\W*if (not|so|yes|no|it is not|it is)(?:\W) ?(.+)", rest, re.S | re.I)) and told:
                 if (then[1] in ("so", "yes", "it is")) != told.lower().startswith("yes"):
                     return Answer(sentence, 1.0, (), span, about=about, text=told)
-                rest = then[2]
+                rest = re.sub(r"^(?:is|are|has|was) ", "", asked) if IT_SHALL.match(then[2]) else then[2]
             outcome = trial._answer(rest, ()) if parts_of(rest) else None
-            if isinstance(outcome, Plan | Question):
+            if isinstance(outcome, Plan | Question) or (then and isinstance(outcome, Refusal)):
                 return outcome
         if told is not None:
             return Answer(sentence, 1.0, (), span, about=about, text=told)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from rapidfuzz import process
 from rapidfuzz.distance import OSA
 
-from language import costs, words
+from language import asides, costs, words
 from language.errors import NotUnderstood, check_known
 from language.normalise import normalised, wordings
 from language.remarks import command
@@ -29,6 +29,7 @@ TABLES: dict[str, dict[str, str]] = {  # category -> meaning -> phrases
     "unit": words.TABLE["units"],
 }
 LIMITING = frozenset(phrases(TABLE["limiting"]))  # words that no reading may leave out
+HARMLESS = FILLERS | frozenset(TABLE["harmless"].split())  # words of phrases that alone change nothing
 STRANGERS = frozenset(phrases(TABLE["strangers"])) | LIMITING  # words that are no misspelling of another
 CONTENT = frozenset(
     phrases(
@@ -70,7 +71,8 @@ class Item(NamedTuple):
 class Lattice:
     """The tokens of a sentence and, for each, the edges that begin there, by category.
 
-    unknown: indices of tokens that are no words of the lexicon, however spelt.
+    unknown: indices of tokens that are no words of the lexicon, however spelt. bare: of words that mean something only
+        within phrases, none of which is said.
     gestures: how many accompany the sentence; if there are none, no word needs one.
     """
 
@@ -87,6 +89,8 @@ class Lattice:
         self.unknown = {i for i, variants in enumerate(self.variants) if not variants}
         self.edges: list[dict[str, list[Edge]]] = [self._edges(i) for i in range(len(self.tokens))]
         self._gaps: dict[int, list[Item]] = {}
+        self._asides: dict[int, list[Item]] = {}
+        self.bare = self._bare()
         if sum("relation" in edges for edges in self.edges) > MOST_RELATIONS:
             raise NotUnderstood("the sentence says more than one can keep apart; say it in several sentences")
 
@@ -158,6 +162,40 @@ class Lattice:
             positions.append(start)
         return positions
 
+    def _bare(self) -> set[int]:
+        """Return the tokens that are words of the lexicon only within phrases that are not said here."""
+        covered = {
+            i
+            for at, edges in enumerate(self.edges)
+            for each in edges.values()
+            for edge in each
+            for i in range(at, edge.end)
+        }
+        return {
+            i
+            for i, token in enumerate(self.tokens)
+            if i not in covered | self.unknown
+            and not (self.is_corrected(i) or token.text in HARMLESS or token.text.endswith(("ly", "'s")))
+        }
+
+    # ---- Clauses and phrases that ask for nothing
+
+    def asides(self, start: int) -> list[Item]:
+        """Return the asides that begin at a token; there are none on a board."""
+        if start not in self._asides:
+            phrase = [Item(edge.end, None, asides.PHRASE) for edge in self.get(start, "aside")] if self.table else []
+            texts = [token.text for token in self.tokens] if self.table else []
+            ends = asides.clause_ends(texts, start, self._names)
+            clauses = [Item(end, None, asides.CLAUSE + asides.WORD * (end - start)) for end in ends]
+            self._asides[start] = [*phrase, *clauses]
+        return self._asides[start]
+
+    def _names(self, index: int) -> bool:
+        edges = self.edges[index]
+        nouns = {edge.value for edge in edges.get("noun", ())}
+        acts = any(edge.cost == 0.0 for edge in edges.get("verb", ()))
+        return asides.is_content(edges.keys(), self.text(index), nouns, acts)
+
     def is_filler(self, index: int) -> bool:
         """Whether a word adds nothing: one of a table, or an adverb that is not known."""
         word = self.tokens[index].text
@@ -209,6 +247,8 @@ def _split_up(found: list[Token]) -> list[Token]:
 @cache
 def _two_words(word: str) -> tuple[str, str] | None:
     """Return two known words that a word consists of; None: it does not, or is a known word with an error."""
+    if word in STRANGERS:
+        return None
     if any(cost <= costs.SPELLING for _, cost in spellings(word)) and not word.startswith(
         ("the", "in", "to", "on", "of")
     ):
@@ -301,6 +341,7 @@ def _entries() -> Iterator[tuple[str, Any, str]]:
             yield from ((category, value, phrase) for phrase in phrases(text))
     for category, text in words.TABLE["singles"].items():
         yield from ((category, phrase, phrase) for phrase in phrases(text))
+    yield from (("aside", "aside", phrase) for phrase in phrases(TABLE["asides"]))
     for phrase, amount in words.NUMBERS.items():
         yield "number", amount, phrase
     for phrase, rank in words.ORDINALS.items():

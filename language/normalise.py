@@ -13,7 +13,7 @@ from pathlib import Path
 from core.safe_files import read_yaml
 from language.errors import NotUnderstood
 from language.remarks import without_remarks
-from language.scanning import Token, said, scan, verb_words
+from language.scanning import COLOR, Token, said, scan, verb_words
 from language.verbs import KNOWN, Act
 from language.words import phrases
 
@@ -184,7 +184,11 @@ def repaired(found: list[Token]) -> list[Token]:
     for match in _REPAIR.finditer(text):
         first = text[: match.start()].count(" ")
         before, after = found[:first], found[first + len(match[0].split()) :]
-        if not before or not after or (len(before) < 2 and not re.fullmatch(verb_words(), before[0].text)):
+        if (
+            not before
+            or not after
+            or (len(before) < 2 and not re.fullmatch(rf"{verb_words()}|{COLOR}", before[0].text))
+        ):
             continue
         cut = _taken_back(before, after)
         if cut is not None:
@@ -195,7 +199,7 @@ def repaired(found: list[Token]) -> list[Token]:
 _TAKING_BACK = (
     r"(?:no actually|no hang on|no hold on|wait hold on|hang on no|well no|or no|oh no|no not|no wait|wait no|no no"
     r"|no sorry|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make that|oops|actually no|no i mean"
-    r"|no make it|correction)"
+    r"|no make it|make it|better make it|no better|better|correction)"
 )
 _REPAIR = re.compile(rf"(?<= )(?:, )?{_TAKING_BACK}(?:(?: ,)? {_TAKING_BACK})*(?: ,)?(?= )")
 
@@ -223,6 +227,8 @@ def _taken_back(before: list[Token], after: list[Token]) -> int | None:
     at = len(words)
     while at > start and (words[at - 1] in heads or words[at - 1] in FILLERS | {"a", "an", ",", "one"}):
         at -= 1
+    if at == len(words) > start + 1 and words[-1] not in prepositions and not re.fullmatch(verb_words(), words[-1]):
+        at -= 1  # "press the bottom I mean the button"
     return at if at < len(words) else None
 
 

@@ -14,7 +14,21 @@ from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
 from language.places import ONTO, _anywhere, _Wish, free_spot
 from language.referents import Ref, color_fits
 from language.spots import Spot
-from language.steps import BOXES, CARRY, KEPT, LOOSE, ON_TABLE, Draft, Steps, different, obstacle, without_stops
+from language.steps import (
+    BOXES,
+    CARRY,
+    KEPT,
+    LOOSE,
+    ON_TABLE,
+    Draft,
+    Steps,
+    at_a_mark,
+    beside,
+    different,
+    obstacle,
+    off_table,
+    without_stops,
+)
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
 from language.world import WorldModel
 
@@ -136,8 +150,9 @@ class Planner(Steps):
             if before is not None and before.act is not None and plan.steps and before.entity is not None:
                 start = self._sequence_start(plan)
                 places = (*before.places, *clause.places)
+                cost = 0.3 + costs.TAKEN_SOMEWHERE * (before.act in (Act.TAKE, Act.HOLD) and not self.world.cells)
                 yield from (
-                    replace(d, cost=d.cost + 0.3) for d in self._after(start, replace(before, places=places), last)
+                    replace(d, cost=d.cost + cost) for d in self._after(start, replace(before, places=places), last)
                 )
             elif plan.topic is not None:
                 put = Clause(CARRY, plan.topic.entity, clause.places, span=clause.span)
@@ -193,15 +208,18 @@ class Planner(Steps):
             before.entity is None
             or before.entity.kind == "it"
             or before.entity.other
-            or (before.entity.noun is None and (self.world.cells or not before.entity.colors))
+            or (
+                before.entity.noun is None
+                and (self.world.cells or not (before.entity.colors or before.entity.relations))
+            )
         ):
             yield from (
                 replace(d, cost=d.cost + 0.5) for d in self._after(start, replace(before, entity=clause.entity), True)
             )
         else:
-            yield from (
-                replace(d, cost=d.cost + 0.6) for d in self._after(plan, replace(before, entity=clause.entity), True)
-            )
+            bare = not (new.noun or new.colors or new.other or new.parts or self.world.cells)  # "..., the right one"
+            again, cost = replace(before, entity=clause.entity), 0.6 + costs.ANOTHER_BARE * bare
+            yield from (replace(d, cost=d.cost + cost) for d in self._after(plan, again, True))
 
     def _sequence_start(self, plan: Draft) -> Draft:
         """Return the plan before its last clause, if it has only one; otherwise a plan without steps."""
@@ -254,6 +272,7 @@ class Planner(Steps):
             return replace(plan, failure="your hand holds one thing at a time", reason="impossible", entity=entity)
         if act not in (*BOXES, Act.OPERATE, Act.TOUCH) and entity.kind != "list":
             things.sort(key=lambda i: -plan.world.things[i].bottom)
+        things = off_table(plan.world, clause, things)
         for number, index in enumerate(things):
             part = beside(clause) if at_a_mark(plan) else clause
             if act in (Act.REMOVE, Act.UNSTACK) or clause.act is Act.REMOVE:
@@ -540,8 +559,7 @@ class Planner(Steps):
             plan = min(found, key=lambda done: (bool(done.failure), done.cost))
             if plan.failure:
                 return plan
-        arbitrary = plan.arbitrary or bool(entity.number)
-        return replace(plan, it=tuple(things), arbitrary=arbitrary, topic=None)
+        return replace(plan, it=tuple(things), arbitrary=plan.arbitrary or bool(entity.number), topic=None)
 
 
 def _marked(before: Draft, plan: Draft, clause: Clause) -> Draft:
@@ -570,22 +588,6 @@ def _allows(world: WorldModel, act: Act | None, index: int) -> bool:
     if act in LOOSE:
         return world.is_loose(index)
     return act is Act.TOUCH or index != world.hand
-
-
-def at_a_mark(plan: Draft) -> bool:
-    """Return whether the last thing was put where a see-through thing marks a place, or beside it."""
-    last = plan.steps[-1] if plan.steps else None
-    if last is None or last.place is None or (last.goal is not None and not plan.world.things[last.goal].target):
-        return False
-    (x, y), world = last.place, plan.world
-    return any(each.target and max(abs(each.x - x), abs(each.y - y)) < 2 * each.width for each in world.things)
-
-
-def beside(clause: Clause) -> Clause:
-    """Return the clause for a further thing: beside the place, where the first one lies."""
-    onto = [place.name in ONTO for place in clause.places]
-    places = [replace(place, name="near") if at else place for place, at in zip(clause.places, onto, strict=True)]
-    return replace(clause, places=tuple(places))
 
 
 def reached(plan: Draft) -> tuple:

@@ -11,15 +11,21 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from language.lattice import Lattice
 from language.normalise import questions
 from language.outcomes import Plan, Question, Refusal, Signal
 from language.planning import Planner
-from language.scanning import COLOR, scan
+from language.scanning import COLOR, Token, scan
 from language.talk import abilities, holds, listed, name, phrase, real, said, seen, state, where
 from language.viewpoint import whose_left
-from language.words import colors
+from language.words import colors, phrases
 from language.world import AT_END, WorldModel
 
+_PLAIN_VERBS = frozenset(
+    phrases(
+        "is, are, be, do, does, did, have, has, had, get, got, see, find, know, tell, show, look, want, need, like, put"
+    )
+) | {"left", "can", "could"}
 _NUMBERS = ["no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 _BE = r"(?:is|are|was|were|be|been|does|do|did|has|have|had|stands?|lies?|sits?|rests?|can|got)"
 _ANY = r"(?:anything|something|nothing|everything|any|some|thing|things|all|there)"
@@ -71,6 +77,9 @@ class Questions:
 
     def answer(self, asked: str) -> str | None:
         """Return the answer in a sentence; None if it is not known."""
+        asked = re.sub(
+            r" (?:still|currently|actually|right now|at moment|presently)\b(?! (?:open|closed|there))", "", asked
+        )
         for kind, pattern in questions():
             if (match := pattern.search(asked)) and (text := getattr(self, kind)(match)):
                 return text[0].upper() + text[1:] + ("" if text[-1] in ".!?" else ".")
@@ -82,6 +91,8 @@ class Questions:
         """Return the phrase in some words and the things that it fits."""
         tokens = scan(text)
         entity, found = phrase(self.world, self.planner, tokens)
+        if entity is not None and not self.world.cells and self._says_more(tokens, entity.span):
+            return None, []
         things = real(self.world, found)
         if entity is not None and entity.role == "target":
             things = [ref.things[-1] for ref in found if ref.things]
@@ -95,6 +106,16 @@ class Questions:
             things = [self.planner.box]
         self.things = things
         return entity, things
+
+    def _says_more(self, tokens: list[Token], span: tuple[int, int]) -> bool:
+        """Whether words beside a phrase say something, so that the phrase alone is not what is asked about."""
+        lattice = Lattice(tokens)
+        for i in (*range(span[0]), *range(span[1], len(lattice))):
+            named = {edge.value for edge in lattice.get(i, "noun")} - {"thing"}
+            acts = [e for e in (*lattice.get(i, "verb"), *lattice.get(i, "done")) if e.cost == 0.0]
+            if named or "color" in lattice.edges[i] or (acts and lattice.text(i) not in _PLAIN_VERBS):
+                return True
+        return False
 
     def names(self, things: Sequence[int]) -> str:
         """Return the names of things, as in a sentence."""
@@ -320,6 +341,8 @@ class Questions:
         head, rest = (text[: joint.start()].strip(), text[joint.end() :].strip()) if joint else ("", text)
         if rest.startswith("or ") or not rest:
             return None
+        if re.match(_BEST, rest) and not among and (best := self._best(rest, noun[0] if noun else "cube")):
+            return best
         negated = "not " if rest.startswith("not ") else ""
         stated = self.predicate(rest)
         things = self.subject(
@@ -333,6 +356,7 @@ class Questions:
             if entity is not None and entity.span[1] < len(scan(phrase_words)):
                 return None
             known = entity is not None and (noun or entity.superlative or entity.ordinal)
+            fits = [i for i in fits if self.world.is_loose(i)] or fits
             return self.names(fits) if known and fits else None
         fits = [i for i in things if stated.holds(i)]
         if stated.about == "place" and not negated:
@@ -346,6 +370,13 @@ class Questions:
         if stated.about == "place" and len(fits) <= 3 and not re.search(_BEST, plain):
             return "; ".join(self._told(i, "place") for i in fits)
         return f"{self.names(fits)} {'is' if len(fits) == 1 else 'are'} {plain}"
+
+    def _best(self, rest: str, noun: str) -> str | None:
+        """Say which thing is closest to something, or farthest from it: "which cube is closest to the red one?"."""
+        rest = rest.removesuffix(" one") if rest.endswith("st one") else rest
+        entity, fits = self.refs(f"{'cube' if noun in ('one', 'ones') else noun} {rest}")
+        self.things = fits
+        return "; ".join(self._told(i, "place") for i in fits[:3]) if entity is not None and fits else None
 
     def count(self, match: re.Match[str]) -> str | None:
         """Say how many things fit a phrase, or how many there are of which something is so."""
@@ -369,6 +400,29 @@ class Questions:
             return f"there is no {_plain(match[1])} here"
         self.things = things
         return "; ".join(self._told(i, "place") for i in things[:3])
+
+    def far(self, match: re.Match[str]) -> str | None:
+        """Say how far something is from something else, or from the robot."""
+        one, _, other = re.sub(r" (?:away|apart|now)\b", "", match[1]).partition(" from ")
+        one, other = one.partition(" and ")[::2] if " and " in one else (one, other)
+        things, rest = (
+            self.subject(one),
+            self.subject(other) if not re.search(r"\b(?:you|robot|gripper)\b", other) else [],
+        )
+        if not things or rest is None:
+            return None
+        x, y = (self.world.things[rest[0]].x, self.world.things[rest[0]].y) if rest else (0.0, 0.0)
+        thing, unit = self.world.things[things[0]], " cells" if self.world.cells else " cm"
+        away = math.hypot(thing.x - x, thing.y - y) * (1 if self.world.cells else 100)
+        self.things = [things[0]]
+        return f"{self.names(things[:1])} is {away:.0f}{unit} from {self.names(rest[:1]) if rest else 'my base'}"
+
+    def capacity(self, match: re.Match[str]) -> str | None:
+        """Say how many things a container or the hand holds."""
+        text = match[1] or match[2] or ""
+        boxes = [i for i in (*self.world.containers, self.world.hand) if i is not None]
+        self.things = [i for i in self.refs(text)[1] if i in boxes] or boxes
+        return f"{self.names(self.things)} holds one thing at a time" if self.things else None
 
     def color(self, match: re.Match[str]) -> str | None:
         """Say which colour something has."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -11,7 +12,7 @@ from language.memory import Memory
 from language.outcomes import Outcome, Plan, Question, Step
 from language.planning import CARRY, Planner
 from language.revising import filled, pinned, restoring, revised, selecting
-from language.scanning import Token
+from language.scanning import Token, scan
 from language.settling import Choices, choices_of, matters, settled, which
 from language.talk import name, offers, phrase
 from language.verbs import Act
@@ -49,7 +50,11 @@ class Replies(Memory):
             return None
         texts = [token.text for token in words]
         at = next((i for i, word in enumerate(texts) if word in ("not", "except", "but", "no", "never")), len(texts))
-        rejected = phrase(self.now, self.planner(), words[at + 1 :])[1] if at < len(texts) else []
+        if at < len(texts) and at and texts[at] in ("no", "never"):
+            return None  # it takes back what it said first
+        rest = " ".join(texts[at + 1 :])
+        parts = re.split(r" (?:and|or|nor|,)(?: (?:and|or|not|nor))* ", rest) if rest else []
+        rejected = [ref for part in parts for ref in phrase(self.now, self.planner(), scan(part))[1]]
         left = tuple(i for i in asked.candidates if i not in {i for ref in rejected for i in ref.things})
         entity = phrase(self.now, self.planner(), words[:at])[0] if at else None
         first, end = entity.span if entity is not None else (0, 0)

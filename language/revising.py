@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase
+from language.meanings import Clause, Entity, Gesture, Measure, Reading, RelationPhrase
 from language.outcomes import Step
 from language.steps import CARRY
 from language.verbs import DEVICE_VERBS, KNOWN, Act, bringing, doing
@@ -31,6 +31,8 @@ def filled(last: Reading, entity: Entity, slot: str, relation: str = "on") -> Re
         return replace(last, steps=(*last.steps[:-1], replace(clause, places=(place,))), cost=0.0)
     place = clause.places[0]
     anchors = (entity, *place.anchors[1:])
+    if place.name in ("on", "in") and entity.noun is not None:  # "on the red cube", "no, the fridge"
+        place = replace(place, name="in" if entity.noun in ENCLOSING else "on")
     return replace(
         last,
         steps=(*last.steps[:-1], replace(clause, places=(replace(place, anchors=anchors), *clause.places[1:]))),
@@ -55,6 +57,12 @@ def revised(last: Reading, reply: Reading) -> list[Reading]:
         one, other = sorted(clause.entity.parts, key=lambda part: part.noun in ENCLOSING)
         pair = filled(replace(last, steps=(*last.steps[:-1], replace(last.steps[-1], entity=one))), other, "goal")
         return [pair] if pair is not None else []
+    rejected = next((each.anchors[0] for each in getattr(clause.entity, "relations", ()) if each.name == "not"), None)
+    if clause.entity is not None and rejected is not None and len(anchors) == 1:  # "I meant X, not Y": Y says which
+        new = replace(clause.entity, relations=tuple(r for r in clause.entity.relations if r.name != "not"))
+        if rejected.colors and rejected.colors == anchors[0].colors:
+            changed = filled(last, replace(new, noun=new.noun or anchors[0].noun), "goal")
+            return [changed] if changed is not None else []
     if clause.entity is not None:
         phrases = _completed(last.steps, clause.entity)
         objects = [Reading(each) for phrase in phrases if (each := _replaced(last.steps, phrase))]
@@ -127,6 +135,14 @@ def opposite(last: Reading, steps: Sequence[Step], world: WorldModel) -> Reading
         and (turned[0].value == clause.places[0].value)
     )
     return None if same or not turned else Reading((replace(clause, places=turned),))
+
+
+def partly_back(last: Reading) -> Reading | None:
+    """Return the reading that takes a bit of the last move back; None if that was no move to a side."""
+    clause = last.steps[-1]
+    sides = [_TURNED.get(place.value or "") for place in clause.places if place.name == "direction"]
+    places = tuple(RelationPhrase("direction", measure=Measure(1.0, "bit"), value=side) for side in sides if side)
+    return Reading((Clause(CARRY, Entity("it"), places),)) if places else None
 
 
 def further(last: Reading) -> Reading:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from language.verbs import KNOWN, OBJECT, Act
 from language.words import TABLE, phrases
 
+THING = "cubes?|blocks?|drawer|fridge|button|lever|wheel|tower|stack"
 COLOR = "red|blue|yellow|orange|cyan|gray|grey|green|pink|purple|white"
 
 

@@ -9,6 +9,7 @@ from language import costs
 from language.chart import Chart, Judge
 from language.lattice import Item, Lattice
 from language.meanings import Clause, Entity, Gesture, Reading, RelationPhrase, bound, needs_gesture, pointing_words
+from language.objects import DEVICES
 from language.scanning import Token
 from language.verbs import KNOWN, Act
 
@@ -82,7 +83,8 @@ class _Sentences:
         """Return the readings of the least cost."""
         rests = self._rests()
         found: list[tuple[Item, bool]] = []
-        openings = [(0, False), *((edge.end, True) for edge in self.lattice.get(0, "not_meant"))]
+        wait = {"wait": 1, "hang": 2, "hold": 2}.get(self.lattice.text(0), 0) if self.lattice.table else 0
+        openings = [(0, False), *((edge.end, True) for edge in self.lattice.get(wait, "not_meant"))]
         for start, rejects in openings:
             start += self.lattice.text(start) in (",", ".", "!", ";") and rejects
             if rejects and "not" in (self.lattice.text(start - 1), self.lattice.text(start)) and self.lattice.table:
@@ -102,6 +104,11 @@ class _Sentences:
             join = "join" in self.lattice.edges[index] and self.lattice.tokens[index].text in (".", ";", "and", "then")
             cost = 0.0 if join else self.lattice.skip_cost(index)
             rest = rests[-1]
+            idle = [(a.cost + rests[len(self.lattice) - a.end].cost, a) for a in self.lattice.asides(index)]
+            best = min(idle, default=None, key=lambda each: each[0])
+            if best is not None and best[0] < rest.cost + cost:
+                rests.append(Item(index, None, best[0], rests[len(self.lattice) - best[1].end].skipped))
+                continue
             rests.append(Item(index, None, rest.cost + cost, rest.skipped | (1 << index if cost else 0)))
         return rests[::-1]
 
@@ -176,17 +183,31 @@ class _Sentences:
             found.setdefault(at, costs.STEP_WITHOUT_JOIN if at == end else 0.3)
         if at > end:
             found.setdefault(at, costs.STEP_WITHOUT_JOIN if not self.lattice.table else 0.4)
+        for aside in self.lattice.asides(at):  # "open it, that is all I ask, and close it again"
+            for edge in self.lattice.get(aside.end, "join"):
+                found.setdefault(edge.end, aside.cost)
+            if self.lattice.get(aside.end, "verb"):
+                found.setdefault(aside.end, aside.cost + 0.3)
         return list(found.items())
 
     def clauses(self, start: int) -> list[Item]:
         """Return the clauses that begin at a token."""
         if start not in self._clauses:
             found: list[Item] = []
-            for gap in self.lattice.gaps(start):
+            for gap in self._openings(start):
                 items = _cheapest(self._clause(gap.end), KEPT_CLAUSES)
                 found += [Item(i.end, i.value, gap.cost + i.cost, gap.skipped | i.skipped) for i in items]
             self._clauses[start] = _cheapest(found, KEPT_CLAUSES)
         return self._clauses[start]
+
+    def _openings(self, start: int) -> list[Item]:
+        """Return where a clause may begin: after gaps, and after what asks for nothing."""
+        found = [*self.lattice.gaps(start)]
+        for gap in self.lattice.gaps(start):
+            for aside in self.lattice.asides(gap.end) if not gap.cost else ():
+                at = aside.end + (self.lattice.text(aside.end) in (",", ".", ";", "!", "and", "so"))
+                found += [Item(g.end, None, aside.cost + g.cost, g.skipped) for g in self.lattice.gaps(at)]
+        return found
 
     def _clause(self, at: int) -> list[Item]:
         found = []
@@ -219,7 +240,11 @@ class _Sentences:
     def objects(self, start: int) -> list[Item]:
         """Return the phrases for things that begin at a token, and on a table lists of them: "X, Y and Z"."""
         if start not in self._objects:
-            found = layer = self.chart.entities(start)
+            found = layer = [
+                item  # "you" act, and are not moved
+                for item in self.chart.entities(start)
+                if not (self.lattice.table and item.value.kind == "robot" and self.lattice.text(item.end - 1) == "you")
+            ]
             for _ in range(5 if self.lattice.table else 0):
                 layer = _cheapest([more for item in layer for more in self._listed(item)], 3)
                 found = found + layer
@@ -257,6 +282,10 @@ class _Sentences:
         found = [] if act is not Act.LOWER else [Item(at, Clause(verb, span=(start, at)), 0.0)]
         if act in BARE:
             found.append(Item(at, Clause(verb, span=(start, at)), costs.NO_OBJECT + 0.3))
+        light = act is Act.OPERATE and self.lattice.text(at - 1) in _LIGHT and self.lattice.table
+        if light:
+            named = [each for each in self.objects(at) if each.value.noun in _DEVICES]
+            return [more for each in named for more in self._completed(verb, each, start, at)]
         starts = [Item(at, None, 0.0)] + [Item(e.end, None, e.cost) for e in self.lattice.get(at, "particle")]
         for begin in starts:
             for entity in self.objects(begin.end):
@@ -399,7 +428,11 @@ class _Sentences:
             for place in self.places(entity.end):
                 clause = Clause(CARRYING, entity.value, place.value, span=(at, place.end))
                 vague = entity.value.kind == "thing" and not (
-                    entity.value.noun or entity.value.colors or entity.value.other
+                    entity.value.noun
+                    or entity.value.colors
+                    or entity.value.other
+                    or entity.value.superlative
+                    or entity.value.sides
                 )
                 cost = entity.cost + place.cost + costs.NO_VERB_BUT_PLACE + costs.VAGUE * (vague and self.lattice.table)
                 found.append(Item(place.end, clause, cost, entity.skipped | place.skipped))
@@ -503,6 +536,19 @@ class _Sentences:
         return found
 
 
+_LIGHT = (
+    "do",
+    "doing",
+    "does",
+    "did",
+    "done",
+    "work",
+    "works",
+    "working",
+    "use",
+    "start",
+)  # only for a device that is named
+_DEVICES = (*DEVICES, "device")
 _WITH_PARTICLE = ("take", "put", "push", "pull")  # what a particle alone may stand for: "in", "out", "up"
 CARRYING = next(name for name, verb in KNOWN.items() if verb.act is Act.CARRY and "put {" in " ".join(verb.templates))
 BUILDING = next(name for name, verb in KNOWN.items() if verb.act is Act.BUILD)

@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 from language import costs
 from language.errors import NotUnderstood
-from language.lattice import LIMITING, Lattice
+from language.lattice import LIMITING, STRANGERS, Lattice
 from language.meanings import Clause, Entity, Gesture, Reading
 from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
-from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, Draft, Planner, reached
+from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, GRIPS_ONE, Draft, Planner, reached
 from language.scanning import Token
 from language.sentences import readings
 from language.talk import MOST_NAMED, listed, name, offers, said
@@ -24,6 +24,7 @@ from language.verbs import Act
 from language.world import WorldModel
 
 _NEARBY = ("near", "left", "right", "front", "behind", "under", "opposite", "away")  # relations that always matter
+PERSONS = ("me", "us", "myself", "him", "her", "lady", "them", "someone")
 _TELLING = ("nothing", "impossible", "dialogue")  # failures that are reported in preference to another reading
 
 
@@ -115,6 +116,8 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
     measured = [c for c in impossible if any(place.measure for step in c.reading.steps for place in step.places)]
     if not world.cells and any(c.cost < top.cost - costs.BETTER for c in measured):  # no other reading uses the length
         return refused(sentence, found._replace(failed=measured), world)
+    if not world.cells and any(c.cost < top.cost - costs.LIKELIER for c in impossible if c.plan.failure == GRIPS_ONE):
+        return refused(sentence, found._replace(failed=impossible), world)
     close = [c for c in found.possible if c.cost <= top.cost + costs.CLOSE]
     rivals = close[1:]
     if not world.cells:  # only what one reading leaves open is asked about, unless another reading leaves nothing open
@@ -123,6 +126,9 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         top = top if top.plan.arbitrary or not alone else alone[0]
         guessed = any("verb" in e and found.lattice.is_corrected(i) for i, e in enumerate(found.lattice.edges))
         rivals = [c for c in close if c is not top and (guessed or c.reading is top.reading)]
+        corners = {anchor.kind for step in top.reading.steps for place in step.places for anchor in place.anchors}
+        if corners == {"corner"} and all(c.reading is top.reading and _things(c) == _things(top) for c in rivals):
+            rivals = []  # one of two corners on the left
     if not world.cells and (doubt := _left_out(sentence, top, found, world)) is not None:
         return doubt
     whole = not top.reading.unused and not world.cells and all(step.verb is not None for step in top.reading.steps)
@@ -138,6 +144,11 @@ def settled(sentence: str, found: Choices, planner: Planner) -> Outcome:
         words = [found.lattice.tokens[i].text for i in range(len(found.lattice))]
         return Answer(sentence, 1.0, (), (0, len(sentence)), f"All right, I do not: {' '.join(words)}")
     return understood(sentence, top, found.lattice, world, following)
+
+
+def _things(choice: Choice) -> list[tuple]:
+    """Return what the steps of a choice do with which things, wherever they are put."""
+    return [(step.verb, step.object, step.goal) for step in choice.plan.steps]
 
 
 def _left_out(sentence: str, top: Choice, found: Choices, world: WorldModel) -> Outcome | None:
@@ -175,15 +186,19 @@ def matters(lattice: Lattice, index: int) -> bool:
     edges = lattice.edges[index]
     if index in lattice.unknown or lattice.is_corrected(index):
         after = lattice.edges[index + 1].keys() if index + 1 < len(lattice) else set()
-        if {"noun", "color", "size"} & after and index > 0:
-            return False  # an adjective
+        if {"noun", "color", "size"} & after and index > 0:  # an adjective; alone it may say which cube
+            nouns = {edge.value for edge in lattice.get(index + 1, "noun")}
+            return index in lattice.unknown and nouns == {"thing"} and not {"color", "size"} & after
         before = lattice.text(index - 1) if index else ""
         preposed = index > 0 and (
             {"relation", "any", "between", "verb"} & lattice.edges[index - 1].keys()
             or before in ("my", "your", "our", "his", "for", "with")
         )
-        return bool(preposed) or (index in lattice.unknown and (index == 0 or len(lattice.text(index)) > 3))
-    if lattice.text(index) in LIMITING or lattice.is_relative(index):
+        return bool(preposed) or (
+            index in lattice.unknown
+            and (index == 0 or len(lattice.text(index)) > 3 or lattice.text(index) in STRANGERS)
+        )
+    if lattice.text(index) in LIMITING or lattice.is_relative(index) or index in lattice.bare:
         return True
     if lattice.text(index) == "more" and index and "number" in lattice.edges[index - 1]:
         return True  # "one more"
@@ -191,7 +206,11 @@ def matters(lattice: Lattice, index: int) -> bool:
         return True
     if lattice.text(index) in ("it", "that", "this", "them", "these", "those") and index:
         return "relation" in lattice.edges[index - 1]  # "on top of that"
-    strong = {"noun", "color", "every", "both", "other", "never", "not", "number", "stack"}
+    strong = {"noun", "color", "every", "both", "other", "never", "not", "number", "stack", "role"}
+    if any(edge.value == "person" for edge in edges.get("region", ())) and lattice.text(index) not in PERSONS:
+        return True
+    if any(edge.value not in (1, -1) for edge in edges.get("ordinal", ())):
+        return True
     if "verb" in edges and (index == 0 or "join" in lattice.edges[index - 1] or lattice.text(index - 1) in ",;."):
         return True
     return bool(strong & edges.keys())
@@ -360,6 +379,9 @@ def _missing(plan: Draft, part: str, lattice: Lattice) -> str:
         head = [*(colors[0] for colors in entity.colors), *([entity.noun] if entity.noun else [])]
         if head and not entity.relations and not entity.superlative and not entity.sides and not entity.other:
             said = [token.text for token in lattice.tokens[slice(*entity.span)]]
+            others = [thing.color for thing in plan.world.things if thing.kind == entity.noun]
+            if entity.noun not in (None, "cube") and others and entity.noun in said:
+                return f"the {entity.noun} here is {' or '.join(dict.fromkeys(others))}, not {head[0]}"
             return f"there is no {' '.join(head) if entity.noun is None or entity.noun in said else repr(part)} here"
         return f"I do not see which thing is meant by {part!r}"
     if plan.reason == "place":
@@ -438,7 +460,7 @@ def unreadable(sentence: str, lattice: Lattice, world: WorldModel) -> Refusal:
             else (f"I do not know the words {' '.join(strange[:5])!r}")
         )
     else:
-        text = f"I do not see what I shall do about '{' '.join(words[:8])}'; say what to take and where to put it"
+        text = f"I do not see what I shall do about '{' '.join(words[:12])}'; say what to take and where to put it"
     return Refusal(sentence, 0.0, tuple(words), (0, len(sentence)), "syntax", text, offers(world, words))
 
 

@@ -12,7 +12,7 @@ from language.errors import NotUnderstood
 from language.meanings import Clause, Entity, Gesture, RelationPhrase
 from language.objects import HAND
 from language.outcomes import Step
-from language.places import _anywhere, _Wish, free_spot, spots
+from language.places import ONTO, _anywhere, _Wish, free_spot, spots
 from language.referents import Resolver
 from language.spots import Point, Spot, a_name, settle
 from language.verbs import DEVICE_VERBS, KNOWN, ROOM, Act, bringing, doing
@@ -272,6 +272,10 @@ class Steps:
             if wanted.effect and world.verbs is None:  # a task that can rotate
                 return self._added(plan, Step(clause.verb or "", index))
             return replace(plan, failure="unturnable", reason="never", entity=Entity(span=clause.span))
+        own = KNOWN[clause.verb or ""].noun
+        named = clause.entity is not None and clause.entity.noun == kind
+        if own and own != kind and named and not world.cells:  # "turn the knob" is the wheel's
+            plan = replace(plan, cost=plan.cost + costs.OF_ANOTHER_DEVICE)
         pressed = KNOWN[verb].noun == next(iter(DEVICE_VERBS.values()))
         if pressed and abs(world.moved.get(index, 0.0)) > AT_END and any(s.object == index for s in plan.steps):
             return plan
@@ -308,7 +312,9 @@ class Steps:
         if under is not None and not world.cells and act is Act.CARRY:
             yield from self._beneath(plan, clause, under, index)
         elif act in TAKING and not places:
-            if held:
+            if held and clause.entity is None and any(step.object == index for step in plan.steps):
+                yield plan  # "grasp it, raise it"
+            elif held:
                 yield replace(plan, failure=f"the gripper holds {a_name(world, index)} already", reason="impossible")
             else:
                 yield self._taken(plan, index, clause.verb)
@@ -531,3 +537,27 @@ def without_stops(steps: tuple[Clause, ...]) -> tuple[Clause, ...]:
         if goes_on and down and one.act in (Act.TAKE, Act.CARRY, Act.UNSTACK):
             kept[at] = replace(one, verb=bringing("up"), places=(), instruction=None)
     return tuple(kept)
+
+
+def off_table(world: WorldModel, clause: Clause, things: list[int]) -> list[int]:
+    """Return those that are not on the table, of things that a clause just puts there; otherwise all."""
+    onto = [place.name in ONTO and [a.kind for a in place.anchors] == ["board"] for place in clause.places]
+    if clause.act is not Act.CARRY or not onto or not all(onto):
+        return things
+    return [i for i in things if not world.is_on_ground(i)] or things
+
+
+def beside(clause: Clause) -> Clause:
+    """Return the clause for a further thing: beside the place, where the first one lies."""
+    onto = [place.name in ONTO for place in clause.places]
+    places = [replace(place, name="near") if at else place for place, at in zip(clause.places, onto, strict=True)]
+    return replace(clause, places=tuple(places))
+
+
+def at_a_mark(plan: Draft) -> bool:
+    """Return whether the last thing was put where a see-through thing marks a place, or beside it."""
+    last = plan.steps[-1] if plan.steps else None
+    if last is None or last.place is None or (last.goal is not None and not plan.world.things[last.goal].target):
+        return False
+    (x, y), world = last.place, plan.world
+    return any(each.target and max(abs(each.x - x), abs(each.y - y)) < 2 * each.width for each in world.things)

@@ -125,7 +125,8 @@ VERBS: dict[str, Verb] = {
             "get to, come to, head to, head for, move over to, move near, move near to, move close to, approach, "
             "point to, point at, point towards, point out, move your hand to, move your arm to, move your gripper to, "
             "move the gripper to, move the arm to, move the hand to, bring your hand to, bring your arm to, "
-            "bring your gripper to, put your hand on, put your gripper on, put your finger on, lay your hand on, find, "
+            "bring your gripper to, bring the gripper to, bring the arm to, bring the hand to, guide the gripper to, "
+            "put your hand on, put your gripper on, put your finger on, lay your hand on, find, "
             "look for, look at, search for, show me, show us, show, locate, feel, contact, hover over, navigate to, "
             "drive to, close in on, walk to, walk over to, visit, make contact with, poke, prod, go and touch, "
             "over to, guide your hand to"
@@ -166,7 +167,8 @@ VERBS: dict[str, Verb] = {
             "lead, "
             "guide, send, line up, align, arrange, settle, install, seat, pull, draw, sit, deliver, fill, ship, "
             "fit, pass, pack, scooch, jog, inch, shuffle, squeeze, bring over, move over, "
-            "bring back, take back, get back, kick, space, placed, putted, putting, placing, moving, moved"
+            "bring back, take back, get back, kick, space, stage, station, "
+            "placed, putted, putting, placing, moving, moved"
         ),
     ),
     "pick_and_rotate": Verb(
@@ -327,7 +329,7 @@ VERBS: dict[str, Verb] = {
             "close, shut, close up, shut up, push shut, push closed, slide shut, slide closed, push back, slide in, "
             "slide back, "
             "push in, push back in, slide back in, seal, lock, close off, pull shut, swing shut, put shut, pull "
-            "closed, cover, reclose"
+            "closed, cover, reclose, secure"
         ),
     ),
     "put_in": Verb(
@@ -395,7 +397,7 @@ VERBS: dict[str, Verb] = {
             "provide me with, i am after, i fancy, i am in need of, i require, we need, we want, toss me, throw me, "
             "slip me, pick me, hand out, "
             "take me, carry me, drop me, want, show me and give me, give back to me, i will have, i will take, get for "
-            "me, surrender, return"
+            "me, surrender, return, present, offer, submit"
         ),
     ),
     "unstack": Verb(
