@@ -23,6 +23,7 @@ import numpy as np
 import torch
 
 from core.cameras import CameraFrame, Light, project
+from core.overrides import apply, compose
 from envs.config import read_env
 from envs.mdp.perceived_worlds import Reader
 from envs.perception.camera_reader import CameraReader, Gripper
@@ -114,7 +115,6 @@ class ConditionedReader(CameraReader):
 
 def evaluated(checkpoint: str, episodes: int, seed: int, **condition: Any) -> dict[str, Any]:
     """Return the result of a policy's episodes in a condition, the arguments of `ConditionedReader`."""
-    from core.overrides import apply
     from trainers.evaluation.evaluation import evaluate
     from trainers.run.checkpoint import find, fitted_policy, load
 
@@ -140,8 +140,6 @@ def conditions() -> list[tuple[str, dict[str, Any]]]:
 
 def print_time() -> None:
     """Print the milliseconds on one core of perception in a control step: network and fusion, tracker; and pictures."""
-    from core.overrides import compose
-
     for words in (["task=nl_reach"], ["task=anything"], ["task=nl_reach", "robot=panda"]):
         _print_picture_time(words)
     torch.set_num_threads(1)
@@ -160,8 +158,6 @@ def print_time() -> None:
 
 def _print_picture_time(words: list[str]) -> None:
     """Print how long a picture of the front camera takes: with furniture drawn once, and all anew."""
-    from core.overrides import compose
-
     config = read_env(compose(words)).without_curriculum()
     with closing(WorkspaceEnv(config, 1, 0, render=True)) as env:
         env.reset()

@@ -14,7 +14,7 @@ from torch import Tensor
 from core.cameras import Camera, CameraFrame
 from envs.perception.detections import NOUN_NAMES, Detections, View
 from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork, camera_numbers, folded
-from envs.perception.poses import CUBE, LEVER, WHEEL, WHEEL_WAY, wrapped
+from envs.perception.poses import CUBE, LEVER, WHEEL, wheel_shares, wrapped
 from envs.perception.tracking import QUARTER, assignment
 from envs.perception.weights_file import load
 from language import DEVICES, FITTINGS, HAND
@@ -89,7 +89,7 @@ def decode(out: Tensor, camera: Camera, frame: CameraFrame) -> Detections:
     yaws = np.where(noun == CUBE, wrapped(quarter + sight_yaw, QUARTER), yaws)
     shares = numbers["share"][:, 0, 0, 0].numpy()
     # The handle of a wheel stands at `full`, and its mark at four times `quarter`.
-    shares = np.where(noun == WHEEL, 0.5 + wrapped(full - 4 * quarter, 2 * np.pi) / (2 * WHEEL_WAY), shares)
+    shares = np.where(noun == WHEEL, wheel_shares(full, 4 * quarter), shares)
     return Detections(
         positions=positions,
         covariances=covariances,

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.perception.detections import Array
-from envs.perception.poses import DEVICE_NUMBERS, LEVER, handles
+from envs.perception.fitting_track import length
+from envs.perception.poses import IS_DEVICE, LEVER, handles
 from envs.sim.devices import DEVICES
 from language import NOUNS
 
 RADII = np.array([{"button": 0.5, "lever": 0.5, "wheel": 0.75}.get(noun, 0.0) for noun in NOUNS])  # widths, of devices
-IS_DEVICE = np.isin(np.arange(len(NOUNS)), DEVICE_NUMBERS)
 ON_BUTTON = 0.5  # widths beside the middle of a button within which a gripper presses it
 THICK, KNOB, PEG = 0.14, 0.35, 0.24  # widths: radius of knobs and pegs, half of a knob's length, and of a peg's height
 TIP_RADIUS = 0.02  # metres, of a magnet's face or shut fingers
@@ -35,7 +35,7 @@ def within_devices(
     """
     radii = np.where(IS_DEVICE[new], RADII[new] * width, size / 5)
     offset = places[:, None] - anchors[None]
-    beside = np.linalg.norm(offset[..., :2], axis=-1) < RADII[nouns] * width + radii[:, None]
+    beside = length(offset[..., :2]) < RADII[nouns] * width + radii[:, None]
     return np.asarray((beside & IS_DEVICE[nouns] & (offset[..., 2] < width)).any(1))
 
 
@@ -45,7 +45,7 @@ def pressed(anchors: Array, tip: Array, width: float) -> Array:
     tip: (3,) the lowest point of the gripper or of what it holds, metres.
     """
     button = DEVICES["button"]
-    on = np.linalg.norm((anchors - tip)[:, :2], axis=1) < ON_BUTTON * width
+    on = length((anchors - tip)[:, :2]) < ON_BUTTON * width
     below = (button.grip(width)[2] - tip[2]) / (button.way * width)
     return np.where(on, np.clip(below, 0.0, 1.0), 0.0)
 
@@ -77,7 +77,7 @@ def pushed(noun: int, anchor: Array, tip: Array, *, yaw: float, share: float, wi
 
 def _touches(noun: int, offset: Array, yaw: float, width: float) -> NDArray[np.bool_]:
     """(C,) whether a handle at an offset (C, 3) from the gripper's tip would be within the gripper, a cylinder."""
-    beside, height = np.linalg.norm(offset[:, :2], axis=1), PEG
+    beside, height = length(offset[:, :2]), PEG
     if noun == LEVER:  # its knob lies across
         along = np.cos(yaw) * offset[:, 0] + np.sin(yaw) * offset[:, 1]
         aside = np.cos(yaw) * offset[:, 1] - np.sin(yaw) * offset[:, 0]

@@ -13,6 +13,7 @@ from language import NOUNS, SHAPES
 
 BUTTON, CUBE, LEVER, WHEEL = (list(NOUNS).index(noun) for noun in ("button", "cube", "lever", "wheel"))
 DEVICE_NUMBERS = np.array([list(NOUNS).index(noun) for noun in DEVICES])
+IS_DEVICE = np.isin(np.arange(len(NOUNS)), DEVICE_NUMBERS)  # by the number of a noun
 LOOSE = np.array([noun in SHAPES for noun in NOUNS])  # by the number of a noun
 SHARES = np.linspace(0.0, 1.0, 65)  # of a joint's range, at which the places of handles are computed beforehand
 WHEEL_WAY = DEVICES["wheel"].way  # radians from the middle of a wheel's range to its ends
@@ -21,6 +22,16 @@ WHEEL_WAY = DEVICES["wheel"].way  # radians from the middle of a wheel's range t
 def wrapped(angles: Array, period: float) -> Array:
     """(...) the angles (...) within half a period of 0, radians."""
     return (angles + period / 2) % period - period / 2
+
+
+def wheel_starts(yaws: Array, shares: Array) -> Array:
+    """(...) radians, how wheels were placed whose handles are at yaws (...), at shares (...) of their ranges."""
+    return yaws - WHEEL_WAY * (2 * shares - 1)
+
+
+def wheel_shares(yaws: Array, starts: Array) -> Array:
+    """(...) the shares of their ranges of wheels: the inverse of `wheel_starts`."""
+    return 0.5 + wrapped(yaws - starts, 2 * np.pi) / (2 * WHEEL_WAY)
 
 
 def upright(yaws: Array) -> Array:

@@ -19,16 +19,15 @@ from numpy.typing import NDArray
 
 from envs.perception.config import PerceptionConfig
 from envs.perception.detections import Array, Detections
-from envs.perception.device_contact import IS_DEVICE, TIP_RADIUS, pressed, pushed, within_devices
+from envs.perception.device_contact import TIP_RADIUS, pressed, pushed, within_devices
 from envs.perception.fitting_track import JUMP, KEPT, LEAST, NEAR, NOISE, FollowedFitting, length
 from envs.perception.poses import (
     BUTTON,
     CUBE,
-    DEVICE_NUMBERS,
+    IS_DEVICE,
     LEVER,
     LOOSE,
     WHEEL,
-    WHEEL_WAY,
     handles,
     heading,
     product,
@@ -36,6 +35,7 @@ from envs.perception.poses import (
     quaternions_of,
     stands,
     upright,
+    wheel_starts,
     wrapped,
 )
 from envs.sim.workspace import Fitting
@@ -269,7 +269,7 @@ class SceneTracker:
     @property
     def _devices(self) -> NDArray[np.bool_]:
         """(T,) which things are devices."""
-        return np.isin(self._things.nouns.argmax(1), DEVICE_NUMBERS)
+        return IS_DEVICE[self._things.nouns.argmax(1)]
 
     def _places(self, which: NDArray) -> Array:
         """(W, 3) where these things are; of devices, their handles; metres."""
@@ -361,12 +361,12 @@ class SceneTracker:
         gain = np.where(things.ids[rows] == self._held, 0.0, np.where(turns, np.maximum(slow, follows), slow))
         apart = seen.yaws[columns] - things.yaws[rows]
         apart = np.where(nouns == CUBE, wrapped(apart, QUARTER), wrapped(apart, 2 * np.pi))
-        turnable = (nouns == CUBE) | np.isin(nouns, DEVICE_NUMBERS)
+        turnable = (nouns == CUBE) | IS_DEVICE[nouns]
         things.yaws[rows] += np.where(turnable, gain * apart, 0.0)
         gain = np.where(near, np.maximum(slow, follows), slow)
         things.shares[rows] += gain * (seen.shares[columns] - things.shares[rows])
         # How a wheel was placed, its mark tells; it stays so.
-        placed = _wheel_starts(seen.yaws[columns], seen.shares[columns])
+        placed = wheel_starts(seen.yaws[columns], seen.shares[columns])
         things.starts[rows] += np.where(pushed, 0.0, slow) * wrapped(placed - things.starts[rows], 2 * np.pi)
         free = things.ids[rows] != self._held
         things.turns[rows[free]] = upright(things.yaws[rows[free]])
@@ -413,8 +413,14 @@ class SceneTracker:
         apart = length(anchors[:, None] - things.anchors[None])
         same = (new.targets[:, None] > 0.5) == (things.targets[None] > 0)
         believed &= ~((apart < ALIKE * known.size) & same).any(1)
-        there = {"nouns": things.nouns.argmax(1), "anchors": things.anchors, "size": known.size, "width": known.width}
-        believed &= ~within_devices(nouns, anchors, **there)
+        believed &= ~within_devices(
+            nouns,
+            anchors,
+            nouns=things.nouns.argmax(1),
+            anchors=things.anchors,
+            size=known.size,
+            width=known.width,
+        )
         for fitting in self._fittings.values():
             believed &= length(anchors - fitting.handle) > known.size
         if self._pictures:
@@ -444,7 +450,7 @@ class SceneTracker:
                 covariances=new.covariances + NOISE**2 * np.eye(3),
                 yaws=yaws,
                 shares=new.shares.copy(),
-                starts=_wheel_starts(yaws, new.shares),
+                starts=wheel_starts(yaws, new.shares),
                 turns=upright(yaws),
                 hits=np.full(count, shown),
                 missed=np.zeros(count, np.int64),
@@ -526,7 +532,7 @@ class SceneTracker:
                 )
             ),
             yaws=np.append(np.where(nouns == WHEEL, things.starts[sure], yaws), np.zeros(count)),
-            sizes=np.append(np.where(np.isin(nouns, DEVICE_NUMBERS), known.width, known.size), [known.size] * count),
+            sizes=np.append(np.where(IS_DEVICE[nouns], known.width, known.size), [known.size] * count),
             held=int(held[0]) if len(held) and self._held != NOTHING else NOTHING,
         )
 
@@ -534,11 +540,6 @@ class SceneTracker:
 def _fitting_id(noun: int) -> int:
     """Return the id of the fitting with this noun's number."""
     return NOTHING - 1 - noun
-
-
-def _wheel_starts(yaws: Array, shares: Array) -> Array:
-    """(T,) radians, how wheels were placed whose handles are at yaws (T,), these shares (T,) of their ranges."""
-    return yaws - WHEEL_WAY * (2 * shares - 1)
 
 
 def _probabilities(logs: Array) -> Array:
