@@ -7,6 +7,7 @@ import re
 import secrets
 import socket
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Any, Self
 from urllib.parse import urlsplit
@@ -46,7 +47,7 @@ def socket_address(address: str, kind: str, number: str = "") -> str:
     return f"ws://{parts.netloc}/{token}/{kind}/{number or secrets.token_hex(8)}"
 
 
-class Client:
+class Client(ABC):
     """A socket. closed: code and reason, once the page has closed it. Raises OSError, or InvalidStatus if refused."""
 
     def __init__(self, address: str, protocol: str) -> None:
@@ -80,8 +81,9 @@ class Client:
     def _note(self, error: ConnectionClosed) -> None:
         self.closed = (error.rcvd.code, error.rcvd.reason) if error.rcvd else (1006, "")
 
+    @abstractmethod
     def _take(self, raw: bytes | str) -> None:
-        raise NotImplementedError
+        """Take a message of the server."""
 
 
 class SceneClient(Client):
