@@ -34,6 +34,7 @@ from scipy.spatial.transform import Rotation
 from core.cameras import Camera, CameraFrame
 from core.program import program
 from demo.scene_view import SceneView
+from envs.config import EnvConfig
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.perception.detections import View
 from envs.perception.detector import SightDetector, fuse, load_detector
@@ -89,6 +90,10 @@ class ShownScenes(SceneSource):
     @property
     def visual_shapes(self) -> ShapesWithout:
         return self.shapes
+
+    @property
+    def config(self) -> EnvConfig:
+        return self._env.config
 
     @property
     def objects(self) -> list[int]:

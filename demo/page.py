@@ -16,6 +16,7 @@ from demo.guarded_server import PageParts
 from demo.real_time_loop import RealTimeLoop
 from demo.recording_panel import RecordingPanel
 from demo.scene_view import SceneView
+from demo.scenery import Scenery
 from demo.session import Session
 from demo.session_config import MOST_OBJECTS, check_run, pretrained_policies
 from demo.shared_state import Tab
@@ -73,6 +74,7 @@ class Page:
         self._finger: Any = None
         self._shown_workspace = ""  # by the camera
         self._scene_view = SceneView(server, self._on_click, self._on_drag)
+        self._scenery = Scenery(self._scene_view)
         self._recording = RecordingPanel(parts.state, parts.files, Path.cwd(), self._note)
         self._sight = SightPanel(parts.state, load_network)
         self._show_env(session)
@@ -287,6 +289,7 @@ class Page:
         """Shows a new environment and its config."""
         config = session.config
         self._scene_view.show_env(session.env)
+        self._scenery.show_env(session.env)
         self._sight.show_env(session.env)
         if config.workspace != self._shown_workspace:
             self._shown_workspace = str(config.workspace)
@@ -310,7 +313,7 @@ class Page:
         with self._server.atomic():
             self._scene_view.update_poses()
             self._scene_view.highlight(view.highlighted, positions, session.env.gripper[0], session.busy)
-            self._scene_view.show_shadows(self._casting(session, positions), session.env.config.task.object_size)
+            self._scenery.show_shadows(self._casting(session, positions))
             self._scene_view.show_pointing(view.ray, view.pointing, positions)
             self._scene_view.show_shares(view.attention, names, positions)
         self._show_status(session)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +11,7 @@ import trimesh
 import viser
 from numpy.typing import ArrayLike, NDArray
 
+from demo.meshes import mesh_of, object_box, painted
 from envs.interactive.interactive_env import InteractiveEnv
 from envs.sim.rendering import VisualShape
 from language import Scene
@@ -26,7 +25,6 @@ RAY_END = 0.06  # metres above the table
 CONE_HALF_ANGLE = np.deg2rad(4)
 LABEL_HEIGHT = 0.09  # metres above the centre of what is named
 OUTLINE = 1.3  # of the referent, in sizes of an object
-SHADOW, SHADOW_HEIGHT, SHADOW_SHARES = 0.16, 0.001, (0.85, 0.65)  # opacity, metres, and radii in sizes of an object
 PATH_COLOR = (90, 120, 220)
 PATH_POINTS, PATH_HEIGHT = 12, 0.08  # dashes from stop to stop, and metres by which the way rises between them
 DASH = np.array([0.0, 0.0, 0.006])  # metres
@@ -40,56 +38,57 @@ class SceneView:
     """The 3D view of a server. Not thread-safe.
 
     on_click: called with the body that was clicked. on_drag: called with the body and the place that it was dragged to,
-    (3,) metres. shows_names: of all objects. glows: objects, as much as the policy attends to them.
+    (3,) metres. scene: of viser. shapes: what is shown. shows_names: of all objects. glows: objects, as much as the
+    policy attends to them.
     """
 
     def __init__(
         self, server: viser.ViserServer, on_click: Callable[[int], None], on_drag: Callable[[int, Array], None]
     ) -> None:
-        self._scene: Any = server.scene
+        self.scene: Any = server.scene
         self._on_click, self._on_drag = on_click, on_drag
-        self._scene.set_up_direction("+z")
+        self.scene.set_up_direction("+z")
+        # Shadows of viser's own are slow without a graphics card, and have stripes; `Scenery` draws soft ones.
+        self.scene.configure_default_lights(cast_shadow=False)
+        self.scene.configure_environment_map(None)
         self._env: InteractiveEnv | None = None
         self.shows_names, self.glows = False, False
         self._labels: list[Any] = []  # of the objects
         self._discs: list[Any] = []
-        self._shadows: list[Any] = []
         self._hover_labels: dict[int, Any] = {}  # by viser's number of the tab
         self._finger: Any = None
         self._path: Any = None
 
     def show_env(self, env: InteractiveEnv) -> None:
         """Replaces the content of the view by the meshes of this environment."""
-        self._scene.reset()
-        self._scene.configure_default_lights(cast_shadow=False)  # shadows are slow without a graphics card
-        self._scene.configure_environment_map(None)
-        self._scene.add_light_ambient("/light", intensity=1.2)
+        self.scene.reset()
+        self.scene.add_light_ambient("/light", intensity=1.2)
         self._env = env
         self._selectable = set(env.all_bodies)
-        self._shapes = env.visual_shapes.shapes()
-        self._links = sorted({(shape.body, shape.link) for shape in self._shapes})
-        self._frames = [self._scene.add_frame(f"/{body}/{link + 1}", show_axes=False) for body, link in self._links]
-        self._meshes: list[Any] = [self._add_mesh(number, shape) for number, shape in enumerate(self._shapes)]
+        self.shapes = env.visual_shapes.shapes()
+        self._links = sorted({(shape.body, shape.link) for shape in self.shapes})
+        self._frames = [self.scene.add_frame(f"/{body}/{link + 1}", show_axes=False) for body, link in self._links]
+        self._meshes: list[Any] = [self._add_mesh(number, shape) for number, shape in enumerate(self.shapes)]
         self._poses = np.full((len(self._links), 7), np.nan)
         self._rings = [self._add_ring(name, color) for name, color in (("referent", GOLD), ("target", CYAN))]
         self._pointed_ring = self._add_ring("pointed", WHITE)
         self._outline = self._add_outline(OUTLINE * env.config.task.object_size)
-        self._label = self._scene.add_label("/ring/label", "", visible=False)
+        self._label = self.scene.add_label("/ring/label", "", visible=False)
         self._ray_nodes: tuple[Any, ...] = ()
         self._drawn_ray = np.zeros(0)
         self._finger = self._path = None
-        self._labels, self._discs, self._shadows = [], [], []
+        self._labels, self._discs = [], []
         self.update_colors()
 
     def update_colors(self) -> None:
         """Takes over the colours of objects and fittings, which differ from scene to scene."""
         assert self._env is not None
         shapes = self._env.visual_shapes.shapes()
-        for mesh, before, shape in zip(self._meshes, self._shapes, shapes, strict=True):
+        for mesh, before, shape in zip(self._meshes, self.shapes, shapes, strict=True):
             if mesh is not None and shape.rgba != before.rgba:
                 mesh.color = _rgb(shape)
                 mesh.opacity = _opacity(shape)
-        self._shapes = shapes
+        self.shapes = shapes
 
     def update_poses(self) -> None:
         """Moves the meshes of all links that have moved."""
@@ -103,9 +102,19 @@ class SceneView:
             frame.position, frame.wxyz = (x, y, z), (qw, qx, qy, qz)
         self._poses = poses
 
+    def places(self, body: int) -> Array:
+        """(N, 3) where the links of a body are, metres."""
+        return self._poses[[index for index, link in enumerate(self._links) if link[0] == body], :3]
+
+    def hide(self, bodies: Sequence[int]) -> None:
+        """Show these bodies no longer, which never move."""
+        for mesh, shape in zip(self._meshes, self.shapes, strict=True):
+            if mesh is not None and shape.body in bodies:
+                mesh.visible = False
+
     def add_finger(self, aim: Array) -> Any:
         """Return new handles at (3,) metres, where a person points. They are seen while a mouse is near them."""
-        self._finger = self._scene.add_transform_controls(
+        self._finger = self.scene.add_transform_controls(
             "/finger", scale=0.12, disable_rotations=True, position=tuple(aim), depth_test=False, visible=False
         )
         return self._finger
@@ -122,38 +131,8 @@ class SceneView:
         places = [positions[index] for index in objects if index < len(positions)]
         for ring, place in zip(self._rings, [*places, None, None], strict=False):
             _place(ring, place)
-        _move(self._outline, places[0] if places else None)
+        move(self._outline, places[0] if places else None)
         self._draw_path([gripper, *places] if busy and places else [])
-
-    def show_shadows(self, places: Array, size: float) -> None:
-        """Draws a soft shadow on the table below each place.
-
-        Args:
-            places: (N, 3), metres.
-            size: of an object, metres.
-        """
-        for index in range(max(len(self._shadows), len(places))):
-            if index == len(self._shadows):
-                self._shadows.append(self._add_shadow(index, size))
-            place = places[index] if index < len(places) else None
-            _move(
-                self._shadows[index], None if place is None or place[2] < 0 else np.array([*place[:2], SHADOW_HEIGHT])
-            )
-
-    def _add_shadow(self, index: int, size: float) -> Any:
-        frame = self._scene.add_frame(f"/shadow/{index}", show_axes=False, visible=False)
-        for layer, share in enumerate(SHADOW_SHARES):
-            disc = trimesh.creation.cylinder(radius=share * size, height=0.0004, sections=24)
-            disc.apply_translation([0.0, 0.0, 0.0005 * layer])
-            self._scene.add_mesh_simple(
-                f"/shadow/{index}/{layer}",
-                disc.vertices,
-                disc.faces,
-                color=(0, 0, 0),
-                opacity=SHADOW,
-                cast_shadow=False,
-            )
-        return frame
 
     def _draw_path(self, stops: list[Array]) -> None:
         """Draws the way from stop to stop, (3,) metres each, over what stands between them."""
@@ -167,7 +146,7 @@ class SceneView:
                 self._path.points = np.stack((points, points + DASH), 1).astype(np.float32)
                 self._path.visible = True
             return
-        self._path = self._scene.add_line_segments(
+        self._path = self.scene.add_line_segments(
             "/path", np.stack((points, points + DASH), 1), colors=np.array(PATH_COLOR), line_width=3.0
         )
 
@@ -181,7 +160,7 @@ class SceneView:
         """
         for index in range(max(len(self._labels), len(names) if self.shows_names else 0)):
             if index == len(self._labels):
-                self._labels.append(self._scene.add_label(f"/name/{index}", "", visible=False))
+                self._labels.append(self.scene.add_label(f"/name/{index}", "", visible=False))
             shown = self.shows_names and index < len(names)
             self._show_label(self._labels[index], names[index] if shown else "", positions[index] if shown else None)
         wanted = shares if self.glows and shares is not None and len(shares) == len(positions) else np.zeros(0)
@@ -198,7 +177,7 @@ class SceneView:
         """Shows a text above a place (3,), metres; hides it for None. Nothing is sent that is as before."""
         if position is not None and label.text != text:
             label.text = text
-        _move(label, None if position is None else position + [0.0, 0.0, LABEL_HEIGHT])
+        move(label, None if position is None else position + [0.0, 0.0, LABEL_HEIGHT])
 
     def hover(self, client: Any, at: tuple[float, float] | None, scene: Scene, names: Sequence[str]) -> None:
         """Shows a tab the name of what its mouse is at, and the finger's handles if they are near.
@@ -252,15 +231,15 @@ class SceneView:
         cone.apply_transform(trimesh.geometry.align_vectors([0, 0, -1], direction))
         ends = np.array([[origin, origin + length * direction]])
         self._ray_nodes = (
-            self._scene.add_line_segments("/ray/line", ends, colors=np.array(RAY_COLOR), line_width=2.0),
-            self._scene.add_mesh_simple(
+            self.scene.add_line_segments("/ray/line", ends, colors=np.array(RAY_COLOR), line_width=2.0),
+            self.scene.add_mesh_simple(
                 "/ray/cone", cone.vertices, cone.faces, color=CONE_COLOR, opacity=0.18, position=origin
             ),
         )
 
     def _add_disc(self, index: int) -> Any:
         disc = trimesh.creation.cylinder(radius=0.07, height=0.001, sections=32)
-        return self._scene.add_mesh_simple(
+        return self.scene.add_mesh_simple(
             f"/glow/{index}", disc.vertices, disc.faces, color=GOLD, opacity=0.0, visible=False, cast_shadow=False
         )
 
@@ -268,13 +247,13 @@ class SceneView:
         """The edges of a cube around the referent, metres."""
         corners = size * (np.indices((2, 2, 2)).reshape(3, -1).T - 0.5)
         edges = [(a, b) for a in corners for b in corners if (a <= b).all() and (a < b).sum() == 1]
-        return self._scene.add_line_segments(
+        return self.scene.add_line_segments(
             "/outline", np.array(edges), colors=np.array(GOLD), line_width=3.0, visible=False
         )
 
     def _add_ring(self, name: str, color: tuple[int, int, int]) -> Any:
         ring = trimesh.creation.annulus(r_min=0.045, r_max=0.055, height=0.004, sections=48)
-        return self._scene.add_mesh_simple(
+        return self.scene.add_mesh_simple(
             f"/ring/{name}", ring.vertices, ring.faces, color=color, visible=False, cast_shadow=False
         )
 
@@ -284,13 +263,18 @@ class SceneView:
         place = {"position": shape.position, "wxyz": (w, x, y, z)}
         if shape.rgba[3] == 0 and shape.mesh is None:  # the cone of a ray, which PyBullet's own renderer draws
             return None
-        mesh = _mesh(shape.type, shape.size, shape.mesh)
-        if shape.mesh is None or shape.rgba[:3] != (1.0, 1.0, 1.0):  # else the mesh file has colours
-            look = {"color": _rgb(shape), "opacity": _opacity(shape)}
-            handle = self._scene.add_mesh_simple(name, mesh.vertices, mesh.faces, **look, **place)
-        else:
-            handle = self._scene.add_mesh_trimesh(name, mesh, **place)
-        if shape.body in self._selectable:
+        movable = shape.body in self._selectable
+        mesh = (
+            object_box(shape.size) if movable and shape.type == "box" else mesh_of(shape.type, shape.size, shape.mesh)
+        )
+        if shape.mesh is None or movable or shape.rgba[3] < 1:
+            flat = shape.type in ("box", "mesh")
+            look = {"color": _rgb(shape), "opacity": _opacity(shape), "flat_shading": flat}
+            handle = self.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, **look, **place)
+        else:  # a white mesh has the colours of its file
+            mesh = mesh if shape.rgba[:3] == (1.0, 1.0, 1.0) else painted(mesh, _rgb(shape))
+            handle = self.scene.add_mesh_trimesh(name, mesh, **place)
+        if movable:
             self._listen(handle, shape.body)
         return handle
 
@@ -315,7 +299,7 @@ def _at_height(height: float, eye: ArrayLike, through: ArrayLike) -> Array | Non
     return place if share > 0 and np.isfinite(place).all() else None
 
 
-def _move(node: Any, position: Array | None) -> None:
+def move(node: Any, position: Array | None) -> None:
     """Puts a node at (3,) metres; hides it for None. Nothing is sent that is as before."""
     visible = position is not None
     if node.visible != visible:
@@ -327,7 +311,7 @@ def _move(node: Any, position: Array | None) -> None:
 def _place(ring: Any, position: Array | None) -> None:
     """Puts a ring around a position (3,), metres, at the bottom of a small object there; hides it for None."""
     bottom = None if position is None else np.array([*position[:2], max(position[2] - 0.02, 0.003)])
-    _move(ring, bottom)
+    move(ring, bottom)
 
 
 def _arc(start: Array, end: Array) -> Array:
@@ -363,20 +347,3 @@ def _rgb(shape: VisualShape) -> tuple[int, int, int]:
 
 def _opacity(shape: VisualShape) -> float | None:
     return None if shape.rgba[3] >= 1 else max(shape.rgba[3], 0.05)
-
-
-@lru_cache(maxsize=256)
-def _mesh(kind: str, size: tuple[float, float, float], file: Path | None) -> trimesh.Trimesh:
-    if file is not None:
-        mesh: Any = trimesh.load(file, force="mesh")
-        mesh.apply_scale(size)
-        return mesh
-    if kind == "box":
-        return trimesh.creation.box(size)
-    if kind == "sphere":
-        return trimesh.creation.icosphere(subdivisions=3, radius=size[0])
-    if kind == "cylinder":
-        return trimesh.creation.cylinder(height=size[0], radius=size[1], sections=32)
-    capsule = trimesh.creation.capsule(height=size[0], radius=size[1], count=[16, 16])
-    capsule.apply_translation(-capsule.bounds.mean(0))
-    return capsule

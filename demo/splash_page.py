@@ -15,6 +15,8 @@ VIEWS: dict[
     str, tuple[tuple[float, float, float], tuple[float, float, float]]
 ] = {  # by workspace, where others are better
     "board": ((0.82, 0.03, 0.45), (0.43, 0.0, 0.08)),
+    "room": ((1.02, 0.05, 0.7), (0.42, 0.0, 0.06)),
+    "studio": ((0.9, 0.06, 0.84), (0.41, 0.0, 0.04)),
     "handover": ((0.8, -0.02, 0.58), (0.42, 0.0, 0.08)),
 }
 FIELD_OF_VIEW = np.deg2rad(60)  # vertical

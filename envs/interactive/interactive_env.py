@@ -30,14 +30,15 @@ class InteractiveEnv(WorkspaceEnv):
 
     With perception=camera the objects are those that cameras see.
 
-    client: PyBullet's client number. visual_shapes: what is drawn, and its poses. has_person: whether the workspace
-    has a person who can point.
+    client: PyBullet's client number. robot, furniture: of the world. visual_shapes: what is drawn, and its poses.
+    has_person: whether the workspace has a person who can point.
     """
 
     def __init__(self, config: EnvConfig, seed: int = 0, window: Window | None = None) -> None:
         super().__init__(config, 1, seed, render=True, window=window)
         self._single_world = self._worlds[0]
         self.client = self._single_world.client
+        self.robot, self.furniture = self._single_world.robot, self._single_world.furniture
         self.visual_shapes = VisualShapes(self.client)
         self.has_person = self._single_world.person is not None
 
