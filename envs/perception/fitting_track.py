@@ -59,10 +59,13 @@ class FollowedFitting:
         """Move it to where the gripper has taken its handle, (3,) metres."""
         self.share = float(np.clip(self._fitting.share(handle), 0.0, 1.0))
 
-    def update(self, seen: Detections, gripper: Array, config: PerceptionConfig) -> None:
-        """Take what is seen of it after a control step, if anything."""
+    def update(self, seen: Detections, gripper: Array, config: PerceptionConfig, *, held: bool = False) -> None:
+        """Take what is seen of it after a control step, if anything.
+
+        held: the gripper holds its handle, and hides it in part: where the gripper took it counts more than pictures.
+        """
         metres = self._metres()
-        near = float(length(self.handle - gripper)) < NEAR
+        near = float(length(self.handle - gripper)) < NEAR and not held
         self._variance += ((config.motion if near or self._strayed else config.drift) / metres) ** 2
         if not len(seen):
             return
@@ -74,8 +77,8 @@ class FollowedFitting:
         error = (np.trace(seen.covariances[best]) / 3 + NOISE**2) / metres**2
         apart = shares[best] - self.share
         strays = apart * apart > 2 * JUMP * (self._variance + error)
-        if strays and not (near or self._strayed):
-            self._strayed = True
+        if strays and (held or not (near or self._strayed)):
+            self._strayed = not held
             return
         gain = 1.0 if strays or np.isinf(self._variance) else self._variance / (self._variance + error)
         self.share = float(np.clip(self.share + gain * apart, 0.0, 1.0))

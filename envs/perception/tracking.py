@@ -223,7 +223,8 @@ class SceneTracker:
         """Take what is seen of fittings, and return the other detections."""
         number = seen.nouns.argmax(1)
         for noun, fitting in self._fittings.items():
-            fitting.update(seen[number == noun], moment.gripper, self._config)
+            held = self._held == _fitting_id(noun)
+            fitting.update(seen[number == noun], moment.gripper, self._config, held=held)
         return seen[~np.isin(number, list(self._fittings))]
 
     def _inside(self, fitting: FollowedFitting) -> NDArray[np.bool_]:

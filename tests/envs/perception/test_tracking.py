@@ -365,6 +365,24 @@ def test_what_is_held_stays_in_the_gripper_whatever_is_seen_of_it():
         np.testing.assert_allclose(follows.seen().positions, [there], atol=1e-3)
 
 
+def test_a_handle_that_is_held_goes_where_the_gripper_takes_it_whatever_pictures_show_of_it():
+    number = list(NOUNS).index("fridge")
+    follows = tracker(nouns=np.isin(list(NOUNS), [*SHAPES, *FITTINGS]), fittings={number: FRIDGE})
+
+    def handle(share):
+        return FRIDGE.handle_at(FRIDGE.value(share))
+
+    def at(share, holds):
+        return moment([[0.0, 0.0, 0.4], handle(share) + [-0.1, 0.0, 0.3], handle(share)], holds=holds)
+
+    for _ in range(10):
+        follows.update(seen((handle(0.6), "fridge", "cyan")), at(0.6, holds=False))
+    follows.update(seen((handle(0.6), "fridge", "cyan")), at(0.6, holds=True))
+    for share in np.arange(0.55, 0.14, -0.05):
+        follows.update(seen((handle(max(share - 0.1, 0.0)), "fridge", "cyan")), at(share, holds=True))
+        np.testing.assert_allclose(follows.seen().positions, [handle(share)], atol=4e-3)
+
+
 def test_nothing_new_is_believed_that_the_arm_hides_in_part():
     follows = tracker()
     follows.update(seen(CUBE), moment())
