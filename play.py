@@ -6,6 +6,7 @@
     python play.py --gui                                # PyBullet's own window and the keyboard, no page
     python play.py --headless out.mp4 --say "reach the red cube"
 
+    python play.py study=study.yaml                     # a study with participants: docs/study.md
     python play.py task=nl_reach arm=sim arm.latency=0.06   # an arm in place of the simulated one: docs/deployment.md
 
 Keys: task, robot, control, workspace, objects, driver (policy, expert, hand) and checkpoint. Any other key=value
@@ -73,6 +74,8 @@ def main(words: Sequence[str]) -> None:
         raise ConfigError("--gui opens a window and --headless opens none: give one of them")
     if args.seed < 0:
         raise ConfigError(f"--seed={args.seed} must be at least 0")
+    if (args.gui or args.headless is not None) and any(word.startswith("study=") for word in args.overrides):
+        raise ConfigError("study=... is for the page: leave out --gui and --headless")
     if args.headless is not None:
         check_file("--headless", args.headless, VIDEO_SUFFIXES)
         write_video(args)
@@ -137,6 +140,11 @@ def serve_page(args: argparse.Namespace) -> None:
     if find_spec("viser") is None or find_spec("trimesh") is None:
         raise ConfigError('the page requires viser, which is not installed: pip install -e ".[play]"')
     _check_address(args.host, args.port)
+    from demo.study.serving import is_study, serve_study
+
+    if is_study(args.overrides):
+        serve_study(args)
+        return
     from demo.guarded_server import PageParts
     from demo.page_gate import PageGate, is_loopback
     from demo.splash_page import open_splash_page

@@ -48,6 +48,7 @@ PROGRAMS = {
         "deixis.calibrate:cli", "where a camera is, from a printed board or the gripper: deixis calibrate board"
     ),
     "look": Program("deixis.look:cli", "what a camera sees: deixis look picture.png --camera front.yaml"),
+    "study": Program("demo.study.export:cli", "the data of a study as CSV and JSON: deixis study export study.sqlite"),
     "report": Program("trainers.reports.report:cli", "tables and figures of finished runs: deixis report outputs"),
     "parse": Program("language.__main__:run", 'what a sentence asks for: deixis parse "reach the red cube"'),
     "describe": Program(

@@ -180,7 +180,7 @@ def _serving(gate: PageGate, parts: PageParts) -> Iterator[list[int]]:
                 await handler(connection)
 
         ports.append(port)
-        options |= {"max_size": MAX_MESSAGE, "logger": _logger(), "server_header": None}
+        options |= {"max_size": MAX_MESSAGE, "logger": page_logger(), "server_header": None}
         options["create_connection"] = partial(GuardedConnection, parts.check)
         options["select_subprotocol"] = lambda _, offered: offered[0]  # the only one: see `_refused_socket`
         answer = partial(_answer, gate, parts.files, process_request)
@@ -202,9 +202,9 @@ def _answer(
     local_ip = str(connection.local_address[0])
     verdict = gate.check(request.path, headers.get_all("Host"), headers.get_all("Origin"), local_ip, is_socket)
     if verdict.refused is not None:
-        return _text(HTTPStatus.FORBIDDEN, verdict.refused)
+        return text_response(HTTPStatus.FORBIDDEN, verdict.refused)
     if verdict.moved_to is not None:
-        return _text(HTTPStatus.SEE_OTHER, "", Location=verdict.moved_to)
+        return text_response(HTTPStatus.SEE_OTHER, "", Location=verdict.moved_to)
     assert verdict.path is not None
     request.path = verdict.path
     if is_socket:
@@ -213,14 +213,14 @@ def _answer(
     number, _, path = rest.partition("/")
     if kind == SCENE and TAB_NUMBER.fullmatch(number):
         request.path = f"/{path}"
-        response = of_viser(connection, request)
-        assert response is not None
-        response.headers.update(HEADERS | {"X-Frame-Options": "SAMEORIGIN"})
-        return response
+        answer = of_viser(connection, request)
+        assert answer is not None
+        answer.headers.update(HEADERS | {"X-Frame-Options": "SAMEORIGIN"})
+        return answer
     found = files.get(verdict.path.removeprefix("/"))
     if found is None:
-        return _text(HTTPStatus.NOT_FOUND, "There is no such file.\n")
-    return _response(HTTPStatus.OK, found[0], found[1])
+        return text_response(HTTPStatus.NOT_FOUND, "There is no such file.\n")
+    return response(HTTPStatus.OK, found[0], found[1])
 
 
 def _refused_socket(connection: ServerConnection, request: Request) -> Response | None:
@@ -228,25 +228,28 @@ def _refused_socket(connection: ServerConnection, request: Request) -> Response 
     kind, _, number = request.path.removeprefix("/").partition("/")
     protocol = {SOCKET: TAB_PROTOCOL, SCENE: PROTOCOL}.get(kind)
     if protocol is None or not TAB_NUMBER.fullmatch(number):
-        return _text(HTTPStatus.NOT_FOUND, "There is no such socket.\n")
+        return text_response(HTTPStatus.NOT_FOUND, "There is no such socket.\n")
     headers = request.headers
     if headers.get_all("Upgrade") != ["websocket"] or headers.get_all("Sec-WebSocket-Protocol") != [protocol]:
-        return _text(HTTPStatus.BAD_REQUEST, f"This socket of the page speaks {protocol}: load the page again.\n")
+        text = f"This socket of the page speaks {protocol}: load the page again.\n"
+        return text_response(HTTPStatus.BAD_REQUEST, text)
     if len(connection.server.connections) >= MAX_SOCKETS:
-        return _text(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_SOCKETS // 2} browsers are looking already.\n")
+        return text_response(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_SOCKETS // 2} browsers are looking already.\n")
     return None
 
 
-def _text(status: HTTPStatus, text: str, **more: str) -> Response:
-    return _response(status, text.encode(), {"Content-Type": "text/plain; charset=utf-8"} | more)
+def text_response(status: HTTPStatus, text: str, **more: str) -> Response:
+    """An answer of plain text. more: headers."""
+    return response(status, text.encode(), {"Content-Type": "text/plain; charset=utf-8"} | more)
 
 
-def _response(status: HTTPStatus, body: bytes, headers: dict[str, str]) -> Response:
+def response(status: HTTPStatus, body: bytes, headers: dict[str, str]) -> Response:
+    """An answer with a body and headers."""
     lengths = {"Content-Length": str(len(body)), "Connection": "close"}
     return Response(status.value, status.phrase, Headers(HEADERS | headers | lengths), body)
 
 
-def _logger() -> logging.Logger:
+def page_logger() -> logging.Logger:
     """A logger that says nothing of requests that are no requests."""
     logger = logging.getLogger("deixis.page")
     if not logger.filters:

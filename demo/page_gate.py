@@ -82,7 +82,7 @@ class PageGate:
             local_ip: address of this machine that the request has arrived at.
             is_socket: whether it asks for the socket, which cannot be sent elsewhere.
         """
-        if not self._is_named_right(hosts, origins, local_ip):
+        if not self.is_named_right(hosts, origins, local_ip):
             return Verdict(refused=FOREIGN)
         path, _, query = target.partition("?")
         first, _, rest = path.removeprefix("/").partition("/")
@@ -96,7 +96,7 @@ class PageGate:
         others = urlencode([(name, value) for name, value in fields if name != "token"], errors="replace")
         return Verdict(moved_to=f"/{self.token}/" + (f"?{others}" if others else ""))
 
-    def _is_named_right(self, hosts: Sequence[str], origins: Sequence[str], local_ip: str) -> bool:
+    def is_named_right(self, hosts: Sequence[str], origins: Sequence[str], local_ip: str) -> bool:
         """Whether Host is a name of this server, and Origin, if there is one, the page itself."""
         if len(hosts) != 1 or len(origins) > 1:
             return False

@@ -33,6 +33,7 @@ SOURCE = Path("somebody/checkpoints/last.pt")
 OWN_PROGRAMS = (
     "human.camera",
     "demo.session_config",
+    "demo.study.study_config",
     "evaluate",
     "record",
     "deploy",

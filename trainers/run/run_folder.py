@@ -48,7 +48,7 @@ class FolderLock:
 
     def _lock(self) -> None:
         try:
-            _try_lock(self._descriptor)
+            try_lock(self._descriptor)
         except (BlockingIOError, PermissionError):  # as POSIX and as Windows says it
             raise ConfigError(f"a {self.name} is running in {self.folder} already") from None
         except OSError:
@@ -58,7 +58,7 @@ class FolderLock:
         os.close(self._descriptor)
 
 
-def _try_lock(descriptor: int) -> None:
+def try_lock(descriptor: int) -> None:
     """Lock an open file until it is closed. Raises OSError where another process has locked it."""
     try:
         fcntl = import_module("fcntl")
