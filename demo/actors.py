@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from tensordict import TensorDictBase
 
 from demo.planning import Subtask
+from demo.view_state import Intent
 from envs.experts import expert
 from envs.experts.board import Move, MoveRunner
 from envs.interactive.interactive_env import InteractiveEnv
@@ -45,6 +47,18 @@ def actor_of(subtask: Subtask, env: InteractiveEnv, driver: str, policy: Actor |
     if subtask.move is not None and is_move_of_expert(subtask, driver):
         return MoveActor(env, subtask.move)
     return expert(env) if driver == "expert" else policy
+
+
+def other_of(actor: Actor | None, env: InteractiveEnv, policy: Actor | None) -> Actor | None:
+    """With whom an actor is compared: the policy with the expert, and the expert with the policy; None: with nobody."""
+    if policy is None or actor is None or isinstance(actor, MoveActor):
+        return None
+    return expert(env) if actor is policy else policy
+
+
+def intent_of(action: torch.Tensor, env: InteractiveEnv) -> Intent:
+    """What an action (1, A) asks for in the present state."""
+    return Intent(action[0].numpy().astype(np.float64), env.leads_to(action) - env.commanded_gripper[0])
 
 
 def attention_of(output: TensorDictBase) -> NDArray[np.float64] | None:

@@ -28,6 +28,7 @@ from demo.tab_messages import (
     Click,
     Hover,
     MoveHand,
+    MoveObject,
     Nudge,
     Preview,
     Say,
@@ -49,6 +50,7 @@ DIRECTIONS = {  # as the person sees them, who stands opposite the robot
     "up": (0, 0, 1),
     "down": (0, 0, -1),
 }
+STOOD = 0.004  # metres: what moved by less stood still
 WELCOME = "Say what the robot shall do, or click a thing to point at it. You can ask what it sees, too."
 MAX_SENTENCE = 500  # characters
 FASTER = {"faster": 2.0, "slower": 0.5}  # factors of the clock's speed
@@ -94,6 +96,8 @@ class Page:
                 ask(lambda session: self._hover(session, tab, at), f"hover {tab.number}")
             case Nudge(to=to):
                 ask(lambda session: self._nudge(session, to))
+            case MoveObject(object=index, to=to):
+                ask(lambda session: self._move_object(session, tab, index, to))
             case Click(button=button):
                 self._press(tab, button)
             case Change():
@@ -148,6 +152,8 @@ class Page:
                 self._scene_view.shows_names = value
             case "glow":
                 self._scene_view.glows = value
+            case "compares":
+                session.compares = value
             case "looks":
                 self._sight.look(value)
 
@@ -237,6 +243,16 @@ class Page:
         if body in bodies:
             session.put_object(bodies.index(body), place[:2])
 
+    def _move_object(self, session: Session, tab: Tab, index: int, to: str) -> None:
+        """Move an object by a little, and tell the tab where it stands now."""
+        if index >= len(session.env.bodies()):
+            return
+        before = session.scene().positions[index]
+        session.nudge_object(index, DIRECTIONS[to])
+        place = session.scene().positions[index]
+        text = place_in_words(place) + ("" if np.abs(place - before).max() > STOOD else "; it goes no farther that way")
+        tab.send("moved", f"{session.object_names()[index]}: {text}")
+
     def _nudge(self, session: Session, to: str) -> None:
         session.nudge(DIRECTIONS[to])
         self._show_finger(session)
@@ -312,12 +328,15 @@ class Page:
         view, names, positions = session.view, session.object_names(), session.scene().positions
         with self._server.atomic():
             self._scene_view.update_poses()
+            moves = {name: intent.move for name, intent in view.intents.items()}
+            self._scene_view.show_moves(session.env.gripper[0], moves)
             self._scene_view.highlight(view.highlighted, positions, session.env.gripper[0], session.busy)
             self._scenery.show_shadows(self._casting(session, positions))
             self._scene_view.show_pointing(view.ray, view.pointing, positions)
             self._scene_view.show_shares(view.attention, names, positions)
         self._show_status(session)
         self._show_lab(session, names)
+        self._show_intents(session)
         self._list_sayable(session)
         self._conversation.update(view, session.busy)
         self._recording.update(session)
@@ -351,10 +370,21 @@ class Page:
         rewards = {name: round(value, 3) for name, value in view.rewards.items()}
         steps = int(session.env.elapsed[0]) if session.busy else 0
         outcomes = {name: count for name, count in view.outcome_counts.items() if count}
-        self._state.put("lab", {"names": names, **lists, "rewards": rewards, "step": steps, "outcomes": outcomes})
+        movable = [index for index, body in enumerate(session.env.bodies()) if body is not None]
+        self._state.put(
+            "lab",
+            {"names": names, "movable": movable, **lists, "rewards": rewards, "step": steps, "outcomes": outcomes},
+        )
         low, high = np.reshape(session.env.config.workspace.gripper_box, (3, 2)).T.tolist()
         place = None if session.hand_target is None else [round(each, 3) for each in session.hand_target.tolist()]
         self._state.put("hand", {"low": low, "high": high, "place": place, "closed": session.gripper_closed})
+
+    def _show_intents(self, session: Session) -> None:
+        intents = {
+            name: {"action": intent.action.round(2).tolist(), "move": (1000 * intent.move).round().tolist()}
+            for name, intent in session.view.intents.items()
+        }
+        self._state.put("intents", {"compares": session.compares, "policy": session.has_policy, "of": intents})
 
     def _list_sayable(self, session: Session) -> None:
         """Lists feasible instructions while none is being carried out. The list is renewed if something has moved."""
@@ -368,6 +398,12 @@ class Page:
     def close(self) -> None:
         """Ends and saves a video that is being recorded."""
         self._recording.save()
+
+
+def place_in_words(place: Array) -> str:
+    """A place (3,), metres, as the person sees it who stands opposite the robot."""
+    side = f"{100 * abs(place[1]):.0f} cm to your {'left' if place[1] < 0 else 'right'}"
+    return f"{100 * place[0]:.0f} cm from the robot, " + (side if abs(place[1]) >= 0.005 else "in the middle")
 
 
 def checked(sentence: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -29,6 +29,8 @@ PATH_COLOR = (90, 120, 220)
 PATH_POINTS, PATH_HEIGHT = 12, 0.08  # dashes from stop to stop, and metres by which the way rises between them
 DASH = np.array([0.0, 0.0, 0.006])  # metres
 MIN_PATH_CHANGE = 0.01  # metres
+MOVE_COLORS = {"policy": ((28, 109, 208), 0.006), "expert": ((217, 72, 15), 0.003)}  # RGB, and radius in metres
+MOVE_SCALE = 4.0  # length of an arrow, in moves of a control step
 HOVER_SIZE, HANDLE_REACH = 0.9, 0.12  # in sizes of an object, and in metres: how near a mouse is
 MIN_SHARE, GLOW = 0.05, 0.8  # of the policy's attention that is shown, and the opacity of all of it
 RAY_COLOR, CONE_COLOR = (255, 60, 60), (255, 230, 120)
@@ -58,6 +60,7 @@ class SceneView:
         self._hover_labels: dict[int, Any] = {}  # by viser's number of the tab
         self._finger: Any = None
         self._path: Any = None
+        self._arrows: dict[str, Any] = {}
 
     def show_env(self, env: InteractiveEnv) -> None:
         """Replaces the content of the view by the meshes of this environment."""
@@ -77,6 +80,7 @@ class SceneView:
         self._ray_nodes: tuple[Any, ...] = ()
         self._drawn_ray = np.zeros(0)
         self._finger = self._path = None
+        self._arrows = {}
         self._labels, self._discs = [], []
         self.update_colors()
 
@@ -149,6 +153,26 @@ class SceneView:
         self._path = self.scene.add_line_segments(
             "/path", np.stack((points, points + DASH), 1), colors=np.array(PATH_COLOR), line_width=3.0
         )
+
+    def show_moves(self, gripper: Array, moves: Mapping[str, Array]) -> None:
+        """Draw arrows from the gripper (3,), metres, along moves (3,) by name, metres in a control step, lengthened."""
+        for name in MOVE_COLORS:
+            move_by = moves.get(name)
+            arrow = self._arrows.get(name)
+            if move_by is None:
+                if arrow is not None and arrow.visible:
+                    arrow.visible = False
+                continue
+            points = np.array([[gripper, gripper + MOVE_SCALE * move_by]], np.float32)
+            if arrow is None:
+                self._arrows[name] = self._add_arrow(name, points)
+            else:
+                arrow.points, arrow.visible = points, True
+
+    def _add_arrow(self, name: str, points: NDArray[np.float32]) -> Any:
+        color, radius = MOVE_COLORS[name]
+        head = {"head_radius": 2.2 * radius, "head_length": 5 * radius}
+        return self.scene.add_arrows(f"/move/{name}", points, np.array(color), shaft_radius=radius, **head)
 
     def show_shares(self, shares: Array | None, names: Sequence[str], positions: Array) -> None:
         """Shows names, and how much the policy attends to each of K objects, if that is wanted.

@@ -15,7 +15,7 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from core.errors import ConfigError
 from demo import board, planning, room, worlds
-from demo.actors import Actor, actor_of, attention_of, ending_of, is_move_of_expert
+from demo.actors import Actor, actor_of, attention_of, ending_of, intent_of, is_move_of_expert, other_of
 from demo.finger import Finger
 from demo.planning import Subtask, SubtaskPlanner
 from demo.returning import Return
@@ -54,10 +54,11 @@ class Session:
     """One robot and its environment. Not thread-safe: all calls must come from the thread that calls `step`.
 
     config: the current choice. env: the world; `change` replaces it. view: shown by user interfaces. finger: of the
-    person. note: a warning about the choice, or "". hand_target: (3,) metres, where the gripper is driven by hand; None
-    if the policy or the expert drives. gripper_closed: by hand. viewpoint: whose left and right the person means, who
-    speaks; policies are given words from the task's own. wished_driver: who is to drive, where there is a policy.
-    understood: the steps of the last sentence in words, or "".
+    person. compares: policy and expert are both asked at each step, whoever drives. note: a warning about the
+    choice, or "". hand_target: (3,) metres, where the gripper is driven by hand; None if the policy or the expert
+    drives. gripper_closed: by hand. viewpoint: whose left and right the person means, who speaks; policies are
+    given words from the task's own. wished_driver: who is to drive, where there is a policy. understood: the steps
+    of the last sentence in words, or "".
     """
 
     def __init__(
@@ -81,6 +82,7 @@ class Session:
             ArmError: the arm does not answer.
         """
         self._rng, self._choice, self.understood = np.random.default_rng(seed), arm, ""
+        self.compares = False
         self._start(build(config, seed, gui, arm, person))
         self.wished_driver = config.driver
 
@@ -126,6 +128,7 @@ class Session:
         self._stopped = deque[Subtask]()  # what was to be done when somebody said stop
         self._goes_home = False  # while no subtask is carried out
         self._actor: Actor | None = None  # None while the gripper returns to its rest position
+        self._other: Actor | None = None  # the expert where the policy drives, or the policy
         self.finger.clear()
         self.view = ViewState(outcome_counts=self.view.outcome_counts)
         self.hand_target: Array | None = None
@@ -269,6 +272,11 @@ class Session:
         sentence = self._planner.policy_sentence(instruction, referent, None)
         self._start_plan(Subtask(sentence, referent), deque())
 
+    def nudge_object(self, index: int, direction: ArrayLike) -> None:
+        """Puts an object 2 cm farther in direction (3,), or into the next cell of a board. Raises LanguageError."""
+        step = self.env.config.task.spacing if self.env.task.traits.stacks else NUDGE
+        self.put_object(index, self.scene().positions[index] + step * np.asarray(direction))
+
     def put_object(self, index: int, place: Array) -> None:
         """Puts an object at (2,) metres on the table, or at the nearest place where objects may stand."""
         planning.put_object(self.env, self._planner, index, place)
@@ -336,7 +344,8 @@ class Session:
         board.mark(self.env, None)
         self._planner.return_targets()
         self._subtasks.clear()
-        self._subtask = self._actor = None
+        self._subtask = self._actor = self._other = None
+        self.view.intents = {}
         self._goes_home = False
         self._mark("doing", "failed" if status.startswith("Not done") else "dropped")
         self._mark("next", "dropped")
@@ -394,6 +403,7 @@ class Session:
         board.mark(self.env, subtask.move.place if subtask.move and subtask.move.release else None)
         self._state = self.env.give_instruction(subtask.sentence, subtask.referent, subtask.target, subtask.verb)
         self._actor = actor_of(subtask, self.env, self.config.driver, self._policy)
+        self._other = other_of(self._actor, self.env, self._policy)
         self.view.rewards = dict.fromkeys(self.env.reward_names, 0.0)
 
     def _show_referent(self, index: int) -> None:
@@ -452,7 +462,18 @@ class Session:
             return self.env.towards(self._return.next_position()[None])
         output = self._actor(self._state.exclude("privileged"))
         self.view.attention = attention_of(output)
+        self._compare(output["action"])
         return output["action"]
+
+    def _compare(self, action: torch.Tensor) -> None:
+        """Show what policy and expert would do now, where there are both. action: (1, A) of who drives."""
+        if not self.compares or self._other is None:
+            self.view.intents = {}
+            return
+        other = self._other(self._state.exclude("privileged"))["action"]
+        own, shadow = ("policy", "expert") if self._actor is self._policy else ("expert", "policy")
+        intents = {own: intent_of(action, self.env), shadow: intent_of(other, self.env)}
+        self.view.intents = {name: intents[name] for name in ("policy", "expert")}
 
     def _update_subtask(self, after: TensorDictBase) -> None:
         """Adds up rewards; at the end of the episode, starts the next subtask or reports the outcome."""

@@ -45,6 +45,13 @@ class Nudge(TabMessage, tag="nudge"):
     to: Literal["left", "right", "away", "near", "up", "down"]
 
 
+class MoveObject(TabMessage, tag="move"):
+    """A key that moves an object on the table by a little. object: its number in the list of names."""
+
+    object: Annotated[int, msgspec.Meta(ge=0, le=99)]
+    to: Literal["left", "right", "away", "near"]
+
+
 class Hover(TabMessage, tag="hover"):
     """Where the mouse is in the picture of the scene: shares of its width and height; None: elsewhere."""
 
@@ -66,7 +73,7 @@ class SetViewpoint(TabMessage, tag="viewpoint"):
 class SetFlag(TabMessage, tag="flag"):
     """A box that is ticked or not."""
 
-    name: Literal["paused", "gripper closed", "names", "glow", "looks"]
+    name: Literal["paused", "gripper closed", "names", "glow", "looks", "compares"]
     value: bool
 
 
@@ -101,7 +108,7 @@ class Change(TabMessage, tag="change"):
 
 
 SETTINGS = SetDriver | SetViewpoint | SetFlag | SetSpeed | SetCamera
-KINDS = Say | Preview | Click | Nudge | Hover | MoveHand | Change | SETTINGS
+KINDS = Say | Preview | Click | Nudge | MoveObject | Hover | MoveHand | Change | SETTINGS
 
 
 class TabCheck:
@@ -120,4 +127,4 @@ class TabCheck:
 
     def is_press(self, message: Any) -> bool:
         """Whether each of these messages is served, however many there are: of values, only the latest one is."""
-        return isinstance(message, Say | Click | Nudge | Change)
+        return isinstance(message, Say | Click | Nudge | MoveObject | Change)

@@ -19,6 +19,14 @@ class ViewStep:
     state: str = "next"
 
 
+@dataclass(frozen=True)
+class Intent:
+    """What an actor would do now. action: (A,) in [-1, 1]. move: (3,) metres, of the gripper in this control step."""
+
+    action: Array
+    move: Array
+
+
 @dataclass
 class ViewState:
     """The state that is shown; K is the number of objects in the scene.
@@ -31,6 +39,7 @@ class ViewState:
     attention: (K,) in [0, 1], the policy's attention over the objects.
     pointing: (K,) probability that the finger points at each object, summing to 1.
     ray: origin (3,), metres, and unit direction (3,) of the finger's ray.
+    intents: of the policy and the expert, by these names, if they are compared.
     rewards: sum of each reward term over the current subtask.
     outcome_counts: number of subtasks that ended with each of OUTCOMES.
     """
@@ -43,5 +52,6 @@ class ViewState:
     attention: Array | None = None
     pointing: Array | None = None
     ray: tuple[Array, Array] | None = None
+    intents: dict[str, Intent] = field(default_factory=dict)
     rewards: dict[str, float] = field(default_factory=dict)
     outcome_counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(OUTCOMES, 0))

@@ -4,6 +4,10 @@ import { make, setOptions, setText } from "./dom.js";
 import { Plot } from "./plot.js";
 
 const AXES = ["x", "y", "z"];
+const ARROWS = { ArrowLeft: "left", ArrowRight: "right", ArrowUp: "away", ArrowDown: "near" };
+const MOVES = [
+  ["left", "←", "to your left"], ["away", "↑", "away from you"], ["near", "↓", "towards you"], ["right", "→", "to your right"],
+];
 
 /** send: sends a message of this tab. */
 export class Lab {
@@ -12,8 +16,8 @@ export class Lab {
     this.send = send;
     this.plot = new Plot();
     panel.append(
-      make("h2", {}, "Lab"), this.buildThinking(), this.buildRewards(), this.buildClock(), this.buildSight(),
-      this.buildHand(), this.buildRecord(), this.buildChoice());
+      make("h2", {}, "Lab"), this.buildThinking(), this.buildComparison(), this.buildRewards(), this.buildClock(),
+      this.buildSight(), this.buildObjects(), this.buildHand(), this.buildRecord(), this.buildChoice());
   }
 
   // ---- What the policy thinks
@@ -31,10 +35,48 @@ export class Lab {
   showLab(lab) {
     bars(this.attention, lab.names, lab.attention);
     bars(this.pointing, lab.names, lab.pointing);
+    const chosen = this.object.value;
+    setOptions(this.object, lab.movable.map((index) => [String(index), lab.names[index]]));
+    if (lab.movable.includes(Number(chosen || -1))) this.object.value = chosen; // its name may be another one now
     this.noShares.hidden = Boolean(lab.attention || lab.pointing);
     this.plot.add(lab.step, lab.rewards);
     const counts = Object.entries(lab.outcomes).map(([name, count]) => `${name} ${count}`);
     setText(this.outcomes, `So far: ${counts.join(", ") || "nothing"}`);
+  }
+
+  // ---- What policy and expert would do now
+
+  buildComparison() {
+    this.compares = make("input", { type: "checkbox", onchange: () => this.setFlag("compares", this.compares.checked) });
+    this.comparisonHint = make("p", { className: "small" });
+    this.intents = make("tbody");
+    const heads = ["", "policy", "expert"].map((name) => make("th", { scope: "col" }, name));
+    this.table = make("table", { className: "intents" },
+      make("caption", {}, "Arrows at the gripper: policy thick and blue, expert thin and orange"),
+      make("thead", {}, make("tr", {}, ...heads)), this.intents);
+    return folder("Policy and expert", false, make("label", {}, this.compares, " Ask both at every step"),
+      this.comparisonHint, this.table);
+  }
+
+  showIntents(shown) {
+    this.compares.checked = shown.compares;
+    const { policy, expert } = shown.of;
+    this.table.hidden = !policy;
+    const hint = shown.policy ? "Say something: nobody is asked while the robot rests." : "There is no trained policy here.";
+    setText(this.comparisonHint, policy || !shown.compares ? "" : hint);
+    if (!policy) return;
+    const angle = angleBetween(policy.move, expert.move);
+    const rows = [
+      ...AXES.map((axis, at) => [`move ${axis}, mm`, policy.move[at], expert.move[at]]),
+      ["angle between, degrees", angle === null ? "-" : Math.round(angle), ""],
+      ...policy.action.map((value, at) => [`action ${at + 1}`, value.toFixed(2), expert.action[at].toFixed(2)]),
+    ];
+    while (this.intents.children.length > rows.length) this.intents.lastChild.remove();
+    rows.forEach((row, at) => {
+      let line = this.intents.children[at];
+      if (line === undefined) this.intents.append(line = make("tr", {}, make("th", { scope: "row" }), make("td"), make("td")));
+      row.forEach((text, column) => setText(line.children[column], String(text)));
+    });
   }
 
   buildRewards() {
@@ -85,6 +127,28 @@ export class Lab {
     setText(this.sightNote, sight.note || (sight.looks ? looking : "Tick the box to look."));
     this.seen.replaceChildren(...sight.lines.map((line) => make("li", {}, line)));
     this.seen.hidden = !sight.looks;
+  }
+
+  // ---- Objects, moved by keys
+
+  buildObjects() {
+    this.object = make("select", { ariaLabel: "Object to move" });
+    this.moved = make("p", { className: "small", role: "status" });
+    const pad = make("div", { className: "pad", role: "group", ariaLabel: "Move the object. Arrow keys do, too" },
+      ...MOVES.map(([to, sign, words]) => make("button", {
+        type: "button", value: to, ariaLabel: words, title: words, onclick: () => this.moveObject(to) }, sign)));
+    pad.addEventListener("keydown", (event) => {
+      if (!(event.key in ARROWS) || event.ctrlKey || event.altKey || event.metaKey) return;
+      event.preventDefault();
+      this.moveObject(ARROWS[event.key]);
+      pad.querySelector(`[value=${ARROWS[event.key]}]`).focus();
+    });
+    return folder("Move objects", false, make("label", { className: "row" }, "Object", this.object), pad, this.moved,
+      make("p", { className: "small" }, "By 2 cm, or to the next cell of a board. In the picture, drag an object."));
+  }
+
+  moveObject(to) {
+    if (this.object.value) this.send("move", { object: Number(this.object.value), to });
   }
 
   // ---- By hand
@@ -179,6 +243,13 @@ export class Lab {
 
 function folder(title, open, ...children) {
   return make("details", { open }, make("summary", {}, title), ...children);
+}
+
+/** Degrees between two moves; null if one of them is none. */
+function angleBetween(one, other) {
+  const length = Math.hypot(...one) * Math.hypot(...other);
+  const along = one.reduce((sum, value, at) => sum + value * other[at], 0);
+  return length ? (180 / Math.PI) * Math.acos(Math.min(Math.max(along / length, -1), 1)) : null;
 }
 
 /** Bars with names and percentages; none for null. */

@@ -126,6 +126,12 @@ class InteractiveEnv(WorkspaceEnv):
             hold[0, -1] = 1.0 if self._grip_controller.closed[0] else -1.0
         return hold
 
+    def leads_to(self, action: Tensor) -> Array:
+        """(3,) metres: where an action (1, A) in the present state commands the gripper to be after a control step."""
+        arm = action.numpy()[:, : len(self.control.unit)].astype(np.float64)
+        joints = self.control.targets(arm, self._arrays.commanded, self._arrays.angles)
+        return self.kinematics.forward(joints).position[0]
+
     # ---- Actions of the person
 
     def point_at(self, target: ArrayLike) -> tuple[Array, Array]:

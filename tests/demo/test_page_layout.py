@@ -34,8 +34,21 @@ SECTIONS = {
     "sayable": ["reach the red cube", "open the drawer", "put the blue cube on the red cube"],
     "clock": {"paused": False, "speed": 1.0, "rate": 1.0},
     "lab": {
-        **{"names": NAMES, "attention": [0.1, 0.7, 0.2], "pointing": None, "outcomes": {"success": 2}},
+        **{
+            "names": NAMES,
+            "movable": [0, 1],
+            "attention": [0.1, 0.7, 0.2],
+            "pointing": None,
+            "outcomes": {"success": 2},
+        },
         **{"rewards": {"progress": 0.5, "time": -0.1}, "step": 4},
+    },
+    "intents": {
+        **{"compares": True, "policy": True},
+        "of": {
+            "policy": {"action": [0.5, 0.0, -1.0, 0.2], "move": [20.0, 0.0, -40.0]},
+            "expert": {"action": [0.5, 0.1, -1.0, -1.0], "move": [20.0, 4.0, -40.0]},
+        },
     },
     "hand": {"low": [0, 0, 0], "high": [1, 1, 1], "place": None, "closed": False},
     "recording": False,
@@ -207,3 +220,27 @@ def test_steps_are_ticked_off_in_place(tab):
     receive(tab, {"entry 1": {**SECTIONS["entry 1"], "steps": done, "result": "Done in 2.0 s."}})
     assert item.locator(".steps li.done").count() == 2
     assert "Done in 2.0 s." in item.inner_text()
+
+
+def test_keys_move_a_chosen_object_and_a_live_region_says_where_it_stands(tab):
+    tab.evaluate("document.getElementById('lab').hidden = false")
+    tab.evaluate("document.querySelectorAll('#lab details').forEach(each => { each.open = true; })")
+    tab.get_by_label("Object to move").select_option("the blue cube")
+    receive(tab, {"lab": {**SECTIONS["lab"], "names": ["the red cube", "the left cube", "the drawer"]}})
+    assert tab.get_by_label("Object to move").input_value() == "1"  # still the same one
+    pad = tab.get_by_role("group", name="Move the object")
+    pad.get_by_role("button", name="to your left").press("ArrowUp")
+    assert tab.evaluate("window.sent.at(-1)") == {"do": "move", "object": 1, "to": "away"}
+    tab.keyboard.press("Enter")  # the button of that key has the focus
+    assert tab.evaluate("window.sent.at(-1)") == {"do": "move", "object": 1, "to": "away"}
+    receive(tab, {"moved": "the left cube: 42 cm from the robot, 10 cm to your left"})
+    assert "42 cm from the robot" in tab.locator("#lab [role=status]").inner_text()
+
+
+def test_what_policy_and_expert_would_do_stands_side_by_side(tab):
+    rows = tab.locator("#lab .intents tbody tr")
+    assert rows.nth(0).inner_text().split("\t") == ["move x, mm", "20", "20"]
+    assert rows.nth(3).inner_text().startswith("angle between, degrees\t5")
+    assert rows.last.inner_text().split("\t") == ["action 4", "0.20", "-1.00"]
+    receive(tab, {"intents": {"compares": True, "policy": False, "of": {}}})
+    tab.get_by_text("There is no trained policy here").wait_for()

@@ -261,3 +261,33 @@ def test_the_session_says_whose_left_is_meant(reaching):
     session = Session(make_config(task="reach_gesture", objects=3), seed=5)
     assert "yours" in session.whose_left
     session.close()
+
+
+def test_an_object_is_moved_by_steps_to_where_the_table_ends(reaching):
+    start = reaching.scene().positions[1]
+    reaching.nudge_object(1, (0.0, -1.0, 0.0))
+    assert np.allclose(reaching.scene().positions[1, :2], start[:2] - [0.0, 0.02], atol=1e-6)
+    for _ in range(60):
+        reaching.nudge_object(1, (0.0, -1.0, 0.0))
+    assert reaching.scene().positions[1, 1] == pytest.approx(reaching.env.config.workspace.object_area[2], abs=1e-6)
+
+
+def test_policy_and_expert_are_both_asked_and_the_driver_alone_drives(reaching):
+    reaching.say(f"reach {reaching.object_names()[0]}")
+    run_to_end(reaching)
+    assert reaching.view.intents == {}
+    reaching.compares = True
+    try:
+        reaching.say(f"reach {reaching.object_names()[1]}")
+        while not reaching.view.intents:
+            reaching.step()
+        before = reaching.env.commanded_gripper[0]
+        reaching.step()
+        assert list(reaching.view.intents) == ["policy", "expert"]
+        moves = {name: intent.move for name, intent in reaching.view.intents.items()}
+        assert np.allclose(reaching.env.commanded_gripper[0] - before, moves["expert"], atol=1e-6)  # it drives
+        assert not np.allclose(moves["policy"], moves["expert"], atol=1e-4)
+        run_to_end(reaching)
+        assert reaching.view.intents == {}
+    finally:
+        reaching.compares = False
