@@ -296,9 +296,8 @@ class WorkerPool:
         """Seconds to wait for a batch before a worker counts as stuck."""
         if self.config.timeout is not None:
             return self.config.timeout
-        if not self.durations:
-            return START_SECONDS
-        return self.patience_factor * (2 * max(self.durations) + MARGIN_SECONDS)
+        expected = 2 * max(self.durations) + MARGIN_SECONDS if self.durations else START_SECONDS
+        return self.patience_factor * expected
 
     def _whole(self, iteration: int, parts: Sequence[TensorDictBase | None]) -> TensorDictBase:
         """Return the batch of all workers, in a buffer. The first batch allocates the buffers."""

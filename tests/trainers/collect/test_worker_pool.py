@@ -81,3 +81,11 @@ def test_a_worker_is_not_late_while_the_answers_of_others_are_read():
 def test_a_worker_that_does_not_answer_is_late_once_the_others_have_been_read():
     with pytest.raises(CollectionError, match=r"worker 1 did not answer for 0.2 s"):
         pool(silent=1).collect(Order(0))
+
+
+def test_each_worker_that_is_late_makes_the_pool_wait_twice_as_long_even_before_any_batch(monkeypatch):
+    monkeypatch.setattr("trainers.collect.rollouts.START_SECONDS", TIMEOUT)
+    config = replace(CONFIG, timeout=None, restarts=2)
+    slow = WorkerPool(OneAfterAnother(silent=0), [WorkerSpec(0, 1, 2, 0)], config, None)
+    with pytest.raises(CollectionError, match=r"worker 0 did not answer for 0.8 s"):
+        slow.collect(Order(0))
