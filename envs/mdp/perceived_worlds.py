@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from envs.mdp.grip_controller import GripController
 from envs.mdp.object_rows import ATTRIBUTES, OBJECT_WIDTH, attribute_rows
 from envs.mdp.world_state import WorldState
+from envs.perception.assignment import assignment
 from envs.perception.camera_reader import Gripper
 from envs.perception.config import PerceptionConfig
 from envs.perception.detections import Detections, UnusablePicture
-from envs.perception.tracking import HAND_NUMBER, KnownThings, Moment, SceneTracker, Seen, assignment
+from envs.perception.tracking import HAND_NUMBER, KnownThings, Moment, SceneTracker, Seen
 from envs.sim.kinematics import Array, Kinematics
 from envs.sim.object_pool import PARKED
 from envs.sim.workspace import WorkspaceConfig

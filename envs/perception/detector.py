@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from core.cameras import Camera, CameraFrame
+from envs.perception.assignment import assignment
 from envs.perception.detections import NOUN_NAMES, Detections, View
 from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork, camera_numbers, folded
 from envs.perception.poses import CUBE, LEVER, WHEEL, wheel_shares, wrapped
-from envs.perception.tracking import QUARTER, assignment
+from envs.perception.tracking import QUARTER
 from envs.perception.weights_file import load
 from language import DEVICES, FITTINGS, HAND
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from envs.perception.detections import Array
 from envs.perception.fitting_track import length
-from envs.perception.poses import IS_DEVICE, LEVER, handles
+from envs.perception.poses import IS_DEVICE, LEVER, WHEEL_WAY, handles, wrapped
 from envs.sim.devices import DEVICES
 from language import NOUNS
 
@@ -50,7 +50,9 @@ def pressed(anchors: Array, tip: Array, width: float) -> Array:
     return np.where(on, np.clip(below, 0.0, 1.0), 0.0)
 
 
-def pushed(noun: int, anchor: Array, tip: Array, *, yaw: float, share: float, width: float) -> tuple[float, float]:
+def pushed(
+    noun: int, anchor: Array, tip: Array, *, yaw: float, share: float, start: float, width: float
+) -> tuple[float, float]:
     """Return yaw and share of a lever or a wheel once it is out of the gripper's way, which turns it no farther.
 
     Args:
@@ -59,13 +61,14 @@ def pushed(noun: int, anchor: Array, tip: Array, *, yaw: float, share: float, wi
         tip: (3,) the lowest point of the gripper, metres.
         yaw: radians; of a wheel, that of its handle.
         share: of its range.
+        start: radians, how a wheel was placed: it stops at its ends.
         width: metres.
     """
     yaws, shares = np.full(len(TURNS), yaw), np.full(len(TURNS), share)
     if noun == LEVER:
         shares = np.clip(shares + TURNS, 0.0, 1.0)
     else:
-        yaws = yaws + TURNS
+        yaws = start + np.clip(wrapped(yaws + TURNS - start, 2 * np.pi), -WHEEL_WAY, WHEEL_WAY)
     nouns, anchors = np.full(len(TURNS), noun), np.tile(anchor, (len(TURNS), 1))
     offset = handles(nouns, anchors, yaws=yaws, shares=shares, width=width) - tip
     free = ~_touches(noun, offset, yaw, width)

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.perception.assignment import assignment
 from envs.perception.config import PerceptionConfig
 from envs.perception.detections import Array, Detections
 from envs.perception.device_contact import TIP_RADIUS, pressed, pushed, within_devices
@@ -54,6 +55,7 @@ ARM = 0.09  # metres from the axis of an arm's links within which it hides thing
 HOLDS = 0.08  # metres from where a gripper holds to the middle of what it has taken hold of, at most
 FOLLOWS = 0.8  # share of a measured turn that is taken at once while the gripper may be turning something
 PUSHED = 0.06  # metres beside the gripper's centre within which it covers a handle
+LOW = 0.04  # metres above the middle of a device's handle below which the gripper's tip may be moving it
 COVERED = 0.2  # share of a measured turn that is taken at once of a handle that the gripper covers
 SLIP = 0.03  # metres that a held thing may be seen from where the gripper has taken it
 SAMPLES = 6  # points along each link
@@ -344,8 +346,9 @@ class SceneTracker:
         things.colors[sure] = KEPT * things.colors[sure] + np.log(np.maximum(seen.colors[of], LEAST))
         odds = np.log(seen.targets[of] / (1 - seen.targets[of]))
         things.targets[sure] = KEPT * things.targets[sure] + odds
-        pushed = self._devices[rows] & (length((seen.positions[columns] - moment.gripper)[:, :2]) < PUSHED)
-        self._turn(rows, columns, seen=seen, near=near, pushed=pushed)
+        devices, low = self._devices[rows], self._tip(moment)[2] - self._places(rows)[:, 2] < LOW
+        pushed = devices & (length((seen.positions[columns] - moment.gripper)[:, :2]) < PUSHED)
+        self._turn(rows, columns, seen=seen, near=near & (low | ~devices), pushed=pushed)
 
     def _turn(
         self, rows: NDArray, columns: NDArray, *, seen: Detections, near: NDArray[np.bool_], pushed: NDArray[np.bool_]
@@ -480,17 +483,27 @@ class SceneTracker:
 
     def _operate(self, moment: Moment) -> None:
         """Move devices as the gripper does, which hides them meanwhile."""
-        things, known = self._things, self._known
+        things, known, tip = self._things, self._known, self._tip(moment)
         nouns, free = things.nouns.argmax(1), self._held == NOTHING
-        tip = moment.gripper - [0.0, 0.0, known.tips if free else known.grip_depth + known.size / 2]
         buttons = np.flatnonzero(nouns == BUTTON)
         things.shares[buttons] = pressed(things.anchors[buttons], tip, known.width)
         close = length((things.anchors - tip)[:, :2]) < known.width + TIP_RADIUS
         for k in np.flatnonzero(close & free & np.isin(nouns, (LEVER, WHEEL))).tolist():
-            yaw, share = float(things.yaws[k]), float(things.shares[k])
             things.yaws[k], things.shares[k] = pushed(
-                int(nouns[k]), things.anchors[k], tip, yaw=yaw, share=share, width=known.width
+                int(nouns[k]),
+                things.anchors[k],
+                tip,
+                yaw=float(things.yaws[k]),
+                share=float(things.shares[k]),
+                start=float(things.starts[k]),
+                width=known.width,
             )
+
+    def _tip(self, moment: Moment) -> Array:
+        """(3,) the lowest point of the gripper, or of what it holds, metres."""
+        known = self._known
+        below = known.tips if self._held == NOTHING else known.grip_depth + known.size / 2
+        return moment.gripper - [0.0, 0.0, below]
 
     def _level(self) -> None:
         """Put what stands on the table at its height there, and what stands on such a thing at its height."""
@@ -555,42 +568,3 @@ def _between(screens: Array, widths: Array, places: Array, cameras: Array) -> ND
     offset = screens[None, None] - places[None, :, None]  # (1, W, S, 3)
     along = (offset * way[:, :, None]).sum(-1) / (way * way).sum(-1)[..., None]
     return np.asarray(length(offset - np.clip(along, 0.0, 1.0)[..., None] * way[:, :, None]) < widths)
-
-
-# ---- the assignment of least cost
-
-
-def assignment(costs: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return rows and columns (min(R, C),) of costs (R, C) whose sum is least, each row and column once at most.
-
-    Shortest augmenting paths. Source: Jonker and Volgenant, "A shortest augmenting path algorithm for dense and sparse
-    linear assignment problems", 1987.
-    """
-    if costs.shape[0] > costs.shape[1]:
-        columns, rows = assignment(costs.T)
-        order = np.argsort(rows)
-        return rows[order], columns[order]
-    count, width = costs.shape
-    of_row, of_column = np.zeros(count), np.zeros(width)
-    owner = np.full(width, -1)  # the row of each column
-    for row in range(count):
-        least, last, done = np.full(width, np.inf), np.full(width, -1), np.zeros(width, bool)
-        at, column, so_far = row, -1, 0.0
-        while at >= 0:
-            way = so_far + costs[at] - of_row[at] - of_column
-            better = ~done & (way < least)
-            least[better], last[better] = way[better], column
-            column = int(np.where(done, np.inf, least).argmin())
-            done[column], so_far, at = True, least[column], owner[column]
-        of_row[row] += so_far
-        for j in np.flatnonzero(done):
-            if j != column:
-                of_row[owner[j]] += so_far - least[j]
-                of_column[j] -= so_far - least[j]
-        while column >= 0:  # the free column's way back to the row
-            before = int(last[column])
-            owner[column] = row if before < 0 else owner[before]
-            column = before
-    columns = np.flatnonzero(owner >= 0)
-    order = np.argsort(owner[columns])
-    return owner[columns][order], columns[order]

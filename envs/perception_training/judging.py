@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.perception.assignment import assignment
 from envs.perception.detections import Detections
-from envs.perception.tracking import assignment
 from envs.perception_training.scenes import LABEL, SEEN
 
 Array = NDArray[np.float64]

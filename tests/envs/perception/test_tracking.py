@@ -6,10 +6,11 @@ from itertools import permutations
 import numpy as np
 import pytest
 
+from envs.perception.assignment import assignment
 from envs.perception.config import STATE
 from envs.perception.detections import Detections
 from envs.perception.poses import heading
-from envs.perception.tracking import KnownThings, Moment, SceneTracker, assignment
+from envs.perception.tracking import KnownThings, Moment, SceneTracker
 from envs.sim.devices import DEVICES
 from envs.tasks import NOTHING
 from language import COLORS, FITTINGS, HAND, NOUNS, SHAPES
@@ -272,7 +273,7 @@ def test_a_lever_that_is_switched_keeps_the_way_it_faces():
     for share in (*[0.0] * 20, 0.2, 0.4, *[0.9] * 3):
         place = lever(share)[0]
         follows.update(
-            seen(lever(share)), moment([[0.0, 0.0, 0.4], place + [-0.1, 0.0, 0.2], place + [0.0, 0.08, 0.05]])
+            seen(lever(share)), moment([[0.0, 0.0, 0.4], place + [-0.1, 0.0, 0.2], place + [0.0, 0.08, 0.02]])
         )
     found = follows.seen()
     assert abs(found.yaws[0] - yaw) < 0.05
@@ -326,6 +327,32 @@ def test_a_handle_that_the_gripper_hides_goes_where_it_is_pushed(noun):
         gripper[2] = handle[2]
         follows.update(seen(), moment([[0.0, 0.0, 0.4], gripper + [-0.1, 0.0, 0.3], gripper]))
     assert np.linalg.norm(follows.seen().positions[0] - end) < 0.007
+
+
+def test_a_wheel_below_the_gripper_keeps_its_turn_until_the_gripper_is_low_enough_to_turn_it():
+    peg = np.array([0.45, 0.0, 0.0]) + DEVICES["wheel"].grip(WIDTH)
+    follows = tracker()
+
+    def wheel(yaw):
+        return seen((peg, "wheel", "red", {"yaw": yaw, "share": 0.5}))
+
+    for _ in range(20):
+        follows.update(wheel(0.0), moment())
+    above = moment([[0.0, 0.0, 0.4], peg + [-0.1, 0.0, 0.3], peg + [0.0, 0.03, 0.08]])
+    for yaw in (0.6, -0.4, 0.8, 0.5):
+        follows.update(wheel(yaw), above)
+    assert abs(heading(follows.seen().quaternions[0])) < 0.1
+
+
+def test_a_wheel_that_is_pushed_stops_at_its_ends():
+    wheel, stand = DEVICES["wheel"], np.array([0.45, 0.0, 0.0])
+    follows = tracker()
+    for _ in range(3):
+        follows.update(seen((stand + wheel.grip(WIDTH), "wheel", "red", {"share": 0.5})), moment())
+    for angle in np.linspace(-0.9, 0.7, 25):  # around its middle, behind the peg
+        gripper = stand + wheel.grip(WIDTH, angle)
+        follows.update(seen(), moment([[0.0, 0.0, 0.4], gripper + [-0.1, 0.0, 0.3], gripper]))
+    assert heading(follows.seen().quaternions[0]) == pytest.approx(wheel.way, abs=0.03)
 
 
 def test_what_is_in_a_drawer_moves_with_it_and_stays_in_it():
