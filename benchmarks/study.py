@@ -90,6 +90,22 @@ def _study(folder: Path, **values: Any) -> Path:
     return path
 
 
+def _cpu(pid: int) -> float:
+    """CPU seconds of a process and all that it has started, as far as Linux tells."""
+    ticks, parents = {}, {}
+    for place in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = place.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue  # it has ended
+        number = int(place.parent.name)
+        parents[number], ticks[number] = int(fields[1]), sum(map(int, fields[11:15]))
+    family = {pid}
+    while grown := {number for number, parent in parents.items() if parent in family} - family:
+        family |= grown
+    return sum(ticks.get(number, 0) for number in family) / os.sysconf("SC_CLK_TCK")
+
+
 def load(args: argparse.Namespace) -> dict[str, Any]:
     """Measure the clocks of robots that run at once, as their pages show them."""
     with tempfile.TemporaryDirectory() as name:
@@ -105,12 +121,19 @@ def load(args: argparse.Namespace) -> dict[str, Any]:
             thread.start()
         experimenter, at_once, loads = StudyClient(server.experimenter), [], []
         clocks: list[float] = []
+        passed, start_cpu = 0.0, _cpu(server.process.pid)
+        last: dict[str, float] = {}
         while any(thread.is_alive() for thread in threads) and time.monotonic() < end:
             experimenter.listen(1.0)
-            robots = [each["robot"] for each in experimenter.shown["participants"] if each["robot"]]
+            present = [each for each in experimenter.shown.get("participants", ()) if each["robot"]]
+            robots = [each["robot"] for each in present]
             clocks += [robot["rate"] for robot in robots if robot["clock"] > SETTLED]
+            now = {each["code"]: each["robot"]["clock"] for each in present}
+            passed += sum(max(0.0, clock - last.get(code, 0.0)) for code, clock in now.items())
+            last = now
             at_once.append(len(robots))
             loads.append(os.getloadavg()[0])
+        used = _cpu(server.process.pid) - start_cpu
         experimenter.close()
         for thread in threads:
             thread.join(60)
@@ -118,9 +141,10 @@ def load(args: argparse.Namespace) -> dict[str, Any]:
     return {
         "participants": args.participants,
         "robots_at_once_mean_most": [float(np.mean(at_once)), max(at_once)],
-        "clock_percentiles_0_1_50_99_100": np.percentile(clocks, (0, 1, 50, 99, 100)).round(3).tolist(),
-        "within_0.95_1.05": float(np.mean([0.95 <= clock <= 1.05 for clock in clocks])),
+        "clock_percentiles_0_1_50_99_100": np.percentile(clocks or [np.nan], (0, 1, 50, 99, 100)).round(3).tolist(),
+        "within_0.95_1.05": float(np.mean([0.95 <= clock <= 1.05 for clock in clocks])) if clocks else np.nan,
         "samples": len(clocks),
+        "cpu_seconds_per_robot_second": used / max(passed, 1e-9),
         "load_average_mean": float(np.mean(loads)),
         "exceptions": errors.count("Traceback"),
     }
@@ -142,11 +166,18 @@ def kills(args: argparse.Namespace) -> dict[str, Any]:
                     SimulatedParticipant(link, server.database, seed, pause=0.5)
                     for seed, link in enumerate(server.links)
                 ]
+            for each in people:
+                each.at_work = False
             present = [each for each in people if not each.finished][: args.participants]
             threads = [threading.Thread(target=_run_until_lost, args=(each,), daemon=True) for each in present]
             for thread in threads:
                 thread.start()
-            time.sleep(rng.uniform(3.0, args.seconds))
+            begun = time.monotonic()
+            while any(each.is_alive() for each in threads) and not any(each.at_work for each in present):
+                if time.monotonic() - begun > READY:
+                    break
+                time.sleep(0.2)
+            time.sleep(rng.uniform(0.0, args.seconds))  # a random moment while they are at work
             server.kill()
             for thread in threads:
                 thread.join(60)
@@ -224,11 +255,11 @@ def simulate(args: argparse.Namespace) -> dict[str, Any]:
     """Have simulated participants go through the example study, and export their data."""
     args.out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
-        study = _study(Path(name))
+        study = _study(Path(name), at_once=args.participants)
         server = StudyProcess(study, free_port())
         people = [
             SimulatedParticipant(link, server.database, args.seed + seed, pause=args.pause)
-            for seed, link in enumerate(server.links)
+            for seed, link in enumerate(server.links[: args.count])
         ]
         threads = [threading.Thread(target=person.run, daemon=True) for person in people]
         for thread in threads:
@@ -286,7 +317,7 @@ def main() -> None:
     options.add_argument("what", choices=list(COMMANDS))
     options.add_argument("--participants", type=int, help="at once; 8 for load, 4 for kills")
     options.add_argument("--seconds", type=float, help="of load (180), or most of them before a kill (25)")
-    options.add_argument("--count", type=int, default=20, help="kills")
+    options.add_argument("--count", type=int, default=20, help="kills, or most participants of simulate")
     options.add_argument(
         "--pause", type=float, default=4.0, help="how slow participants are; 1 is about a second to think"
     )

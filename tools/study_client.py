@@ -20,9 +20,14 @@ from websockets.sync.client import connect
 from tools.page_client import PageClient, SceneClient
 
 PROTOCOL = "deixis"
-TIMEOUT = 180.0  # seconds
+TIMEOUT = 600.0  # seconds: a busy machine loads robots slowly
 VAGUE = ("the thing", "go there", "reach that one please", "the one over there")
 OBJECTIONS = ("wait", "no", "stop")
+UNHURRIED: dict[str, Any] = {
+    "ping_interval": None,
+    "max_queue": None,
+    "open_timeout": TIMEOUT,
+}  # who looks elsewhere for a while is not lost
 LOST = (OSError, ConnectionClosed, InvalidStatus, InvalidMessage, EOFError)
 
 
@@ -33,7 +38,7 @@ class StudyClient:
         self.address = address
         protocols: Any = [PROTOCOL]
         target = f"{address.replace('http', 'ws', 1)}socket"
-        self._socket = connect(target, subprotocols=protocols, compression=None, proxy=None)
+        self._socket = connect(target, subprotocols=protocols, compression=None, proxy=None, **UNHURRIED)
         self.shown: dict[str, Any] = {}
         self.notes: list[str] = []
         self.acknowledged: set[int] = set()
@@ -89,7 +94,7 @@ class SimulatedParticipant:
     address: of its page. database: from which it knows what a person sees in the pictures. scene: whether it looks at
     the scene too, as a browser does. rates: of the robot's clock, as it was shown. seen: entries of conversations that
     the page has shown, by trial and entry. confirmed: answers that were acknowledged, by stage and question.
-    acts: how often what was acknowledged, by the kind of its event.
+    acts: how often what was acknowledged, by the kind of its event. at_work: whether it has a robot.
     """
 
     address: str
@@ -101,6 +106,7 @@ class SimulatedParticipant:
     seen: dict[tuple[int, str], dict[str, Any]] = field(default_factory=dict)
     confirmed: dict[tuple[int, str], Any] = field(default_factory=dict)
     acts: Counter[str] = field(default_factory=Counter)
+    at_work: bool = False
     finished: bool = False
 
     def __post_init__(self) -> None:
@@ -171,7 +177,8 @@ class SimulatedParticipant:
         robot = PageClient(f"{self.address}robot/")
         scene = SceneClient(f"{self.address}robot/") if self.scene else None
         try:
-            robot.wait_until_ready()
+            _wait_for_robot(robot)
+            self.at_work = True
             for attempt in range(4):
                 self._instruct(robot, scene, kind, sentence, place, attempt)
                 ended = self._watch(page, robot, scene, stage, trial, until)
@@ -254,3 +261,14 @@ class SimulatedParticipant:
             elif time.monotonic() > still:
                 return False
         return True
+
+
+def _wait_for_robot(robot: PageClient) -> None:
+    """Wait until a robot can be told something. Raises TimeoutError."""
+    end = time.monotonic() + TIMEOUT
+    while "sayable" not in robot.sections:
+        robot.listen(0.05)
+        if robot.closed is not None:
+            raise ConnectionResetError("the robot's page has gone")
+        if time.monotonic() > end:
+            raise TimeoutError("the robot's page is not ready")

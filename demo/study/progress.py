@@ -66,6 +66,7 @@ class StudyProgress:
 
     def __init__(self, study: StudyConfig, database: StudyDatabase) -> None:
         self.study, self.database = study, database
+        self._ways: dict[int, list[Stage]] = {}  # by the participant's number
         self._counts: dict[str, dict[str, Any]] = {}  # of events, by code
         self._counted = 0  # the latest event that is counted
         stored, config = database.get("config"), json.loads(json.dumps(asdict(study)))
@@ -98,7 +99,9 @@ class StudyProgress:
         return Stage("consent") if row["number"] is None else self._stages(row["number"])[row["stage"]]
 
     def _stages(self, number: int) -> list[Stage]:
-        return stages(self.study, number)
+        if number not in self._ways:
+            self._ways[number] = stages(self.study, number)
+        return self._ways[number]
 
     def _row(self, code: str) -> Any:
         row = self.database.first("SELECT * FROM participants WHERE code=?", (code,))

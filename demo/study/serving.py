@@ -41,7 +41,7 @@ def serve_study(args: argparse.Namespace) -> None:
     with _lock(path), closing(StudyDatabase(path)) as database:
         progress = StudyProgress(study, database)
         context = fork_server.start(["demo.study.trial_process"])
-        _record_start(database)
+        record_start(database)
         _prepare(study, database, context)
         asyncio.run(_serve(args, progress, context))
 
@@ -96,7 +96,7 @@ def _prepare(study: StudyConfig, database: StudyDatabase, context: Any) -> None:
     database.set("prepared", True)
 
 
-def _record_start(database: StudyDatabase) -> None:
+def record_start(database: StudyDatabase) -> None:
     """Record what this server runs: versions and the commit of the project."""
     own = {}
     with suppress(PackageNotFoundError):

@@ -9,9 +9,10 @@ import re
 import secrets
 import signal
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from functools import partial
 from http import HTTPStatus
+from pathlib import Path
 from typing import Any
 
 import websockets.asyncio.server as websocket_server
@@ -22,6 +23,7 @@ from websockets.http11 import Request, Response
 from demo.guarded_server import MAX_MESSAGE, TAB_PROTOCOL, GuardedConnection, page_logger, response, text_response
 from demo.page_files import POLICY, PageFiles
 from demo.page_gate import PageGate
+from demo.study.database import StudyDatabase
 from demo.study.progress import NotNow, StudyProgress
 from demo.study.router import Backend, Moved, Router
 from demo.study.study_messages import (
@@ -47,6 +49,7 @@ PICTURE = re.compile(r"goal/([^/]+)/(before|after)\.png")
 PERIOD = 1.0  # seconds between two looks at all participants
 CHECKPOINT = 10.0  # seconds between two moves of the log into the database's file
 NO_LINK = "This link is not valid, or no longer. Ask whoever invited you.\n"
+BEHIND = 16 * 1024  # bytes that a browser has not taken, above which it is sent no more
 GOAL_PAUSE = 1.0  # seconds that the reached goal is seen
 FRAMED = POLICY + "; frame-src 'self'"
 
@@ -93,13 +96,16 @@ class StudyServer:
         ) as pages:
             self._page_port = next(iter(pages.sockets)).getsockname()[1]
             router = Router(self._gate, self._find)
-            async with await asyncio.start_server(router.serve, self._host, port):
+            listener = await asyncio.start_server(router.serve, self._host, port)
+            try:
                 on_ready()
                 watch = asyncio.create_task(self._watch())
                 await self._stopped.wait()
                 watch.cancel()
-            if self.trials is not None:
-                self.trials.end_all()
+            finally:
+                listener.close()  # without waiting: browsers keep their sockets open
+                if self.trials is not None:
+                    self.trials.end_all()
 
     def stop(self) -> None:
         """End `serve`."""
@@ -111,7 +117,7 @@ class StudyServer:
         key, _, rest = path.removeprefix("/").partition("/")
         if not key and query.startswith("token="):
             key = query.removeprefix("token=").partition("&")[0]
-            return Moved(f"/{key}/")
+            return Moved(f"/{key}/") if self._is_experimenter(key) else NO_LINK
         if "/" not in path.removeprefix("/"):
             return Moved(f"{path}/") if self._known(key) or self._is_experimenter(key) else NO_LINK
         end = f"?{query}" if query else ""
@@ -254,6 +260,8 @@ class StudyServer:
             shown = {"kind": "gone", "text": str(gone), "stage": 0, "of": 1}
         message = json.dumps({"shown": shown})
         for connection in list(self._sockets.get(code, ())):
+            if connection.transport.get_write_buffer_size() > BEHIND:  # nobody waits for a browser that does not read
+                continue
             with suppress(ConnectionClosed):
                 await connection.send(message)
 
@@ -301,10 +309,10 @@ class StudyServer:
 
     async def _after(self, code: str, what: str) -> None:
         if what:
-            stage = self._progress.stage(code)
-            await self._show(code)
-            await asyncio.sleep(GOAL_PAUSE if what == "goal" else 0)
-            with suppress(NotNow):
+            with suppress(NotNow):  # withdrawn, stopped or ended meanwhile
+                stage = self._progress.stage(code)
+                await self._show(code)
+                await asyncio.sleep(GOAL_PAUSE if what == "goal" else 0)
                 if self._progress.stage(code) == stage:
                     self._end_trial(code, "goal reached" if what == "goal" else "time is over")
         await self._show(code)
@@ -324,4 +332,10 @@ class StudyServer:
             await self._show_all()
             if now - checkpointed > CHECKPOINT:
                 checkpointed = now
-                await asyncio.get_running_loop().run_in_executor(None, self._progress.database.checkpoint)
+                await asyncio.to_thread(_checkpoint, self._progress.database.path)
+
+
+def _checkpoint(path: Path) -> None:
+    """Move the log into the database's file, with a connection of its own: nobody waits for the disk."""
+    with closing(StudyDatabase(path, worker=True)) as database:
+        database.checkpoint()

@@ -57,7 +57,7 @@ class TrialHost:
 
     def __init__(self, study: StudyConfig, database: Path, context: Any, tell: Callable[[str, str], None]) -> None:
         self._study, self._database, self._context, self._tell = study, database, context, tell
-        self._runs = 0
+        self._runs = int(time.time())  # another one after a restart, so that pages load the robot again
         self.running: dict[str, RunningTrial] = {}
 
     def start(self, trial: StudyTrial) -> None:

@@ -15,6 +15,7 @@ from deixis.cli import PROGRAMS
 from demo.study.database import StudyDatabase
 from demo.study.export import EVENTS, TABLES, dictionary, export, main
 from demo.study.progress import NotNow, StudyProgress
+from demo.study.serving import record_start
 from demo.study.study_config import study_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -30,6 +31,7 @@ STUDY = {
         "best": {"text": "Best?", "kind": "choice", "choices": ["a", "b"], "after": "study"},
     },
 }
+STATE = {"objects": [[0.4, 0.0, 0.025]], "gripper": [0.4, 0.0, 0.3]}
 WRITER = """
 import sys
 from pathlib import Path
@@ -54,9 +56,7 @@ def progress(path):
 
 def do_trial(progress, code, result="done"):
     progress.begin(code)
-    progress.database.log(
-        code, progress.stage(code).trial, "utterance", {"text": "reach it"}, clock=2.5, state={"objects": []}
-    )
+    progress.database.log(code, progress.stage(code).trial, "utterance", {"text": "reach it"}, clock=2.5, state=STATE)
     progress.end_trial(code, result, None)
 
 
@@ -230,6 +230,20 @@ def test_the_export_has_every_row_and_a_dictionary_of_every_column_and_kind(prog
     text = (tmp_path / "data/dictionary.md").read_text("utf-8")
     assert all(f"| {word} |" in text for word in (*EVENTS, *TABLES["events"], *TABLES["trials"]))
     assert "study" in PROGRAMS
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_on_an_export(progress, path, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    record_start(progress.database)
+    go_through(progress, progress.codes()[0])
+    export(path, tmp_path)
+    cells = json.loads((ROOT / "docs/examples/study.ipynb").read_text("utf-8"))["cells"]
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    place = 'Path("outputs/study-data")'
+    assert place in code
+    exec(compile(code.replace(place, f"Path({str(tmp_path)!r})"), "study.ipynb", "exec"), {"__name__": "notebook"})
+    assert "1 participants, 2 trials, 18 events" in capsys.readouterr().out
 
 
 def test_the_page_of_docs_has_the_data_dictionary():

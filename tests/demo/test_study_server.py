@@ -174,7 +174,16 @@ def test_only_links_codes_and_own_names_are_answered(study):
     assert re.search(
         f"303.*Location: /{study.gate.token}/", request(study.base, f"/?token={study.gate.token}"), re.DOTALL
     )
-    for path in ("/", "/nothing/", f"/{code[:-1]}/", "/experimenter/", f"//{code}/", "/../", f"/x/{code}/"):
+    for path in (
+        "/",
+        "/?token=/evil.example",
+        "/nothing/",
+        f"/{code[:-1]}/",
+        "/experimenter/",
+        f"//{code}/",
+        "/../",
+        f"/x/{code}/",
+    ):
         assert request(study.base, path).splitlines()[0].split()[1] in ("403", "404"), path
     for path in (f"/{code}/goal/one/data.png", f"/{code}/goal/two/after.png", f"/{code}/../study.sqlite", f"/{code}/x"):
         assert "404" in request(study.base, path).splitlines()[0], path
