@@ -9,7 +9,8 @@
     python play.py study=study.yaml                     # a study with participants: docs/study.md
     python play.py task=nl_reach arm=sim arm.latency=0.06   # an arm in place of the simulated one: docs/deployment.md
 
-Keys: task, robot, control, workspace, objects, driver (policy, expert, hand) and checkpoint. Any other key=value
+Keys: task, robot, control, workspace, objects, driver (policy, expert, hand) and checkpoint; or scene, a prepared scene
+(sort, point, drawer, which, tower) or the end of a copied link, which chooses all of them. Any other key=value
 overrides the environment's config, as in train.py. The page requires pip install -e ".[play]".
 """
 
@@ -35,7 +36,7 @@ from core.program import help_text, program
 if TYPE_CHECKING:
     from demo.session import Session
 
-SESSION_KEYS = ("task", "robot", "control", "workspace", "objects", "driver", "checkpoint")
+SESSION_KEYS = ("scene", "task", "robot", "control", "workspace", "objects", "driver", "checkpoint")
 TASK_KEYS = {"task", "control", "workspace", "objects", "checkpoint"}  # whoever gives one has chosen a task
 VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi")
 MAX_VIDEO_STEPS = 2400  # control steps: two minutes
@@ -92,6 +93,7 @@ def make_session(args: argparse.Namespace) -> Session:
     with lean_imports():
         from demo.session import Session
     from demo.session_config import DEFAULTS, check_choices, default_task, make_config
+    from demo.shared_scene import scene_of
     from deployment.arm import ArmError
     from deployment.connecting import about, split_arm
 
@@ -106,10 +108,18 @@ def make_session(args: argparse.Namespace) -> Session:
         print(about(arm), flush=True)
     values, overrides = split(words, SESSION_KEYS, "robot=panda")
     check_choices(values)
-    if not values.keys() & TASK_KEYS:
+    seed = args.seed
+    if "scene" in values:
+        others = [f"{key}={value}" for key, value in values.items() if key != "scene"]
+        if others or args.seed:
+            chosen = others[0] if others else f"--seed={args.seed}"
+            raise ConfigError(f"scene={values['scene']} chooses robot, task and seed itself: leave out {chosen}")
+        shared = scene_of(values["scene"])
+        values, seed = shared.choices, shared.seed
+    elif not values.keys() & TASK_KEYS:
         values["task"] = default_task(values.get("robot", DEFAULTS["robot"]))
     try:
-        return Session(make_config(**values, overrides=overrides), args.seed, args.gui, arm)
+        return Session(make_config(**values, overrides=overrides), seed, args.gui, arm)
     except ArmError as error:
         raise ConfigError(str(error)) from None
 
@@ -166,7 +176,8 @@ def serve_page(args: argparse.Namespace) -> None:
             session = stack.enter_context(closing(make_session(args)))
             if not any(word.startswith("task.viewpoint=") for word in args.overrides):
                 session.set_viewpoint("human")  # of who looks at the page: its camera stands there
-            page = stack.enter_context(closing(Page(server, session, parts)))
+            scene = next((word.removeprefix("scene=") for word in args.overrides if word.startswith("scene=")), None)
+            page = stack.enter_context(closing(Page(server, session, parts, scene)))
             with _on_interrupt(page.loop.stop):
                 print(f"it is ready; try: {session.example()}", flush=True)
                 page.loop.run()

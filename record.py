@@ -200,19 +200,17 @@ def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None
 
 def _about(env: WorkspaceEnv, config: RecordConfig, choices: Mapping[str, str]) -> dict[str, Any]:
     """Return the facts about the environment that the formats and the metadata need."""
+    from envs.mdp.observations import robot_names
+
     env_config = env.config
     period = env_config.physics.time_step * env_config.physics.substeps
-    joints = [f"{joint}.{of}" for of in ("angle", "speed") for joint in env_config.robot.joints]
-    position = [f"gripper.{axis}" for axis in "xyz"]
-    orientation = [f"gripper.{column}.{axis}" for column in "xy" for axis in "xyz"]
-    names = [*joints, *position, *orientation, "opening", *(["shut", "holds"] if env.task.traits.grips else [])]
     return {
         "config": asdict(env_config),
         "actor": "expert" if config.expert else f"policy of {config.checkpoint}",
         "instruction": f"{env_config.task.name} with {env_config.robot.name}, {env_config.control.name}",
         "robot": env_config.robot.name,
         "fps": max(1, round(1 / period)),
-        "names": {"robot": names},
+        "names": {"robot": robot_names(env_config.robot.joints, env.task.traits.grips)},
         "gym": _gym_spec(env_config, choices),
     }
 

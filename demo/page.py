@@ -18,18 +18,22 @@ from demo.recording_panel import RecordingPanel
 from demo.scene_view import SceneView
 from demo.scenery import Scenery
 from demo.session import Session
-from demo.session_config import MOST_OBJECTS, check_run, pretrained_policies
+from demo.session_config import MOST_OBJECTS, SessionConfig, check_run, pretrained_policies
+from demo.shared_scene import PREPARED, Pointed, PutThere, Said, scene_of
 from demo.shared_state import Tab
+from demo.sharing_panel import SharingPanel
 from demo.sight_panel import SightPanel, load_network
 from demo.splash_page import set_camera
 from demo.tab_messages import (
     MIN_SPEED,
     Change,
     Click,
+    ExportEpisodes,
     Hover,
     MoveHand,
     MoveObject,
     Nudge,
+    OpenScene,
     Preview,
     Say,
     SetCamera,
@@ -67,7 +71,14 @@ class Page:
     Messages of tabs come in the server's thread, so they only send requests to the loop.
     """
 
-    def __init__(self, server: viser.ViserServer, session: Session, parts: PageParts) -> None:
+    def __init__(self, server: viser.ViserServer, session: Session, parts: PageParts, scene: str | None = None) -> None:
+        """
+        Args:
+            server: of the scene.
+            session: that is shown.
+            parts: of the server.
+            scene: name or code of the scene that the session shows; None: no shared one.
+        """
         self.loop = RealTimeLoop(session, self._show, self._note)
         self._server, self._scenes = server, parts.scenes
         self._state: Any = parts.state
@@ -79,6 +90,9 @@ class Page:
         self._scenery = Scenery(self._scene_view)
         self._recording = RecordingPanel(parts.state, parts.files, Path.cwd(), self._note)
         self._sight = SightPanel(parts.state, load_network)
+        self._sharing = SharingPanel(parts.state, parts.files, self._note)
+        if scene is not None:
+            self._begin_scene(session, scene)
         self._show_env(session)
         self._conversation.note(WELCOME)
         parts.state.handle = self._handle
@@ -89,7 +103,7 @@ class Page:
         ask = self.loop.ask
         match message:
             case Say(text=text):
-                ask(lambda session: self._say(session, text.strip()))
+                ask(lambda session: self._hear(session, text.strip()))
             case Preview(text=text):
                 ask(lambda session: self._preview(session, tab, text.strip()), f"preview {tab.number}")
             case Hover(at=at):
@@ -102,6 +116,10 @@ class Page:
                 self._press(tab, button)
             case Change():
                 ask(lambda session: self._change(session, message), "change")
+            case OpenScene(text=text):
+                ask(lambda session: self._open_scene(session, text), "change")
+            case ExportEpisodes(kind=kind):
+                ask(lambda session: self._sharing.export(session, tab, kind))
             case MoveHand(place=place):
                 ask(lambda session: self._move_hand(session, np.array(place)), "hand")
             case _:
@@ -122,6 +140,8 @@ class Page:
                 ask(lambda session: self._recording.send_picture(session, tab))
             case "video":
                 ask(lambda session: self._recording.toggle(tab))
+            case "link":
+                ask(lambda session: self._sharing.send_link(session, tab))
             case "stop arm":  # the loop heeds it at its next look at the arm
                 if self.loop.session.arm is not None:
                     self.loop.session.arm.safety.request_stop("somebody pressed stop on the page")
@@ -159,9 +179,15 @@ class Page:
 
     # ---- Sentences and buttons
 
+    def _hear(self, session: Session, sentence: str) -> None:
+        """Do what somebody says now. What a link would have said later is not said any more."""
+        self._sharing.stop()
+        self._say(session, sentence)
+
     def _say(self, session: Session, sentence: str) -> None:
         if not sentence:
             return
+        self._sharing.did(Said(text=sentence), session)
         try:
             outcome = session.say(checked(sentence))
         except LanguageError as error:
@@ -191,6 +217,7 @@ class Page:
         tab.send("preview", {"kind": entry.kind, "text": entry.understood or entry.text, "said": entry.said})
 
     def _stop(self, session: Session) -> None:
+        self._sharing.stop()
         session.stop()
         self._conversation.update(session.view, session.busy)
 
@@ -200,6 +227,8 @@ class Page:
 
     def _shuffle(self, session: Session) -> None:
         session.shuffle()
+        self._sharing.begin(session)
+        self._show_choice(session)
         self._scene_view.update_colors()
         self._leave_scene("This is a new scene.")
 
@@ -224,8 +253,16 @@ class Page:
     def _point_at_body(self, session: Session, body: int) -> None:
         bodies = session.env.bodies()
         if body in bodies:
-            session.point_at(session.scene().positions[bodies.index(body)])
-            self._show_finger(session)
+            self._point_at(session, session.scene().positions[bodies.index(body)])
+
+    def _point_at(self, session: Session, place: Array) -> None:
+        session.point_at(place)
+        self._note_finger(session)
+        self._show_finger(session)
+
+    def _note_finger(self, session: Session) -> None:
+        x, y, z = session.finger.aim.round(4).tolist()
+        self._sharing.did(Pointed(place=(x, y, z)), session)
 
     def _show_finger(self, session: Session) -> None:
         if self._finger is not None:
@@ -234,6 +271,7 @@ class Page:
     def _follow_finger(self, session: Session) -> None:
         if self._finger is not None:
             session.point_at(np.array(self._finger.position))
+            self._note_finger(session)
 
     def _on_drag(self, body: int, place: Array) -> None:
         self.loop.ask(lambda session: self._put_object(session, body, place), "drag")
@@ -242,6 +280,11 @@ class Page:
         bodies = session.env.bodies()
         if body in bodies:
             session.put_object(bodies.index(body), place[:2])
+            self._note_object(session, bodies.index(body))
+
+    def _note_object(self, session: Session, index: int) -> None:
+        x, y, _ = session.scene().positions[index].round(4).tolist()
+        self._sharing.did(PutThere(object=index, place=(x, y)), session)
 
     def _move_object(self, session: Session, tab: Tab, index: int, to: str) -> None:
         """Move an object by a little, and tell the tab where it stands now."""
@@ -249,12 +292,15 @@ class Page:
             return
         before = session.scene().positions[index]
         session.nudge_object(index, DIRECTIONS[to])
+        self._note_object(session, index)
         place = session.scene().positions[index]
         text = place_in_words(place) + ("" if np.abs(place - before).max() > STOOD else "; it goes no farther that way")
         tab.send("moved", f"{session.object_names()[index]}: {text}")
 
     def _nudge(self, session: Session, to: str) -> None:
         session.nudge(DIRECTIONS[to])
+        if session.hand_target is None:
+            self._note_finger(session)
         self._show_finger(session)
 
     def _move_hand(self, session: Session, place: Array) -> None:
@@ -287,15 +333,47 @@ class Page:
         values = {name: getattr(message, name) for name in ("robot", "control", "task")}
         values |= {"workspace": workspace, "objects": objects, "driver": session.wished_driver}
         values["checkpoint"] = message.run or paths.get(message.policy or "")
-        self._state.put("status", {"loading": True})
-        try:
-            session.change(replace(session.config, **values))
-        finally:
-            self._show_status(session)
+        self._rebuild(session, replace(session.config, **values))
+        self._sharing.begin(session)
         self._show_env(session)
         config = session.config
         note = session.note or DRIVEN_BY[config.driver]
         self._leave_scene(f"This is another scene: robot {config.robot}, task {config.task}. {note}")
+
+    def _rebuild(self, session: Session, config: SessionConfig, seed: int | None = None) -> None:
+        self._state.put("status", {"loading": True})
+        try:
+            session.change(config, seed)
+        finally:
+            self._show_status(session)
+
+    # ---- Shared scenes
+
+    def _open_scene(self, session: Session, text: str) -> None:
+        """Show a prepared scene, or that of a link. Raises ConfigError, and then nothing changes."""
+        shared = scene_of(text)
+        self._rebuild(session, replace(session.config, checkpoint=None, **shared.choices), shared.seed)
+        self._begin_scene(session, text)
+        self._show_env(session)
+        note = session.note or DRIVEN_BY[session.config.driver]
+        title = PREPARED[text].title if text in PREPARED else "This is the scene of a link"
+        self._leave_scene(f"{title}. {note}")
+
+    def _begin_scene(self, session: Session, text: str) -> None:
+        shared = scene_of(text)
+        session.set_viewpoint(shared.viewpoint)
+        self._sharing.begin(session, shared.events, text if text in PREPARED else "")
+
+    def _go_on(self, session: Session) -> None:
+        """Do what a link says is to happen now, if anything."""
+        match self._sharing.due(session):
+            case Said(text=text):
+                self._say(session, text)
+            case Pointed(place=place):
+                self._point_at(session, np.array(place))
+            case PutThere(object=index, place=at) if index < len(session.env.bodies()):
+                session.put_object(index, np.array(at))
+                self._note_object(session, index)
 
     @staticmethod
     def _shown_objects(session: Session) -> int:
@@ -314,17 +392,24 @@ class Page:
         if session.env.has_person:
             self._finger = self._scene_view.add_finger(session.finger.aim)
             self._finger.on_update(lambda _: self.loop.ask(self._follow_finger, "finger"))
+        self._show_choice(session)
+        self._listed_for = np.zeros(0)
+
+    def _show_choice(self, session: Session) -> None:
+        config = session.config
         options = {name: groups()[name] for name in ("robot", "control", "task", "workspace")}
         shown = {name: getattr(config, name) for name in options} | {"objects": self._shown_objects(session)}
-        shown |= {"run": config.checkpoint or ""}
+        shown |= {"run": config.checkpoint or "", "scene": self._sharing.name}
+        scenes = [(name, each.title) for name, each in PREPARED.items()]
         policies = [policy.name for policy in pretrained_policies()]
-        self._state.put("choice", {"options": options, "policies": policies, "most": MOST_OBJECTS, "shown": shown})
-        self._listed_for = np.zeros(0)
+        choice = {"options": options, "policies": policies, "scenes": scenes, "most": MOST_OBJECTS, "shown": shown}
+        self._state.put("choice", choice)
 
     # ---- Output
 
     def _show(self, session: Session) -> None:
         """Called by the loop after every step."""
+        self._go_on(session)
         view, names, positions = session.view, session.object_names(), session.scene().positions
         with self._server.atomic():
             self._scene_view.update_poses()
@@ -393,7 +478,7 @@ class Page:
         if session.busy or np.array_equal(state, self._listed_for):
             return
         self._listed_for = state
-        self._state.put("sayable", session.sayable())
+        self._state.put("sayable", list(dict.fromkeys((*self._sharing.sentences, *session.sayable()))))
 
     def close(self) -> None:
         """Ends and saves a video that is being recorded."""

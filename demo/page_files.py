@@ -13,6 +13,7 @@ TYPES = {
     ".mp4": "video/mp4",
     ".png": "image/png",
     ".svg": "image/svg+xml",
+    ".zip": "application/zip",
 }
 MOST_DOWNLOADS = 4  # that are kept; the oldest one goes first
 POLICY = "; ".join(  # of the page's own files: nothing from elsewhere is loaded

@@ -16,6 +16,7 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 from core.errors import ConfigError
 from demo import board, planning, room, worlds
 from demo.actors import Actor, actor_of, attention_of, ending_of, intent_of, is_move_of_expert, other_of
+from demo.episodes import SessionEpisodes
 from demo.finger import Finger
 from demo.planning import Subtask, SubtaskPlanner
 from demo.returning import Return
@@ -57,7 +58,8 @@ class Session:
     person. compares: policy and expert are both asked at each step, whoever drives. note: a warning about the
     choice, or "". hand_target: (3,) metres, where the gripper is driven by hand; None if the policy or the expert
     drives. gripper_closed: by hand. viewpoint: whose left and right the person means, who speaks; policies are
-    given words from the task's own. wished_driver: who is to drive, where there is a policy. understood: the steps
+    given words from the task's own. seed: of the scene. steps: control steps since the environment was built.
+    episodes: that were carried out. wished_driver: who is to drive, where there is a policy. understood: the steps
     of the last sentence in words, or "".
     """
 
@@ -83,17 +85,18 @@ class Session:
         """
         self._rng, self._choice, self.understood = np.random.default_rng(seed), arm, ""
         self.compares = False
-        self._start(build(config, seed, gui, arm, person))
+        self._start(build(config, seed, gui, arm, person), seed)
         self.wished_driver = config.driver
 
-    def _start(self, setup: Setup) -> None:
+    def _start(self, setup: Setup, seed: int) -> None:
         self.config, self.env, self._policy, self.note = setup.config, setup.env, setup.policy, setup.note
         self.own_workspace, self.viewpoint = setup.own_workspace, setup.env.config.task.viewpoint
         self.view = ViewState()
         self.finger = Finger(self.env)
         self._return = Return(self.env)
-        self.gripper_closed = False
-        self.shuffle()
+        self.gripper_closed, self.steps = False, 0
+        self.episodes = SessionEpisodes(self.env)
+        self.shuffle(seed)
         self._warm_up()
 
     @torch.no_grad()
@@ -103,24 +106,28 @@ class Session:
         if self._policy is not None:
             self._policy(self._state.exclude("privileged"))
 
-    def change(self, config: SessionConfig) -> None:
-        """Replaces robot, task or policy. Raises ConfigError, and then nothing changes."""
+    def change(self, config: SessionConfig, seed: int | None = None) -> None:
+        """Replaces robot, task or policy. Raises ConfigError, and then nothing changes. seed: as in `shuffle`."""
         if self._choice is not None:
             raise ConfigError(f"arm={self._choice.name} is driven: start the page again for another robot or task")
-        setup = build(config, int(self._rng.integers(2**31)))
+        seed = int(self._rng.integers(2**31)) if seed is None else seed
+        setup = build(config, seed)
         counts = self.view.outcome_counts if config.task == self.config.task else None
         viewpoint = self.viewpoint
         self.env.close()
-        self._start(setup)
+        self._start(setup, seed)
         self.set_viewpoint(viewpoint)
         self.wished_driver = config.driver
         self.view.outcome_counts = counts or self.view.outcome_counts
 
-    def shuffle(self) -> None:
-        """Draws another scene, with the arm at rest."""
+    def shuffle(self, seed: int | None = None) -> None:
+        """Draws another scene, with the arm at rest. seed: of the scene; None: another one."""
+        self.seed = int(self._rng.integers(2**31)) if seed is None else seed
+        self.env.set_seed(self.seed)
         self._state = self.env.reset()
+        self.episodes.drop()
         board.mark(self.env, None)
-        self._planner = SubtaskPlanner(self.env, self._rng)
+        self._planner = SubtaskPlanner(self.env, np.random.default_rng(self.seed))
         self._planner.viewpoint = self.viewpoint
         self._dialogue, self._subtasks = Dialogue(), deque[Subtask]()
         self._home = worlds.homes(self._planner.scene())
@@ -345,6 +352,7 @@ class Session:
         self._planner.return_targets()
         self._subtasks.clear()
         self._subtask = self._actor = self._other = None
+        self.episodes.drop()
         self.view.intents = {}
         self._goes_home = False
         self._mark("doing", "failed" if status.startswith("Not done") else "dropped")
@@ -402,9 +410,15 @@ class Session:
         self.finger.is_new = False
         board.mark(self.env, subtask.move.place if subtask.move and subtask.move.release else None)
         self._state = self.env.give_instruction(subtask.sentence, subtask.referent, subtask.target, subtask.verb)
+        self.episodes.begin(self._state, self._words_of(subtask), self.seed)
         self._actor = actor_of(subtask, self.env, self.config.driver, self._policy)
         self._other = other_of(self._actor, self.env, self._policy)
         self.view.rewards = dict.fromkeys(self.env.reward_names, 0.0)
+
+    def _words_of(self, subtask: Subtask) -> str:
+        """What was asked for: in the person's words, if it is one thing."""
+        alone = len(self.view.steps) == 1 and self.view.sentence
+        return self.view.sentence if alone else self._planner.in_words(subtask, self.object_names())
 
     def _show_referent(self, index: int) -> None:
         """Lets the person point at the referent, for a policy that requires a gesture."""
@@ -427,9 +441,12 @@ class Session:
         self._end_if_stopped()
         with set_exploration_type(ExplorationType.DETERMINISTIC):
             self._state["action"] = self._action()
+        action = self._state["action"]
         after = self.env.step(self._state)["next"]
+        self.steps += 1
         self._state = after.exclude("reward", "done", "terminated", "truncated")
         if self._actor is not None:
+            self.episodes.add(action, after)
             self._update_subtask(after)
         elif self._subtask is not None or self._goes_home:
             self._return.step()
@@ -482,6 +499,7 @@ class Session:
         ending = ending_of(self._actor, after)
         if ending is None:
             return
+        self.episodes.end(ending == "success", self.acting)
         self.view.outcome_counts[ending] += 1
         seconds = self.env.elapsed[0] * self.period
         if ending == "success":

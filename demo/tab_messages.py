@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 MAX_TEXT = 2000  # characters of a typed text
+MAX_CODE = 60_000  # characters of a link
 MIN_SPEED = 0.1  # of the clock; 1 is real time
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 Name = Annotated[str, msgspec.Meta(max_length=100)]
@@ -36,7 +37,7 @@ class Preview(TabMessage, tag="preview"):
 class Click(TabMessage, tag="click"):
     """A button."""
 
-    button: Literal["stop", "shuffle", "point", "step", "picture", "video", "stop arm", "release arm"]
+    button: Literal["stop", "shuffle", "point", "step", "picture", "video", "link", "stop arm", "release arm"]
 
 
 class Nudge(TabMessage, tag="nudge"):
@@ -95,6 +96,18 @@ class MoveHand(TabMessage, tag="hand"):
     place: tuple[Metres, Metres, Metres]
 
 
+class OpenScene(TabMessage, tag="scene"):
+    """A prepared scene by its name, or the code of a link."""
+
+    text: Annotated[str, msgspec.Meta(max_length=MAX_CODE)]
+
+
+class ExportEpisodes(TabMessage, tag="export"):
+    """The episodes as a dataset in this format."""
+
+    kind: Literal["lerobot", "minari"]
+
+
 class Change(TabMessage, tag="change"):
     """Another robot, task or policy. None: the one that fits, or the one that the task has."""
 
@@ -108,7 +121,7 @@ class Change(TabMessage, tag="change"):
 
 
 SETTINGS = SetDriver | SetViewpoint | SetFlag | SetSpeed | SetCamera
-KINDS = Say | Preview | Click | Nudge | MoveObject | Hover | MoveHand | Change | SETTINGS
+KINDS = Say | Preview | Click | Nudge | MoveObject | Hover | MoveHand | Change | OpenScene | ExportEpisodes | SETTINGS
 
 
 class TabCheck:
@@ -127,4 +140,4 @@ class TabCheck:
 
     def is_press(self, message: Any) -> bool:
         """Whether each of these messages is served, however many there are: of values, only the latest one is."""
-        return isinstance(message, Say | Click | Nudge | MoveObject | Change)
+        return isinstance(message, Say | Click | Nudge | MoveObject | Change | OpenScene | ExportEpisodes)

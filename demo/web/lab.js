@@ -181,8 +181,35 @@ export class Lab {
 
   buildRecord() {
     this.video = make("button", { type: "button", onclick: () => this.press("video") }, "Start video");
-    return folder("Record", false, make("div", { className: "buttons" },
-      make("button", { type: "button", onclick: () => this.press("picture") }, "Picture"), this.video));
+    this.link = make("input", { type: "text", readOnly: true, hidden: true, ariaLabel: "Link to this scene" });
+    this.linkNote = make("p", { className: "small", role: "status" });
+    this.format = make("select", { ariaLabel: "Format of the dataset" });
+    setOptions(this.format, [["lerobot", "LeRobot"], ["minari", "Minari"]]);
+    this.exports = make("button", { type: "button",
+      onclick: () => this.send("export", { kind: this.format.value }) }, "Export");
+    return folder("Record", false,
+      make("div", { className: "buttons" },
+        make("button", { type: "button", onclick: () => this.press("picture") }, "Picture"), this.video,
+        make("button", { type: "button", onclick: () => this.press("link") }, "Copy link")),
+      this.link, this.linkNote,
+      make("div", { className: "buttons" }, this.format, this.exports),
+      make("p", { className: "small" }, "Export: what was asked for of this robot and task, and what it did, as a dataset."));
+  }
+
+  /** Show the link of the scene, and copy it where the browser lets us. */
+  async showLink(code) {
+    const address = new URL(`#scene=${code}`, location.href);
+    this.link.hidden = false;
+    this.link.value = address.href;
+    this.link.select();
+    let copied = true;
+    await (navigator.clipboard?.writeText(address.href) ?? Promise.reject()).catch(() => { copied = false; });
+    setText(this.linkNote, copied ? "The link is copied: scene, seed and conversation." : "Copy the link from the field.");
+  }
+
+  showExporting(exporting) {
+    this.exports.disabled = exporting;
+    setText(this.exports, exporting ? "Writing…" : "Export");
   }
 
   showRecording(recording) {

@@ -30,6 +30,8 @@ const SHOW = {
   intents: (intents) => lab.showIntents(intents),
   moved: (text) => setText(lab.moved, text),
   hand: (hand) => lab.showHand(hand),
+  link: (code) => lab.showLink(code),
+  exporting: (exporting) => lab.showExporting(exporting),
   recording: (recording) => lab.showRecording(recording),
   download: (path) => {
     const link = make("a", { href: path, download: path.split("/").at(-1) });
@@ -63,6 +65,7 @@ function showStatus(status) {
   }
   cover("");
   document.body.dataset.ready = "yes";
+  openLinked();
   setText(find("now"), status.busy ? `${DRIVERS[status.acting]}: ${status.text.replace("Doing: ", "")}` : "");
   setText(lab.hears, status.hears ? `the policy hears: "${status.hears}"` : "");
   const driver = find("bar-driver");
@@ -85,6 +88,27 @@ function showChoice(choice) {
     setOptions(select, choice.options[name].map((each) => [each, each.replaceAll("_", " ")]));
     select.value = choice.shown[name];
   }
+  showScenes(choice);
+}
+
+/** Put the prepared scenes before the tasks. */
+function showScenes(choice) {
+  const select = find("bar-task");
+  if (!select.querySelector("optgroup")) {
+    const scenes = choice.scenes.map(([name, title]) => make("option", { value: `scene:${name}` }, title));
+    const tasks = [...select.children];
+    select.replaceChildren(make("optgroup", { label: "Prepared scenes" }, ...scenes),
+      make("optgroup", { label: "Tasks" }, ...tasks));
+  }
+  select.value = choice.shown.scene ? `scene:${choice.shown.scene}` : choice.shown.task;
+}
+
+/** Ask for the scene that the address names, once. */
+function openLinked() {
+  const { hash, pathname, search } = location;
+  if (!hash.startsWith("#scene=") || !document.body.dataset.ready) return;
+  history.replaceState(null, "", pathname + search);
+  send("scene", { text: hash.slice("#scene=".length) });
 }
 
 function showSayable(sentences) {
@@ -101,6 +125,11 @@ find("arm-release").addEventListener("click", () => press("release arm"));
 find("bar-driver").addEventListener("change", (event) => send("driver", { value: event.target.value }));
 for (const name of ["robot", "task"]) {
   find(`bar-${name}`).addEventListener("change", (event) => {
+    const [kind, scene] = event.target.value.split(":");
+    if (scene) {
+      send(kind, { text: scene });
+      return;
+    }
     const others = { policy: null, run: "", control: "step" };
     if (name === "task") others.workspace = null;
     if (name === "task") others.objects = null;
@@ -110,6 +139,7 @@ for (const name of ["robot", "task"]) {
 for (const radio of document.querySelectorAll("[name=viewpoint]")) {
   radio.addEventListener("change", () => send("viewpoint", { value: radio.value }));
 }
+addEventListener("hashchange", openLinked);
 find("lab-button").addEventListener("click", (event) => {
   const panel = find("lab");
   panel.hidden = !panel.hidden;

@@ -5,6 +5,8 @@ To add one, add an `ObservationTerm` to `OBSERVATIONS`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -28,6 +30,14 @@ OUTCOMES = {  # results of a control step, (N, 1) bool each
     "at_goal": "whether the gripper is at the referent, or the referent where it is to go",
 }
 REWARD_TERMS = "(T,): the weighted reward terms, by `reward_names`; their sum is the reward"
+
+
+def robot_names(joints: Sequence[str], grips: bool) -> list[str]:
+    """Return the name of each number of the observation "robot". grips: whether the task's gripper holds objects."""
+    of_joints = [f"{joint}.{of}" for of in ("angle", "speed") for joint in joints]
+    position = [f"gripper.{axis}" for axis in "xyz"]
+    orientation = [f"gripper.{column}.{axis}" for column in "xy" for axis in "xyz"]
+    return [*of_joints, *position, *orientation, "opening", *(["shut", "holds"] if grips else [])]
 
 
 def observation_spec(observer: Observer, num_worlds: int, task: Task) -> Composite:

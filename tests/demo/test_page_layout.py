@@ -28,8 +28,16 @@ SECTIONS = {
     },
     "choice": {
         "options": {name: ["kuka", "anything"] for name in ("robot", "control", "task", "workspace")},
-        **{"policies": ["anything_kuka"], "most": 6},
-        "shown": {"robot": "kuka", "control": "kuka", "task": "anything", "workspace": "kuka", "objects": 3, "run": ""},
+        **{"policies": ["anything_kuka"], "most": 6, "scenes": [["drawer", "The drawer"]]},
+        "shown": {
+            "robot": "kuka",
+            "control": "kuka",
+            "task": "anything",
+            "workspace": "kuka",
+            "objects": 3,
+            "run": "",
+            "scene": "",
+        },
     },
     "sayable": ["reach the red cube", "open the drawer", "put the blue cube on the red cube"],
     "clock": {"paused": False, "speed": 1.0, "rate": 1.0},
@@ -244,3 +252,21 @@ def test_what_policy_and_expert_would_do_stands_side_by_side(tab):
     assert rows.last.inner_text().split("\t") == ["action 4", "0.20", "-1.00"]
     receive(tab, {"intents": {"compares": True, "policy": False, "of": {}}})
     tab.get_by_text("There is no trained policy here").wait_for()
+
+
+def test_the_link_of_a_scene_can_be_copied_and_is_opened_once(tab):
+    receive(tab, {"link": "abc-123"})
+    link = tab.get_by_label("Link to this scene").input_value()
+    assert link == "http://page.test/#scene=abc-123"
+    tab.evaluate("location.hash = '#scene=abc-123'")
+    tab.locator("body").press("Tab")  # by then the event of the hash has come
+    assert tab.evaluate("window.sent.at(-1)") == {"do": "scene", "text": "abc-123"}
+    assert tab.evaluate("location.hash") == ""
+
+
+def test_a_prepared_scene_is_chosen_in_the_bar(tab):
+    show(tab, "wide")
+    tab.locator("#bar-task").select_option("The drawer")
+    assert tab.evaluate("window.sent.at(-1)") == {"do": "scene", "text": "drawer"}
+    tab.locator("#bar-task").select_option("kuka")
+    assert tab.evaluate("window.sent.at(-1).do") == "change"

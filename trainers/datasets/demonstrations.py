@@ -99,18 +99,38 @@ def _run_episode(
             steps.append(state)
             for name in cameras:
                 images[name].append(env.render(camera=name))
+    return demonstration_of(env, seed, sentence, states, images)
+
+
+def demonstration_of(
+    env: EnvBase,
+    seed: int,
+    sentence: str,
+    states: Sequence[TensorDictBase],
+    images: dict[str, list[NDArray[np.uint8]]] | None = None,
+) -> Demonstration:
+    """Return the episode of T steps that these states are.
+
+    Args:
+        env: of one world, whose states they are.
+        seed: of the episode.
+        sentence: the instruction.
+        states: T+1, as `env.reset` and `env.step` return them; all but the first with the "action" that led there.
+        images: as in `Demonstration`.
+    """
+    steps, privileged = states[1:], states[-1]["privileged"].keys()
     return Demonstration(
         seed=seed,
         sentence=sentence,
         observations={key: _stack(states, key) for key in public_keys(env.observation_spec)},
-        labels={key: _stack(states, ("privileged", key)) for key in LABELS if key in state["privileged"].keys()},
+        labels={key: _stack(states, ("privileged", key)) for key in LABELS if key in privileged},
         actions=_stack(steps, "action"),
         outcomes={key: _stack(steps, key)[:, 0] for key in OUTCOMES},
-        images=images,
+        images=images or {},
     )
 
 
-def _stack(states: list[TensorDictBase], key: str | tuple[str, str]) -> NDArray:
+def _stack(states: Sequence[TensorDictBase], key: str | tuple[str, str]) -> NDArray:
     """Return the values of a key in world 0, stacked over the steps."""
     return np.stack([state[key][0].numpy() for state in states])
 
