@@ -2,6 +2,10 @@
 
     python -m benchmarks.films chain --checkpoint anything_kuka --seed 6 --out docs/chain.gif
     python -m benchmarks.films commands --data FOLDER --out docs/commands.gif
+    python -m benchmarks.films scene drawer --out docs/films/drawer.gif
+
+`scene`: a prepared scene of the page, whose sentences are said one after another, seen from opposite the robot; below
+it are the sentence and the answer.
 
 `chain`: instructions that a policy carries out one after another in one room. `commands`: commands that people wrote,
 from the Robot Commands Treebank in FOLDER, as for `benchmarks.rearrange`. Each is understood in its own scene, and the
@@ -26,6 +30,9 @@ from tensordict import TensorDict
 import deixis
 from benchmarks.rearrange import Job, begin, difference, moves, understood
 from core.overrides import compose
+from demo.session import Session
+from demo.session_config import make_config
+from demo.shared_scene import PREPARED, Pointed
 from envs import read_env
 from envs.experts.board import MoveRunner
 from envs.interactive.interactive_env import InteractiveEnv
@@ -46,6 +53,12 @@ CHAIN_CAMERA = {"target": [0.5, -0.06, 0.1], "distance": 1.5, "yaw": 10, "pitch"
 CHAIN_LAST_TIME = 1500  # milliseconds
 SKIPPED = 2  # every SKIPPED-th control step is shown
 SAMPLED = 40  # every SAMPLED-th frame contributes to the palette
+
+# ---- Scenes of the page
+SCENE_SIZE, SCENE_CAPTION = (440, 320), 68  # pixels
+SCENE_CAMERA = {"target": [0.43, 0.0, 0.06], "yaw": 90, "pitch": -52, "fov": 52}  # opposite the robot
+SCENE_DISTANCES, SCENE_DISTANCE = {"drawer": 0.95}, 0.75  # metres; of the others
+SCENE_SKIPPED, SCENE_LAST_TIME, MOST_STEPS = 3, 1400, 400  # control steps, milliseconds, control steps
 
 # ---- Commands
 # Of the part that the grammar was developed on, by number, of different kinds and with at most 16 blocks.
@@ -190,6 +203,57 @@ def _pixel(place: Sequence[float]) -> tuple[float, float]:
     return width / 2 + focal * x / depth, height / 2 + focal * y / depth
 
 
+# ---- Scenes of the page
+
+
+def film_scene(name: str) -> Iterator[Frame]:
+    """Yield the frames of a prepared scene of the page, in which its sentences are said one after another.
+
+    Raises RuntimeError if the robot does not come to rest.
+    """
+    prepared = PREPARED[name]
+    size = dict(zip(("width", "height"), (SUPERSAMPLING * side for side in SCENE_SIZE), strict=True))
+    camera = [f"workspace.cameras.film.{key}={value}" for key, value in (SCENE_CAMERA | size).items()]
+    camera.append(f"workspace.cameras.film.distance={SCENE_DISTANCES.get(name, SCENE_DISTANCE)}")
+    config = make_config(**prepared.scene.choices, overrides=camera)
+    with closing(Session(config, prepared.scene.seed)) as session:
+        session.set_viewpoint(prepared.scene.viewpoint)
+        for event in prepared.scene.events:
+            if isinstance(event, Pointed):
+                session.point_at(event.place)
+        for _ in range(SETTLING):
+            session.step()
+        yield _scene_frame(session, "", prepared.title), FIRST_TIME
+        for sentence in prepared.sentences:
+            answer, began = session.say(sentence).message, session.steps
+            yield _scene_frame(session, sentence, answer), FIRST_TIME
+            yield from _until_rest(session, sentence)
+            answer = session.view.status if session.steps > began else answer
+            yield _scene_frame(session, sentence, answer), SCENE_LAST_TIME
+            print(f"{name}: {sentence}: {answer}", flush=True)
+
+
+def _until_rest(session: Session, sentence: str) -> Iterator[Frame]:
+    for step in range(MOST_STEPS):
+        if not session.busy:
+            return
+        session.step()
+        if step % SCENE_SKIPPED == 0:
+            yield _scene_frame(session, sentence, session.view.status), SCENE_SKIPPED * STEP_TIME
+    raise RuntimeError(f"'{sentence}': the robot does not come to rest")
+
+
+def _scene_frame(session: Session, said: str, answer: str) -> Image.Image:
+    image = captioned(session.env.render(), SCENE_SIZE, SCENE_CAPTION)
+    draw, height = ImageDraw.Draw(image), SCENE_SIZE[1]
+    if said:
+        draw.text((8, height + 5), f"\u201c{said}\u201d", fill="white", font=ImageFont.load_default(size=17))
+    small = ImageFont.load_default(size=13)
+    for row, text in enumerate(wrap_text(answer, SCENE_SIZE[0] - 16, small)[:2]):
+        draw.text((8, height + 30 + 16 * row), text, fill="#b8c4d4", font=small)
+    return image
+
+
 # ---- Command line
 
 
@@ -200,6 +264,9 @@ def main() -> int:
         if options.what == "chain":
             frames = list(film_chain(options.checkpoint, options.seed, options.length))
             samples = [image for image, _ in frames[::SAMPLED]]
+        elif options.what == "scene":
+            frames = list(film_scene(options.name))
+            samples = [image for image, _ in frames[:: max(1, len(frames) // 8)]]
         else:
             frames = list(film_commands(_jobs(options), options.robot))
             samples = [image for image, time in frames if time == FIRST_TIME]
@@ -230,7 +297,9 @@ def _arguments() -> argparse.ArgumentParser:
     commands.add_argument("--data", type=Path, required=True, help="folder with commands.txt and configuration.txt")
     commands.add_argument("--numbers", default=",".join(NUMBERS), help="of the commands, in the order of the film")
     commands.add_argument("--robot", default="kuka", help="an option of robot= (kuka)")
-    for each in (chain, commands):
+    scene = kinds.add_parser("scene")
+    scene.add_argument("name", choices=PREPARED)
+    for each in (chain, commands, scene):
         each.add_argument("--out", type=Path, required=True, help="the GIF")
     return parser
 
