@@ -49,8 +49,12 @@ function onSections(sections) {
 }
 
 function onState(connected) {
-  if (connected) conversation.clear(); // it is sent anew
-  else cover("The connection is lost. Trying again.");
+  if (connected) {
+    conversation.clear(); // it is sent anew
+  } else {
+    delete document.body.dataset.ready; // words stay in the box until they can be sent
+    cover("The connection is lost. Trying again.");
+  }
 }
 
 function cover(text) {

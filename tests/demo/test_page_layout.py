@@ -270,3 +270,18 @@ def test_a_prepared_scene_is_chosen_in_the_bar(tab):
     assert tab.evaluate("window.sent.at(-1)") == {"do": "scene", "text": "drawer"}
     tab.locator("#bar-task").select_option("kuka")
     assert tab.evaluate("window.sent.at(-1).do") == "change"
+
+
+def test_what_is_said_while_the_connection_is_lost_stays_in_the_box(tab):
+    left = tab.evaluate("""() => {
+      const input = document.getElementById('say');
+      input.value = 'open the drawer';
+      window.sent = [];
+      socket.onclose();
+      document.getElementById('form').requestSubmit();
+      return input.value;
+    }""")
+    assert left == "open the drawer"
+    tab.locator("body[data-ready]").wait_for()  # it has connected again
+    tab.locator("#say").press("Enter")
+    assert {"do": "say", "text": "open the drawer"} in tab.evaluate("window.sent")
