@@ -242,7 +242,7 @@ def test_keys_move_a_chosen_object_and_a_live_region_says_where_it_stands(tab):
     tab.keyboard.press("Enter")  # the button of that key has the focus
     assert tab.evaluate("window.sent.at(-1)") == {"do": "move", "object": 1, "to": "away"}
     receive(tab, {"moved": "the left cube: 42 cm from the robot, 10 cm to your left"})
-    assert "42 cm from the robot" in tab.locator("#lab [role=status]").inner_text()
+    assert "42 cm from the robot" in tab.locator("#lab [role=status]").first.inner_text()
 
 
 def test_what_policy_and_expert_would_do_stands_side_by_side(tab):
