@@ -5,7 +5,7 @@
     python -m benchmarks.page motion                       # time to motion without a browser
     python -m benchmarks.page said --count 100             # success of sentences that are typed into the page
     python -m benchmarks.page hostile --minutes 30         # random and hostile text, clicks, choices, reloads; memory
-    python -m benchmarks.page film --seed 7 --out docs/demo.gif  # a sentence and its correction, for README
+    python -m benchmarks.page film --seed 7 --out outputs/said.gif  # a sentence and its correction
 
 Arguments after `--` go to play.py. `start` counts from the start of the process. A motion counts from the press of
 Enter to the status that the page shows after the step, by which time the arm has moved.
