@@ -124,14 +124,14 @@ SETTINGS = SetDriver | SetViewpoint | SetFlag | SetSpeed | SetCamera
 KINDS = Say | Preview | Click | Nudge | MoveObject | Hover | MoveHand | Change | OpenScene | ExportEpisodes | SETTINGS
 
 
-class TabCheck:
-    """Checks the messages of tabs. dropped: number of those that did not pass."""
+class KindsCheck:
+    """Checks messages of these kinds. dropped: number of those that did not pass."""
 
-    def __init__(self) -> None:
+    def __init__(self, kinds: Any) -> None:
         self.dropped = 0
-        self._decode = msgspec.json.Decoder(KINDS).decode
+        self._decode = msgspec.json.Decoder(kinds).decode
 
-    def read(self, raw: bytes | str) -> TabMessage | None:
+    def read(self, raw: bytes | str) -> Any:
         """The message, or None if the page does not take it."""
         try:
             return self._decode(raw)
@@ -139,5 +139,15 @@ class TabCheck:
             return None
 
     def is_press(self, message: Any) -> bool:
-        """Whether each of these messages is served, however many there are: of values, only the latest one is."""
+        """Whether each of these messages is served, however many there are: here, all are."""
+        return True
+
+
+class TabCheck(KindsCheck):
+    """Checks the messages of tabs: of values, only the latest one is served."""
+
+    def __init__(self) -> None:
+        super().__init__(KINDS)
+
+    def is_press(self, message: Any) -> bool:
         return isinstance(message, Say | Click | Nudge | MoveObject | Change | OpenScene | ExportEpisodes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 
@@ -73,22 +73,3 @@ class CloseStudy(StudyMessage, tag="close"):
 
 PARTICIPANT = Consent | Begin | EndTrial | GiveAnswer | Submit | Withdraw
 EXPERIMENTER = StopParticipant | DeleteParticipant | CloseStudy
-
-
-class StudyCheck:
-    """Checks messages of these kinds. dropped: number of those that did not pass."""
-
-    def __init__(self, kinds: Any) -> None:
-        self.dropped = 0
-        self._decode = msgspec.json.Decoder(kinds).decode
-
-    def read(self, raw: bytes | str) -> StudyMessage | None:
-        """The message, or None if it is none."""
-        try:
-            return self._decode(raw)
-        except (msgspec.MsgspecError, ValueError, RecursionError):
-            return None
-
-    def is_press(self, message: Any) -> bool:
-        """Whether each of these messages is served: all are."""
-        return True

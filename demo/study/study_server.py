@@ -37,12 +37,12 @@ from demo.study.study_messages import (
     GiveAnswer,
     StageMessage,
     StopParticipant,
-    StudyCheck,
     StudyMessage,
     Submit,
     Withdraw,
 )
 from demo.study.trial_host import FULL, TrialHost
+from demo.tab_messages import KindsCheck
 
 ROBOT = "robot"  # path of the robot's page under a participant's
 PICTURE = re.compile(r"goal/([^/]+)/(before|after)\.png")
@@ -73,7 +73,7 @@ class StudyServer:
         self._page_port = 0
         self._stopped = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._checks = {True: StudyCheck(EXPERIMENTER), False: StudyCheck(PARTICIPANT)}
+        self._checks = {True: KindsCheck(EXPERIMENTER), False: KindsCheck(PARTICIPANT)}
 
     # ---- Serving
 

@@ -150,6 +150,6 @@ find("lab-button").addEventListener("click", (event) => {
   event.currentTarget.setAttribute("aria-expanded", !panel.hidden);
 });
 
-const socket = new Socket(number, onSections, onState);
+const socket = new Socket(`socket/${number}`, onSections, onState);
 new SceneFrame(number, send);
 find("say").focus();

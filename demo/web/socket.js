@@ -1,22 +1,20 @@
-// The socket of this tab: sections of the page's state come in, messages go out.
+// A socket of the page: messages come in as JSON, and go out with what they do. It connects again when it is closed.
 
 const RETRY = 1500; // milliseconds
 
-/** number: of this tab, which its scene has in its address too. */
+/** path: of the socket. onMessage: called with each message. onState: called with whether it is connected. */
 export class Socket {
-  constructor(number, onSections, onState) {
-    this.number = number;
-    this.onSections = onSections;
-    this.onState = onState;
+  constructor(path, onMessage, onState) {
+    Object.assign(this, { path, onMessage, onState });
     this.open();
   }
 
   open() {
-    const address = new URL(`socket/${this.number}`, document.baseURI);
+    const address = new URL(this.path, document.baseURI);
     address.protocol = address.protocol.replace("http", "ws");
     this.socket = new WebSocket(address, ["deixis"]);
     this.socket.onopen = () => this.onState(true);
-    this.socket.onmessage = (event) => this.onSections(JSON.parse(event.data));
+    this.socket.onmessage = (event) => this.onMessage(JSON.parse(event.data));
     this.socket.onclose = () => {
       this.onState(false);
       setTimeout(() => this.open(), RETRY);
