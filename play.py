@@ -75,7 +75,7 @@ def main(words: Sequence[str]) -> None:
         raise ConfigError("--gui opens a window and --headless opens none: give one of them")
     if args.seed < 0:
         raise ConfigError(f"--seed={args.seed} must be at least 0")
-    if (args.gui or args.headless is not None) and any(word.startswith("study=") for word in args.overrides):
+    if (args.gui or args.headless is not None) and _is_study(args.overrides):
         raise ConfigError("study=... is for the page: leave out --gui and --headless")
     if args.headless is not None:
         check_file("--headless", args.headless, VIDEO_SUFFIXES)
@@ -84,6 +84,11 @@ def main(words: Sequence[str]) -> None:
         open_window(args)
     else:
         serve_page(args)
+
+
+def _is_study(words: Sequence[str]) -> bool:
+    """Whether a command line asks for a study."""
+    return any(word.startswith("study=") for word in words)
 
 
 def make_session(args: argparse.Namespace) -> Session:
@@ -150,9 +155,9 @@ def serve_page(args: argparse.Namespace) -> None:
     if find_spec("viser") is None or find_spec("trimesh") is None:
         raise ConfigError('the page requires viser, which is not installed: pip install -e ".[play]"')
     _check_address(args.host, args.port)
-    from demo.study.serving import is_study, serve_study
+    if _is_study(args.overrides):
+        from demo.study.serving import serve_study
 
-    if is_study(args.overrides):
         serve_study(args)
         return
     from demo.guarded_server import PageParts

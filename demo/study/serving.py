@@ -21,16 +21,11 @@ from demo.page_gate import PageGate
 from demo.study.database import StudyDatabase
 from demo.study.progress import StudyProgress
 from demo.study.study_config import StudyConfig, read_study
-from trainers.run.run_folder import try_lock
+from trainers.run.run_folder import locked
 
 KEYS = ("study", "database")
 SUFFIXES = (".sqlite", ".db")
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def is_study(words: Sequence[str]) -> bool:
-    """Whether a command line asks for a study."""
-    return any(word.startswith("study=") for word in words)
 
 
 def serve_study(args: argparse.Namespace) -> None:
@@ -117,19 +112,13 @@ def revision() -> str:
 @contextmanager
 def _lock(database: Path) -> Iterator[None]:
     """Keep other servers from this database while the block runs. The system frees it if the process dies."""
-    path = database.with_name(f"{database.name}.lock")
+    descriptor = locked(
+        database.with_name(f"{database.name}.lock"),
+        unusable=f"database={database} cannot be used",
+        taken=f"database={database} is in use by another server; stop that one first",
+        mode=0o600,
+    )
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
-    except OSError as error:
-        raise ConfigError(f"database={database} cannot be used: {error.strerror}") from None
-    try:
-        try:
-            try_lock(descriptor)
-        except (BlockingIOError, PermissionError):
-            raise ConfigError(f"database={database} is in use by another server; stop that one first") from None
-        except OSError:
-            pass  # a file system without locks
         yield
     finally:
         os.close(descriptor)

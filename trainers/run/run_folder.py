@@ -30,14 +30,12 @@ class FolderLock:
 
     def __enter__(self) -> FolderLock:
         """Lock the folder, and remove the leftovers of killed processes. Raises ConfigError."""
+        self._descriptor = locked(
+            self.folder / LOCK,
+            unusable=f"{self.folder} cannot be the folder of a {self.name}",
+            taken=f"a {self.name} is running in {self.folder} already",
+        )
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            flags = os.O_RDWR | os.O_CREAT | NO_FOLLOW | getattr(os, "O_NONBLOCK", 0)
-            self._descriptor = os.open(self.folder / LOCK, flags, 0o666)
-        except OSError as error:
-            raise ConfigError(f"{self.folder} cannot be the folder of a {self.name}: {error.strerror}") from None
-        try:
-            self._lock()
             for each in SUBFOLDERS:
                 _refuse_links(self.folder, self.folder / each)
                 remove_temporary_files(self.folder / each)
@@ -46,19 +44,38 @@ class FolderLock:
             raise
         return self
 
-    def _lock(self) -> None:
-        try:
-            try_lock(self._descriptor)
-        except (BlockingIOError, PermissionError):  # as POSIX and as Windows says it
-            raise ConfigError(f"a {self.name} is running in {self.folder} already") from None
-        except OSError:
-            pass  # a file system without locks
-
     def __exit__(self, *error: object) -> None:
         os.close(self._descriptor)
 
 
-def try_lock(descriptor: int) -> None:
+def locked(path: Path, *, unusable: str, taken: str, mode: int = 0o666) -> int:
+    """Lock a file, which is created if it is missing, until the descriptor that is returned is closed.
+
+    Args:
+        path: of the file; its folder is created, too.
+        unusable: the message where the file cannot be opened; the reason follows it.
+        taken: the message where another process has locked it.
+        mode: of a new file.
+
+    Raises:
+        ConfigError: with one of these messages.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | NO_FOLLOW | getattr(os, "O_NONBLOCK", 0), mode)
+    except OSError as error:
+        raise ConfigError(f"{unusable}: {error.strerror}") from None
+    try:
+        _try_lock(descriptor)
+    except (BlockingIOError, PermissionError):  # as POSIX and as Windows says it
+        os.close(descriptor)
+        raise ConfigError(taken) from None
+    except OSError:
+        pass  # a file system without locks
+    return descriptor
+
+
+def _try_lock(descriptor: int) -> None:
     """Lock an open file until it is closed. Raises OSError where another process has locked it."""
     try:
         fcntl = import_module("fcntl")
