@@ -200,17 +200,13 @@ def _actor(env: WorkspaceEnv, config: RecordConfig, saved: dict[str, Any] | None
 
 def _about(env: WorkspaceEnv, config: RecordConfig, choices: Mapping[str, str]) -> dict[str, Any]:
     """Return the facts about the environment that the formats and the metadata need."""
-    from envs.mdp.observations import robot_names
+    from envs.config import dataset_facts
 
     env_config = env.config
-    period = env_config.physics.time_step * env_config.physics.substeps
     return {
-        "config": asdict(env_config),
+        **dataset_facts(env_config, env.task.traits.grips),
         "actor": "expert" if config.expert else f"policy of {config.checkpoint}",
         "instruction": f"{env_config.task.name} with {env_config.robot.name}, {env_config.control.name}",
-        "robot": env_config.robot.name,
-        "fps": max(1, round(1 / period)),
-        "names": {"robot": robot_names(env_config.robot.joints, env.task.traits.grips)},
         "gym": _gym_spec(env_config, choices),
     }
 

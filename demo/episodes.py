@@ -7,7 +7,6 @@ import tempfile
 import zipfile
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,8 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from core.errors import ConfigError
+from envs.config import dataset_facts
 from envs.interactive.interactive_env import InteractiveEnv
-from envs.mdp.observations import robot_names
 from trainers.datasets.demonstrations import Demonstration, demonstration_of
 
 MOST_STEPS = 6000  # control steps that are kept, about 15 MB; the oldest episodes go first
@@ -66,14 +65,11 @@ class SessionEpisodes:
         """Return what a dataset of a kind, "lerobot" or "minari", is made of. Raises ConfigError for nothing."""
         if not self._episodes:
             raise ConfigError(NOTHING)
-        env, period = self._env.config, self._env.config.physics.time_step * self._env.config.physics.substeps
+        env = self._env.config
         about = {
-            "config": asdict(env),
+            **dataset_facts(env, self._env.task.traits.grips),
             "actor": " and ".join(sorted(self.actors)),
             "instruction": f"what people asked for on the page: {env.task.name} with {env.robot.name}",
-            "robot": env.robot.name,
-            "fps": max(1, round(1 / period)),
-            "names": {"robot": robot_names(env.robot.joints, self._env.task.traits.grips)},
             "gym": None,  # episodes begin where the one before has ended
         }
         return Export(kind, self._env, about, tuple(self._episodes))

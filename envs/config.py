@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from core.errors import ConfigError, did_you_mean
@@ -127,3 +127,16 @@ def _check_board(task: TaskConfig, workspace: WorkspaceConfig) -> None:
             raise ConfigError(
                 f"task.{name}={value} does not fit the board of workspace={workspace.name}: it must be {wanted}"
             )
+
+
+def dataset_facts(config: EnvConfig, grips: bool) -> dict[str, Any]:
+    """Return what every dataset tells of its environment. grips: whether the task's gripper holds objects."""
+    from envs.mdp.observations import robot_names  # slow to import
+
+    period = config.physics.time_step * config.physics.substeps
+    return {
+        "config": asdict(config),
+        "robot": config.robot.name,
+        "fps": max(1, round(1 / period)),
+        "names": {"robot": robot_names(config.robot.joints, grips)},
+    }
