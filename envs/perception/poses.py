@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from envs.perception.detections import Array
 from envs.sim.devices import DEVICES, turned
@@ -16,6 +18,7 @@ DEVICE_NUMBERS = np.array([list(NOUNS).index(noun) for noun in DEVICES])
 IS_DEVICE = np.isin(np.arange(len(NOUNS)), DEVICE_NUMBERS)  # by the number of a noun
 LOOSE = np.array([noun in SHAPES for noun in NOUNS])  # by the number of a noun
 SHARES = np.linspace(0.0, 1.0, 65)  # of a joint's range, at which the places of handles are computed beforehand
+Numbers = TypeVar("Numbers", Array, Tensor)
 WHEEL_WAY = DEVICES["wheel"].way  # radians from the middle of a wheel's range to its ends
 
 
@@ -24,7 +27,7 @@ def wrapped(angles: Array, period: float) -> Array:
     return (angles + period / 2) % period - period / 2
 
 
-def wheel_starts(yaws: Array, shares: Array) -> Array:
+def wheel_starts(yaws: Numbers, shares: Numbers) -> Numbers:
     """(...) radians, how wheels were placed whose handles are at yaws (...), at shares (...) of their ranges."""
     return yaws - WHEEL_WAY * (2 * shares - 1)
 

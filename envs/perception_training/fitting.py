@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from envs.perception.network import CELL, HEIGHT_UNIT, SIZE_UNIT, SightCells, SightNetwork
-from envs.perception.poses import CUBE, LEVER, WHEEL, WHEEL_WAY
+from envs.perception.poses import CUBE, LEVER, WHEEL, wheel_starts
 from envs.perception_training.scenes import LABEL, SEEN, Pictures
 from language import FITTINGS, NOUNS
 
@@ -86,8 +86,7 @@ def losses(out: Tensor, labels: Tensor) -> dict[str, Tensor]:
         ),
     }
     turn, wheel = label["turn"], noun == WHEEL
-    base = turn - WHEEL_WAY * (2 * label["share"] - 1)  # where the mark of a wheel is
-    other = torch.where(wheel, base, 4 * turn)
+    other = torch.where(wheel, wheel_starts(turn, label["share"]), 4 * turn)  # where the mark of a wheel is
     aims = torch.stack((turn.cos(), turn.sin(), other.cos(), other.sin()), 1)
     wrong = (cells["turn"] - aims) ** 2
     faces = ((noun == LEVER) | wheel).float()
