@@ -98,8 +98,8 @@ class Scenery:
             shadow = soft_shadow(0.9 * self._size, 0.9 * self._size, OBJECT_BLUR * self._size, OBJECT)
             self._objects.append(self._add(f"object/{len(self._objects)}", shadow, (0.0, 0.0, 0.0), visible=False))
         for index, shadow in enumerate(self._objects):
-            place = places[index] if index < len(places) else None
-            _cast(shadow, None if place is None or place[2] < 0 else place)
+            low = index < len(places) and 0 <= places[index, 2] < HIGHEST
+            move(shadow, np.array([*places[index, :2], 2 * ABOVE]) if low else None)
         self._arm.batched_positions = self._below_arm()
 
     def _below_arm(self) -> NDArray[np.float32]:
@@ -233,9 +233,3 @@ def _lies_under(box: Box, low: Array, high: Array) -> bool:
     lowest, highest = _bounds(box)
     inside = (lowest[:2] > low[:2] - 0.01).all() and (highest[:2] < high[:2] + 0.01).all()
     return bool(inside and highest[2] < high[2] and lowest[2] > -0.01)
-
-
-def _cast(shadow: Any, place: Array | None) -> None:
-    """Put a shadow on the table below a place (3,), metres; hide it for None, and for what is high."""
-    low = place is not None and place[2] < HIGHEST
-    move(shadow, np.array([place[0], place[1], 2 * ABOVE]) if low and place is not None else None)

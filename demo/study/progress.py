@@ -12,7 +12,7 @@ from typing import Any
 from core.errors import ConfigError
 from demo.study.database import StudyDatabase
 from demo.study.orders import Stage, questions_of, stages
-from demo.study.study_config import ConditionConfig, SceneConfig, StudyConfig, study_of
+from demo.study.study_config import ConditionConfig, SceneConfig, StudyConfig
 
 LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"  # that nobody takes for another one
 CODE_LENGTH = 10  # 49 bits: a code lets in whoever has it
@@ -320,11 +320,3 @@ def _difference(before: Any, now: Any, key: str = "") -> tuple[str, Any, Any]:
             if before.get(name) != now.get(name):
                 return _difference(before.get(name), now.get(name), f"{key}.{name}".lstrip("."))
     return key, before, now
-
-
-def stored_study(database: StudyDatabase) -> StudyConfig:
-    """The study of a database. Raises ConfigError."""
-    content = database.get("config")
-    if not isinstance(content, dict):
-        raise ConfigError(f"database={database.path} holds no study")
-    return study_of(content, f"database={database.path}: ")

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from dataclasses import asdict, dataclass
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -138,11 +135,6 @@ class StudyConfig(Checked):
         for name in ("title", "consent", "thanks"):
             if not getattr(self, name).strip():
                 raise ConfigError(f"{name} is empty: write what participants shall read")
-
-    @cached_property
-    def digest(self) -> str:
-        """A number of the study's content."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
 
     def questions_after(self, what: str) -> dict[str, QuestionConfig]:
         """The questions that are asked after a scene, a condition or the study."""
