@@ -16,14 +16,13 @@ import argparse
 import json
 import os
 import random
-import signal
 import sqlite3
-import subprocess
 import sys
 import tempfile
 import threading
 import time
 from contextlib import closing
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ import yaml
 
 from core.system import system_info
 from demo.study.export import export
-from tools.browser import ROOT, free_port
+from tools.browser import ROOT, PlayServer, free_port
 from tools.study_client import LOST, SimulatedParticipant, StudyClient
 
 EXAMPLE = ROOT / "docs/examples/study.yaml"
@@ -40,46 +39,22 @@ READY = 600.0  # seconds that a server has to start
 SETTLED = 4.0  # seconds of a robot's clock before its rate is measured: a robot that is loading shows that of the page
 
 
-class StudyProcess:
-    """`play.py study=...` in a process of its own, with all its children in a group that `kill` ends at once."""
+class StudyServerProcess(PlayServer):
+    """`play.py study=...` in a process of its own. address: the experimenter's page. links: of the participants."""
 
     def __init__(self, study: Path, port: str) -> None:
-        command = [sys.executable, str(ROOT / "play.py"), f"study={study}", "--port", port]
-        environment = os.environ | {"PYTHONWARNINGS": "ignore", "OMP_NUM_THREADS": "1"}
+        super().__init__(f"study={study}", "--port", port, threads=1)
         self.database = study.with_suffix(".sqlite")
-        self.errors = study.with_suffix(f".{time.time_ns()}.log")
-        with self.errors.open("w") as errors:
-            self.process = subprocess.Popen(
-                command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=errors, text=True
-            )
-        self.experimenter, self.links = "", []
         assert self.process.stdout is not None
-        for line in self.process.stdout:
-            words = line.split()
-            if line.startswith("http"):
-                self.experimenter = words[0]
-            elif line.startswith("  http"):
-                self.links.append(words[0])
-            if self.links and len(self.links) == self._count(study):
-                break
-        if not self.links:
-            sys.exit(self.errors.read_text().strip().splitlines()[-1])
+        lines = (line for line in self.process.stdout if line.startswith("  http"))
+        count = int(yaml.safe_load(study.read_text("utf-8"))["participants"])
+        self.links = [line.split()[0] for line in islice(lines, count)]
         threading.Thread(target=self.process.stdout.read, daemon=True).start()
 
-    @staticmethod
-    def _count(study: Path) -> int:
-        return int(yaml.safe_load(study.read_text("utf-8"))["participants"])
-
-    def kill(self) -> None:
-        """Kill the server with SIGKILL. Its children end by themselves."""
+    def kill(self) -> str:
+        """Kill the server with SIGKILL; its children end by themselves. Return what it wrote to stderr."""
         self.process.kill()
-        self.process.wait()
-
-    def close(self) -> str:
-        """End the server; return what it wrote to stderr."""
-        self.process.send_signal(signal.SIGINT)
-        self.process.wait(60)
-        return self.errors.read_text()
+        return self._read_errors()
 
 
 def _study(folder: Path, **values: Any) -> Path:
@@ -110,7 +85,7 @@ def load(args: argparse.Namespace) -> dict[str, Any]:
     """Measure the clocks of robots that run at once, as their pages show them."""
     with tempfile.TemporaryDirectory() as name:
         study = _study(Path(name), participants=args.participants, at_once=args.participants)
-        server = StudyProcess(study, free_port())
+        server = StudyServerProcess(study, free_port())
         people = [
             SimulatedParticipant(link, server.database, seed, pause=args.pause)
             for seed, link in enumerate(server.links)
@@ -119,7 +94,7 @@ def load(args: argparse.Namespace) -> dict[str, Any]:
         threads = [threading.Thread(target=person.run, args=(end,), daemon=True) for person in people]
         for thread in threads:
             thread.start()
-        experimenter, at_once, loads = StudyClient(server.experimenter), [], []
+        experimenter, at_once, loads = StudyClient(server.address), [], []
         clocks: list[float] = []
         passed, start_cpu = 0.0, _cpu(server.process.pid)
         last: dict[str, float] = {}
@@ -160,7 +135,7 @@ def kills(args: argparse.Namespace) -> dict[str, Any]:
         people: list[SimulatedParticipant] = []
         errors = ""
         for kill in range(args.count):
-            server = StudyProcess(study, port)
+            server = StudyServerProcess(study, port)
             if not people:
                 people = [
                     SimulatedParticipant(link, server.database, seed, pause=0.5)
@@ -178,15 +153,14 @@ def kills(args: argparse.Namespace) -> dict[str, Any]:
                     break
                 time.sleep(0.2)
             time.sleep(rng.uniform(0.0, args.seconds))  # a random moment while they are at work
-            server.kill()
+            errors += server.kill()
             for thread in threads:
                 thread.join(60)
-            errors += server.errors.read_text()
             missing, count = _missing(server.database, present)
             lost += missing
             counts.append(count)
             print(f"kill {kill + 1}: {count} checked, {len(missing)} lost", file=sys.stderr, flush=True)
-        server = StudyProcess(study, port)
+        server = StudyServerProcess(study, port)
         done = [each for each in people if each.finished]
         server.close()
     return {
@@ -256,7 +230,7 @@ def simulate(args: argparse.Namespace) -> dict[str, Any]:
     args.out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
         study = _study(Path(name), at_once=args.participants)
-        server = StudyProcess(study, free_port())
+        server = StudyServerProcess(study, free_port())
         people = [
             SimulatedParticipant(link, server.database, args.seed + seed, pause=args.pause)
             for seed, link in enumerate(server.links[: args.count])

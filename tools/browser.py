@@ -38,14 +38,15 @@ def free_port() -> str:
 
 
 class PlayServer:
-    """A process of `play.py` with these arguments in `folder`. address: the URL of its page.
+    """A process of `play.py` with these arguments in `folder`. address: the first URL that it prints.
 
-    Exits with the last line of its errors if it does not start.
+    threads: OMP_NUM_THREADS; None: as it is. Exits with the last line of its errors if it does not start.
     """
 
-    def __init__(self, *arguments: str, folder: Path = ROOT) -> None:
+    def __init__(self, *arguments: str, folder: Path = ROOT, threads: int | None = None) -> None:
         command = [sys.executable, str(ROOT / "play.py"), "--port", free_port(), *arguments]
         environment = os.environ | {"PYTHONWARNINGS": "ignore"}
+        environment |= {} if threads is None else {"OMP_NUM_THREADS": str(threads)}
         self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115  a pipe that is not read would fill up
         pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": self._errors, "text": True}
         self.process = subprocess.Popen(command, cwd=folder, env=environment, **pipes)

@@ -8,8 +8,6 @@ import pytest
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
-from playwright.sync_api import sync_playwright
-
 from demo.page_files import PageFiles
 from tools.browser import CHROMIUM
 
@@ -98,14 +96,6 @@ IN_VIEW = """() => ['#scene', '#say', '#stop', '.entry:last-child'].filter(name 
   const box = document.querySelector(name).getBoundingClientRect();
   return !(box.width > 0 && box.top >= 0 && box.left >= 0 && box.right <= innerWidth && box.bottom <= innerHeight);
 })"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

@@ -108,10 +108,12 @@ def test_what_is_held_is_put_down_before_anything_else(session):
 @pytest.mark.slow
 def test_a_later_step_that_is_done_already_is_left_out_and_told(session):
     drawer, thing = names_in(session, "open (the .*drawer)", "grasp (the .*)")
+    while any(each.startswith("close ") for each in session.sayable()):  # it would be listed in place of the drawer
+        drawer, thing = names_in(session, "open (the .*drawer)", "grasp (the .*)")
     result = session.say(f"open {drawer} then open {drawer}")
     assert "open already" in result.message
     assert run_to_end(session).startswith("Done")
-    assert any(each.startswith("close the ") for each in session.sayable())
+    assert f"close {drawer}" in session.sayable()
     assert done(session, f"put {thing} in {drawer} and close it")
 
 

@@ -8,8 +8,6 @@ import pytest
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
-from playwright.sync_api import sync_playwright
-
 from demo.page_files import PageFiles
 from demo.study.study_config import ConditionConfig
 from demo.study.trial_files import TrialFiles
@@ -71,14 +69,6 @@ window.WebSocket = class {
   constructor() { this.readyState = 1; window.socket = this; setTimeout(() => this.onopen()); }
   send(message) { window.sent.push(JSON.parse(message)); }
 };"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        yield browser
-        browser.close()
 
 
 def opened(browser, files, name):
