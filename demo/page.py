@@ -230,9 +230,11 @@ class Page:
         self._sharing.begin(session)
         self._show_choice(session)
         self._scene_view.update_colors()
-        self._leave_scene("This is a new scene.")
+        self._leave_scene(session, "This is a new scene.")
 
-    def _leave_scene(self, text: str) -> None:
+    def _leave_scene(self, session: Session, text: str) -> None:
+        """Tell of a new scene. What can be said in it is told first: nobody is offered words of the scene before."""
+        self._list_sayable(session)
         self._conversation.leave_scene()
         self._conversation.note(text)
 
@@ -318,7 +320,7 @@ class Page:
         if viewpoint != session.viewpoint:
             session.set_viewpoint(viewpoint)
             self._listed_for = np.zeros(0)
-            self._leave_scene(f"From now on, {session.whose_left}.")
+            self._leave_scene(session, f"From now on, {session.whose_left}.")
 
     def _change(self, session: Session, message: Change) -> None:
         if message.run:
@@ -338,7 +340,7 @@ class Page:
         self._show_env(session)
         config = session.config
         note = session.note or DRIVEN_BY[config.driver]
-        self._leave_scene(f"This is another scene: robot {config.robot}, task {config.task}. {note}")
+        self._leave_scene(session, f"This is another scene: robot {config.robot}, task {config.task}. {note}")
 
     def _rebuild(self, session: Session, config: SessionConfig, seed: int | None = None) -> None:
         self._state.put("status", {"loading": True})
@@ -357,7 +359,7 @@ class Page:
         self._show_env(session)
         note = session.note or DRIVEN_BY[session.config.driver]
         title = PREPARED[text].title if text in PREPARED else "This is the scene of a link"
-        self._leave_scene(f"{title}. {note}")
+        self._leave_scene(session, f"{title}. {note}")
 
     def _begin_scene(self, session: Session, text: str) -> None:
         shared = scene_of(text)

@@ -15,6 +15,13 @@ from tools.browser import CHROMIUM, PageTab, PlayServer, headless_browser
 
 LIKELY = r"(?:[6-9]\d|100)%"  # 60 % or more
 FREE_PLACE = (0.4, -0.22, 0.025)  # metres: no object is near it in the first scene
+NOTE_OFFERS = """() => {
+    window.offered = [];
+    new MutationObserver(() => {
+        const told = [...document.querySelectorAll(".entry")].at(-1)?.textContent.includes("This is a new scene");
+        if (told) window.offered.push([...document.querySelectorAll("#chips .chip")].map(chip => chip.innerText));
+    }).observe(document.getElementById("log"), {childList: true});
+}"""  # the sentences that the page offers at the moment when it tells of a new scene
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")]
 
@@ -131,6 +138,18 @@ def test_arrow_keys_in_the_picture_move_the_finger(page):
     page.tab.locator("#scene").focus()
     page.tab.frame_locator("#scene").locator("body").press("ArrowLeft")
     page.tab.locator("#lab h3", has_text="Pointed at").wait_for()
+
+
+def test_the_sentences_of_a_new_scene_are_offered_when_it_is_told(page):
+    page.tab.evaluate(NOTE_OFFERS)
+    for count in (1, 2, 3):
+        page.say("hello")  # without another entry between, the same note is not told twice
+        page.wait_for_turn("Say what I shall do next")
+        page.press("New scene")
+        page.tab.wait_for_function("count => window.offered.length === count", arg=count)
+        offered = page.tab.evaluate("window.offered.at(-1)")
+        page.tab.wait_for_timeout(500)  # several control steps later
+        assert offered == page.tab.locator("#chips .chip").all_inner_texts()
 
 
 def test_the_robot_can_be_changed_and_the_page_says_who_drives(page):
