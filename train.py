@@ -80,6 +80,7 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
     from trainers.run.progress import Progress
     from trainers.run.requirements import check_start
 
+    choose_compilation(config)
     env_config, training = read_env(config), read_training(config)
     check_start(training, folder)
     if uses_processes(training.collector):
@@ -109,6 +110,18 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
                 progress=progress,
                 on_result=lambda result: print(summary(result, folder), flush=True),
             )
+
+
+def choose_compilation(config: Any) -> None:
+    """Replace algo.compile=auto by the choice for this run, which holds where it is resumed, too."""
+    from trainers.algorithms.settings import OffPolicyConfig
+    from trainers.config import read_training
+
+    training = read_training(config)
+    if isinstance(training.algo, OffPolicyConfig):
+        choice = training.algo.choose_compilation(training.run.total_frames, training.run.device)
+        if choice != training.algo.compile:
+            config.algo.compile = choice
 
 
 def saved_config(config: Any) -> dict[str, Any]:

@@ -48,6 +48,7 @@ PLACES: dict[str, Place] = {
 UNUSED = ("resume", "init", "sweep.resume")  # a run that is resumed or a policy that is loaded needs none of them
 WORDS = (  # keys whose free text names something of the project, its words or a robot's parts
     "algo.adapter",
+    "algo.compile",
     "algo.critic_normalisation",
     "algo.loss",
     "algo.name",

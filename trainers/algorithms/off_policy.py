@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -26,6 +27,7 @@ from trainers.algorithms.algorithm import (
     run_parts,
     total_loss,
 )
+from trainers.algorithms.compiled import CompiledLosses, Losses, LossGradients
 from trainers.algorithms.replay import ExpertFrames, Relabel, Relabelling, Replay
 from trainers.algorithms.settings import OffPolicyConfig
 from trainers.models.policy import ExpertMixture, Policy, parameters
@@ -61,6 +63,7 @@ class OffPolicyAlgorithm(Algorithm):
             self.demonstrations = ExpertFrames(
                 policy, critic_keys, config, device=self.device, supervised=self.grounding.active
             )
+        self.compiles = config.compile == "on"
         self.relabelling = Relabelling(relabel, config.hindsight)
         self.starts: Tensor | None = None  # (worlds, 1) whether the next frame begins an episode
         self.pending_steps = 0.0  # gradient steps that are due for the frames so far, and not taken yet
@@ -161,11 +164,43 @@ class OffPolicyAlgorithm(Algorithm):
     def parts(self, frames: TensorDictBase, scenes: TensorDictBase | None) -> list[Part]:
         """Return the parts of a gradient step, the longest first. Each measures losses and adds their gradients."""
 
+        if not self.compiles:
+            self.encode(frames)
+
         def whole() -> dict[str, Tensor]:
-            measured = backward(self.losses(frames), self.learned)
+            measured = self._gradients(frames, variant=self.variant)
             return measured if scenes is None else measured | self.descend_grounding(scenes)
 
         return [whole]
+
+    @cached_property
+    def _gradients(self) -> LossGradients:
+        return self.gradients(self.compute_losses, self.learned)
+
+    @property
+    def variant(self) -> object:
+        """What tells apart gradient steps that compute different losses; a compiled step is one of one variant."""
+        return None
+
+    def gradients(self, losses: Losses, parameters: Sequence[Tensor]) -> LossGradients:
+        """Return what measures losses of frames (B,) and further tensors, and adds their gradients.
+
+        It is given encoded frames, except where `compiles`: then it encodes them.
+
+        Args:
+            losses: from encoded frames and the further tensors to scalars.
+            parameters: that are given gradients.
+        """
+        if not self.compiles:
+            return LossGradients(losses, parameters)
+
+        def encoded(frames: TensorDictBase, *tensors: Tensor) -> dict[str, Tensor]:
+            frames = frames.copy()  # other parts of the step read them, too
+            self.encode(frames)
+            return losses(frames, *tensors)
+
+        modules = [getattr(self, name) for name in self.saved if name != "optimizer"]
+        return CompiledLosses(encoded, parameters, [buffer for module in modules for buffer in module.buffers()])
 
     def descend_grounding(self, scenes: TensorDictBase) -> dict[str, Tensor]:
         """Measure the grounding loss on scenes (G,) and add its gradients."""
@@ -180,7 +215,7 @@ class OffPolicyAlgorithm(Algorithm):
     def encode(self, frames: TensorDictBase) -> None:
         """Encode the words of frames (B,) where they are not supervised."""
         if not self.grounding.active:
-            self.policy.encode_transition(frames, frames["next"])
+            self.policy.encode_transition(frames, frames["next"], traced=self.compiles)
 
     @abstractmethod
     def compute_losses(self, frames: TensorDictBase) -> dict[str, Tensor]:

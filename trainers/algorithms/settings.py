@@ -5,6 +5,8 @@ This file imports no torch, so that a wrong value is refused at once.
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from importlib import import_module
@@ -16,6 +18,8 @@ from core.plugins import load_plugins
 from core.schema import Checked, checked_by, one_of, read, within, word
 
 MOST_FRAMES = 10**9  # of a batch, a buffer or a memory
+COMPILED_FROM = 5_000  # gradient steps: from about here on, a first compilation of 5 to 30 s is repaid
+COMPILERS = "g++", "clang++", "c++"
 PACKAGE = "trainers.algorithms"  # of the algorithms and, with dotted names, of losses
 
 
@@ -60,6 +64,12 @@ class AlgorithmConfig(Checked):
 
     def check_batch(self, frames: int) -> None:
         """Raise ConfigError if batches of this number of frames do not fit the other settings."""
+
+
+def find_compiler() -> str | None:
+    """Return the C++ compiler that `compile` uses: that of $CXX, or else the first of COMPILERS that is installed."""
+    names = (os.environ["CXX"],) if os.environ.get("CXX") else COMPILERS
+    return next((found for found in map(shutil.which, names) if found), None)
 
 
 C = TypeVar("C", bound=type[AlgorithmConfig])
@@ -153,6 +163,9 @@ class OffPolicyConfig(AlgorithmConfig):
     learning_starts: int = within(0, MOST_FRAMES)  # frames collected before the first gradient step
     grounding_every: int = within(1, 1_000_000)  # gradient steps for each one that includes the grounding loss
     hindsight: float = within(0.0, 100.0)  # relabelled copies of each episode; 0 = none, a fraction is a probability
+    # Whether losses and gradients are compiled; auto: in a run of COMPILED_FROM gradient steps or more, on a CPU, where
+    # there is a C++ compiler. `train.py` writes the choice into the run's config.
+    compile: str = one_of("auto", "on", "off", default="off")
     # First frames in which the task's expert acts. Half of each batch is drawn from them: RLPD, Ball et al. 2023
     # (arXiv:2302.02948).
     demonstrations: int = within(0, MOST_FRAMES, default=0)
@@ -160,6 +173,19 @@ class OffPolicyConfig(AlgorithmConfig):
     @property
     def imitates(self) -> bool:
         return self.demonstrations > 0
+
+    def choose_compilation(self, frames: int, device: str) -> str:
+        """Return on or off, the value of `compile` in a run of so many frames on a device. Raises ConfigError."""
+        possible = find_compiler() is not None and device == "cpu"
+        if self.compile == "on" and not possible:
+            raise ConfigError(
+                f"algo.compile=on requires device=cpu, not {device}"
+                if device != "cpu"
+                else "algo.compile=on requires a C++ compiler such as g++; install one, or take algo.compile=auto"
+            )
+        if self.compile == "auto":
+            return "on" if possible and frames * self.updates_per_frame >= COMPILED_FROM else "off"
+        return self.compile
 
     def check_batch(self, frames: int) -> None:
         _check_buffer(self.buffer, frames, self.batch)

@@ -139,9 +139,14 @@ class TorchRLOffPolicy(OffPolicyAlgorithm):
             out = self.loss(frames)
         measured = {name: out[key].mean() for key, name in self.outputs.items()}
         measured["std"] = self.policy.actor.log_std.exp().mean()
-        if self.steps_taken % self.config.actor_every:
+        if not self.variant:
             measured = {name: value for name, value in measured.items() if name not in ACTOR_LOSSES}
         return measured
+
+    @property
+    def variant(self) -> bool:
+        """Whether the next gradient step trains the actor."""
+        return self.steps_taken % self.config.actor_every == 0
 
     def after_step(self, frames: TensorDictBase) -> None:
         if self.updater is not None:

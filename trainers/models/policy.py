@@ -132,12 +132,15 @@ class Policy(nn.Module):
         """Write the encoder's outputs (N, ...) to frames (N,), and return them."""
         return self._write(frames, self.encoder(*(frames[key] for key in self.encoder_keys)))
 
-    def encode_transition(self, before: TensorDictBase, after: TensorDictBase) -> None:
+    def encode_transition(self, before: TensorDictBase, after: TensorDictBase, traced: bool = False) -> None:
         """`encode` both ends of a step, the later one without gradients.
 
         The words are the same at both, so they are encoded once: half the cost of two calls.
+
+        traced: take the same operations whatever the words are.
         """
-        words = self.encoder.encode_words(before["instruction"])
+        encode = self.encoder.encode_all_words if traced else self.encoder.encode_words
+        words = encode(before["instruction"])
         self._write(before, self.encoder.attend(words, *(before[key] for key in self.encoder.scene_keys)))
         with torch.no_grad():
             self._write(after, self.encoder.attend(words, *(after[key] for key in self.encoder.scene_keys)))

@@ -1,0 +1,171 @@
+"""Losses and their gradients as compiled functions: `algo.compile`.
+
+A gradient step on small networks spends more time in Python and autograd than in products of matrices. Here losses and
+gradients are traced once, as the tensor operations that they consist of, and inductor makes one C++ function of these.
+It releases the interpreter's lock, so that parts of a step run beside each other. The losses are those that run
+uncompiled, TorchRL's among them.
+
+A first compilation takes 5 to 30 s. Inductor keeps what it has compiled in a folder, `~/.cache/deixis/compiled` or
+$TORCHINDUCTOR_CACHE_DIR, from which any later process takes it in 1 to 3 s.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+from tensordict import NestedKey, TensorDict, TensorDictBase
+from torch import Tensor
+
+from trainers.algorithms.algorithm import backward, total_loss
+
+if TYPE_CHECKING:
+    from torch.fx import GraphModule, Node
+
+CACHE = Path("~/.cache/deixis/compiled")
+OPTIONS = {
+    "cpp_wrapper": True,  # one C++ function, without Python between the operations
+    "cpp.threads": 1,  # the parts of a step use a core each
+    "fallback_random": True,  # the same random numbers as without compilation
+}
+
+Losses = Callable[..., dict[str, Tensor]]  # from frames and tensors to scalars; those named loss/... are minimised
+Function = Callable[..., Sequence[Tensor | None]]
+
+
+class LossGradients:
+    """Computes losses and adds their gradients to the parameters.
+
+    Args:
+        losses: from frames (B,) and further tensors to the measured scalars.
+        parameters: whose gradients are computed.
+    """
+
+    def __init__(self, losses: Losses, parameters: Sequence[Tensor]) -> None:
+        self._losses, self._parameters = losses, list(parameters)
+
+    def prepare(self, frames: TensorDictBase, *tensors: Tensor, variant: object = None) -> None:
+        """Do what is to be done once, for such arguments. No other thread may use torch meanwhile."""
+
+    def __call__(self, frames: TensorDictBase, *tensors: Tensor, variant: object = None) -> dict[str, Tensor]:
+        """Return the measured scalars, and add the gradients.
+
+        variant: tells apart what the losses compute for the same shapes.
+        """
+        return backward(self._losses(frames, *tensors), self._parameters)
+
+
+class CompiledLosses(LossGradients):
+    """The same, compiled.
+
+    Each combination of shapes is compiled at its first use. What the losses read besides their arguments is found by
+    tracing them: tensors are inputs, which others may change in place between two calls; numbers are constants.
+
+    Args:
+        losses: from frames (B,) and further tensors to the measured scalars.
+        parameters: whose gradients are computed.
+        buffers: that the losses change, such as running means.
+    """
+
+    def __init__(self, losses: Losses, parameters: Sequence[Tensor], buffers: Sequence[Tensor] = ()) -> None:
+        super().__init__(losses, parameters)
+        self._buffers = list(buffers)
+        self._compiled: dict[Any, tuple[Function | None, list[str]]] = {}
+
+    def prepare(self, frames: TensorDictBase, *tensors: Tensor, variant: object = None) -> None:
+        self._function(frames, tensors, variant)
+
+    def __call__(self, frames: TensorDictBase, *tensors: Tensor, variant: object = None) -> dict[str, Tensor]:
+        function, names, values = self._function(frames, tensors, variant)
+        if function is None:
+            return super().__call__(frames, *tensors, variant=variant)
+        results = function(*values)
+        for parameter, gradient in zip(self._parameters, results[len(names) :], strict=True):
+            if gradient is not None:
+                parameter.grad = gradient if parameter.grad is None else parameter.grad + gradient
+        return {name: value for name, value in zip(names, results, strict=False) if value is not None}
+
+    def _function(
+        self, frames: TensorDictBase, tensors: Sequence[Tensor], variant: object
+    ) -> tuple[Function | None, list[str], list[Tensor]]:
+        """Return the function for these shapes or None, the names of the scalars, and its arguments."""
+        keys = sorted(frames.keys(True, True), key=str)
+        values = [*(frames[key] for key in keys), *tensors]
+        shape = variant, tuple(keys), tuple(value.shape for value in values)
+        if shape not in self._compiled:
+            self._compiled[shape] = self._compile(keys, len(frames), values)
+        return *self._compiled[shape], values
+
+    def _compile(self, keys: list[NestedKey], count: int, values: list[Tensor]) -> tuple[Function | None, list[str]]:
+        """Return the function from the values to measured scalars and gradients, and the names of the scalars.
+
+        None in place of the function: it could not be compiled.
+        """
+        from torch.fx.experimental.proxy_tensor import make_fx  # takes half a second, which other runs need not wait
+
+        names: list[str] = []
+
+        def compute(*values: Tensor) -> list[Tensor | None]:
+            frames = TensorDict({}, [count])
+            for key, value in zip(keys, values, strict=False):
+                frames[key] = value
+            with torch.enable_grad():
+                measured = self._losses(frames, *values[len(keys) :])
+                gradients = torch.autograd.grad(total_loss(measured), self._parameters, allow_unused=True)
+            names[:] = measured
+            return [*(value.detach() for value in measured.values()), *gradients]
+
+        _tell()
+        generator, buffers = torch.get_rng_state(), [buffer.clone() for buffer in self._buffers]
+        traced = make_fx(compute)(*values)
+        torch.set_rng_state(generator)  # tracing computes, too: it has drawn, and changed buffers
+        for buffer, value in zip(self._buffers, buffers, strict=True):
+            buffer.copy_(value)
+        try:
+            return _compiled(traced, values), names
+        except (RuntimeError, OSError, ImportError) as error:  # the errors of inductor are RuntimeErrors
+            reason = str(error).strip().splitlines()[0]
+            print(f"warning: nothing can be compiled here, and training goes on: {reason}", file=sys.stderr, flush=True)
+            return None, names
+
+
+@cache
+def _tell() -> None:
+    print("compiling gradient steps (once: later runs find them compiled)", file=sys.stderr, flush=True)
+
+
+def _compiled(traced: GraphModule, values: Sequence[Tensor]) -> Function:
+    """Return the traced function, compiled. values: an example of its arguments."""
+    from torch._inductor import compile as compile_graph
+
+    held = _lift_constants(traced)
+    os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(CACHE.expanduser()))
+    with torch.no_grad():
+        function: Any = compile_graph(traced, [*values, *held], options=dict(OPTIONS))
+    return lambda *arguments: function(*arguments, *held)
+
+
+def _lift_constants(traced: GraphModule) -> list[Tensor]:
+    """Make inputs of the tensors that a traced function has as constants, and return these."""
+    inputs: dict[Any, Node] = {}
+    held: list[Tensor] = []
+    for node in list(traced.graph.nodes):
+        node.meta.clear()  # shapes of the tracing, which inductor finds anew
+        value = getattr(traced, node.target) if node.op == "get_attr" else None
+        if not isinstance(value, Tensor):
+            continue
+        place = value.data_ptr(), value.dtype, value.shape, value.stride()
+        if place not in inputs:
+            last = [each for each in traced.graph.nodes if each.op == "placeholder"][-1]
+            with traced.graph.inserting_after(last):
+                inputs[place] = traced.graph.placeholder(f"held_{len(held)}")
+            held.append(value.detach())
+        node.replace_all_uses_with(inputs[place])
+        traced.graph.erase_node(node)
+    traced.recompile()
+    return held
