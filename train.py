@@ -114,11 +114,11 @@ def run(config: Any, folder: Path) -> dict[str, Any]:
 
 def choose_compilation(config: Any) -> None:
     """Replace algo.compile=auto by the choice for this run, which holds where it is resumed, too."""
-    from trainers.algorithms.settings import OffPolicyConfig
-    from trainers.config import read_training
+    from trainers.algorithms.settings import ReplayConfig
+    from trainers.config import PixelsConfig, read_training
 
     training = read_training(config)
-    if isinstance(training.algo, OffPolicyConfig):
+    if isinstance(training.algo, ReplayConfig) and not isinstance(training.policy, PixelsConfig):
         choice = training.algo.choose_compilation(training.run.total_frames, training.run.device)
         if choice != training.algo.compile:
             config.algo.compile = choice

@@ -15,7 +15,20 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 
-from trainers.algorithms.algorithm import GROUNDING_METRICS, Algorithm, averages, check_batch, descend, first_steps
+from core.platform_tuning import fast_products
+from trainers.algorithms.algorithm import (
+    GROUNDING_METRICS,
+    Algorithm,
+    apply_gradients,
+    averages,
+    backward,
+    check_batch,
+    check_loss,
+    first_steps,
+    one_thread,
+    total_loss,
+)
+from trainers.algorithms.compiled import loss_gradients
 from trainers.algorithms.settings import BCConfig
 from trainers.environment import Relabel
 from trainers.models.critics import CriticBuilder
@@ -38,6 +51,8 @@ class BC(Algorithm):
         self.optimizer = self.make_optimizer(self.parameters)
         self.mixture = ExpertMixture(policy)
         self.frames = TensorDictReplayBuffer(storage=LazyTensorStorage(config.buffer, device=self.device))
+        self.compiles = config.compile == "on"
+        self.gradients = loss_gradients(self.imitation_loss, self.parameters, self.compiles)
         self.pending_steps = 0.0  # gradient steps that are due for the frames so far, and not taken yet
         context = [policy.context_key] if self.grounding.active else list(policy.encoder_keys)
         self.frame_keys = list(dict.fromkeys([*policy.actor_keys, *context]))
@@ -93,22 +108,28 @@ class BC(Algorithm):
         """Take gradient steps. Frames and scenes are drawn once for all of them, which saves overhead."""
         if not steps:
             return []
-        frames = self.frames.sample(steps * self.config.batch).split(self.config.batch)
-        pairs = self.grounding.paired(frames, steps, 1 / self.config.grounding_every)
-        return [self.step(part, scenes) for part, scenes in pairs]
+        with fast_products(self.config.batch * max(each.numel() for each in self.parameters)):
+            frames = self.frames.sample(steps * self.config.batch).split(self.config.batch)
+            pairs = self.grounding.paired(frames, steps, 1 / self.config.grounding_every)
+            return [self.step(part, scenes) for part, scenes in pairs]
 
     def step(self, frames: TensorDictBase, scenes: TensorDictBase | None = None) -> dict[str, Tensor]:
         """One gradient step on frames (B,) for the actor and, where the words are supervised, on scenes (G,)."""
-        if not self.grounding.active:
-            self.policy.encode(frames)
-        move, _ = self.policy.move_parameters(frames)
-        measured = {"loss/imitation": F.smooth_l1_loss(preimage(move), preimage(FULL * frames["move"]), beta=WIDTH)}
-        loss = measured["loss/imitation"]
+        self.optimizer.zero_grad()
+        measured = self.gradients(frames)
         if scenes is not None:
-            measured |= self.grounding.measure(scenes)
-            loss = loss + self.config.grounding_weight * measured["loss/grounding"]
-        descend(self.optimizer, loss, frames, self.config.max_grad_norm, self.parameters)
-        return {name: value.detach() for name, value in measured.items()}
+            measured |= backward(self.grounding.measure(scenes), self.parameters, self.config.grounding_weight)
+        check_loss(total_loss(measured), frames)
+        with one_thread():
+            apply_gradients(self.optimizer, self.config.max_grad_norm, self.parameters)
+        return measured
+
+    def imitation_loss(self, frames: TensorDictBase) -> dict[str, Tensor]:
+        """Return the distance of the mean moves on frames (B,) from the expert's, after encoding them if needed."""
+        if not self.grounding.active:
+            self.policy.encode(frames, traced=self.compiles)
+        move, _ = self.policy.move_parameters(frames)
+        return {"loss/imitation": F.smooth_l1_loss(preimage(move), preimage(FULL * frames["move"]), beta=WIDTH)}
 
 
 def preimage(move: Tensor) -> Tensor:

@@ -22,7 +22,7 @@ import torch
 from tensordict import NestedKey, TensorDict, TensorDictBase
 from torch import Tensor
 
-from trainers.algorithms.algorithm import backward, total_loss
+from trainers.algorithms.algorithm import backward, one_thread, total_loss
 
 if TYPE_CHECKING:
     from torch.fx import GraphModule, Node
@@ -84,7 +84,8 @@ class CompiledLosses(LossGradients):
         function, names, values = self._function(frames, tensors, variant)
         if function is None:
             return super().__call__(frames, *tensors, variant=variant)
-        results = function(*values)
+        with one_thread():  # a second one gains little within a product, and waits if other processes are at work
+            results = function(*values)
         for parameter, gradient in zip(self._parameters, results[len(names) :], strict=True):
             if gradient is not None:
                 parameter.grad = gradient if parameter.grad is None else parameter.grad + gradient
@@ -132,6 +133,13 @@ class CompiledLosses(LossGradients):
             reason = str(error).strip().splitlines()[0]
             print(f"warning: nothing can be compiled here, and training goes on: {reason}", file=sys.stderr, flush=True)
             return None, names
+
+
+def loss_gradients(
+    losses: Losses, parameters: Sequence[Tensor], compiles: bool, buffers: Sequence[Tensor] = ()
+) -> LossGradients:
+    """Return what computes losses and adds their gradients, compiled or not; arguments as of `CompiledLosses`."""
+    return CompiledLosses(losses, parameters, buffers) if compiles else LossGradients(losses, parameters)
 
 
 @cache

@@ -27,7 +27,7 @@ from trainers.algorithms.algorithm import (
     run_parts,
     total_loss,
 )
-from trainers.algorithms.compiled import CompiledLosses, Losses, LossGradients
+from trainers.algorithms.compiled import Losses, LossGradients, loss_gradients
 from trainers.algorithms.replay import ExpertFrames, Relabel, Relabelling, Replay
 from trainers.algorithms.settings import OffPolicyConfig
 from trainers.models.policy import ExpertMixture, Policy, parameters
@@ -191,8 +191,6 @@ class OffPolicyAlgorithm(Algorithm):
             losses: from encoded frames and the further tensors to scalars.
             parameters: that are given gradients.
         """
-        if not self.compiles:
-            return LossGradients(losses, parameters)
 
         def encoded(frames: TensorDictBase, *tensors: Tensor) -> dict[str, Tensor]:
             frames = frames.copy()  # other parts of the step read them, too
@@ -200,7 +198,8 @@ class OffPolicyAlgorithm(Algorithm):
             return losses(frames, *tensors)
 
         modules = [getattr(self, name) for name in self.saved if name != "optimizer"]
-        return CompiledLosses(encoded, parameters, [buffer for module in modules for buffer in module.buffers()])
+        buffers = [buffer for module in modules for buffer in module.buffers()]
+        return loss_gradients(encoded if self.compiles else losses, parameters, self.compiles, buffers)
 
     def descend_grounding(self, scenes: TensorDictBase) -> dict[str, Tensor]:
         """Measure the grounding loss on scenes (G,) and add its gradients."""

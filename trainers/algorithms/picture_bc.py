@@ -82,7 +82,7 @@ class PictureBC(BC):
         if scenes is not None:
             rows.append(self.teach(scenes)[1])
         measured = {name: torch.stack([row[name] for row in rows]).mean() for name in measured}
-        imitation = self.imitation(frames, places)
+        imitation = self.imitate(frames, places)
         loss = imitation + sum(weight * measured[name] for name, weight in WEIGHTS.items())
         loss = loss + self.config.grounding_weight * measured["loss/grounding"]
         descend(self.optimizer, loss, frames, self.config.max_grad_norm, *self.groups)
@@ -92,9 +92,9 @@ class PictureBC(BC):
         """One gradient step of the actor, on frames (B,) at the true places with noise."""
         places = self.labelled_places(frames)
         places = self.encoder.units(places + PLACE_NOISE * torch.randn_like(places))
-        descend(self.optimizer, self.imitation(frames, places), frames, self.config.max_grad_norm, self.groups[1])
+        descend(self.optimizer, self.imitate(frames, places), frames, self.config.max_grad_norm, self.groups[1])
 
-    def imitation(self, frames: TensorDictBase, places: Tensor) -> Tensor:
+    def imitate(self, frames: TensorDictBase, places: Tensor) -> Tensor:
         """Return the loss of the moves in frames (B,) with the referent, and target, at places (B, choices, 3)."""
         context = self.encoder.context(places, frames[TIP])
         move, _ = self.policy.move_parameters(frames.set(self.policy.context_key, context))

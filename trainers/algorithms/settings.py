@@ -151,28 +151,18 @@ class OnPolicyConfig(AlgorithmConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OffPolicyConfig(AlgorithmConfig):
-    """Gradient steps on frames drawn from a replay buffer, with hindsight relabelling."""
+class ReplayConfig(AlgorithmConfig):
+    """Gradient steps on frames that were kept: so many for each collected one."""
 
     on_policy = False
 
     batch: int = within(2, MOST_FRAMES)
-    gamma: float = within(0.0, 1.0)
     updates_per_frame: float = within(1e-6, 100.0)  # gradient steps per collected frame
-    buffer: int = within(100, MOST_FRAMES)  # capacity of the replay buffer in frames
-    learning_starts: int = within(0, MOST_FRAMES)  # frames collected before the first gradient step
+    buffer: int = within(100, MOST_FRAMES)  # frames that are kept, the latest ones
     grounding_every: int = within(1, 1_000_000)  # gradient steps for each one that includes the grounding loss
-    hindsight: float = within(0.0, 100.0)  # relabelled copies of each episode; 0 = none, a fraction is a probability
     # Whether losses and gradients are compiled; auto: in a run of COMPILED_FROM gradient steps or more, on a CPU, where
-    # there is a C++ compiler. `train.py` writes the choice into the run's config.
+    # there is a C++ compiler. `train.py` writes the choice into the run's config. Not with policy=pixels.
     compile: str = one_of("auto", "on", "off", default="off")
-    # First frames in which the task's expert acts. Half of each batch is drawn from them: RLPD, Ball et al. 2023
-    # (arXiv:2302.02948).
-    demonstrations: int = within(0, MOST_FRAMES, default=0)
-
-    @property
-    def imitates(self) -> bool:
-        return self.demonstrations > 0
 
     def choose_compilation(self, frames: int, device: str) -> str:
         """Return on or off, the value of `compile` in a run of so many frames on a device. Raises ConfigError."""
@@ -188,7 +178,28 @@ class OffPolicyConfig(AlgorithmConfig):
         return self.compile
 
     def check_batch(self, frames: int) -> None:
-        _check_buffer(self.buffer, frames, self.batch)
+        needed = max(frames, self.batch)
+        if self.buffer < needed:
+            raise ConfigError(f"algo.buffer={self.buffer} must hold a batch of {needed} frames")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffPolicyConfig(ReplayConfig):
+    """Gradient steps on frames drawn from a replay buffer, with hindsight relabelling."""
+
+    gamma: float = within(0.0, 1.0)
+    learning_starts: int = within(0, MOST_FRAMES)  # frames collected before the first gradient step
+    hindsight: float = within(0.0, 100.0)  # relabelled copies of each episode; 0 = none, a fraction is a probability
+    # First frames in which the task's expert acts. Half of each batch is drawn from them: RLPD, Ball et al. 2023
+    # (arXiv:2302.02948).
+    demonstrations: int = within(0, MOST_FRAMES, default=0)
+
+    @property
+    def imitates(self) -> bool:
+        return self.demonstrations > 0
+
+    def check_batch(self, frames: int) -> None:
+        super().check_batch(frames)
         if 0 < self.demonstrations < frames:
             raise ConfigError(
                 f"algo.demonstrations={self.demonstrations} must be 0, or at least a batch: {frames} frames"
@@ -249,26 +260,18 @@ class SACConfig(OffPolicyConfig):
 
 @register("bc", builds="bc.BC")
 @dataclass(frozen=True, kw_only=True)
-class BCConfig(AlgorithmConfig):
+class BCConfig(ReplayConfig):
     """Behaviour cloning on states that the policy meets: DAgger, Ross et al. 2011 (arXiv:1011.0686)."""
 
-    on_policy = False
     for_pictures = "picture_bc.PictureBC"
 
     name: str = one_of("bc")
-    batch: int = within(2, MOST_FRAMES)
-    updates_per_frame: float = within(1e-6, 100.0)  # gradient steps per collected frame
-    buffer: int = within(100, MOST_FRAMES)  # labelled frames that are kept, the latest ones
-    grounding_every: int = within(1, 1_000_000)  # gradient steps for each one that includes the grounding loss
     std: float = within(0.01, 2.0)  # exploration noise of the policy's moves
     expert_until: float = within(0.0, 1.0)  # share of the run over which the expert's share of the steps falls to 0
 
     @property
     def imitates(self) -> bool:
         return True
-
-    def check_batch(self, frames: int) -> None:
-        _check_buffer(self.buffer, frames, self.batch)
 
 
 @register("torchrl_on_policy", builds="torchrl_losses.TorchRLOnPolicy")
@@ -313,10 +316,3 @@ class TorchRLOffPolicyConfig(OffPolicyConfig):
         if self.deterministic != (self.final_std is not None):
             needed = "a number" if self.deterministic else "null"
             raise ConfigError(f"final_std={self.final_std} must be {needed} with deterministic={self.deterministic}")
-
-
-def _check_buffer(buffer: int, frames: int, batch: int) -> None:
-    """Raise ConfigError unless the buffer holds the collected and the drawn batch."""
-    needed = max(frames, batch)
-    if buffer < needed:
-        raise ConfigError(f"algo.buffer={buffer} must hold a batch of {needed} frames")

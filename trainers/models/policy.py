@@ -128,9 +128,13 @@ class Policy(nn.Module):
             return move.tanh()
         return move.clamp(-1.0, 1.0) if self.bounds.clip else move
 
-    def encode(self, frames: TensorDictBase) -> TensorDictBase:
-        """Write the encoder's outputs (N, ...) to frames (N,), and return them."""
-        return self._write(frames, self.encoder(*(frames[key] for key in self.encoder_keys)))
+    def encode(self, frames: TensorDictBase, traced: bool = False) -> TensorDictBase:
+        """Write the encoder's outputs (N, ...) to frames (N,), and return them.
+
+        traced: take the same operations whatever the words are.
+        """
+        words = (self.encoder.encode_all_words if traced else self.encoder.encode_words)(frames["instruction"])
+        return self._write(frames, self.encoder.attend(words, *(frames[key] for key in self.encoder.scene_keys)))
 
     def encode_transition(self, before: TensorDictBase, after: TensorDictBase, traced: bool = False) -> None:
         """`encode` both ends of a step, the later one without gradients.
@@ -139,8 +143,7 @@ class Policy(nn.Module):
 
         traced: take the same operations whatever the words are.
         """
-        encode = self.encoder.encode_all_words if traced else self.encoder.encode_words
-        words = encode(before["instruction"])
+        words = (self.encoder.encode_all_words if traced else self.encoder.encode_words)(before["instruction"])
         self._write(before, self.encoder.attend(words, *(before[key] for key in self.encoder.scene_keys)))
         with torch.no_grad():
             self._write(after, self.encoder.attend(words, *(after[key] for key in self.encoder.scene_keys)))

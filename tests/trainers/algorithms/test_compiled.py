@@ -4,29 +4,32 @@ import pytest
 import torch
 
 from core.errors import ConfigError
-from tests.helpers.fake_env import make_env
+from tests.helpers.labelled_fake_env import make_labelled
 from tests.helpers.thorough import some
 from tests.helpers.training_configs import training
 from trainers.algorithms.algorithm import build_algorithm
 from trainers.algorithms.settings import find_compiler
 
-ALGOS = "sac", "td3", "crossq", "tqc", "redq"
+ALGOS = "sac", "bc", "crossq", "td3", "tqc", "redq"
 STEPS = 200
-SMALL = ("algo.batch=16", "algo.learning_starts=16", "policy.critic_hidden=[16,16]", "policy.hidden=[16,16]")
+SMALL = ("algo.batch=16", "policy.critic_hidden=[16,16]", "policy.hidden=[16,16]")
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C++ compiler is installed")
 
 
 def steps_of(algo, compile, policy="grounded", overrides=()):
     """What STEPS gradient steps measure, and the state after them."""
-    env = make_env(8, 0)
+    env = make_labelled(8, 0)
     torch.manual_seed(0)
     config = training(algo, policy, (*SMALL, *overrides, f"algo.compile='{compile}'"))
     made, algorithm = build_algorithm(config, env.observation_spec, env.action_unit)
     with torch.no_grad():
         batch = env.rollout(20, made.act, break_when_any_done=False)
-    algorithm.replay.extend(batch)
-    algorithm.add_batch_scenes(batch, [])
+    algorithm.grounding.add(batch.reshape(-1).select(*algorithm.grounding.keys))
+    if algo == "bc":
+        algorithm.frames.extend(algorithm.labelled(batch.reshape(-1)))
+    else:
+        algorithm.replay.extend(batch)
     torch.manual_seed(1)
     measured = algorithm.learn(STEPS)
     return measured, algorithm.state_dict()
@@ -58,7 +61,7 @@ def assert_same_steps(algo, policy, *overrides):
 @pytest.mark.sampled
 @needs_compiler
 @pytest.mark.parametrize("policy", ["grounded", "mlp"])
-@pytest.mark.parametrize("algo", some(ALGOS, 2))
+@pytest.mark.parametrize("algo", some(ALGOS, 3))
 def test_compiled_steps_of_every_algorithm_are_those_without_compilation(algo, policy):
     assert_same_steps(algo, policy, "algo.grounding_weight=0" if policy == "mlp" else "algo.grounding_weight=1")
 
