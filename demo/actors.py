@@ -38,8 +38,12 @@ class MoveActor:
 
 
 def is_move_of_expert(subtask: Subtask, driver: str) -> bool:
-    """Whether the expert carries out a move: policies have not learned to keep a held object."""
-    return subtask.move is not None and (driver == "expert" or not subtask.move.release)
+    """Whether the expert carries out a move: policies have not learned to keep a held object, nor to go without a goal.
+
+    On a table a move has no target: it is none of what the task's own verb does.
+    """
+    move = subtask.move
+    return move is not None and (driver == "expert" or not move.release or subtask.target is None)
 
 
 def actor_of(subtask: Subtask, env: InteractiveEnv, driver: str, policy: Actor | None) -> Actor | None:

@@ -147,7 +147,7 @@ DONE = {  # what is done for a signal that has no words of its own
 
 def _sentence(text: str) -> str:
     """A text with a capital and a full stop."""
-    return text[:1].upper() + text[1:] + ("." if text[-1:].isalnum() else "")
+    return text[:1].upper() + text[1:] + ("" if text[-1:] in (*".!?:", "") else ".")
 
 
 def marked(said: str, outcome: Outcome) -> list[Part]:

@@ -201,7 +201,11 @@ class Page:
         """Let the clock run faster or slower, where a sentence asks for that. Return the outcome with what was done."""
         if not isinstance(outcome, Signal) or outcome.control not in FASTER:
             return outcome
-        self.loop.speed = min(max(self.loop.speed * FASTER[outcome.control], MIN_SPEED), 1.0)
+        before, factor = self.loop.speed, FASTER[outcome.control]
+        self.loop.speed = min(max(before * factor, MIN_SPEED), 1.0)
+        if self.loop.speed == before:
+            way = ("in real time", "faster") if factor > 1 else (f"at {before:.0%} of real time", "more slowly")
+            return replace(outcome, text=f"the clock runs {way[0]}, and I cannot go {way[1]} than that")
         return replace(outcome, text=f"the clock runs at {self.loop.speed:.0%} of real time now")
 
     def _preview(self, session: Session, tab: Tab, sentence: str) -> None:

@@ -47,8 +47,9 @@ class Subtask:
     sentence: what the policy is given. referent, target: indices in the scene. move: on a board, where the referent
     goes; the target then marks that place. verb: where the task has several. instruction: in the person's words.
     place: (3,) metres where the target is put during the step; None: it stays. mark: (3,) metres; where it
-    is put at a free spot of the place that is marked there instead. any_order: whether the steps after it that are so,
-    too, can be done before it. number: of the step in its plan.
+    is put at a free spot of the place that is marked there instead. named: whether the person named the target, which
+    marks the place otherwise. any_order: whether the steps after it that are so, too, can be done before it. number: of
+    the step in its plan.
     """
 
     sentence: str
@@ -59,6 +60,7 @@ class Subtask:
     instruction: Instruction | None = None
     place: tuple[float, float, float] | None = None
     mark: tuple[float, float, float] | None = None
+    named: bool = True
     any_order: bool = False
     number: int = 0
 
@@ -159,7 +161,8 @@ class SubtaskPlanner:
             return Subtask("", step.object, target, verb=PLACING, mark=scene[target].position, any_order=True)
         height = self._env.config.task.object_size / 2
         at = None if marked else (float(place[0]), float(place[1]), height)
-        return Subtask("", step.object, target, verb=step.verb, instruction=words, place=at)
+        named = step.goal is not None
+        return Subtask("", step.object, target, verb=step.verb, instruction=words, place=at, named=named)
 
     def _target(self, step: Step, scene: Scene) -> int:
         """The see-through object nearest to where a step puts its object."""
@@ -171,19 +174,24 @@ class SubtaskPlanner:
 
     def _on_table(self, steps: Sequence[Step]) -> list[Subtask]:
         """The subtasks where the task has one verb: its own, and for other steps moves of the expert."""
-        places = [tuple(place) for place in self._env.scene().positions[:, :2].tolist()]
+        positions, half = self._env.scene().positions, self._env.config.task.object_size / 2
+        places = [tuple(place) for place in positions[:, :2].tolist()]
+        raised = set(np.flatnonzero(positions[:, 2] > half + ON_TABLE).tolist())  # where no policy has seen its object
         moves: list[Move | None] = []
         for step in steps:
-            by_expert = self._env.task.traits.grips and (step.carries or step.takes) and not self._does(step)
+            moved = self._env.task.traits.grips and (step.carries or step.takes)
+            by_expert = moved and (step.object in raised or not self._does(step))
             table = _Table(self._env)
             moves += moves_of([step], places, range(len(places)), table, hold=table.hold) if by_expert else [None]
             if step.place is not None:
                 places[step.object] = step.place
+                raised -= {step.object}
+                raised |= {step.object} if (step.bottom or 0.0) > ON_TABLE else set()
         own = [step for step, move in zip(steps, moves, strict=True) if move is None]
         for step in own:
             if not self._can(step):
-                task = f"task={self._config.name}, which does '{verb_words(self.verb)}'"
-                raise LanguageError(f"'{verb_words(step.verb)}' is not what {task}; choose another task")
+                doing = f"in this scene I only {verb_words(self.verb)}, and do not {verb_words(step.verb)}"
+                raise LanguageError(f"{doing}; choose another scene in the bar, such as 'anything', for that")
         targets = self._targets(own)
         for step, target in zip(own, targets, strict=True):
             if target is not None and step.place is not None and step.goal != target and not self.names_later:
@@ -205,6 +213,7 @@ class SubtaskPlanner:
         else:
             fitting = _still_fitting(words, step.object, target, self._env.scene())
             subtask = Subtask(self.policy_sentence(fitting, step.object, target), step.object, target)
+        subtask = replace(subtask, named=step.goal is not None)
         self._check_target(subtask)
         return subtask
 
@@ -359,6 +368,8 @@ class SubtaskPlanner:
     def in_words(self, subtask: Subtask, names: Sequence[str]) -> str:
         """The subtask with these names of the objects."""
         referent, target = names[subtask.referent], None if subtask.target is None else names[subtask.target]
+        if target is not None and not subtask.named:
+            target = "the marked place"
         if subtask.verb is not None:
             return room.in_words(subtask.verb, referent, target)
         doing = verb_words(self.verb) if subtask.move is None else "place" if subtask.move.release else "take"

@@ -18,7 +18,7 @@ from core.errors import ConfigError
 from envs.experts.base import UP, Array, Expert, Slots, choose_rows, register_expert
 from envs.tasks.board import Rearrange
 from envs.tasks.shared.geometry import length, tops_on_the_way
-from envs.workspace_env import WorkspaceEnv
+from envs.workspace_env import WorkspaceEnv, gripper_box
 from language import LanguageError, Step
 from language.verbs import Act
 from language.world import BOARD_HEIGHT
@@ -35,6 +35,8 @@ SAG = 0.005  # metres below that height at which it still travels
 PRESS = 0.005  # metres that a magnet goes below contact
 TOUCH = 0.012  # metres from contact within which the gripper closes
 NEAR = 0.03  # metres above its end from which the gripper goes down gently
+AT_FLOOR = 0.002  # metres above the lowest height that the gripper may reach
+DROP = 0.01  # metres that an object may fall which was taken lower than the gripper can put it down
 # Metres that the gripper moves in a control step: over all stacks, between them, and gently. If faster, a panda or an
 # xarm7 leaves the vertical by 6 to 14 mm.
 FAST, BETWEEN, GENTLY = 0.03, 0.012, 0.008
@@ -75,6 +77,7 @@ class Carrier:
     def __init__(self, env: WorkspaceEnv, precision: Precision | None = None) -> None:
         self._env, self._rows, self._size = env, np.arange(len(env.gripper)), env.config.task.object_size
         self._precision = precision or Precision()
+        self._floor = float(gripper_box(env.config, env.task)[0, 2])
         self._ceiling = env.config.workspace.gripper_box[-1]
 
     def act(self, things: Slots, places: Array, release: NDArray[np.bool_] | bool = True) -> Tensor:
@@ -93,7 +96,9 @@ class Carrier:
         between = env.gripper[:, 2] - np.where(held, self._size, 0.0) < tops
         goal = self._within(goal, np.where(between, BETWEEN, FAST))
         offset = np.abs(places - thing)
-        placed = held & (offset.max(1) < self._precision.release) & release
+        lowest = (down[:, 2] < self._floor) & (env.gripper[:, 2] < self._floor + AT_FLOOR) & (offset[:, 2] < DROP)
+        height = np.where(lowest, 0.0, offset[:, 2])
+        placed = held & (np.maximum(offset[:, :2].max(1), height) < self._precision.release) & release
         beside = length((grip - env.gripper)[:, :2])
         touching = (beside < self._precision.still_over) & (np.abs((grip - env.gripper)[:, 2]) < TOUCH)
         return env.towards(goal, np.where(held, ~placed, touching & ~left))
