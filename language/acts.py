@@ -85,6 +85,12 @@ def act_of(words: Sequence[str]) -> str | None:
     return next(iter([*strong[-1:], *(act for act in ("no", "yes", "sorry", "social") if act in acts)]), None)
 
 
+def says(sentence: str, table: str) -> bool:
+    """Whether a sentence has a phrase of a table of `words.yaml`, such as "greetings"."""
+    text = " ".join(token.text for token in scan(sentence))
+    return any(re.search(rf"\b{re.escape(phrase)}\b", text) for phrase in phrases(TABLE[table]))
+
+
 def parts_of(sentence: str) -> list[Part]:
     """Return the parts of a sentence between its marks."""
     found: list[Part] = []

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from language import costs
-from language.acts import CONDITION, IDLE, SAME, Part, act_of, parts_of, proposal, question, times
+from language.acts import CONDITION, IDLE, SAME, Part, act_of, parts_of, proposal, question, says, times
 from language.errors import NotUnderstood
 from language.lattice import vocabulary
 from language.meanings import Gesture, Measure, Pointed, Reading, gestures
@@ -129,7 +129,7 @@ class Dialogue(Replies):
             return (
                 None
                 if about or (any(word not in vocabulary() for word in rest) and len(rest) > 3)
-                else _social(sentence)
+                else _social(sentence, self.now)
             )
         if act is None or (act not in ("stop", "wait") and not isinstance(outcome, Answer)):
             return None  # other signals are meant only where nothing else is asked for
@@ -214,7 +214,7 @@ class Dialogue(Replies):
         if act is None:
             return None
         if act in ("social", "sorry") or (act == "any" and asked is None):
-            return _social(sentence)
+            return _social(sentence, self.now)
         if act in ("no", "wrong") and asked is not None:
             return Answer(sentence, 1.0, (), span, text="All right, I do nothing. Say what you mean instead")
         if act in ("no", "wrong") and isinstance(did, Plan) and "one" in words:
@@ -393,7 +393,7 @@ class Dialogue(Replies):
         if told is not None:
             return Answer(sentence, 1.0, (), span, about=about, text=told)
         if re.match(r"(?:did|do|are|have|were|can|will|is|was) (?:you|it|that|this|weather)\b", asked):
-            return _social(sentence, f"I am a robot arm, and do what I can. {abilities(world)}")
+            return Answer(sentence, 1.0, text=f"I am a robot arm, and do what I can. {abilities(world)}")
         if re.match(r"(?:what|which|who|whose|why|when|how)\b|(?:is|are|does|did) ", asked):
             return self._unknown(sentence, asked.split())
         return None
@@ -482,9 +482,18 @@ def interpret(
     return (dialogue or Dialogue()).answer(sentence, scene, pointed)
 
 
-def _social(sentence: str, text: str = "") -> Answer:
-    thanked = "than" in sentence.lower()
-    return Answer(sentence, 1.0, text=text or f"{'You are welcome' if thanked else 'All right'}. {_NEXT}")
+def _social(sentence: str, world: WorldModel) -> Answer:
+    """Return the answer to small talk: to a greeting, thanks, a farewell, or anything else."""
+    if re.search(r"\bthan(?:k|x)", sentence.lower()):
+        text = "You are welcome"
+    elif says(sentence, "farewells"):
+        return Answer(sentence, 1.0, text="Goodbye")
+    elif says(sentence, "greetings"):
+        examples = " or ".join(repr(each) for each in offers(world))
+        return Answer(sentence, 1.0, text=f"Hello! I am a robot arm. Say what I shall do, for example {examples}")
+    else:
+        text = "All right"
+    return Answer(sentence, 1.0, text=f"{text}. {_NEXT}")
 
 
 def _without_idle(sentence: str, parts: list[Part]) -> str:

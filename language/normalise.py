@@ -44,7 +44,7 @@ def normalised(sentence: str) -> list[Token]:
         raise NotUnderstood(f"the sentence has {len(found)} words; use at most {MOST_WORDS}")
     while found and found[0].text in ".,;:!?":
         del found[0]
-    found = _undoubled(_of_program(sentence, found))
+    found = _undoubled(_of_program(sentence, _trimmed(found)))
     found = repaired(rewritten(_unframed(found), wordings()["repairs"]))
     found = _unframed(without_remarks(found))
     for name in ("misheard", "plain"):
@@ -201,7 +201,7 @@ _TAKING_BACK = (
     r"|no sorry|sorry no|i mean|i meant|or rather|sorry|no|wait|scratch that|make that|oops|actually no|no i mean"
     r"|no make it|make it|better make it|no better|better|correction)"
 )
-_REPAIR = re.compile(rf"(?<= )(?:, )?{_TAKING_BACK}(?:(?: ,)? {_TAKING_BACK})*(?: ,)?(?= )")
+_REPAIR = re.compile(rf"(?<= )(?:[,.;] )?{_TAKING_BACK}(?:(?: ,)? {_TAKING_BACK})*(?: ,)?(?= )")
 
 
 def _taken_back(before: list[Token], after: list[Token]) -> int | None:

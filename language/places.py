@@ -24,6 +24,7 @@ from language.world import FIXED, WorldModel
 Mask = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]  # x, y -> which of them fit
 
 ASIDE, TIGHT = 1.3, 1.1  # widths between middles: room for fingers, and just room
+CLEAR = 1.02  # widths along an axis between cubes that stand askew beside each other without a touch
 GRID = 0.01  # metres between the spots of a table that are tried
 NEAR = 0.15  # metres from the middle of a thing up to which a spot is next to it
 SPOT = 8  # points that are compared for the effort of looking for one free spot
@@ -272,7 +273,8 @@ def _enclosed(world: WorldModel, box: int, cost: float) -> Spot:
 
 def _on_table(resolver: Resolver, mover: int, relations: tuple[RelationPhrase, ...], typed: bool) -> list[Spot]:
     world = resolver.world
-    directions = tuple(each for each in relations if each.name == "direction")
+    back = any(each.name == "home" for each in relations)  # "back where it was" has one direction
+    directions = tuple(each for each in relations if each.name == "direction" and not back)
     others = [each for each in relations if each.name != "direction"]
     wishes = [_wishes(resolver, mover, each, typed, len(relations) < 2) for each in others]
     if directions:
@@ -296,8 +298,10 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
     xs = [wish.x for wish in wishes if wish.x is not None] or [thing.x]
     ys = [wish.y for wish in wishes if wish.y is not None] or [thing.y]
     nx, ny = sum(xs) / len(xs), sum(ys) / len(ys)
-    grid = _grid(world.bounds)
-    gx, gy = np.append(grid[0], min(max(nx, x0), x1)), np.append(grid[1], min(max(ny, y0), y1))
+    grid = _grid(world.bounds, 1.0 if world.cells else GRID)
+    gx, gy = grid
+    if not world.cells:  # the very place
+        gx, gy = np.append(gx, min(max(nx, x0), x1)), np.append(gy, min(max(ny, y0), y1))
     fits = np.ones(len(gx), bool)
     for wish in wishes:
         fits &= wish.fits(gx, gy)
@@ -309,9 +313,10 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
     ]
     places = np.array([_xy(world, i) for i in taken]).reshape(-1, 2)
     widths = np.array([max(thing.width, world.things[i].width) for i in taken])
-    apart = np.hypot(gx[:, None] - places[:, 0], gy[:, None] - places[:, 1])
-    for share in (ASIDE, TIGHT):
-        free = fits & (apart >= share * widths - 1e-9).all(axis=1)
+    dx, dy = np.abs(gx[:, None] - places[:, 0]), np.abs(gy[:, None] - places[:, 1])
+    clear = (np.maximum(dx, dy) >= (1.0 if world.cells else CLEAR) * widths - 1e-9).all(axis=1)
+    for share in (ASIDE, 1.0) if world.cells else (ASIDE, TIGHT):
+        free = fits & clear & (np.hypot(dx, dy) >= share * widths - 1e-9).all(axis=1)
         if free.any():
             away = np.where(free, np.hypot(gx - nx, gy - ny), np.inf)
             at = int(away.argmin())
@@ -330,10 +335,10 @@ def free_spot(world: WorldModel, mover: int, wishes: list[_Wish], cost: float = 
 
 
 @lru_cache(maxsize=8)
-def _grid(bounds: tuple[float, float, float, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the x and y of the spots of a table that are tried."""
+def _grid(bounds: tuple[float, float, float, float], step: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the x and y of the spots that are tried: those of a table, or the cells of a board."""
     x0, x1, y0, y1 = bounds
-    gx, gy = np.meshgrid(np.arange(x0, x1 + 1e-6, GRID), np.arange(y0, y1 + 1e-6, GRID), indexing="ij")
+    gx, gy = np.meshgrid(np.arange(x0, x1 + 1e-6, step), np.arange(y0, y1 + 1e-6, step), indexing="ij")
     return gx.ravel(), gy.ravel()
 
 
@@ -395,7 +400,10 @@ def _wishes(resolver: Resolver, mover: int, relation: RelationPhrase, typed: boo
     """Return where one relation says that a thing goes, for each referent of its anchor."""
     world, thing = resolver.world, resolver.world.things[mover]
     if relation.name == "home":
-        return [_near_point(*world.home.get(mover, (thing.x, thing.y)), 0.05, "its old place")]
+        x, y = world.home.get(mover, (thing.x, thing.y))
+        if world.column(x, y, mover):  # it stood on something
+            return [_Wish(None, None, _anywhere, spot=settle(world, mover, Point(x, y, 0.0)))]
+        return [_near_point(x, y, 0.05, "its old place")]
     if relation.name == "into":
         return [_Wish(None, None, _anywhere, spot=_enclosed(world, box, 0.0)) for box in resolver.boxes()]
     if relation.name == "between":

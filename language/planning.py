@@ -22,6 +22,7 @@ from language.steps import (
     ON_TABLE,
     Draft,
     Steps,
+    allows,
     at_a_mark,
     beside,
     different,
@@ -47,7 +48,7 @@ class Planner(Steps):
         if not world.devices:
             found -= {Act.OPERATE} if world.cells else set()
         if world.cells:
-            found -= {Act.OPEN, Act.SHUT, Act.EMPTY, Act.STORE, Act.SWAP, Act.BUILD, Act.TIDY, Act.NEVER}
+            found -= {Act.OPEN, Act.SHUT, Act.EMPTY, Act.STORE, Act.TIDY, Act.NEVER}
         return frozenset(found)
 
     def plans(self, reading: Reading) -> list[Draft]:
@@ -100,7 +101,7 @@ class Planner(Steps):
             if near is not None:  # "move the gripper to"
                 clause = Clause(doing(Act.TOUCH), near, span=clause.span)
             act = clause.act
-        if plan.failure:
+        if plan.failure or (act is Act.OPERATE and _names_it(plan, clause)):  # "the red wheel, turn it"
             yield plan
         elif clause.negated:
             refs = self._refs(plan, clause, clause.entity) if clause.entity is not None and act in BOXES else []
@@ -324,14 +325,14 @@ class Planner(Steps):
                 found.append(min(good, key=lambda each: each.cost).mover)
             return [index for index in dict.fromkeys(found) if index is not None]
         if entity.kind == "it":
-            named = [i for i in plan.it if _allows(world, act, i)]
+            named = [i for i in plan.it if allows(world, act, i)]
             if len(named) < 2 and act not in BOXES and not plan.steps:
-                named = [i for i in self.recent if _allows(world, act, i)][:2] or named
+                named = [i for i in self.recent if allows(world, act, i)][:2] or named
             if act in BOXES and len(named) < 2:
                 named = [i for i in world.containers if not self._done(world, act, i)]
             return list(named) or [i for i in self._unnamed(plan, act) if not self._done(world, act, i)]
         refs = self.resolver(world, plan.it, None, plan.mentioned, plan.box).resolve(entity)
-        refs = [ref for ref in refs if ref.things and all(_allows(world, act, i) for i in ref.things[-1:])] or refs
+        refs = [ref for ref in refs if ref.things and all(allows(world, act, i) for i in ref.things[-1:])] or refs
         things = list(dict.fromkeys(i for ref in refs for i in ref.things if ref.cost <= refs[0].cost + 0.5))
         things = [i for i in things if not world.things[i].target] or things  # "all cubes" moves the real ones
         if entity.every and entity.number and len(things) < entity.number and entity.noun is not None:  # "both cubes"
@@ -361,7 +362,7 @@ class Planner(Steps):
         """Yield the plan with each thing that the clause may concern as its mover."""
         entity, held, act, world = clause.entity, plan.world.held, clause.act, plan.world
         asks_held = act in (Act.CARRY, Act.LOWER, Act.GIVE, Act.REMOVE, Act.STORE, Act.NEVER)
-        if held is not None and asks_held and (world.cells or self._fits_held(plan, entity)):
+        if held is not None and asks_held and self._fits_held(plan, entity):
             cost = self._held_cost(world, held, entity)
             yield replace(plan, mover=held, cost=plan.cost + cost, mentioned=(held,), entity=entity)
             return
@@ -384,7 +385,7 @@ class Planner(Steps):
     def _pronoun(self, plan: Draft, clause: Clause) -> Iterator[Draft]:
         """Yield the plan with what "it" may mean, or what is meant where nothing is named."""
         act, world = clause.act, plan.world
-        named = [i for i in plan.it if _allows(world, act, i)]
+        named = [i for i in plan.it if allows(world, act, i)]
         if act in BOXES and plan.box is not None and not named:
             named = [plan.box]
         if act in BOXES and not named and plan.it and plan.it[0] in world.inside:
@@ -437,7 +438,7 @@ class Planner(Steps):
         refs = refs + more if act in (Act.TAKE, Act.CARRY, Act.REMOVE, Act.GIVE) or not world.cells else refs
         if world.cells:
             return refs
-        fit = [ref for ref in refs if ref.things and _allows(world, act, ref.things[-1])]
+        fit = [ref for ref in refs if ref.things and allows(world, act, ref.things[-1])]
         selects = entity.superlative or entity.sides or entity.ordinal or entity.relations
         usable = [ref for ref in fit if (self._is_meant if selects else self._is_usable)(world, act, ref)]
         if (
@@ -452,7 +453,7 @@ class Planner(Steps):
 
     def _is_meant(self, world: WorldModel, act: Act, ref: Ref) -> bool:
         """Whether a verb can act on a thing, if need be after other steps."""
-        return _allows(world, act, ref.things[-1]) and (act not in BOXES or self._is_usable(world, act, ref))
+        return allows(world, act, ref.things[-1]) and (act not in BOXES or self._is_usable(world, act, ref))
 
     def _is_usable(self, world: WorldModel, act: Act, ref: Ref) -> bool:
         index = ref.things[-1]
@@ -471,6 +472,8 @@ class Planner(Steps):
     def _fits_held(self, plan: Draft, entity: Entity | None) -> bool:
         """Whether a phrase may mean the held thing."""
         held = plan.world.held
+        if plan.world.cells and held is not None:
+            return entity is None or all(color_fits(plan.world, held, color) for color in entity.colors)
         if (
             entity is None
             or held is None
@@ -570,6 +573,13 @@ def _marked(before: Draft, plan: Draft, clause: Clause) -> Draft:
     return replace(plan, last=clause)
 
 
+def _names_it(plan: Draft, clause: Clause) -> bool:
+    """Whether the words before a clause only named what it operates, which is done already."""
+    last, spoken = plan.last, clause.entity is not None and clause.entity.kind == "it"
+    operated = bool(plan.steps) and plan.steps[-1].act is Act.OPERATE
+    return spoken and operated and last is not None and last.act is None and last.entity is not None
+
+
 def _finished(plan: Draft) -> Draft:
     """Return the plan, or why it is none: a phrase still waits for its verb."""
     if not plan.failure and not plan.steps and plan.notes:
@@ -577,17 +587,6 @@ def _finished(plan: Draft) -> Draft:
     if not plan.failure and plan.topic is not None:
         plan = replace(plan, failure="it is not said what to do with it", reason="what", entity=plan.topic.entity)
     return plan
-
-
-def _allows(world: WorldModel, act: Act | None, index: int) -> bool:
-    """Whether a verb can act on a thing of this kind."""
-    if act in BOXES:
-        return index in world.containers
-    if act is Act.OPERATE:
-        return index in world.devices
-    if act in LOOSE:
-        return world.is_loose(index)
-    return act is Act.TOUCH or index != world.hand
 
 
 def reached(plan: Draft) -> tuple:

@@ -329,6 +329,8 @@ class _Sentences:
         """Return what a tower consists of: "a tower of three cubes"."""
         for first in self.lattice.gaps(at):
             for any_one in [*self.lattice.get(first.end, "any"), *self.lattice.get(first.end, "number"), None]:
+                if any_one is not None and any_one.category == "number" and any_one.value > 1:
+                    continue  # "two towers of two cubes" are no tower
                 place = any_one.end if any_one else first.end
                 while place < len(self.lattice) and (
                     {"size", "single", "other"} & self.lattice.edges[place].keys()

@@ -17,6 +17,7 @@ from language.meanings import Clause, Entity, Gesture, Reading
 from language.normalise import normalised
 from language.outcomes import Answer, Outcome, Plan, Question, Refusal
 from language.planning import ENOUGH_EFFORT, ENOUGH_ON_BOARD, GRIPS_ONE, Draft, Planner, reached
+from language.referents import color_fits
 from language.scanning import Token
 from language.sentences import readings
 from language.talk import MOST_NAMED, listed, name, offers, said
@@ -383,10 +384,18 @@ def _missing(plan: Draft, part: str, lattice: Lattice) -> str:
             if entity.noun not in (None, "cube") and others and entity.noun in said:
                 return f"the {entity.noun} here is {' or '.join(dict.fromkeys(others))}, not {head[0]}"
             return f"there is no {' '.join(head) if entity.noun is None or entity.noun in said else repr(part)} here"
+        if entity.colors and not any(_is_like(plan.world, i, entity) for i in range(len(plan.world.things))):
+            return f"there is no {' '.join((head[0], entity.noun or 'thing'))} here"  # wherever it shall be
         return f"I do not see which thing is meant by {part!r}"
     if plan.reason == "place":
         return f"{part!r} is a place, and I do not see which thing you mean"
     return f"I see no place for that at {part!r}" if part else "I do not see where it should go"
+
+
+def _is_like(world: WorldModel, index: int, entity: Entity) -> bool:
+    """Whether a thing has the colours and the kind of a phrase, wherever it is."""
+    kind = entity.noun in (None, "thing", world.things[index].kind)
+    return kind and all(color_fits(world, index, color) for color in entity.colors)
 
 
 def _cannot(choice: Choice, lattice: Lattice) -> str:

@@ -278,7 +278,8 @@ class Steps:
             plan = replace(plan, cost=plan.cost + costs.OF_ANOTHER_DEVICE)
         pressed = KNOWN[verb].noun == next(iter(DEVICE_VERBS.values()))
         if pressed and abs(world.moved.get(index, 0.0)) > AT_END and any(s.object == index for s in plan.steps):
-            return plan
+            once = f"{a_name(world, index)} is down then, so I press it once"
+            return plan if once in plan.notes else replace(plan, notes=(*plan.notes, once))
         if pressed and abs(world.moved.get(index, 0.0)) > AT_END:
             return replace(
                 plan, failure=(f"{a_name(world, index)} is down already"), reason="impossible", entity=plan.entity
@@ -351,7 +352,8 @@ class Steps:
                 top = above
             return self._aside(plan, top, f"{a_name(world, over)} stands on it, so I put that on the table first")
         if why or (world.held is not None and world.cells):
-            return replace(plan, failure=why or "the gripper is full", reason="impossible", candidates=(index,))
+            full = "" if world.held is None else f"my gripper holds {a_name(world, world.held)} already"
+            return replace(plan, failure=why or full, reason="impossible", candidates=(index,))
         return self._ready(plan, index)
 
     def _taken(self, plan: Draft, index: int, verb: str | None = None) -> Draft:
@@ -453,10 +455,12 @@ class Steps:
         if spot.why_not:
             return replace(plan, failure=spot.why_not, reason="impossible", cost=plan.cost + spot.cost)
         cost = spot.cost
-        if self._same_place(index, spot):
-            cost += costs.NO_CHANGE
         moved = [done.object for done in plan.steps if done.carries and not done.implied]
-        cost += costs.MOVED_TWICE * (index in moved) + costs.ANOTHER_OBJECT * any(other != index for other in moved)
+        returns = index in moved and any(place.name == "home" for place in clause.places)
+        if self._same_place(index, spot) and not returns:
+            cost += costs.NO_CHANGE
+        cost += costs.MOVED_TWICE * (index in moved and not returns)
+        cost += costs.ANOTHER_OBJECT * any(other != index for other in moved)
         if index == self.world.held and plan.world.cells:
             thing = self.world.things[index]
             away = max(abs(thing.x - spot.x), abs(thing.y - spot.y)) > 0.5 * self.world.pitch
@@ -561,3 +565,14 @@ def at_a_mark(plan: Draft) -> bool:
         return False
     (x, y), world = last.place, plan.world
     return any(each.target and max(abs(each.x - x), abs(each.y - y)) < 2 * each.width for each in world.things)
+
+
+def allows(world: WorldModel, act: Act | None, index: int) -> bool:
+    """Whether a verb can act on a thing of this kind."""
+    if act in BOXES:
+        return index in world.containers
+    if act is Act.OPERATE:
+        return index in world.devices
+    if act in LOOSE:
+        return world.is_loose(index)
+    return act is Act.TOUCH or index != world.hand

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from language import costs
@@ -16,6 +17,9 @@ from language.verbs import DEVICE_VERBS, KNOWN, Act, doing
 from language.words import FILLERS, TABLE
 from language.world import AT_END, FLAT, WorldModel
 
+WAYS = {"left": "to the left", "right": "to the right", "far": "away from me", "near": "towards me"}
+BACK = 0.03  # metres within which a thing is back where it was
+FEW_CELLS = 3  # that a move is told by
 MOST_NAMED = 3  # things that a question offers by name
 
 
@@ -43,8 +47,7 @@ def name(world: WorldModel, index: int) -> str:
     thing = world.things[index]
     if world.cells:
         same = [i for i, other in enumerate(world.things) if (other.color, other.kind) == (thing.color, thing.kind)]
-        plain = f"the {thing.color} {thing.kind}"
-        return plain if len(same) < 2 else f"{plain} at {thing.x:g}, {thing.y:g}, height {thing.bottom:g}"
+        return f"the {thing.color} {thing.kind}" if len(same) < 2 else _name_among(world, index, same)
     same = [
         i
         for i, other in enumerate(world.things)
@@ -65,6 +68,30 @@ def name(world: WorldModel, index: int) -> str:
         )
         return f"the {rank} {thing.color} {thing.kind}" if place in (0, len(order) - 1) else f"{plain} that is {rank}"
     return plain
+
+
+def _name_among(world: WorldModel, index: int, same: Sequence[int]) -> str:
+    """Return the name of a thing of a board among those of its kind: by a side, its stack, a neighbour, or its cell."""
+    thing = world.things[index]
+    plain = f"{thing.color} {thing.kind}"
+    for side in ("left", "right"):
+        reached = {i: _along(world, side, world.things[i].x, world.things[i].y) for i in same}
+        if all(reached[index] > reached[i] for i in same if i != index):
+            return f"the {side}most {plain}"
+    kinds = [(other.color, other.kind) for other in world.things]
+    for neighbours, word in ((world.below, "on"), (world.above, "under")):
+        other = neighbours[index]
+        if other is not None and kinds.count(kinds[other]) == 1:
+            return f"the {plain} {word} {a_name(world, other)}"
+    if all(neighbours is None for neighbours in (world.below[index], world.above[index])):
+        beside = [
+            i
+            for i, other in enumerate(world.things)
+            if kinds.count(kinds[i]) == 1 and max(abs(other.x - thing.x), abs(other.y - thing.y)) == 1
+        ]
+        if beside:
+            return f"the {plain} next to {a_name(world, beside[0])}"
+    return f"the {plain} at {thing.x:g}, {thing.y:g}, height {thing.bottom:g}"
 
 
 def listed(names: Sequence[str], join: str = "and") -> str:
@@ -106,32 +133,30 @@ def spot_words(world: WorldModel, step) -> str:
     for index, other in enumerate(world.things):
         if other.target and max(abs(other.x - x), abs(other.y - y)) < 0.02 * (1 if not world.cells else 20):
             return f"at {a_name(world, index)}"
-    thing = world.things[step.object]
+    thing, moved = world.things[step.object], step.object == world.held or step.object in world.inside
+    home = world.home.get(step.object)
+    if home is not None and math.dist(home, (x, y)) < BACK and math.dist(home, (thing.x, thing.y)) > BACK:
+        return "back where it was"
     dx, dy = x - thing.x, y - thing.y
-    if (
-        not world.cells
-        and max(abs(dx), abs(dy)) < 0.13
-        and step.object != world.held
-        and step.object not in world.inside
-    ):
+    if world.cells and not moved and step.bottom == world.ground == thing.bottom and 0 in (round(dx), round(dy)):
+        cells = round(abs(dx) + abs(dy))
+        side = next((side for side in WAYS if _along(world, side, dx, dy) > 0), "left")
+        if 0 < cells <= FEW_CELLS:
+            return f"{'a cell' if cells == 1 else f'{cells} cells'} {WAYS[side]}"
+    if not world.cells and max(abs(dx), abs(dy)) < 0.13 and not moved and world.below[step.object] is None:
         side = next(
-            (
-                s
-                for s in ("left", "right", "far", "near")
-                if _along(world, s, dx, dy) >= 0.8 * max(abs(dx), abs(dy), 1e-9)
-            ),
+            (s for s in WAYS if _along(world, s, dx, dy) >= 0.8 * max(abs(dx), abs(dy), 1e-9)),
             "left",
         )
-        words = {"left": "to the left", "right": "to the right", "far": "away from me", "near": "towards me"}
-        return f"{words[side]} by {100 * max(abs(dx), abs(dy)):.0f} cm"
+        return f"{WAYS[side]} by {100 * max(abs(dx), abs(dy)):.0f} cm"
     near = sorted(
-        (i for i in range(len(world.things)) if i != step.object),
+        (i for i, other in enumerate(world.things) if i != step.object and not other.target),
         key=lambda i: abs(world.things[i].x - x) + abs(world.things[i].y - y),
     )
     close = near and abs(world.things[near[0]].x - x) + abs(world.things[near[0]].y - y) < (
         0.15 if not world.cells else 2
     )
-    return f"next to {a_name(world, near[0])}" if close else "on the table"
+    return f"next to {a_name(world, near[0])}" if close else f"on the {'board' if world.cells else 'table'}"
 
 
 def _along(world: WorldModel, side: str, dx: float, dy: float) -> float:

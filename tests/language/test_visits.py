@@ -1,0 +1,163 @@
+"""What visitors said that was once done wrong, refused without help, or answered with what is not so."""
+
+from dataclasses import replace
+
+import pytest
+
+from language import Answer, Dialogue, Object, Plan, Question, Refusal, board
+from language.talk import name, said
+from tests.helpers.room_cases import BUTTON, DRAWER, FRIDGE, OBJECTS, RED, YELLOW
+from tests.helpers.room_cases import room as small_room
+
+ORANGE, CYAN, WHEEL = range(len(OBJECTS), len(OBJECTS) + 3)
+MORE = [
+    Object("cube", "orange", (0.36, -0.08, 0.025)),
+    Object("cube", "cyan", (0.46, 0.04, 0.025)),
+    Object("wheel", "red", (0.63, 0.03, 0.056), 0.07),
+]
+
+
+def room(orange=MORE[0]):
+    """A room with some more things, where everything is at its home."""
+    world = small_room([*OBJECTS, orange, *MORE[1:]])
+    return replace(world, home={i: (thing.x, thing.y) for i, thing in enumerate(world.things)})
+
+
+def stacked():
+    """The room with the orange cube on the yellow one."""
+    x, y, z = OBJECTS[YELLOW].position
+    return room(Object("cube", "orange", (x, y, z + 0.05)))
+
+
+def steps(outcome):
+    """What is done with which thing; what is only taken to be put somewhere is left out."""
+    found = outcome.steps
+    return [(s.verb, s.object) for s, after in zip(found, [*found[1:], None], strict=True) if not s.takes or not after]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "verbs", "ids"),
+    [
+        ("either open the drawer or the fridge, whichever you like", ["open"], [DRAWER]),
+        ("leave the wheel alone and press the button", ["press"], [BUTTON]),
+        ("you don't need to open the fridge, just press the button", ["press"], [BUTTON]),
+        ("at least press one of the buttons", ["press"], [BUTTON]),
+        ("the red wheel, turn it", ["turn"], [WHEEL]),
+        ("the red thing you can turn, turn it", ["turn"], [WHEEL]),
+        ("open the fridge... actually no, the drawer", ["open"], [DRAWER]),
+        ("opn the drwer an put teh red cub in it", ["open", "put_in"], [DRAWER, RED]),
+        ("cool down the yellow block", ["open", "put_in"], [FRIDGE, YELLOW]),
+    ],
+)
+def test_what_is_asked_for_is_done_once_and_nothing_else(sentence, verbs, ids):
+    outcome = Dialogue().answer(sentence, room())
+    assert isinstance(outcome, Plan)
+    assert steps(outcome) == list(zip(verbs, ids, strict=True))
+
+
+def test_a_round_trip_has_both_ways():
+    world = room()
+    outcome = Dialogue().answer("put the red cube to the left of the orange one and then back to where it was", world)
+    out, back = (step for step in outcome.steps if step.carries)
+    assert out.object == back.object == RED
+    assert out.place[1] > world.things[ORANGE].y  # the robot's left
+    assert back.place == pytest.approx((world.things[RED].x, world.things[RED].y))
+
+
+def test_the_side_of_a_thing_is_a_place_beside_it():
+    world = room()
+    outcome = Dialogue().answer("put the red cube on the orange cube's left", world)
+    assert outcome.steps[-1].goal is None
+    assert outcome.steps[-1].place[1] > world.things[ORANGE].y + world.things[ORANGE].width
+
+
+def test_a_place_diagonally_behind_is_to_that_side():
+    world = room()
+    outcome = Dialogue().answer("put the cyan cube diagonally behind the yellow one to the right", world)
+    assert outcome.steps[-1].place[1] < world.things[YELLOW].y - 0.02
+
+
+def test_back_where_it_was_is_on_top_of_what_it_stood_on():
+    dialogue, world = Dialogue(), stacked()
+    outcome = dialogue.answer("put the orange cube next to the blue one", world)
+    outcome = dialogue.answer("put it back", outcome.result)
+    assert (outcome.steps[-1].object, outcome.steps[-1].goal) == (ORANGE, YELLOW)
+
+
+def test_one_tower_is_not_built_where_two_are_asked_for():
+    assert not isinstance(Dialogue().answer("make two towers of two cubes", room()), Plan)
+
+
+def test_a_button_that_stays_down_is_pressed_once_and_that_is_said():
+    outcome = Dialogue().answer("push the button twice", room())
+    assert "once" in outcome.notes[0]
+
+
+def test_a_free_spot_beside_a_thing_touches_none():
+    """At the corner of a cube the distance between the middles says nothing of that."""
+    world = stacked()
+    step = next(s for s in Dialogue().answer("take the yellow cube", world).steps if s.object == ORANGE and s.carries)
+    for index, thing in enumerate(world.things):
+        if index != ORANGE and world.is_on_ground(index) and world.is_loose(index):
+            assert max(abs(thing.x - step.place[0]), abs(thing.y - step.place[1])) > thing.width
+
+
+# ---- Talk
+
+
+@pytest.mark.parametrize(
+    ("said", "beginning"),
+    [("hello robot", "Hello"), ("good morning", "Hello"), ("bye", "Goodbye"), ("thanks a lot", "You are welcome")],
+)
+def test_greetings_thanks_and_farewells_are_answered_in_kind(said, beginning):
+    answer = Dialogue().answer(said, room())
+    assert isinstance(answer, Answer)
+    assert answer.text.startswith(beginning)
+
+
+def test_what_is_in_front_of_the_robot_is_what_it_sees():
+    assert "the yellow cube" in Dialogue().answer("whats in front of you", room()).text
+
+
+@pytest.mark.parametrize("sentence", ["geh zum rosa würfel", "beweg dich zum zylinder", "jdi na žlutou kostku"])
+def test_other_languages_are_told_apart_from_words_that_are_not_known(sentence):
+    assert Dialogue().answer(sentence, room()).reason == "language"
+
+
+# ---- Boards
+
+BLOCKS = [
+    ("cube", "pink", 0, 0, 0),
+    ("cube", "pink", 6, 1, 0),
+    ("cube", "red", 5, 6, 0),
+    ("cube", "green", 3, 4, 0),
+    ("cube", "gray", 6, 0, 0),
+]
+
+
+def test_things_of_one_kind_have_names_that_say_which_and_are_understood():
+    world = board(BLOCKS)
+    for index in range(len(BLOCKS)):
+        assert "height" not in name(world, index)
+        outcome = Dialogue().answer(f"take {name(world, index)}", world)
+        assert [step.object for step in outcome.steps] == [index]
+
+
+def test_things_change_places_and_towers_are_built_on_boards_too():
+    world = board(BLOCKS)
+    swapped = Dialogue().answer("swap the red cube and the green cube", world).result
+    assert [(swapped.things[i].x, swapped.things[i].y) for i in (2, 3)] == [(3, 4), (5, 6)]
+    tower = Dialogue().answer("build a tower of three cubes", world).result
+    assert sum(below is not None for below in tower.below) == 2
+
+
+def test_a_move_by_cells_is_told_as_one():
+    world = board(BLOCKS)
+    outcome = Dialogue().answer("move the red cube two squares to the right", world)
+    assert said(world, outcome.steps) == "put the red cube 2 cells to the right"
+
+
+def test_what_the_gripper_holds_hides_nothing_of_why_a_thing_is_not_found():
+    outcome = Dialogue().answer("put the yellow cube on the red one", board(BLOCKS, held=3))
+    assert isinstance(outcome, Refusal | Question)
+    assert "no yellow cube" in outcome.message
