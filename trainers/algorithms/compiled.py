@@ -107,8 +107,6 @@ class CompiledLosses(LossGradients):
 
         None in place of the function: it could not be compiled.
         """
-        from torch.fx.experimental.proxy_tensor import make_fx  # takes half a second, which other runs need not wait
-
         names: list[str] = []
 
         def compute(*values: Tensor) -> list[Tensor | None]:
@@ -123,16 +121,16 @@ class CompiledLosses(LossGradients):
 
         _tell()
         generator, buffers = torch.get_rng_state(), [buffer.clone() for buffer in self._buffers]
-        traced = make_fx(compute)(*values)
-        torch.set_rng_state(generator)  # tracing computes, too: it has drawn, and changed buffers
-        for buffer, value in zip(self._buffers, buffers, strict=True):
-            buffer.copy_(value)
         try:
-            return _compiled(traced, values), names
+            return _compiled(compute, values), names
         except (RuntimeError, OSError, ImportError) as error:  # the errors of inductor are RuntimeErrors
-            reason = str(error).strip().splitlines()[0]
-            print(f"warning: nothing can be compiled here, and training goes on: {reason}", file=sys.stderr, flush=True)
+            reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+            print(f"warning: gradient steps are not compiled, and training goes on: {reason}", file=sys.stderr)
             return None, names
+        finally:  # tracing computes, too: it has drawn, and changed buffers
+            torch.set_rng_state(generator)
+            for buffer, value in zip(self._buffers, buffers, strict=True):
+                buffer.copy_(value)
 
 
 def loss_gradients(
@@ -147,12 +145,15 @@ def _tell() -> None:
     print("compiling gradient steps (once: later runs find them compiled)", file=sys.stderr, flush=True)
 
 
-def _compiled(traced: GraphModule, values: Sequence[Tensor]) -> Function:
-    """Return the traced function, compiled. values: an example of its arguments."""
-    from torch._inductor import compile as compile_graph
-
-    held = _lift_constants(traced)
+def _compiled(compute: Function, values: Sequence[Tensor]) -> Function:
+    """Return the function, compiled. values: an example of its arguments."""
     os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(CACHE.expanduser()))
+    # Imported here, since they take half a second, and read the variable.
+    from torch._inductor import compile as compile_graph
+    from torch.fx.experimental.proxy_tensor import make_fx
+
+    traced = make_fx(compute)(*values)
+    held = _lift_constants(traced)
     with torch.no_grad():
         function: Any = compile_graph(traced, [*values, *held], options=dict(OPTIONS))
     return lambda *arguments: function(*arguments, *held)
