@@ -151,7 +151,7 @@ def training(steps: int, overrides: Sequence[str]) -> dict[str, Any]:
 
 def sac_gradient_steps(steps: int) -> dict[str, Any]:
     """Measure SAC updates a second on a filled buffer, with batch 256 and networks of 256 x 256."""
-    config = compose(["task=reach", "robot=panda", "algo=sac", *SB3_SAC, "algo.batch=256"])
+    config = compose(["task=reach", "robot=panda", "algo=sac", *SB3_SAC, "algo.batch=256", "algo.compile=on"])
     training = read_training(config)
     env = build_env(read_env(config), WORLDS, 0)
     policy, sac = build_algorithm(training, env.observation_spec, env.action_unit)
