@@ -17,6 +17,9 @@ from demo.study.progress import StudyTrial, TrialJob
 from demo.study.study_config import StudyConfig
 
 ENDED = 5.0  # seconds that a killed process has to end
+MOST_STARTS = 3  # of a robot's process that ends at once, after which nobody starts it again
+AT_ONCE = 10.0  # seconds of a trial's clock that such a process does not reach
+DIES = f"The robot could not be started, {MOST_STARTS} times. Please tell the experimenter; all that you did is kept."
 FULL = "All robots are in use. One moment: you go on as soon as one is free."
 
 
@@ -58,6 +61,7 @@ class TrialHost:
     def __init__(self, study: StudyConfig, database: Path, context: Any, tell: Callable[[str, str], None]) -> None:
         self._study, self._database, self._context, self._tell = study, database, context, tell
         self._runs = int(time.time())  # another one after a restart, so that pages load the robot again
+        self._short_lives: dict[str, int] = {}  # by code: of processes in a row that ended at once
         self.running: dict[str, RunningTrial] = {}
 
     def start(self, trial: StudyTrial) -> None:
@@ -112,15 +116,29 @@ class TrialHost:
             case ("ended",):
                 if running.failed:
                     running.port = 0
-                else:  # killed by somebody else: it is started again, where it was
-                    del self.running[code]
+                else:  # killed by somebody else: it is started again, where it was, unless it ends at once
+                    self._count_end(running)
                     self._tell(code, "")
+
+    def _count_end(self, running: RunningTrial) -> None:
+        """Take away a process that has ended, or say that it cannot go on if it has ended at once too often."""
+        code, lived = running.trial.code, running.clock - running.trial.clock
+        short = self._short_lives.get(code, 0) + 1 if lived < AT_ONCE else 0
+        self._short_lives[code] = short
+        if short < MOST_STARTS:
+            del self.running[code]
+            return
+        running.failed, running.port = DIES, 0
+        why = f"its process ended {short} times at once, the last time with exit code {running.process.exitcode}"
+        again = "'Stop' and 'Go on' on the experimenter's page start it again"
+        print(f"the robot of participant {code} cannot go on: {why}; {again}", file=sys.stderr, flush=True)
 
     def end(self, code: str) -> None:
         """End the process of a participant, if there is one. It writes nothing more once this returns."""
         running = self.running.pop(code, None)
         if running is None:
             return
+        self._short_lives.pop(code, None)
         if running.process.pid is None:  # it is being started; it ends when it finds its pipe closed
             running.pipe.close()
             return
